@@ -1,0 +1,210 @@
+//! Putative matches between two shapes, validated once at the door.
+
+use nalgebra::{Matrix3, Point3};
+
+use crate::error::{Error, Result, positive};
+use crate::points::Points;
+
+/// A local reference frame: rows are the x, y and z axes. `None`: no frame could be computed.
+pub type Frame = Option<Matrix3<f64>>;
+
+/// `n` correspondences; row `i` of every field describes the same match.
+///
+/// Only the fields that a method is defined on need to be there.
+#[derive(Debug, Clone, Default)]
+pub struct Correspondences {
+    len: usize,
+    positions: Option<(Points, Points)>,
+    similarity: Option<Vec<f64>>,
+    ratio: Option<Vec<f64>>,
+    frames: Option<(Vec<Frame>, Vec<Frame>)>,
+    resolution: Option<f64>,
+    source_centroid: Option<Point3<f64>>,
+}
+
+impl Correspondences {
+    /// Correspondences known by their descriptors alone.
+    pub fn without_positions(len: usize) -> Self {
+        Self { len, ..Self::default() }
+    }
+
+    /// Correspondences between `source[i]` and `target[i]`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for unequal lengths, or coordinates that are not finite.
+    pub fn new(source: &[[f64; 3]], target: &[[f64; 3]]) -> Result<Self> {
+        check_len("target", target.len(), source.len())?;
+        let positions = (Points::from_rows("source", source)?, Points::from_rows("target", target)?);
+        Ok(Self { len: source.len(), positions: Some(positions), ..Self::default() })
+    }
+
+    /// Adds descriptor similarities, higher is better. Negative infinity stands for "no descriptor".
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a wrong length or NaN.
+    pub fn with_similarity(mut self, similarity: Vec<f64>) -> Result<Self> {
+        check_len("similarity", similarity.len(), self.len)?;
+        for (i, &value) in similarity.iter().enumerate() {
+            if value.is_nan() || value == f64::INFINITY {
+                let remedy = "similarities must be numbers; use -inf where there is no descriptor";
+                return Err(Error::invalid("similarity", format!("{value} in row {i}"), remedy));
+            }
+        }
+        self.similarity = Some(similarity);
+        Ok(self)
+    }
+
+    /// Adds ratios of nearest to second-nearest descriptor distance, in 0..=1, lower is better.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a wrong length or a value outside 0..=1.
+    pub fn with_ratio(mut self, ratio: Vec<f64>) -> Result<Self> {
+        check_len("ratio", ratio.len(), self.len)?;
+        for (i, value) in ratio.iter().enumerate() {
+            if !(0.0..=1.0).contains(value) {
+                let remedy = "a ratio of nearest to second-nearest distance lies between 0 and 1; \
+                              use 1 where there is no second neighbour";
+                return Err(Error::invalid("ratio", format!("{value} in row {i}"), remedy));
+            }
+        }
+        self.ratio = Some(ratio);
+        Ok(self)
+    }
+
+    /// Adds local reference frames of both sides.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a wrong length, or a frame that is not a rotation to 1e-3.
+    pub fn with_frames(mut self, source: Vec<Frame>, target: Vec<Frame>) -> Result<Self> {
+        check_frames("source_lrf", &source, self.len)?;
+        check_frames("target_lrf", &target, self.len)?;
+        self.frames = Some((source, target));
+        Ok(self)
+    }
+
+    /// Sets the unit *pr*: the mean nearest-neighbour distance of the clouds.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] unless it is finite and greater than 0.
+    pub fn with_resolution(mut self, resolution: f64) -> Result<Self> {
+        self.resolution = Some(positive("resolution", resolution)?);
+        Ok(self)
+    }
+
+    /// Sets the centroid of the whole source cloud, the reference point of 3D Hough voting.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] unless it is finite.
+    pub fn with_source_centroid(mut self, centroid: [f64; 3]) -> Result<Self> {
+        if centroid.iter().any(|value| !value.is_finite()) {
+            let remedy = "give three finite coordinates";
+            return Err(Error::invalid("source_centroid", format!("{centroid:?}"), remedy));
+        }
+        self.source_centroid = Some(Point3::from(centroid));
+        Ok(self)
+    }
+
+    /// Number of correspondences.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Source and target points.
+    ///
+    /// # Errors
+    /// [`Error::MissingField`] where there are none.
+    pub fn positions(&self, method: &'static str) -> Result<(&Points, &Points)> {
+        let remedy = "give the matched points of both shapes";
+        self.positions.as_ref().map(|(s, t)| (s, t)).ok_or(Error::MissingField {
+            method,
+            field: "source",
+            remedy,
+        })
+    }
+
+    /// Descriptor similarities, `1 - |f_norm - f'_norm|`.
+    ///
+    /// # Errors
+    /// [`Error::MissingField`] where there are none.
+    pub fn similarity(&self, method: &'static str) -> Result<&[f64]> {
+        let remedy = "it comes from descriptor matching: 1 - |f - f'| on unit descriptors";
+        self.similarity.as_deref().ok_or(Error::MissingField { method, field: "similarity", remedy })
+    }
+
+    /// Descriptor similarities, where a method can do without them.
+    pub fn optional_similarity(&self) -> Option<&[f64]> {
+        self.similarity.as_deref()
+    }
+
+    /// Ratios of nearest to second-nearest descriptor distance.
+    ///
+    /// # Errors
+    /// [`Error::MissingField`] where there are none.
+    pub fn ratio(&self, method: &'static str) -> Result<&[f64]> {
+        let remedy = "it comes from descriptor matching: nearest / second-nearest distance";
+        self.ratio.as_deref().ok_or(Error::MissingField { method, field: "ratio", remedy })
+    }
+
+    /// Local reference frames of source and target.
+    ///
+    /// # Errors
+    /// [`Error::MissingField`] where there are none.
+    pub fn frames(&self, method: &'static str) -> Result<(&[Frame], &[Frame])> {
+        let remedy = "compute local reference frames at the keypoints of both clouds (SHOT's, for one)";
+        self.frames.as_ref().map(|(s, t)| (s.as_slice(), t.as_slice())).ok_or(Error::MissingField {
+            method,
+            field: "source_lrf",
+            remedy,
+        })
+    }
+
+    /// The length `given`, or else `factor` times the resolution.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a length that is not positive, or where neither is known.
+    pub fn length(&self, name: &str, given: Option<f64>, factor: f64) -> Result<f64> {
+        if let Some(value) = given {
+            return positive(name, value);
+        }
+        let Some(resolution) = self.resolution else {
+            let remedy = format!(
+                "give `resolution` (mean nearest-neighbour distance of the clouds, see cgroup.resolution); \
+                 the paper's default is {factor} times it; or give `{name}`, a length in the data's unit"
+            );
+            return Err(Error::invalid(name, "neither it nor `resolution`", remedy));
+        };
+        Ok(factor * resolution)
+    }
+
+    /// Centroid of the source cloud relative to the source points' centre, if it is known.
+    pub fn centered_source_centroid(&self) -> Option<Point3<f64>> {
+        let (source, _) = self.positions.as_ref()?;
+        self.source_centroid.map(|centroid| centroid - source.center())
+    }
+}
+
+fn check_len(name: &str, got: usize, expected: usize) -> Result<()> {
+    if got == expected {
+        return Ok(());
+    }
+    let remedy = format!("every field needs one row per correspondence, here {expected}");
+    Err(Error::invalid(name, format!("{got} rows"), remedy))
+}
+
+fn check_frames(name: &str, frames: &[Frame], expected: usize) -> Result<()> {
+    check_len(name, frames.len(), expected)?;
+    for (i, frame) in frames.iter().enumerate() {
+        let Some(axes) = frame else { continue };
+        let deviation = (axes * axes.transpose() - Matrix3::identity()).amax();
+        if deviation > 1e-3 || axes.determinant() < 0.0 {
+            let remedy = "rows must be orthonormal, right-handed x, y, z axes; use NaN for 'no frame'";
+            return Err(Error::invalid(name, format!("a frame that is no rotation in row {i}"), remedy));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,80 @@
+//! The one error type of the crate: what was wrong, what was got, why, and what to do.
+
+/// Why a computation could not be done.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An argument that no method can work with.
+    #[error("{what}: got {got}; {remedy}")]
+    InvalidInput {
+        /// The argument, by its public name.
+        what: String,
+        /// The offending value, row or shape.
+        got: String,
+        /// What is expected, and what to do about it.
+        remedy: String,
+    },
+    /// The correspondences lack something that the method is defined on.
+    #[error("{method} needs `{field}`, which is missing; {remedy}")]
+    MissingField {
+        /// The method, by its public name.
+        method: &'static str,
+        /// The missing field.
+        field: &'static str,
+        /// Where such a field comes from.
+        remedy: &'static str,
+    },
+    /// The group holds too few points to fix a rigid transform.
+    #[error("no consensus: {reason}")]
+    NoConsensus {
+        /// How many correspondences there were, and how many are needed.
+        reason: String,
+    },
+    /// The caller asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// Result of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// An [`Error::InvalidInput`] from anything printable.
+    #[expect(clippy::needless_pass_by_value, reason = "call sites read better without references")]
+    pub fn invalid(what: impl Into<String>, got: impl ToString, remedy: impl Into<String>) -> Self {
+        Self::InvalidInput { what: what.into(), got: got.to_string(), remedy: remedy.into() }
+    }
+}
+
+/// Accepts a finite length greater than zero.
+///
+/// # Errors
+/// [`Error::InvalidInput`] otherwise.
+pub fn positive(name: &str, value: f64) -> Result<f64> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(value);
+    }
+    Err(Error::invalid(name, value, "give a finite number greater than 0"))
+}
+
+/// Accepts a number in the closed interval from 0 to 1.
+///
+/// # Errors
+/// [`Error::InvalidInput`] otherwise.
+pub fn fraction(name: &str, value: f64) -> Result<f64> {
+    if (0.0..=1.0).contains(&value) {
+        return Ok(value);
+    }
+    Err(Error::invalid(name, value, "give a number between 0 and 1"))
+}
+
+/// Accepts a count of at least one.
+///
+/// # Errors
+/// [`Error::InvalidInput`] otherwise.
+pub fn at_least_one(name: &str, value: usize) -> Result<usize> {
+    if value >= 1 {
+        return Ok(value);
+    }
+    Err(Error::invalid(name, value, "give a whole number of at least 1"))
+}

@@ -1,0 +1,62 @@
+//! How a computation runs: it can be stopped, watched, and kept within a memory bound.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use crate::error::{Error, Result};
+
+/// Memory that pairwise matrices may take when the caller names no bound: 1 GiB.
+pub const DEFAULT_MAX_MEMORY: usize = 1 << 30;
+
+/// Shared between the thread that computes and the one that waits.
+#[derive(Debug)]
+pub struct Execution {
+    interrupted: AtomicBool,
+    /// Share of the work done, as the bits of an `f64` in 0..=1.
+    progress: AtomicU64,
+    /// Bytes that a dense pairwise matrix may take; larger ones are recomputed row by row.
+    pub max_memory: usize,
+}
+
+impl Default for Execution {
+    fn default() -> Self {
+        Self::new(DEFAULT_MAX_MEMORY)
+    }
+}
+
+impl Execution {
+    /// A run whose pairwise matrices take at most `max_memory` bytes.
+    pub fn new(max_memory: usize) -> Self {
+        Self { interrupted: AtomicBool::new(false), progress: AtomicU64::new(0.0_f64.to_bits()), max_memory }
+    }
+
+    /// Asks the computation to stop; it returns [`Error::Interrupted`] soon after.
+    pub fn interrupt(&self) {
+        self.interrupted.store(true, Ordering::Relaxed);
+    }
+
+    /// To be called by every long loop, at least every few milliseconds.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] once [`Self::interrupt`] was called.
+    pub fn check(&self) -> Result<()> {
+        if self.interrupted.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted);
+        }
+        Ok(())
+    }
+
+    /// Says that `done` of `total` equal steps are behind us, and checks for an interruption.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] once [`Self::interrupt`] was called.
+    pub fn report(&self, done: usize, total: usize) -> Result<()> {
+        let share = done as f64 / total.max(1) as f64;
+        self.progress.store(share.to_bits(), Ordering::Relaxed);
+        self.check()
+    }
+
+    /// Share of the work done, in 0..=1.
+    pub fn progress(&self) -> f64 {
+        f64::from_bits(self.progress.load(Ordering::Relaxed))
+    }
+}

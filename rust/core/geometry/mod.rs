@@ -1,0 +1,3 @@
+//! Rigid motions, neighbour search, point-cloud resolution.
+
+pub mod rigid;

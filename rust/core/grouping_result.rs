@@ -1,0 +1,53 @@
+//! What a grouping method returns.
+
+use nalgebra::Matrix4;
+
+use std::collections::BTreeMap;
+
+/// The correspondences that a method holds to be right.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Grouping {
+    /// Row `i` is true where correspondence `i` is selected; in the input's order.
+    pub mask: Vec<bool>,
+    /// The method's score of every correspondence, higher is better.
+    pub scores: Option<Vec<f64>>,
+    /// The cut on the scores that was really used.
+    pub threshold: Option<f64>,
+    /// The rigid model behind the selection, for methods that fit one: maps source into target.
+    pub model: Option<Matrix4<f64>>,
+    /// Facts about the run: iterations, cluster seed, eigenvalue, ...
+    pub diagnostics: BTreeMap<&'static str, f64>,
+}
+
+impl Grouping {
+    /// A selection without scores.
+    pub fn from_mask(mask: Vec<bool>) -> Self {
+        Self { mask, ..Self::default() }
+    }
+
+    /// Nothing selected among `n`.
+    pub fn empty(n: usize) -> Self {
+        Self::from_mask(vec![false; n])
+    }
+
+    /// The same with one more fact about the run.
+    #[must_use]
+    pub fn with(mut self, name: &'static str, value: f64) -> Self {
+        self.diagnostics.insert(name, value);
+        self
+    }
+
+    /// Number of selected correspondences.
+    pub fn size(&self) -> usize {
+        self.mask.iter().filter(|&&selected| selected).count()
+    }
+}
+
+/// Mask of length `n` that is true at `indices`.
+pub fn mask_of(n: usize, indices: impl IntoIterator<Item = usize>) -> Vec<bool> {
+    let mut mask = vec![false; n];
+    for i in indices {
+        mask[i] = true;
+    }
+    mask
+}

@@ -1,0 +1,133 @@
+//! A set of 3D points as three coordinate arrays, centred so that distances lose no digits.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::error::{Error, Result};
+
+/// Coordinates beyond this magnitude cannot be squared and summed safely.
+const MAX_COORDINATE: f64 = 1e150;
+
+/// Edges shorter than this share of the bounding box's diagonal count as zero length.
+pub const ZERO_LENGTH: f64 = 1e-12;
+
+/// Points as a struct of arrays, with their mean subtracted.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Points {
+    /// Centred x coordinates.
+    pub x: Vec<f64>,
+    /// Centred y coordinates.
+    pub y: Vec<f64>,
+    /// Centred z coordinates.
+    pub z: Vec<f64>,
+    center: Vector3<f64>,
+    diagonal: f64,
+}
+
+impl Points {
+    /// Takes rows of coordinates; `name` is used in the error message.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] naming the first row that is not finite, or too large to square.
+    pub fn from_rows(name: &str, rows: &[[f64; 3]]) -> Result<Self> {
+        validate(name, rows)?;
+        let count = rows.len().max(1) as f64;
+        let center = rows.iter().map(|&row| Vector3::from(row) / count).sum::<Vector3<f64>>();
+        let axis = |k: usize| rows.iter().map(|row| row[k] - center[k]).collect::<Vec<f64>>();
+        let mut points = Self { x: axis(0), y: axis(1), z: axis(2), center, diagonal: 0.0 };
+        points.diagonal = points.bounding_box_diagonal();
+        Ok(points)
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty()
+    }
+
+    /// Point `i`, relative to [`Self::center`].
+    #[inline]
+    pub fn get(&self, i: usize) -> Point3<f64> {
+        Point3::new(self.x[i], self.y[i], self.z[i])
+    }
+
+    /// The mean that was subtracted from every point.
+    pub fn center(&self) -> Vector3<f64> {
+        self.center
+    }
+
+    /// Diagonal of the bounding box.
+    pub fn diagonal(&self) -> f64 {
+        self.diagonal
+    }
+
+    /// Length below which an edge counts as zero (two coincident points).
+    pub fn zero_length(&self) -> f64 {
+        ZERO_LENGTH * self.diagonal
+    }
+
+    /// Distance between points `i` and `j`.
+    #[inline]
+    pub fn distance(&self, i: usize, j: usize) -> f64 {
+        (self.get(i) - self.get(j)).norm()
+    }
+
+    /// Centred rows, for spatial indices.
+    pub fn rows(&self) -> Vec<[f64; 3]> {
+        (0..self.len()).map(|i| [self.x[i], self.y[i], self.z[i]]).collect()
+    }
+
+    fn bounding_box_diagonal(&self) -> f64 {
+        let extent = |axis: &[f64]| {
+            let low = axis.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = axis.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            (high - low).max(0.0)
+        };
+        Vector3::new(extent(&self.x), extent(&self.y), extent(&self.z)).norm()
+    }
+}
+
+fn validate(name: &str, rows: &[[f64; 3]]) -> Result<()> {
+    for (i, row) in rows.iter().enumerate() {
+        if row.iter().any(|value| !value.is_finite()) {
+            let remedy = "coordinates must be finite; drop or repair such rows first";
+            return Err(Error::invalid(name, format!("{row:?} in row {i}"), remedy));
+        }
+        if row.iter().any(|value| value.abs() > MAX_COORDINATE) {
+            let remedy = "coordinates beyond 1e150 can't be squared; use a larger unit";
+            return Err(Error::invalid(name, format!("{row:?} in row {i}"), remedy));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn centring_keeps_distances() -> Result<()> {
+        let points = Points::from_rows("source", &[[1e6, 0.0, 0.0], [1e6 + 3.0, 4.0, 0.0]])?;
+        assert!((points.distance(0, 1) - 5.0).abs() < 1e-9);
+        assert!((points.diagonal() - 5.0).abs() < 1e-9);
+        assert!((points.center().x - (1e6 + 1.5)).abs() < 1e-9);
+        Ok(())
+    }
+
+    #[test]
+    fn names_the_first_bad_row() {
+        let error = Points::from_rows("target", &[[0.0; 3], [0.0, f64::NAN, 0.0]]).err();
+        let text = error.map(|e| e.to_string()).unwrap_or_default();
+        assert!(text.contains("target") && text.contains("row 1"), "{text}");
+    }
+
+    #[test]
+    fn empty_has_no_extent() -> Result<()> {
+        let points = Points::from_rows("source", &[])?;
+        assert!(points.is_empty() && points.diagonal() == 0.0);
+        Ok(())
+    }
+}
