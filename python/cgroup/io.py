@@ -2,13 +2,12 @@
 
 Point clouds are parsed by trimesh (PLY, OBJ, STL, OFF) and pypcd4 (PCD); both come with the extra
 ``cgroup[scans]``. Whatever is wrong with a file ends in one
-[`InputError`][cgroup.errors.InputError] that names the file.
+`InputError` that names the file.
 """
 
 from __future__ import annotations
 
 import io
-import os
 import re
 import warnings
 from dataclasses import dataclass
@@ -21,9 +20,12 @@ from cgroup.errors import InputError
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Callable
 
     from numpy.typing import ArrayLike, NDArray
+
+    from cgroup.types import FloatArray, IndexArray
 
 Result = TypeVar("Result")
 
@@ -47,34 +49,34 @@ class PointCloud:
 
     Attributes
     ----------
-    points : ndarray, shape (N, 3)
+    points : (N,3) array of float64
         Coordinates in the file's unit, all finite.
-    normals : ndarray, shape (N, 3), optional
+    normals : (N,3) array of float64, optional
         Normals as stored in the file.
-    faces : ndarray of int, shape (M, 3), optional
+    faces : (M,3) array of int, optional
         Triangles as rows of `points`.
-    colors : ndarray of uint8, shape (N, 3), optional
+    colors : (N,3) array of uint8, optional
         Red, green, blue.
     dropped : int
         Points of the file that were left out because a coordinate was NaN or infinite.
     """
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64] | None = None
-    faces: NDArray[np.int64] | None = None
+    points: FloatArray
+    normals: FloatArray | None = None
+    faces: IndexArray | None = None
     colors: NDArray[np.uint8] | None = None
     dropped: int = 0
 
     def __len__(self) -> int:
-        """Number of points."""
+        """Return the number of points."""
         return len(self.points)
 
     def transformed(self, transform: ArrayLike) -> PointCloud:
-        """The cloud moved by a rigid transform.
+        """Move the cloud by a rigid transform.
 
         Parameters
         ----------
-        transform : array_like, shape (4, 4)
+        transform : (4,4) array_like of float
             Applied to column vectors: p' = R p + t.
 
         Returns
@@ -162,22 +164,22 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
         header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
         triangles = faces.tobytes()
     text = "\n".join([*header, "end_header", ""])
-    _write(path, text.encode() + vertices.tobytes() + triangles)
+    write_file(path, text.encode() + vertices.tobytes() + triangles)
 
 
-def check_rigid(transform: ArrayLike, name: str = "transform") -> NDArray[np.float64]:
+def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     """Accept a 4x4 rigid transform of column vectors.
 
     Parameters
     ----------
-    transform : array_like, shape (4, 4)
+    transform : (4,4) array_like of float
         Rotation and translation.
     name : str
         What to call it in an error.
 
     Returns
     -------
-    ndarray, shape (4, 4)
+    (4,4) array of float64
         The same numbers as float64.
 
     Raises
@@ -206,7 +208,7 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> NDArray[np.flo
     return matrix
 
 
-def read_transform(path: str | os.PathLike[str]) -> NDArray[np.float64]:
+def read_transform(path: str | os.PathLike[str]) -> FloatArray:
     """Read a 4x4 rigid transform of column vectors.
 
     Parameters
@@ -216,7 +218,7 @@ def read_transform(path: str | os.PathLike[str]) -> NDArray[np.float64]:
 
     Returns
     -------
-    ndarray, shape (4, 4)
+    (4,4) array of float64
         The transform.
 
     Raises
@@ -236,7 +238,7 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
     ----------
     path : path-like
         ``.npy``, or text of any other suffix.
-    transform : array_like, shape (4, 4)
+    transform : (4,4) array_like of float
         Rotation and translation.
 
     Raises
@@ -247,10 +249,10 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
     path = Path(path)
     matrix = check_rigid(transform)
     if path.suffix.lower() == ".npy":
-        _write(path, _npy_bytes(matrix))
+        write_file(path, _npy_bytes(matrix))
     else:
         rows = (" ".join(repr(float(number)) for number in row) for row in matrix)
-        _write(path, ("\n".join(rows) + "\n").encode())
+        write_file(path, ("\n".join(rows) + "\n").encode())
 
 
 def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
@@ -322,7 +324,7 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
     values = {name: getattr(correspondences, name) for name in names}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **{k: v for k, v in values.items() if v is not None})
-    _write(path, buffer.getvalue())
+    write_file(path, buffer.getvalue())
 
 
 def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
@@ -332,7 +334,7 @@ def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
     ----------
     path : path-like
         ``.npy`` (bool), or text of any other suffix: one 0 or 1 per line.
-    mask : array_like of bool, shape (n,)
+    mask : (n,) array_like of bool
         Aligned with the correspondences.
 
     Raises
@@ -343,17 +345,18 @@ def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
     path = Path(path)
     values = np.asarray(mask, dtype=bool)
     if path.suffix.lower() == ".npy":
-        _write(path, _npy_bytes(values))
+        write_file(path, _npy_bytes(values))
     else:
-        _write(path, "".join(f"{int(value)}\n" for value in values).encode())
+        write_file(path, "".join(f"{int(value)}\n" for value in values).encode())
 
 
 # --- files and parsers -----------------------------------------------------------------------
 
 
-def _write(path: Path, content: bytes) -> None:
+def write_file(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write a file, or raise `InputError` with the system's reason."""
     try:
-        path.write_bytes(content)
+        Path(path).write_bytes(content)
     except OSError as error:
         message = f"{path}: can't be written ({error.strerror or error})"
         raise InputError(message) from error
@@ -396,7 +399,7 @@ def _parsed(path: Path, parse: Callable[[bytes], Result]) -> Result:
 
 
 def _finite_cloud(path: Path, cloud: PointCloud) -> PointCloud:
-    """The cloud without points that aren't finite, and without the triangles that touch them."""
+    """Leave out points that aren't finite, and the triangles that touch them."""
     if len(cloud) == 0:
         message = f"{path}: holds no points"
         raise InputError(message)
@@ -442,7 +445,7 @@ def _load_npz(content: bytes) -> dict[str, NDArray[Any]]:
         return dict(archive)
 
 
-def _load_numbers(content: bytes) -> NDArray[np.float64]:
+def _load_numbers(content: bytes) -> FloatArray:
     """Rows of numbers, separated by white space, commas or semicolons; # and // start comments."""
     text = re.sub("[,;]", " ", content.decode())
     with warnings.catch_warnings():
@@ -450,9 +453,9 @@ def _load_numbers(content: bytes) -> NDArray[np.float64]:
         return np.loadtxt(io.StringIO(text), dtype=np.float64, comments=("#", "//"), ndmin=2)
 
 
-def _points(array: ArrayLike) -> NDArray[np.float64]:
+def _points(array: ArrayLike) -> FloatArray:
     points = np.asarray(array, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:  # noqa: PLR2004 - x, y, z
+    if points.ndim != 2 or points.shape[1] != 3:
         message = f"points have shape {points.shape} instead of (N, 3)"
         raise ValueError(message)
     return points
@@ -467,7 +470,7 @@ def _read_npy(content: bytes) -> PointCloud:
 
 
 def _read_ply(content: bytes) -> PointCloud:
-    from trimesh.exchange.ply import load_ply
+    from trimesh.exchange.ply import load_ply  # noqa: PLC0415 - slow to load
 
     loaded = load_ply(io.BytesIO(content), fix_texture=False, skip_materials=True)
     elements = loaded["metadata"]["_ply_raw"]
@@ -480,23 +483,21 @@ def _read_ply(content: bytes) -> PointCloud:
     return _from_trimesh(loaded)
 
 
-def _rows(data: Any) -> int:  # noqa: ANN401 - trimesh keeps elements as an array, or one per column
+def _rows(data: Any) -> int:  # noqa: ANN401 - an array, or one per column
     columns = list(data.values()) if isinstance(data, dict) else [data]
     return min((len(column) for column in columns if column is not None), default=0)
 
 
 def _read_off(content: bytes) -> PointCloud:
-    from trimesh.exchange.off import load_off
+    from trimesh.exchange.off import load_off  # noqa: PLC0415 - slow to load
 
     return _from_trimesh(load_off(io.BytesIO(content)))
 
 
 def _read_obj(content: bytes) -> PointCloud:
-    from trimesh.exchange.obj import load_obj
+    from trimesh.exchange.obj import load_obj  # noqa: PLC0415 - slow to load
 
-    loaded = load_obj(
-        io.BytesIO(content), skip_materials=True, group_material=False, maintain_order=True
-    )
+    loaded = load_obj(io.BytesIO(content), skip_materials=True, group_material=False, maintain_order=True)
     parts = [_from_trimesh(part) for part in loaded.get("geometry", {"": loaded}).values()]
     if not parts:
         return PointCloud(np.empty((0, 3)))
@@ -507,7 +508,7 @@ def _read_obj(content: bytes) -> PointCloud:
 
 
 def _read_stl(content: bytes) -> PointCloud:
-    from trimesh.exchange.stl import load_stl
+    from trimesh.exchange.stl import load_stl  # noqa: PLC0415 - slow to load
 
     if b"facet normal" in content[:1000] and b"endsolid" not in content[-1000:]:
         message = "no endsolid at its end"
@@ -548,7 +549,7 @@ def _without_repeats(cloud: PointCloud) -> PointCloud:
 
 
 def _read_pcd(content: bytes) -> PointCloud:
-    import pypcd4
+    import pypcd4  # noqa: PLC0415 - slow to load
 
     loaded = pypcd4.PointCloud.from_fileobj(io.BytesIO(_modern_pcd(content)))  # pyright: ignore[reportArgumentType]
     data = loaded.pc_data
@@ -556,7 +557,7 @@ def _read_pcd(content: bytes) -> PointCloud:
         message = f"{len(data)} of {loaded.points} points"
         raise ValueError(message)
 
-    def columns(*names: str) -> NDArray[np.float64] | None:
+    def columns(*names: str) -> FloatArray | None:
         if not set(names) <= set(loaded.fields):
             return None
         return np.stack([np.asarray(data[name], dtype=np.float64) for name in names], axis=1)
@@ -571,7 +572,7 @@ def _read_pcd(content: bytes) -> PointCloud:
 
 
 def _modern_pcd(content: bytes) -> bytes:
-    """The same file as PCD 0.7 with every header line there: PCL still reads 0.5 and 0.6."""
+    """Rewrite the file as PCD 0.7 with every header line there: PCL still reads 0.5 and 0.6."""
     match = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", content, re.MULTILINE)
     if match is None:
         message = "its header has no DATA line"
@@ -594,7 +595,7 @@ def _modern_pcd(content: bytes) -> bytes:
 
 def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
     """PCL packs 0x00RRGGBB into four bytes, often called a float."""
-    bits = packed.view(np.uint32) if packed.dtype.itemsize == 4 else packed.astype(np.uint32)  # noqa: PLR2004
+    bits = packed.view(np.uint32) if packed.dtype.itemsize == 4 else packed.astype(np.uint32)
     return np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], axis=1).astype(np.uint8)
 
 

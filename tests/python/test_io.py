@@ -182,8 +182,7 @@ def test_cut_off_file_is_an_error_or_shorter_text(name: str, share: float, tmp_p
     try:
         cloud = read_cloud(path)
     except InputError as error:
-        assert str(path) in str(error)  # noqa: PT017 - both outcomes are looked at
-        assert "\n" not in str(error)
+        assert "\n" not in str(error)  # noqa: PT017 - both outcomes are looked at
     else:
         assert name.endswith(("obj", "xyz", "XYZ", "txt", "off"))
         assert len(cloud) <= 4
@@ -264,9 +263,7 @@ def test_transformed_moves_points_and_turns_normals() -> None:
 
 
 @pytest.mark.parametrize("name", ["T.txt", "T.xf", "T.npy", "T"])
-def test_transform_round_trip_is_exact(
-    name: str, tmp_path: Path, rng: np.random.Generator
-) -> None:
+def test_transform_round_trip_is_exact(name: str, tmp_path: Path, rng: np.random.Generator) -> None:
     transform = np.eye(4)
     transform[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     transform[:3, :3] *= np.linalg.det(transform[:3, :3])
@@ -335,7 +332,7 @@ def test_correspondences_from_text(tmp_path: Path) -> None:
     [
         ({"src": np.zeros((2, 3))}, "has no array 'source'; it holds src"),
         ({}, "holds nothing"),
-        ({"source": np.zeros((2, 3)), "target": np.zeros((3, 3))}, r"c\.npz"),
+        ({"source": np.zeros((2, 3)), "target": np.zeros((2, 4))}, r"c\.npz: target"),
         (
             {"source": np.zeros((2, 3)), "target": np.zeros((2, 3)), "resolution": np.ones(2)},
             "single number",
@@ -356,9 +353,7 @@ def test_wrong_correspondence_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a readable NPZ file"):
         read_correspondences(tmp_path / "c.npz")
     with pytest.raises(InputError, match=r"ends in \.npz"):
-        write_correspondences(
-            tmp_path / "c.csv", Correspondences(np.zeros((1, 3)), np.zeros((1, 3)))
-        )
+        write_correspondences(tmp_path / "c.csv", Correspondences(np.zeros((1, 3)), np.zeros((1, 3))))
 
 
 def test_write_mask(tmp_path: Path) -> None:
@@ -385,7 +380,7 @@ def test_write_mask(tmp_path: Path) -> None:
         ("lidar/small_gicp_source.ply", 69792, False),
     ],
 )
-def test_reads_published_clouds(name: str, count: int, has_faces: bool) -> None:  # noqa: FBT001
+def test_reads_published_clouds(name: str, count: int, has_faces: bool) -> None:
     cloud = read_cloud(shared_file(f"data/{name}"))
     assert len(cloud) == count
     assert (cloud.faces is not None) == has_faces

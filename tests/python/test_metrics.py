@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -51,9 +52,7 @@ def test_scores_of_a_group() -> None:
     assert score.registered
 
 
-@pytest.mark.parametrize(
-    "counts", [(0, 0, 0, 0), (5, 2, 0, 0), (5, 0, 3, 0), (5, 2, 2, 0)]
-)
+@pytest.mark.parametrize("counts", [(0, 0, 0, 0), (5, 2, 0, 0), (5, 0, 3, 0), (5, 2, 2, 0)])
 def test_undefined_scores_are_zero(counts: tuple[int, int, int, int]) -> None:
     score = GroupScore(*counts)
     assert (score.precision, score.recall, score.f_score) == (0, 0, 0)
@@ -103,7 +102,7 @@ def test_correct_rejects_what_does_not_fit() -> None:
         correct_matches(np.zeros((2, 3)), np.zeros((2, 3)), np.eye(3), tolerance=1)
     with pytest.raises(InputError, match="`source` has 2"):
         correct_matches(np.zeros((2, 3)), np.zeros((3, 3)), np.eye(4), tolerance=1)
-    with pytest.raises(InputError, match="three numbers"):
+    with pytest.raises(InputError, match=r"give \(n,3\)"):
         correct_matches(np.zeros((3, 2)), np.zeros((3, 2)), np.eye(4), tolerance=1)
     for tolerance in (0, -1, float("nan"), float("inf")):
         with pytest.raises(InputError, match="tolerance"):
@@ -171,17 +170,13 @@ def test_clutter_and_occlusion() -> None:
     model, model_faces = strip(2)
     scene, scene_faces = strip(4)
     away = pose((0, 0, 1), 0, (3, 0, 0))  # the model covers the scene's last square only
-    clutter, occlusion = clutter_and_occlusion(
-        model, model_faces, scene, scene_faces, away, tolerance=0.01
-    )
+    clutter, occlusion = clutter_and_occlusion(model, model_faces, scene, scene_faces, away, tolerance=0.01)
     assert (clutter, occlusion) == (pytest.approx(0.75), pytest.approx(0.5))
     with pytest.raises(InputError, match="no area"):
         clutter_and_occlusion(model, [], scene, scene_faces, away, tolerance=0.01)
 
 
 def test_published_pose_has_the_published_overlap() -> None:
-    import json
-
     manifest = json.loads(shared_file("data/manifest.json").read_text())
     pair = manifest["stanford_views"]["pairs"][0]
     source, target = (

@@ -35,7 +35,6 @@ def test_pose_lays_the_views_on_each_other(seed: int) -> None:
     step = spacing(pair.target.points)
     near = within(moved, pair.target.points, 1.5 * step)
     assert 0.4 < near.mean() < 0.95
-    # Points that the second scanner sees lie on its surface: far fewer at half the distance under a wrong pose.
     wrong = pose.copy()
     wrong[:3, 3] += 4 * step
     assert within(pair.source.transformed(wrong).points, pair.target.points, step).mean() < 0.5 * near.mean()
@@ -44,7 +43,10 @@ def test_pose_lays_the_views_on_each_other(seed: int) -> None:
 def test_demo_pair_is_partial() -> None:
     pair = standin_pair()
     share = overlap(
-        pair.source.points, pair.target.points, pair.T_target_source, tolerance=4 * spacing(pair.source.points)
+        pair.source.points,
+        pair.target.points,
+        pair.T_target_source,
+        tolerance=4 * spacing(pair.source.points),
     )
     assert 0.5 < share < 0.85
     for cloud in (pair.source, pair.target):
@@ -73,7 +75,8 @@ def test_noise_is_along_the_line_of_sight() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [{"turn": -1}, {"turn": float("nan")}, {"noise": -0.1}, {"noise": float("inf")}, {"pixels": 3}]
+    "arguments",
+    [{"turn": -1}, {"turn": float("nan")}, {"noise": -0.1}, {"noise": float("inf")}, {"pixels": 3}],
 )
 def test_bad_arguments(arguments: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(arguments))):

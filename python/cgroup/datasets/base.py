@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from cgroup.io import PointCloud
+    from cgroup.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +20,11 @@ class MatchingPair:
         Short, unique within its data set.
     source, target : PointCloud
         In the same unit, each in its own frame.
-    T_target_source : ndarray, shape (4, 4)
+    T_target_source : (4,4) array of float64
         True pose: maps source points into the target's frame.
     """
 
     name: str
     source: PointCloud
     target: PointCloud
-    T_target_source: NDArray[np.float64]
+    T_target_source: FloatArray

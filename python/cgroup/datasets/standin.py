@@ -19,6 +19,8 @@ from cgroup.io import PointCloud
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cgroup.types import FloatArray, IndexArray
+
 RADIUS = 50.0
 """Mean radius of the shape, in mm."""
 
@@ -34,13 +36,11 @@ _CREASES = (40, 0.03, 0.04)  # how many, half width, height
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    vertices: FloatArray
+    faces: IndexArray
 
 
-def standin_pair(
-    *, seed: int = 0, turn: float = 50.0, noise: float = 0.2, pixels: int = 150
-) -> MatchingPair:
+def standin_pair(*, seed: int = 0, turn: float = 50.0, noise: float = 0.2, pixels: int = 150) -> MatchingPair:
     """Two partial, noisy views of a generated closed shape, with their pose.
 
     Parameters
@@ -77,13 +77,13 @@ def standin_pair(
 
 
 def _check(*, turn: float, noise: float, pixels: int) -> None:
-    if not 0 <= turn <= 180:  # noqa: PLR2004 - degrees
+    if not 0 <= turn <= 180:
         message = f"turn: got {turn}; give degrees from 0 to 180"
         raise InputError(message)
     if not (np.isfinite(noise) and noise >= 0):
         message = f"noise: got {noise}; give a finite number, 0 or greater"
         raise InputError(message)
-    if pixels < 16:  # noqa: PLR2004
+    if pixels < 16:
         message = f"pixels: got {pixels}; give at least 16"
         raise InputError(message)
 
@@ -107,8 +107,8 @@ def _shape(rng: np.random.Generator, grid: int) -> _Mesh:
     return _Mesh(RADIUS * height[:, None].astype(np.float64) * directions * _AXES, faces)
 
 
-def _ball(grid: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Unit vectors on the six faces of a blown-up cube, and triangles between them."""
+def _ball(grid: int) -> tuple[NDArray[np.float32], IndexArray]:
+    """Spread unit vectors over the six faces of a blown-up cube, and triangles between them."""
     steps = np.tan(np.linspace(-np.pi / 4, np.pi / 4, grid))  # nearly even on the ball
     a, b = (part.reshape(-1) for part in np.meshgrid(steps, steps, indexing="ij"))
     one = np.ones_like(a)
@@ -123,7 +123,7 @@ def _ball(grid: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
 
 
 def _scan(
-    mesh: _Mesh, T_scanner_world: NDArray[np.float64], pixels: int, noise: float, rng: np.random.Generator
+    mesh: _Mesh, T_scanner_world: FloatArray, pixels: int, noise: float, rng: np.random.Generator
 ) -> PointCloud:
     """Points that a range scanner sees, in its own frame."""
     seen = mesh.vertices @ T_scanner_world[:3, :3].T + T_scanner_world[:3, 3]
@@ -139,8 +139,8 @@ def _scan(
 
 
 def _depth_image(
-    faces: NDArray[np.int64], vertices: NDArray[np.float64], screen: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    faces: IndexArray, vertices: FloatArray, screen: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Distance from the scanner's plane and angle of incidence per pixel; infinite where nothing is."""
     corners = screen[faces]
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -173,7 +173,7 @@ def _depth_image(
         return 1 / best, incidence
 
 
-def _incidence(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _incidence(corners: FloatArray) -> FloatArray:
     """Angle in radians between each triangle's normal and the line from it to the scanner."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lines = -corners.mean(axis=1)
@@ -181,9 +181,7 @@ def _incidence(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.arccos(cosine / np.linalg.norm(normals, axis=1) / np.linalg.norm(lines, axis=1))
 
 
-def _looking_at_center(
-    rng: np.random.Generator, direction: NDArray[np.float64], distance: float
-) -> NDArray[np.float64]:
+def _looking_at_center(rng: np.random.Generator, direction: FloatArray, distance: float) -> FloatArray:
     """World to scanner: placed along a direction from the origin, rolled at random."""
     side = np.cross(_random_direction(rng), direction)
     side /= np.linalg.norm(side)
@@ -193,10 +191,8 @@ def _looking_at_center(
     return transform
 
 
-def _turned(
-    rng: np.random.Generator, direction: NDArray[np.float64], angle: float
-) -> NDArray[np.float64]:
-    """The direction tilted by an angle towards a random side."""
+def _turned(rng: np.random.Generator, direction: FloatArray, angle: float) -> FloatArray:
+    """Tilt the direction by an angle towards a random side."""
     side = np.cross(_random_direction(rng), direction)
     side /= np.linalg.norm(side)
     return np.cos(angle) * direction + np.sin(angle) * side
@@ -207,6 +203,6 @@ def _random_directions(rng: np.random.Generator, count: int) -> NDArray[np.float
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def _random_direction(rng: np.random.Generator) -> NDArray[np.float64]:
+def _random_direction(rng: np.random.Generator) -> FloatArray:
     vector = rng.normal(size=3)
     return vector / np.linalg.norm(vector)

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._arrays import as_points
 from cgroup.errors import InputError
 from cgroup.io import check_rigid
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+    from cgroup.types import BoolArray, FloatArray
 
 CORRECT_WITHIN = 5.0
 """A match is correct when it misses its true place by at most so many pr."""
@@ -23,21 +26,19 @@ VISIBLE_WITHIN = 2.0
 """A scene vertex belongs to a model when it is at most so many pr away from it."""
 
 
-def match_errors(
-    source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike
-) -> NDArray[np.float64]:
+def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike) -> FloatArray:
     """Distance of each match from its true place, |R p + t - p'|.
 
     Parameters
     ----------
-    source, target : array_like, shape (n, 3)
+    source, target : (n,3) array_like of float
         Matched points.
-    T_target_source : array_like, shape (4, 4)
+    T_target_source : (4,4) array_like of float
         True pose.
 
     Returns
     -------
-    ndarray, shape (n,)
+    (n,) array of float64
         In the data's unit.
 
     Raises
@@ -45,8 +46,8 @@ def match_errors(
     InputError
         If the shapes don't fit, or the transform isn't rigid.
     """
-    moved = _moved(_points("source", source), T_target_source)
-    there = _points("target", target)
+    moved = _moved(as_points("source", source), T_target_source)
+    there = as_points("target", target)
     if len(moved) != len(there):
         message = f"target: got {len(there)} rows, `source` has {len(moved)}"
         raise InputError(message)
@@ -55,21 +56,21 @@ def match_errors(
 
 def correct_matches(
     source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Which matches are correct: |R p + t - p'| <= tolerance.
 
     Parameters
     ----------
-    source, target : array_like, shape (n, 3)
+    source, target : (n,3) array_like of float
         Matched points.
-    T_target_source : array_like, shape (4, 4)
+    T_target_source : (4,4) array_like of float
         True pose.
     tolerance : float
         In the data's unit; the paper takes `CORRECT_WITHIN` times the resolution.
 
     Returns
     -------
-    ndarray of bool, shape (n,)
+    (n,) array of bool
         Aligned with the matches.
 
     Raises
@@ -86,7 +87,7 @@ def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
 
     Parameters
     ----------
-    estimated, true : array_like, shape (4, 4)
+    estimated, true : (4,4) array_like of float
         Rigid transforms.
 
     Returns
@@ -110,7 +111,7 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
 
     Parameters
     ----------
-    estimated, true : array_like, shape (4, 4)
+    estimated, true : (4,4) array_like of float
         Rigid transforms.
 
     Returns
@@ -127,21 +128,21 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     return float(np.linalg.norm(difference))
 
 
-def within(points: ArrayLike, others: ArrayLike, radius: float) -> NDArray[np.bool_]:
+def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     """Which points have at least one of the others within a radius.
 
     Parameters
     ----------
-    points : array_like, shape (N, 3)
+    points : (N,3) array_like of float
         Points to judge.
-    others : array_like, shape (M, 3)
+    others : (M,3) array_like of float
         Points to look for.
     radius : float
         Largest distance, inclusive, in the data's unit.
 
     Returns
     -------
-    ndarray of bool, shape (N,)
+    (N,) array of bool
         Aligned with `points`.
 
     Raises
@@ -149,7 +150,7 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> NDArray[np.bo
     InputError
         If a shape isn't (N, 3), or the radius isn't positive.
     """
-    queries, stored = _points("points", points), _points("others", others)
+    queries, stored = as_points("points", points), as_points("others", others)
     limit = _positive("radius", radius)
     found = np.zeros(len(queries), dtype=bool)
     if len(stored) == 0 or len(queries) == 0:
@@ -176,9 +177,7 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> NDArray[np.bo
     return found
 
 
-def overlap(
-    source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float
-) -> float:
+def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float) -> float:
     """Share of the smaller view that the other one sees too.
 
     Number of corresponding points divided by the size of the smaller view. Corresponding are
@@ -187,9 +186,9 @@ def overlap(
 
     Parameters
     ----------
-    source, target : array_like, shape (N, 3) and (M, 3)
+    source, target : (N,3) and (M,3) array_like of float
         Whole clouds.
-    T_target_source : array_like, shape (4, 4)
+    T_target_source : (4,4) array_like of float
         True pose.
     tolerance : float
         In the data's unit; `OVERLAP_WITHIN` times the resolution is usual.
@@ -204,8 +203,8 @@ def overlap(
     InputError
         If a cloud is empty, or the transform or tolerance is invalid.
     """
-    moved = _moved(_points("source", source), T_target_source)
-    there = _points("target", target)
+    moved = _moved(as_points("source", source), T_target_source)
+    there = as_points("target", target)
     for name, points in (("source", moved), ("target", there)):
         if len(points) == 0:
             message = f"{name}: got no points"
@@ -226,9 +225,9 @@ def alignment_error(
 
     Parameters
     ----------
-    source, target : array_like, shape (N, 3) and (M, 3)
+    source, target : (N,3) and (M,3) array_like of float
         Whole clouds.
-    estimated, true : array_like, shape (4, 4)
+    estimated, true : (4,4) array_like of float
         Poses of the source in the target's frame.
     tolerance : float
         Source points count that lie so close to the target under the true pose, in the data's
@@ -244,7 +243,7 @@ def alignment_error(
     InputError
         If a transform or the tolerance is invalid.
     """
-    points = _points("source", source)
+    points = as_points("source", source)
     expected = _moved(points, true)
     counted = within(expected, target, tolerance)
     if not counted.any():
@@ -266,11 +265,11 @@ def clutter_and_occlusion(
 
     Parameters
     ----------
-    model, scene : array_like, shape (N, 3) and (M, 3)
+    model, scene : (N,3) and (M,3) array_like of float
         Vertices of the two meshes.
-    model_faces, scene_faces : array_like of int, shape (K, 3)
+    model_faces, scene_faces : (K,3) array_like of int
         Their triangles.
-    T_scene_model : array_like, shape (4, 4)
+    T_scene_model : (4,4) array_like of float
         True pose of the model in the scene.
     tolerance : float
         Scene vertices so close to the posed model belong to it, in the data's unit;
@@ -287,7 +286,7 @@ def clutter_and_occlusion(
     InputError
         If a mesh has no area, or the transform or tolerance is invalid.
     """
-    posed, vertices = _moved(_points("model", model), T_scene_model), _points("scene", scene)
+    posed, vertices = _moved(as_points("model", model), T_scene_model), as_points("scene", scene)
     triangles = np.asarray(scene_faces, dtype=np.int64).reshape(-1, 3)
     areas = triangle_areas(vertices, triangles)
     model_area = triangle_areas(posed, model_faces).sum()
@@ -299,15 +298,13 @@ def clutter_and_occlusion(
     return float(1 - seen / areas.sum()), float(1 - seen / model_area)
 
 
-def triangle_areas(vertices: NDArray[np.float64], faces: ArrayLike) -> NDArray[np.float64]:
+def triangle_areas(vertices: FloatArray, faces: ArrayLike) -> FloatArray:
     """Area of each triangle, in the square of the data's unit."""
     a, b, c = (vertices[corner] for corner in np.asarray(faces, dtype=np.int64).reshape(-1, 3).T)
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
-def _ranges(
-    first: NDArray[np.intp], last: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _ranges(first: NDArray[np.intp], last: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Row i paired with each place from first[i] up to last[i]."""
     counts = last - first
     rows = np.repeat(np.arange(len(first)), counts)
@@ -315,17 +312,9 @@ def _ranges(
     return rows, first[rows] + offsets
 
 
-def _moved(points: NDArray[np.float64], transform: ArrayLike) -> NDArray[np.float64]:
+def _moved(points: FloatArray, transform: ArrayLike) -> FloatArray:
     matrix = check_rigid(transform)
     return points @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def _points(name: str, array: ArrayLike) -> NDArray[np.float64]:
-    points = np.asarray(array, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:  # noqa: PLR2004 - x, y, z
-        message = f"{name}: got shape {points.shape}; points are rows of three numbers"
-        raise InputError(message)
-    return points
 
 
 def _positive(name: str, value: float) -> float:

@@ -97,10 +97,10 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
 
     Parameters
     ----------
-    mask : array_like of bool, shape (n,)
+    mask : (n,) array_like of bool
         The group, as in `Grouping.mask`.
-    correct : array_like of bool, shape (n,)
-        See [`correct_matches`][cgroup.evaluation.correct_matches].
+    correct : (n,) array_like of bool
+        See `correct_matches`.
 
     Returns
     -------
