@@ -30,12 +30,16 @@ impl Points {
     /// [`Error::InvalidInput`] naming the first row that is not finite, or too large to square.
     pub fn from_rows(name: &str, rows: &[[f64; 3]]) -> Result<Self> {
         validate(name, rows)?;
+        Ok(Self::centered(rows))
+    }
+
+    fn centered(rows: &[[f64; 3]]) -> Self {
         let count = rows.len().max(1) as f64;
         let center = rows.iter().map(|&row| Vector3::from(row) / count).sum::<Vector3<f64>>();
         let axis = |k: usize| rows.iter().map(|row| row[k] - center[k]).collect::<Vec<f64>>();
         let mut points = Self { x: axis(0), y: axis(1), z: axis(2), center, diagonal: 0.0 };
         points.diagonal = points.bounding_box_diagonal();
-        Ok(points)
+        points
     }
 
     /// Number of points.
@@ -73,6 +77,12 @@ impl Points {
     #[inline]
     pub fn distance(&self, i: usize, j: usize) -> f64 {
         (self.get(i) - self.get(j)).norm()
+    }
+
+    /// The points `indices` alone, centred anew.
+    #[must_use]
+    pub fn subset(&self, indices: &[usize]) -> Self {
+        Self::centered(&indices.iter().map(|&i| self.get(i).into()).collect::<Vec<_>>())
     }
 
     /// Centred rows, for spatial indices.

@@ -1,5 +1,25 @@
-//! Binding.
+//! Thin binding of the core: extract, release the GIL, call, convert.
+
+#![expect(clippy::needless_pass_by_value, reason = "pyo3 extracts arguments by value")]
+
+mod convert;
+mod error;
+mod grouping;
+mod run;
+
 use pyo3::prelude::*;
-/// m
+
+/// The compiled core of cgroup. Use it through the `cgroup` package.
 #[pymodule(gil_used = false)]
-mod _core {}
+mod _core {
+    #[pymodule_export]
+    use super::grouping::{cv, gc, gtm, hough3d, nnsr, ransac, rigid_fit, si, ss, st};
+
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("DEBUG_BUILD", cfg!(debug_assertions))
+    }
+}

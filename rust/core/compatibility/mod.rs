@@ -1,1 +1,7 @@
-//! compatibility.
+//! Do two correspondences agree? Pairwise terms, and matrices of them.
+
+pub mod consistency;
+pub mod distance;
+pub mod kernels;
+pub mod lrf_angle;
+pub mod matrix;

@@ -1,3 +1,7 @@
 //! Rigid motions, neighbour search, point-cloud resolution.
 
+pub mod ball_search;
+pub mod neighbors;
+pub mod resolution;
 pub mod rigid;
+pub mod symmetric;

@@ -1,4 +1,14 @@
-//! The nine grouping methods of the paper, one file each.
+//! The nine grouping methods of the paper, one file each; the files know nothing of each other.
+
+pub mod consistency_voting;
+pub mod game_theory;
+pub mod geometric_consistency;
+pub mod hough_voting;
+pub mod nearest_neighbor_ratio;
+pub mod ransac;
+pub mod search_of_inliers;
+pub mod similarity_score;
+pub mod spectral;
 
 use crate::{Correspondences, Execution, Grouping, Result};
 

@@ -1,0 +1,65 @@
+"""3D correspondence grouping: find the right matches between two 3D shapes among mostly wrong ones.
+
+>>> import numpy as np
+>>> from cgroup import gtm
+>>> rng = np.random.default_rng(0)
+>>> source = rng.uniform(size=(50, 3))
+>>> target = source + [1.0, 0.0, 0.0]
+>>> target[30:] = rng.uniform(size=(20, 3))
+>>> result = gtm(source, target)
+>>> bool(result.mask[:30].all()), bool(result.mask[30:].any())
+(True, False)
+"""
+
+from __future__ import annotations
+
+import warnings as _warnings
+
+from cgroup import _core
+from cgroup._core import __version__
+from cgroup.errors import CgroupError, InputError, NoConsensusError
+from cgroup.methods import (
+    METHODS,
+    PRESETS,
+    cv,
+    gc,
+    group,
+    group_many,
+    gtm,
+    hough3d,
+    nnsr,
+    ransac,
+    si,
+    ss,
+    st,
+)
+from cgroup.types import Correspondences, Grouping
+
+__all__ = [
+    "METHODS",
+    "PRESETS",
+    "CgroupError",
+    "Correspondences",
+    "Grouping",
+    "InputError",
+    "NoConsensusError",
+    "__version__",
+    "cv",
+    "gc",
+    "group",
+    "group_many",
+    "gtm",
+    "hough3d",
+    "nnsr",
+    "ransac",
+    "si",
+    "ss",
+    "st",
+]
+
+if _core.DEBUG_BUILD:
+    _warnings.warn(
+        "cgroup was built without optimisation and is many times slower; rebuild with `maturin develop --release`",
+        RuntimeWarning,
+        stacklevel=2,
+    )

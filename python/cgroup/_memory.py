@@ -1,0 +1,30 @@
+"""How much memory a pairwise matrix may take when the user does not say."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+MOST = 2 << 30
+"""A dense matrix never takes more than 2 GiB by default."""
+
+SHARE_OF_FREE = 4
+"""Nor more than one part in four of what is free."""
+
+UNKNOWN_FREE = 4 << 30
+"""Taken to be free where the system does not tell."""
+
+
+def default_max_memory() -> int:
+    """Bytes that a pairwise matrix may take: a quarter of what is free, at most 2 GiB."""
+    return min(MOST, _free() // SHARE_OF_FREE)
+
+
+def _free() -> int:
+    try:
+        for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) << 10
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+    except (OSError, ValueError, AttributeError):
+        return UNKNOWN_FREE

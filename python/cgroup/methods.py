@@ -1,0 +1,725 @@
+"""The nine grouping methods of the paper, and one door to all of them.
+
+References are to J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation of Correspondence
+Grouping Methods for 3D Rigid Data Matching*, TPAMI 2019 ("the paper").
+
+A length (``tolerance`` and the like) is in the data's unit; without one it is the paper's multiple of
+``resolution``. The methods that compare pairs of points also take
+
+- ``threads``: int or None; threads to compute on, None for all cores. The result does not depend on it.
+- ``max_memory``: int or None; bytes that a pairwise matrix may take, None for a quarter of the memory
+  that is free, at most 2 GiB. A larger matrix is recomputed row by row, with the same result.
+- ``progress``: callable or None; called now and then with the share of the work done, in [0,1].
+
+Input that a method can't work with raises `InputError`, a `ValueError`.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+from cgroup import _core
+from cgroup._arrays import as_vector
+from cgroup._memory import default_max_memory
+from cgroup.errors import InputError
+from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray, Grouping, RunOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from numpy.typing import ArrayLike
+
+    Progress: TypeAlias = Callable[[float], Any]
+
+OtsuMode: TypeAlias = Literal["minmax", "exact", "covis", "legacy"]
+
+
+def ss(
+    similarity: ArrayLike,
+    *,
+    threshold: float | Literal["otsu"] = "otsu",
+    otsu: OtsuMode = "minmax",
+    bins: int = 100,
+) -> Grouping:
+    """Similarity score (SS): keep the correspondences whose descriptors are similar enough.
+
+    The paper, section 3.1. Cost O(n).
+
+    Parameters
+    ----------
+    similarity : (n,) array_like of float
+        Descriptor similarity ``1 - |f_norm - f'_norm|``, higher is better; -inf is never selected.
+    threshold : float or "otsu"
+        Least similarity that is accepted.
+    otsu : {"minmax", "exact", "covis", "legacy"}
+        How Otsu's cut is sought: on equal bins between least and greatest score, between any two
+        scores, as in the code of SI's author, or as in the evaluation group's later code.
+    bins : int
+        Bins of the "minmax" and "legacy" modes.
+
+    Returns
+    -------
+    Grouping
+        Its scores are the similarities.
+    """
+    return _grouping(_core.ss(as_vector("similarity", similarity, None), threshold, otsu, bins))
+
+
+def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8) -> Grouping:
+    """Nearest-neighbour similarity ratio (NNSR): keep the distinctive correspondences.
+
+    The paper, section 3.1, after Lowe, IJCV 2004. The printed bound 0.8 on ``1 - d1/d2`` is Lowe's bound
+    on ``d1/d2``; ``max_ratio=0.2`` is the formula read to the letter. Cost O(n).
+
+    Parameters
+    ----------
+    ratio : (n,) array_like of float
+        Nearest / second-nearest descriptor distance, in [0,1], lower is better.
+    max_ratio : float
+        Greatest ratio that is accepted.
+
+    Returns
+    -------
+    Grouping
+        Its scores are ``1 - ratio``.
+    """
+    return _grouping(_core.nnsr(as_vector("ratio", ratio, None), max_ratio))
+
+
+def si(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    ratio: ArrayLike,
+    source_lrf: ArrayLike,
+    target_lrf: ArrayLike,
+    resolution: float | None = None,
+    tolerance: float | None = None,
+    neighbors: int = 250,
+    min_distance_ratio: float = 0.9,
+    lowe_ratio: float = 0.8,
+    global_rank: Literal["lowe", "local_score"] = "lowe",
+    threshold: float | Literal["otsu"] = "otsu",
+    otsu: OtsuMode = "minmax",
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """Search of inliers (SI): voting by neighbours, then by the most distinctive correspondences.
+
+    The paper, section 3.1, after Buch, Yang, Kruger, Petersen, CVPR 2014. Cost O(n log n + n neighbors).
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    ratio : (n,) array_like of float
+        Nearest / second-nearest descriptor distance.
+    source_lrf, target_lrf : (n,3,3) array_like of float
+        Local reference frames; rows are the x, y and z axes; NaN for no frame.
+    resolution : float, optional
+        Mean nearest-neighbour distance of the clouds.
+    tolerance : float, optional
+        Greatest residual under the pose of a correspondence, a length; default ``5 * resolution``.
+    neighbors : int
+        Number of local neighbours, and of global voters (kappa).
+    min_distance_ratio : float
+        Least rigidity ``min(ds/dt, dt/ds)`` of a vote (sigma).
+    lowe_ratio : float
+        Local voters have a lower ratio.
+    global_rank : {"lowe", "local_score"}
+        Global voters are those with the lowest ratio, or those with the best local score as in the
+        original author's code.
+    threshold : float or "otsu"
+        Scores above it are selected.
+    otsu : {"minmax", "exact", "covis", "legacy"}
+        How Otsu's cut is sought, see `ss`.
+    threads, progress
+        See the module.
+
+    Returns
+    -------
+    Grouping
+        Its scores are shares of votes, in [0,1].
+    """
+    fields = Correspondences(
+        source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
+    )
+    run = _run_options(threads, None, progress)
+    return _grouping(
+        _core.si(
+            fields,
+            run,
+            tolerance=tolerance,
+            neighbors=neighbors,
+            min_distance_ratio=min_distance_ratio,
+            lowe_ratio=lowe_ratio,
+            global_rank=global_rank,
+            threshold=threshold,
+            otsu=otsu,
+        ),
+        fields,
+    )
+
+
+def cv(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    ratio: ArrayLike,
+    source_lrf: ArrayLike,
+    target_lrf: ArrayLike,
+    resolution: float | None = None,
+    distance_scale: float | None = None,
+    angle_scale: float = 10.0,
+    voters: int = 200,
+    exclude_self: bool = False,
+    threshold: float | Literal["otsu"] = "otsu",
+    otsu: OtsuMode = "minmax",
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """Consistency voting (CV): distinctive correspondences vote by distance and frame consistency.
+
+    The paper, section 3.1, after Yang, Xiao, Cao, PRL 2019. Cost O(n voters).
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    ratio : (n,) array_like of float
+        Nearest / second-nearest descriptor distance.
+    source_lrf, target_lrf : (n,3,3) array_like of float
+        Local reference frames; rows are the x, y and z axes; NaN for no frame.
+    resolution : float, optional
+        Mean nearest-neighbour distance of the clouds.
+    distance_scale : float, optional
+        Distance difference at which a vote falls to 1/e, a length; default ``10 * resolution``.
+    angle_scale : float
+        Difference of frame angles at which a vote falls to 1/e, in degrees.
+    voters : int
+        Number of voters: the correspondences with the lowest ratios.
+    exclude_self : bool
+        Leave out the vote of a voter for itself.
+    threshold : float or "otsu"
+        Scores above it are selected.
+    otsu : {"minmax", "exact", "covis", "legacy"}
+        How Otsu's cut is sought, see `ss`.
+    threads, progress
+        See the module.
+
+    Returns
+    -------
+    Grouping
+        Its scores are sums of votes, in [0, voters].
+    """
+    fields = Correspondences(
+        source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
+    )
+    run = _run_options(threads, None, progress)
+    return _grouping(
+        _core.cv(
+            fields,
+            run,
+            distance_scale=distance_scale,
+            angle_scale=angle_scale,
+            voters=voters,
+            exclude_self=exclude_self,
+            threshold=threshold,
+            otsu=otsu,
+        ),
+        fields,
+    )
+
+
+def ransac(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    resolution: float | None = None,
+    tolerance: float | None = None,
+    iterations: int = 10_000,
+    seed: int = 0,
+    refine: bool = False,
+    edge_ratio: float | None = None,
+    confidence: float | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """Random sample consensus (RANSAC): the transform of three correspondences that most agree with.
+
+    The paper, section 3.2, after Fischler, Bolles, CACM 1981. Cost O(iterations n).
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    resolution : float, optional
+        Mean nearest-neighbour distance of the clouds.
+    tolerance : float, optional
+        An inlier's residual is less than this length; default ``5 * resolution``.
+    iterations : int
+        Number of samples.
+    seed : int
+        Key of the random numbers, which depend on it and on the iteration alone.
+    refine : bool
+        Fit the transform to all inliers once and select again.
+    edge_ratio : float, optional
+        Drop samples with an edge whose length ratio ``min(ds/dt, dt/ds)`` is lower, before judging them.
+    confidence : float, optional
+        Stop once a better transform has been missed with probability at most ``1 - confidence``.
+    threads, progress
+        See the module.
+
+    Returns
+    -------
+    Grouping
+        Its `model` is the transform (4,4) behind the selection. Without any inlier the group is empty.
+    """
+    fields = Correspondences(source, target, resolution=resolution)
+    run = _run_options(threads, None, progress)
+    return _grouping(
+        _core.ransac(
+            fields,
+            run,
+            tolerance=tolerance,
+            iterations=iterations,
+            seed=seed,
+            refine=refine,
+            edge_ratio=edge_ratio,
+            confidence=confidence,
+        ),
+        fields,
+    )
+
+
+def st(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    min_distance_ratio: float = 0.6,
+    affinity: Literal["raw", "threshold", "binary"] = "raw",
+    diagonal: Literal["zero", "one", "score"] = "zero",
+    similarity: ArrayLike | None = None,
+    conflict: Literal["rigidity", "one_to_one", "both"] = "rigidity",
+    eigensolver: Literal["power", "dense"] = "power",
+    recompute: bool = False,
+    threads: int | None = None,
+    max_memory: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """Spectral technique (ST): the main cluster of the pairwise affinity matrix.
+
+    The paper, section 3.2, after Leordeanu, Hebert, ICCV 2005. Cost O(n^2) per power step.
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    min_distance_ratio : float
+        Correspondences with a lower ``min(ds/dt, dt/ds)`` conflict with each other.
+    affinity : {"raw", "threshold", "binary"}
+        That ratio; the ratio where it reaches `min_distance_ratio`, else 0; or 1 there.
+    diagonal : {"zero", "one", "score"}
+        Affinity of a correspondence with itself; "score" is `similarity`.
+    similarity : (n,) array_like of float, optional
+        Descriptor similarity, for ``diagonal="score"``.
+    conflict : {"rigidity", "one_to_one", "both"}
+        An accepted correspondence removes those below `min_distance_ratio`, those that share a point
+        with it, or both.
+    eigensolver : {"power", "dense"}
+        Power iteration, or a full O(n^3) decomposition (about ``32 n^2`` bytes).
+    recompute : bool
+        Compute the eigenvector of what is left after each acceptance.
+    threads, max_memory, progress
+        See the module.
+
+    Returns
+    -------
+    Grouping
+        Its scores are the entries of the principal eigenvector.
+    """
+    fields = Correspondences(source, target, similarity=similarity)
+    run = _run_options(threads, max_memory, progress)
+    return _grouping(
+        _core.st(
+            fields,
+            run,
+            min_distance_ratio=min_distance_ratio,
+            affinity=affinity,
+            diagonal=diagonal,
+            conflict=conflict,
+            eigensolver=eigensolver,
+            recompute=recompute,
+        ),
+        fields,
+    )
+
+
+def gc(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    resolution: float | None = None,
+    tolerance: float | None = None,
+    variant: Literal["star", "clique"] = "star",
+    ties: Literal["lowest", "union"] = "lowest",
+    similarity: ArrayLike | None = None,
+    min_cluster_size: int = 3,
+    iterations: int = 10_000,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """Geometric consistency (GC): the largest cluster that keeps its distances to a seed.
+
+    The paper, section 3.2, after Chen, Bhanu, PRL 2007. Cost O(n^2) time, O(n) memory.
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    resolution : float, optional
+        Mean nearest-neighbour distance of the clouds.
+    tolerance : float, optional
+        Two correspondences are consistent where ``|ds - dt|`` is less than this length; default
+        ``3 * resolution``.
+    variant : {"star", "clique"}
+        A seed and all that are consistent with it; or, as in PCL, a set grown greedily in the order of
+        `similarity` whose members are all consistent with each other, filtered by RANSAC.
+    ties : {"lowest", "union"}
+        Of several largest stars, take that of the lowest index, or all.
+    similarity : (n,) array_like of float, optional
+        Descriptor similarity, for the visiting order of the clique variant.
+    min_cluster_size : int
+        Clique variant: a set with no more members is no cluster.
+    iterations, seed : int
+        Clique variant: of the RANSAC filter.
+    threads, progress
+        See the module.
+
+    Returns
+    -------
+    Grouping
+        Its scores are the sizes of the star clusters (star variant).
+    """
+    fields = Correspondences(source, target, similarity=similarity, resolution=resolution)
+    run = _run_options(threads, None, progress)
+    return _grouping(
+        _core.gc(
+            fields,
+            run,
+            tolerance=tolerance,
+            variant=variant,
+            ties=ties,
+            min_cluster_size=min_cluster_size,
+            iterations=iterations,
+            seed=seed,
+        ),
+        fields,
+    )
+
+
+def hough3d(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    source_lrf: ArrayLike,
+    target_lrf: ArrayLike,
+    source_centroid: ArrayLike | None = None,
+    bins: int = 15,
+    bin_size: float | None = None,
+    neighbors: Literal[0, 6, 26] = 6,
+    variant: Literal["grid", "pcl"] = "grid",
+    interpolation: bool = True,
+    distance_weight: bool = False,
+    similarity: ArrayLike | None = None,
+    vote_threshold: float = -1.0,
+    iterations: int = 10_000,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """3D Hough voting (3DHV): correspondences vote for the source's centroid in the target.
+
+    The paper, section 3.2, after Tombari, Di Stefano, PSIVT 2010. Cost O(n log n).
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    source_lrf, target_lrf : (n,3,3) array_like of float
+        Local reference frames; rows are the x, y and z axes; NaN for no frame, which casts no vote.
+    source_centroid : (3,) array_like of float, optional
+        Centroid of the whole source cloud; the mean of `source` where it is not given (the diagnostics
+        say so under ``centroid_from_keypoints``).
+    bins : int
+        Bins per axis over the votes' bounding box.
+    bin_size : float, optional
+        Side of cubic bins, a length, in place of `bins`; the "pcl" variant needs it.
+    neighbors : {0, 6, 26}
+        Bins around the peak whose voters are selected with it.
+    variant : {"grid", "pcl"}
+        The paper's; or PCL's, where votes are interpolated, and each local maximum is filtered by RANSAC.
+    interpolation : bool
+        "pcl" variant: spread a vote over the up to 8 bins whose centres surround it.
+    distance_weight : bool
+        "pcl" variant: weigh a vote by ``1 - d / d_max``, with d = ``1 - similarity``.
+    similarity : (n,) array_like of float, optional
+        Descriptor similarity, for `distance_weight`.
+    vote_threshold : float
+        "pcl" variant: least value of a maximum; from -1 to 0, a share of the greatest value.
+    iterations, seed : int
+        "pcl" variant: of the RANSAC filter.
+    threads, progress
+        See the module.
+
+    Returns
+    -------
+    Grouping
+        Without scores.
+    """
+    fields = Correspondences(
+        source,
+        target,
+        similarity=similarity,
+        source_lrf=source_lrf,
+        target_lrf=target_lrf,
+        source_centroid=source_centroid,
+    )
+    run = _run_options(threads, None, progress)
+    return _grouping(
+        _core.hough3d(
+            fields,
+            run,
+            variant=variant,
+            bins=bins,
+            bin_size=bin_size,
+            neighbors=neighbors,
+            interpolation=interpolation,
+            distance_weight=distance_weight,
+            vote_threshold=vote_threshold,
+            iterations=iterations,
+            seed=seed,
+        ),
+        fields,
+    )
+
+
+def gtm(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    iterations: int = 100,
+    threshold: float | Literal["otsu"] = "otsu",
+    otsu: OtsuMode = "minmax",
+    one_to_one: bool = False,
+    payoff: Literal["distance_ratio", "distance_difference"] = "distance_ratio",
+    resolution: float | None = None,
+    tolerance: float | None = None,
+    convergence_tolerance: float | None = None,
+    dynamics: Literal["replicator", "infection_immunisation"] = "replicator",
+    threads: int | None = None,
+    max_memory: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """Game theory matching (GTM): correspondences that agree with many survivors survive.
+
+    The paper, section 3.2, after Rodola, Albarelli, Bergamasco, Torsello, IJCV 2013. Cost O(n^2) per step.
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    iterations : int
+        Steps of the dynamics; more of them select fewer correspondences.
+    threshold : float or "otsu"
+        Population shares above it are selected.
+    otsu : {"minmax", "exact", "covis", "legacy"}
+        How Otsu's cut is sought, see `ss`.
+    one_to_one : bool
+        Pairs that share a point earn nothing; the distance ratio implies it.
+    payoff : {"distance_ratio", "distance_difference"}
+        ``min(ds/dt, dt/ds)``; or 1 where ``|ds - dt|`` is at most `tolerance`, else 0.
+    resolution, tolerance : float, optional
+        Lengths for the second payoff; the default tolerance is ``3 * resolution``.
+    convergence_tolerance : float, optional
+        Stop once a step moves the population by less (L1 norm); infection-immunisation stops at this
+        Nash error, 1e-8 by default.
+    dynamics : {"replicator", "infection_immunisation"}
+        The paper's replicator dynamics; or infection and immunisation (Rota Bulo, Bomze, 2011) at O(n)
+        per step, whose survivors (share above 1e-9) are selected. Give it some 10,000 iterations.
+    threads, max_memory, progress
+        See the module.
+
+    Returns
+    -------
+    Grouping
+        Its scores are the population shares, which sum to 1.
+    """
+    fields = Correspondences(source, target, resolution=resolution)
+    run = _run_options(threads, max_memory, progress)
+    return _grouping(
+        _core.gtm(
+            fields,
+            run,
+            iterations=iterations,
+            threshold=threshold,
+            otsu=otsu,
+            payoff=payoff,
+            tolerance=tolerance,
+            one_to_one=one_to_one,
+            convergence_tolerance=convergence_tolerance,
+            dynamics=dynamics,
+        ),
+        fields,
+    )
+
+
+METHODS: Mapping[str, Callable[..., Grouping]] = {
+    "ss": ss,
+    "nnsr": nnsr,
+    "si": si,
+    "cv": cv,
+    "ransac": ransac,
+    "st": st,
+    "gc": gc,
+    "3dhv": hough3d,
+    "gtm": gtm,
+}
+"""The nine methods by the paper's names, in its order."""
+
+PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+    "paper": {},
+    "literal": {"nnsr": {"max_ratio": 0.2}},
+    "original": {
+        "si": {"global_rank": "local_score", "otsu": "covis"},
+        "st": {"conflict": "one_to_one"},
+        "gtm": {"one_to_one": True, "dynamics": "infection_immunisation", "iterations": 10_000},
+    },
+    "pcl": {"gc": {"variant": "clique"}, "3dhv": {"variant": "pcl"}},
+    "legacy_header": {
+        "ss": {"threshold": 0.5},
+        "si": {"min_distance_ratio": 0.8},
+        "cv": {"voters": 20},
+        "ransac": {"iterations": 5000},
+    },
+}
+"""Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
+each method as its own author's code has it, PCL's, and the evaluation group's later constants."""
+
+
+def group(
+    correspondences: Correspondences, method: str, *, preset: str = "paper", **options: Any
+) -> Grouping:
+    """Group correspondences by any of `METHODS`.
+
+    Parameters
+    ----------
+    correspondences : Correspondences
+        The method takes the fields that it is defined on.
+    method : str
+        One of `METHODS`.
+    preset : str
+        One of `PRESETS`.
+    **options
+        Options of the method; they win over the preset's.
+
+    Returns
+    -------
+    Grouping
+        In the order of the correspondences.
+
+    Raises
+    ------
+    InputError
+        For an unknown method, preset or option, or where the method needs a field that is missing.
+    """
+    function = METHODS.get(method)
+    if function is None:
+        message = f"method: got {method!r}; choose one of {', '.join(METHODS)}"
+        raise InputError(message)
+    if preset not in PRESETS:
+        message = f"preset: got {preset!r}; choose one of {', '.join(PRESETS)}"
+        raise InputError(message)
+    parameters = inspect.signature(function).parameters
+    _refuse_unknown(method, options, parameters)
+    fields = _fields_for(method, correspondences, parameters)
+    result = function(**{**fields, **PRESETS[preset].get(method, {}), **options})
+    return replace(result, _positions=(correspondences.source, correspondences.target))
+
+
+def group_many(
+    problems: Iterable[Correspondences],
+    method: str,
+    *,
+    preset: str = "paper",
+    threads: int | None = None,
+    **options: Any,
+) -> list[Grouping]:
+    """Group many problems at once, one thread each, on all cores.
+
+    Parameters
+    ----------
+    problems : iterable of Correspondences
+        The problems.
+    method, preset, **options
+        As in `group`, the same for all.
+    threads : int, optional
+        Number of problems worked on at a time; None for one per core.
+
+    Returns
+    -------
+    list of Grouping
+        In the order of the problems.
+    """
+    if METHODS.get(method) not in (ss, nnsr):
+        options = {"threads": 1, **options}
+    pool = ThreadPoolExecutor(max_workers=threads or os.cpu_count())
+    try:
+        return list(pool.map(lambda problem: group(problem, method, preset=preset, **options), problems))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _refuse_unknown(method: str, options: Mapping[str, Any], parameters: Mapping[str, Any]) -> None:
+    known = [name for name in parameters if name not in ("source", "target", *OPTIONAL_FIELDS)]
+    unknown = [name for name in options if name not in known]
+    if unknown:
+        message = f"option: {method} has no {unknown[0]!r}; it takes {', '.join(known)}"
+        raise InputError(message)
+
+
+def _fields_for(
+    method: str, correspondences: Correspondences, parameters: Mapping[str, inspect.Parameter]
+) -> dict[str, FloatArray | float]:
+    fields: dict[str, FloatArray | float] = {}
+    for name in ("source", "target", *OPTIONAL_FIELDS):
+        if name not in parameters:
+            continue
+        value = getattr(correspondences, name)
+        if value is not None:
+            fields[name] = value
+        elif parameters[name].default is inspect.Parameter.empty:
+            message = (
+                f"method: {method} needs `{name}`, which these correspondences lack; "
+                "give it to Correspondences, or use a method that does without: ransac, st, gc, gtm"
+            )
+            raise InputError(message)
+    return fields
+
+
+def _run_options(threads: int | None, max_memory: int | None, progress: Progress | None) -> RunOptions:
+    if threads is not None and threads < 1:
+        message = f"threads: got {threads}; give at least 1, or None for all cores"
+        raise InputError(message)
+    return RunOptions(threads, default_max_memory() if max_memory is None else max_memory, progress)
+
+
+def _grouping(raw: _core.RawGrouping, fields: Correspondences | None = None) -> Grouping:
+    mask, scores, threshold, model, diagnostics = raw
+    positions = None if fields is None else (fields.source, fields.target)
+    return Grouping(mask, scores, threshold, model, diagnostics, positions)

@@ -1,0 +1,170 @@
+"""What goes into a grouping method, and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cgroup import _core
+from cgroup._arrays import as_frames, as_points, as_vector
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike
+
+FloatArray: TypeAlias = NDArray[np.float64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+IndexArray: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Correspondences:
+    """Putative matches between two shapes; row i of every field describes the same match.
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points in the data's unit; the transform sought maps `source` into `target`.
+    similarity : (n,) array_like of float, optional
+        Descriptor similarity ``1 - |f_norm - f'_norm|``, higher is better; -inf for no descriptor.
+    ratio : (n,) array_like of float, optional
+        Nearest / second-nearest descriptor distance, in [0,1], lower is better.
+    source_lrf, target_lrf : (n,3,3) array_like of float, optional
+        Local reference frames; rows are the x, y and z axes; a block with NaN means no frame.
+    resolution : float, optional
+        Mean nearest-neighbour distance of the clouds (the unit *pr*), in the data's unit.
+    source_centroid : (3,) array_like of float, optional
+        Centroid of the whole source cloud; `hough3d` uses the mean of `source` without it.
+
+    Raises
+    ------
+    InputError
+        For a wrong shape or type; the message names the field and what to do.
+    """
+
+    source: FloatArray
+    target: FloatArray
+    similarity: FloatArray | None = None
+    ratio: FloatArray | None = None
+    source_lrf: FloatArray | None = None
+    target_lrf: FloatArray | None = None
+    resolution: float | None = None
+    source_centroid: FloatArray | None = None
+
+    def __init__(
+        self,
+        source: ArrayLike,
+        target: ArrayLike,
+        *,
+        similarity: ArrayLike | None = None,
+        ratio: ArrayLike | None = None,
+        source_lrf: ArrayLike | None = None,
+        target_lrf: ArrayLike | None = None,
+        resolution: float | None = None,
+        source_centroid: ArrayLike | None = None,
+    ) -> None:
+        points = as_points("source", source)
+        n = len(points)
+        if (source_lrf is None) != (target_lrf is None):
+            missing = "source_lrf" if source_lrf is None else "target_lrf"
+            message = f"{missing}: missing; frames are needed on both sides or on neither"
+            raise InputError(message)
+        self._set("source", points)
+        self._set("target", as_points("target", target))
+        self._set("similarity", None if similarity is None else as_vector("similarity", similarity, n))
+        self._set("ratio", None if ratio is None else as_vector("ratio", ratio, n))
+        self._set("source_lrf", None if source_lrf is None else as_frames("source_lrf", source_lrf, n))
+        self._set("target_lrf", None if target_lrf is None else as_frames("target_lrf", target_lrf, n))
+        self._set("resolution", None if resolution is None else float(resolution))
+        centroid = None if source_centroid is None else as_vector("source_centroid", source_centroid, 3)
+        self._set("source_centroid", centroid)
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    def __repr__(self) -> str:
+        given = [name for name in OPTIONAL_FIELDS if getattr(self, name) is not None]
+        return f"Correspondences(n={len(self)}, fields={['source', 'target', *given]})"
+
+
+OPTIONAL_FIELDS = ("similarity", "ratio", "source_lrf", "target_lrf", "resolution", "source_centroid")
+
+
+@dataclass(frozen=True, eq=False)
+class Grouping:
+    """The correspondences that a method holds to be right.
+
+    Attributes
+    ----------
+    mask : (n,) array of bool
+        True where a correspondence is selected; aligned with the input.
+    scores : (n,) array of float64 or None
+        The method's score of each correspondence, higher is better.
+    threshold : float or None
+        The cut on the scores that was really used.
+    model : (4,4) array of float64 or None
+        The transform behind the selection, for methods that fit one (RANSAC); maps source into target.
+    diagnostics : dict of str to float
+        Facts about the run: iterations, seed of the cluster, eigenvalue, ...
+    """
+
+    mask: BoolArray
+    scores: FloatArray | None
+    threshold: float | None
+    model: FloatArray | None
+    diagnostics: dict[str, float]
+    _positions: tuple[FloatArray, FloatArray] | None = field(default=None, repr=False)
+
+    @property
+    def indices(self) -> IndexArray:
+        """Rows of the selected correspondences, ascending: (m,) array of int64."""
+        return np.flatnonzero(self.mask).astype(np.int64, copy=False)
+
+    @property
+    def size(self) -> int:
+        """Number of selected correspondences."""
+        return int(np.count_nonzero(self.mask))
+
+    def transform(self) -> FloatArray:
+        """Least-squares rigid transform of the group.
+
+        Returns
+        -------
+        (4,4) array of float64
+            ``T_target_source``, column vectors: p' = R p + t (Kabsch).
+
+        Raises
+        ------
+        NoConsensusError
+            For fewer than three selected correspondences, or a group on one line.
+        InputError
+            Where the method was given no points (`ss`, `nnsr`): use `cgroup.group`.
+        """
+        if self._positions is None:
+            message = (
+                "transform: this group was made without points; "
+                'group correspondences that have them: cgroup.group(correspondences, "ss")'
+            )
+            raise InputError(message)
+        source, target = self._positions
+        return _core.rigid_fit(source[self.mask], target[self.mask])
+
+    def __repr__(self) -> str:
+        return f"Grouping({self.size} of {len(self.mask)} selected)"
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a computation runs: threads, memory for pairwise matrices in bytes, progress callback."""
+
+    threads: int | None
+    max_memory: int
+    progress: Callable[[float], Any] | None

@@ -1,0 +1,229 @@
+//! Inner loops over pairs, compiled for the widest vector instructions that the machine has.
+//!
+//! Every function here is plain Rust that the compiler vectorises; [`dispatch`] picks the version
+//! at run time. Sums are taken over a fixed number of lanes, so results do not depend on threads.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+#![expect(clippy::needless_bitwise_bool, reason = "`||` is a branch, which stops vectorisation")]
+
+use pulp::Arch;
+
+/// Runs `work` compiled for the best instruction set of this machine.
+#[inline(always)]
+pub fn dispatch<R>(work: impl FnOnce() -> R) -> R {
+    Arch::new().dispatch(work)
+}
+
+/// Lanes of a blocked sum: enough for two AVX-512 registers of f64.
+const LANES: usize = 16;
+
+/// A storage type for pair scores.
+pub trait Element: Copy + Default + Send + Sync + PartialOrd + 'static {
+    /// Rounds to this type.
+    fn from_f64(value: f64) -> Self;
+    /// Widens to f64.
+    fn to_f64(self) -> f64;
+    /// Square root.
+    #[must_use]
+    fn sqrt(self) -> Self;
+    /// `(x1 - x2)^2 + (y1 - y2)^2 + (z1 - z2)^2`.
+    fn squared_distance(a: [Self; 3], b: [Self; 3]) -> Self;
+    /// `|a - b|`.
+    fn absolute_difference(a: Self, b: Self) -> Self;
+    /// `min(a, b) / max(a, b)`.
+    fn ratio(a: Self, b: Self) -> Self;
+    /// The number 1.
+    const ONE: Self;
+}
+
+macro_rules! element {
+    ($float:ty) => {
+        impl Element for $float {
+            #[inline(always)]
+            fn from_f64(value: f64) -> Self {
+                value as Self
+            }
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                self.sqrt()
+            }
+            #[inline(always)]
+            fn squared_distance(a: [Self; 3], b: [Self; 3]) -> Self {
+                let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+                d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+            }
+            #[inline(always)]
+            fn absolute_difference(a: Self, b: Self) -> Self {
+                (a - b).abs()
+            }
+            #[inline(always)]
+            fn ratio(a: Self, b: Self) -> Self {
+                a.min(b) / a.max(b)
+            }
+            const ONE: Self = 1.0;
+        }
+    };
+}
+element!(f32);
+element!(f64);
+
+/// Coordinates of one side of the correspondences, in the storage type.
+#[derive(Debug, Clone)]
+pub struct Side<T> {
+    /// x coordinates.
+    pub x: Vec<T>,
+    /// y coordinates.
+    pub y: Vec<T>,
+    /// z coordinates.
+    pub z: Vec<T>,
+    /// Square of the length below which an edge counts as zero.
+    pub zero_squared: T,
+}
+
+impl<T: Element> Side<T> {
+    #[inline(always)]
+    fn get(&self, i: usize) -> [T; 3] {
+        [self.x[i], self.y[i], self.z[i]]
+    }
+}
+
+/// Writes `score(ds_ij^2, dt_ij^2)` for all j into `row`; `score` sees squared lengths, and 0 where the
+/// edge counts as zero.
+#[inline(always)]
+pub fn fill_row<T: Element>(
+    source: &Side<T>,
+    target: &Side<T>,
+    i: usize,
+    row: &mut [T],
+    score: impl Fn(T, T) -> T,
+) {
+    let n = row.len();
+    let (p, q) = (source.get(i), target.get(i));
+    let (sx, sy, sz) = (&source.x[..n], &source.y[..n], &source.z[..n]);
+    let (tx, ty, tz) = (&target.x[..n], &target.y[..n], &target.z[..n]);
+    let zero = T::default();
+    for j in 0..n {
+        let ds = T::squared_distance(p, [sx[j], sy[j], sz[j]]);
+        let dt = T::squared_distance(q, [tx[j], ty[j], tz[j]]);
+        let value = score(ds, dt);
+        let coincident = (ds <= source.zero_squared) | (dt <= target.zero_squared);
+        row[j] = if coincident { zero } else { value };
+    }
+}
+
+/// `sum_j row_j x_j` in f64, over a fixed number of lanes.
+#[inline(always)]
+pub fn dot<T: Element>(row: &[T], x: &[f64]) -> f64 {
+    let mut sums = [0.0_f64; LANES];
+    let rows = row.chunks_exact(LANES);
+    let values = x.chunks_exact(LANES);
+    let (row_tail, value_tail) = (rows.remainder(), values.remainder());
+    for (a, b) in rows.zip(values) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane].to_f64() * b[lane];
+        }
+    }
+    for (lane, (a, b)) in row_tail.iter().zip(value_tail).enumerate() {
+        sums[lane] += a.to_f64() * b;
+    }
+    sum_lanes(sums)
+}
+
+#[inline(always)]
+fn sum_lanes(mut sums: [f64; LANES]) -> f64 {
+    let mut width = LANES / 2;
+    while width > 0 {
+        for lane in 0..width {
+            sums[lane] += sums[lane + width];
+        }
+        width /= 2;
+    }
+    sums[0]
+}
+
+/// Sum over a fixed number of lanes.
+pub fn sum(values: &[f64]) -> f64 {
+    let mut sums = [0.0_f64; LANES];
+    for chunk in values.chunks(LANES) {
+        for (lane, value) in chunk.iter().enumerate() {
+            sums[lane] += value;
+        }
+    }
+    sum_lanes(sums)
+}
+
+/// Number of j with `|ds_ij - dt_ij| < tolerance`, i itself not counted.
+#[inline(always)]
+pub fn count_within(source: &Side<f64>, target: &Side<f64>, i: usize, tolerance: f64) -> usize {
+    let n = source.x.len();
+    let (p, q) = (source.get(i), target.get(i));
+    let (sx, sy, sz) = (&source.x[..n], &source.y[..n], &source.z[..n]);
+    let (tx, ty, tz) = (&target.x[..n], &target.y[..n], &target.z[..n]);
+    let mut count = 0_u64;
+    for j in 0..n {
+        let ds = f64::squared_distance(p, [sx[j], sy[j], sz[j]]).sqrt();
+        let dt = f64::squared_distance(q, [tx[j], ty[j], tz[j]]).sqrt();
+        count += u64::from((ds - dt).abs() < tolerance);
+    }
+    // A correspondence agrees with itself: the difference is 0.
+    count as usize - 1
+}
+
+/// Number of correspondences that the transform `q = R p + t` carries to within `sqrt(squared_tolerance)`
+/// of their targets; `transform` is R by rows, then t.
+#[inline(always)]
+pub fn count_inliers(
+    source: &Side<f64>,
+    target: &Side<f64>,
+    transform: &[f64; 12],
+    squared_tolerance: f64,
+) -> usize {
+    let n = source.x.len();
+    let (sx, sy, sz) = (&source.x[..n], &source.y[..n], &source.z[..n]);
+    let (tx, ty, tz) = (&target.x[..n], &target.y[..n], &target.z[..n]);
+    let mut count = 0_u64;
+    for j in 0..n {
+        let residual = squared_residual(transform, [sx[j], sy[j], sz[j]], [tx[j], ty[j], tz[j]]);
+        count += u64::from(residual < squared_tolerance);
+    }
+    count as usize
+}
+
+/// `|R p + t - q|^2`.
+#[inline(always)]
+pub fn squared_residual(transform: &[f64; 12], p: [f64; 3], q: [f64; 3]) -> f64 {
+    let [r0, r1, r2, r3, r4, r5, r6, r7, r8, t0, t1, t2] = *transform;
+    let x = r0 * p[0] + r1 * p[1] + r2 * p[2] + t0 - q[0];
+    let y = r3 * p[0] + r4 * p[1] + r5 * p[2] + t1 - q[1];
+    let z = r6 * p[0] + r7 * p[1] + r8 * p[2] + t2 - q[2];
+    x * x + y * y + z * z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocked_dot_equals_the_plain_one() {
+        for n in [0, 1, 15, 16, 17, 100] {
+            let row: Vec<f32> = (0..n).map(|i| i as f32).collect();
+            let x: Vec<f64> = (0..n).map(|i| 1.0 / f64::from(i + 1)).collect();
+            let plain: f64 = row.iter().zip(&x).map(|(&a, b)| f64::from(a) * b).sum();
+            assert!((dispatch(|| dot(&row, &x)) - plain).abs() < 1e-10);
+        }
+    }
+
+    #[test]
+    fn coincident_points_score_zero() {
+        let side =
+            |x: Vec<f64>| Side { y: vec![0.0; x.len()], z: vec![0.0; x.len()], x, zero_squared: 1e-20 };
+        let (source, target) = (side(vec![0.0, 1.0, 2.0]), side(vec![0.0, 0.0, 1.0]));
+        let mut row = vec![0.0; 3];
+        dispatch(|| fill_row(&source, &target, 0, &mut row, |a, b| f64::ratio(a, b).sqrt()));
+        assert_eq!(row, [0.0, 0.0, 0.5]);
+    }
+}

@@ -1,0 +1,56 @@
+//! Keypoints as indices into a cloud: validation, and which of them have enough support.
+
+use nalgebra::Point3;
+
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::geometry::ball_search::BallSearch;
+use crate::points::Points;
+
+/// The points that `keypoints` name.
+///
+/// # Errors
+/// [`Error::InvalidInput`] for an index beyond the cloud.
+pub fn locations(points: &Points, keypoints: &[usize]) -> Result<Vec<Point3<f64>>> {
+    for (row, &index) in keypoints.iter().enumerate() {
+        if index >= points.len() {
+            let remedy = format!("the cloud has {} points", points.len());
+            return Err(Error::invalid("keypoints", format!("index {index} in row {row}"), remedy));
+        }
+    }
+    Ok(keypoints.iter().map(|&index| points.get(index)).collect())
+}
+
+/// The keypoints that have at least `min_points` points within `radius`, themselves included.
+///
+/// The paper's authors drop keypoints with fewer than 10 points within 15 pr.
+///
+/// # Errors
+/// [`Error::InvalidInput`] for a radius that is not positive, or an index beyond the cloud;
+/// [`Error::Interrupted`].
+pub fn drop_isolated(
+    points: &Points,
+    keypoints: &[usize],
+    radius: f64,
+    min_points: usize,
+    execution: &Execution,
+) -> Result<Vec<usize>> {
+    let centers = locations(points, keypoints)?;
+    let search = BallSearch::new(points, radius)?;
+    let counts = search.map_at(&centers, execution, |_, ball| ball.len())?;
+    Ok(keypoints.iter().zip(counts).filter(|&(_, count)| count >= min_points).map(|(&i, _)| i).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drops_keypoints_without_support() -> Result<()> {
+        let rows = [[0.0; 3], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [9.0, 0.0, 0.0]];
+        let points = Points::from_rows("points", &rows)?;
+        assert_eq!(drop_isolated(&points, &[0, 3], 1.0, 3, &Execution::default())?, [0]);
+        assert!(drop_isolated(&points, &[4], 1.0, 3, &Execution::default()).is_err());
+        Ok(())
+    }
+}

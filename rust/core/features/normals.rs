@@ -1,0 +1,152 @@
+//! Surface normals: plane fits to neighbourhoods, or averages over a mesh's faces.
+//!
+//! As PCL's `NormalEstimation`: the eigenvector of the smallest eigenvalue of the neighbourhood's
+//! covariance, turned towards a viewpoint. The point itself belongs to its neighbourhood.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use crate::error::{Result, at_least_one};
+use crate::execution::Execution;
+use crate::geometry::ball_search::BallSearch;
+use crate::geometry::neighbors::NearestNeighbors;
+use crate::geometry::symmetric::eigen;
+use crate::points::Points;
+
+/// Below this share of the largest eigenvalue the middle one counts as zero: points on a line.
+const COLLINEAR: f64 = 1e-12;
+
+/// Which points a plane is fitted to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Neighborhood {
+    /// This many nearest points, the point itself included.
+    Nearest(usize),
+    /// All points nearer than this, the point itself included.
+    Radius(f64),
+}
+
+/// A plane fit. NaN where fewer than three points, or points on one line, leave it open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// Unit normal.
+    pub normal: Vector3<f64>,
+    /// Surface variation: smallest eigenvalue of the covariance over their sum, in 0..=1/3.
+    pub curvature: f64,
+}
+
+impl Default for Surface {
+    fn default() -> Self {
+        Self { normal: Vector3::repeat(f64::NAN), curvature: f64::NAN }
+    }
+}
+
+/// Fits a plane to the neighbourhood of every point; normals point to the side of `viewpoint`, which is
+/// in the data's own coordinates. Cost O(N log N + N k).
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`] for a radius that is not positive or fewer than one neighbour;
+/// [`crate::Error::Interrupted`].
+pub fn surfaces(
+    points: &Points,
+    neighborhood: Neighborhood,
+    viewpoint: Point3<f64>,
+    execution: &Execution,
+) -> Result<Vec<Surface>> {
+    let mut surfaces = match neighborhood {
+        Neighborhood::Nearest(count) => {
+            let others = at_least_one("neighbors", count)? - 1;
+            NearestNeighbors::new(points).map_points(others, execution, |query, found| {
+                let center = points.get(query);
+                fit(found.iter().map(|neighbor| points.get(neighbor.index as usize) - center), true)
+            })?
+        }
+        Neighborhood::Radius(radius) => {
+            let search = BallSearch::new(points, radius)?;
+            search.map_points(execution, |_, ball| {
+                fit(ball.offset.iter().map(|&offset| Vector3::from(offset)), false)
+            })?
+        }
+    };
+    let viewpoint = viewpoint - points.center();
+    for (i, surface) in surfaces.iter_mut().enumerate() {
+        if surface.normal.dot(&(viewpoint - points.get(i))) < 0.0 {
+            surface.normal = -surface.normal;
+        }
+    }
+    Ok(surfaces)
+}
+
+/// Plane through points given relative to one of them, which is counted too if it `adds_itself`.
+fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surface {
+    let mut count = usize::from(adds_itself);
+    let mut sum = Vector3::zeros();
+    let mut products = [0.0; 6];
+    for v in offsets {
+        count += 1;
+        sum += v;
+        add_products(&mut products, &v);
+    }
+    if count < 3 {
+        return Surface::default();
+    }
+    let weight = 1.0 / count as f64;
+    let mean = sum * weight;
+    let covariance = symmetric(&products) * weight - mean * mean.transpose();
+    let eigen = eigen(&covariance);
+    let [low, middle, high] = eigen.values;
+    if middle <= COLLINEAR * high || high <= 0.0 {
+        return Surface::default();
+    }
+    let low = low.max(0.0);
+    Surface { normal: eigen.vectors[0], curvature: low / (low + middle + high) }
+}
+
+/// Adds `v v^T` as xx, xy, xz, yy, yz, zz.
+#[inline]
+pub(super) fn add_products(products: &mut [f64; 6], v: &Vector3<f64>) {
+    let terms = [v.x * v.x, v.x * v.y, v.x * v.z, v.y * v.y, v.y * v.z, v.z * v.z];
+    for (sum, term) in products.iter_mut().zip(terms) {
+        *sum += term;
+    }
+}
+
+/// The symmetric matrix of xx, xy, xz, yy, yz, zz.
+pub(super) fn symmetric(&[xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plane() -> Vec<[f64; 3]> {
+        (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 5.0]).collect()
+    }
+
+    #[test]
+    fn a_plane_has_its_normal_everywhere() -> Result<()> {
+        let points = Points::from_rows("points", &plane())?;
+        for neighborhood in [Neighborhood::Nearest(9), Neighborhood::Radius(1.5)] {
+            for (viewpoint, z) in [(Point3::origin(), -1.0), (Point3::new(0.0, 0.0, 9.0), 1.0)] {
+                for surface in surfaces(&points, neighborhood, viewpoint, &Execution::default())? {
+                    assert!((surface.normal - Vector3::new(0.0, 0.0, z)).amax() < 1e-12);
+                    assert!(surface.curvature < 1e-12);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn lines_duplicates_and_isolated_points_have_none() -> Result<()> {
+        let line: Vec<[f64; 3]> = (0..9).map(|i| [0.1 * f64::from(i), 0.2 * f64::from(i), 0.0]).collect();
+        for rows in [line, vec![[1.0; 3]; 9], vec![[0.0; 3]], vec![]] {
+            let points = Points::from_rows("points", &rows)?;
+            for neighborhood in [Neighborhood::Nearest(5), Neighborhood::Radius(1.0)] {
+                let fits = surfaces(&points, neighborhood, Point3::origin(), &Execution::default())?;
+                assert_eq!(fits.len(), rows.len());
+                assert!(fits.iter().all(|surface| surface.normal.x.is_nan() && surface.curvature.is_nan()));
+            }
+        }
+        Ok(())
+    }
+}

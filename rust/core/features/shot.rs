@@ -1,0 +1,238 @@
+//! SHOT-352 (Tombari, Salti, Di Stefano, ECCV 2010; Salti et al., CVIU 2014), as PCL's `SHOTEstimation`.
+//!
+//! A ball around the keypoint is divided into 8 sectors in azimuth, 2 shells in radius and 2 halves in
+//! elevation; each of the 32 volumes holds 11 bins of the cosine between a neighbour's normal and the
+//! frame's z axis. A neighbour's vote is spread over the adjacent bins, one dimension at a time. Cost
+//! O(m k).
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::correspondences::Frame;
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::features::harris3d::check_normals;
+use crate::features::keypoints::locations;
+use crate::features::shot_lrf::frame;
+use crate::geometry::ball_search::{Ball, BallSearch};
+use crate::points::Points;
+
+/// Length of the descriptor.
+pub const LENGTH: usize = 352;
+/// Bins of the cosine in each volume, and the highest of them.
+const STEPS: usize = 11;
+const LAST_STEP: usize = STEPS - 1;
+/// Volumes from one sector to the next, from one shell to the next.
+const SECTOR: usize = 4;
+const SHELL: usize = 2;
+const VOLUMES: usize = 32;
+/// Fewer points than this in the ball, the keypoint included, make no descriptor.
+const MIN_POINTS: usize = 5;
+
+/// The descriptor and its parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shot {
+    /// Radius of the support, in the unit of the data; the paper's is 15 pr.
+    pub radius: f64,
+    /// Wrap the cosine's interpolation past bin 9 to bin 0, as PCL does; otherwise on to bin 10.
+    pub pcl_compat: bool,
+}
+
+impl Shot {
+    /// PCL's form.
+    pub fn new(radius: f64) -> Self {
+        Self { radius, pcl_compat: true }
+    }
+
+    /// One descriptor of unit length per keypoint; NaN where there is no frame or fewer than 5 points,
+    /// zero where no neighbour has a normal. SHOT's own frames of the same radius are used where none
+    /// are given.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a radius that is not positive, an index beyond the cloud, or a wrong
+    /// number of normals or frames; [`Error::Interrupted`].
+    pub fn describe(
+        &self,
+        points: &Points,
+        normals: &[Vector3<f64>],
+        keypoints: &[usize],
+        frames: Option<&[Frame]>,
+        execution: &Execution,
+    ) -> Result<Vec<[f32; LENGTH]>> {
+        let centers = locations(points, keypoints)?;
+        check_normals(points, Some(normals))?;
+        check_frames(keypoints, frames)?;
+        let search = BallSearch::new(points, self.radius)?;
+        let normals = search.reorder(normals);
+        search.map_at(&centers, execution, |i, ball| {
+            let axes = frames.map_or_else(|| frame(ball, &search), |frames| frames[i]);
+            match axes {
+                Some(axes) if ball.len() >= MIN_POINTS => self.histogram(ball, &axes, &normals),
+                _ => [f32::NAN; LENGTH],
+            }
+        })
+    }
+
+    fn histogram(&self, ball: &Ball, axes: &Matrix3<f64>, normals: &[Vector3<f64>]) -> [f32; LENGTH] {
+        let mut bins = [0.0; LENGTH];
+        for (i, &position) in ball.position.iter().enumerate() {
+            let normal = &normals[position as usize];
+            let distance = ball.squared_distance[i].sqrt();
+            if distance > 0.0 && normal.iter().all(|value| value.is_finite()) {
+                let cosine = axes.row(2).tr_dot(normal).clamp(-1.0, 1.0);
+                self.vote(&mut bins, &(axes * ball.vector(i)), distance, cosine);
+            }
+        }
+        normalized(&bins)
+    }
+
+    /// Adds one neighbour: a home bin, and one adjacent bin per dimension.
+    fn vote(&self, bins: &mut [f64; LENGTH], local: &Vector3<f64>, distance: f64, cosine: f64) {
+        let is_outer = distance > 0.5 * self.radius;
+        let is_upper = local.z > 0.0;
+        let azimuth = local.y.atan2(local.x);
+        let sector = (((azimuth + PI) / FRAC_PI_4) as usize).min(7);
+        let volume = SECTOR * sector + SHELL * usize::from(is_outer) + usize::from(is_upper);
+        let scaled = 5.0 * (1.0 + cosine);
+        let step = (scaled + 0.5).floor() as usize;
+
+        let mut home = 0.0;
+        // Cosine.
+        let u = scaled - step as f64;
+        home += 1.0 - u.abs();
+        bins[volume * STEPS + self.adjacent_step(step, u > 0.0)] += u.abs();
+        // Radius: the other shell takes part where it is the nearer neighbour.
+        let middle = if is_outer { 0.75 } else { 0.25 };
+        let g = 2.0 * distance / self.radius - 2.0 * middle;
+        home += 1.0 - g.abs();
+        if is_outer == (g < 0.0) {
+            bins[(volume ^ SHELL) * STEPS + step] += g.abs();
+        }
+        // Elevation, likewise.
+        let inclination = (local.z / distance).clamp(-1.0, 1.0).acos();
+        let middle = if is_upper { FRAC_PI_4 } else { 3.0 * FRAC_PI_4 };
+        let e = (inclination - middle) / FRAC_PI_2;
+        home += 1.0 - e.abs();
+        if is_upper == (e > 0.0) {
+            bins[(volume ^ 1) * STEPS + step] += e.abs();
+        }
+        // Azimuth, undefined on the z axis.
+        if local.x != 0.0 || local.y != 0.0 {
+            let a = ((azimuth + PI) / FRAC_PI_4 - sector as f64 - 0.5).clamp(-0.5, 0.5);
+            home += 1.0 - a.abs();
+            let turn = if a > 0.0 { SECTOR } else { VOLUMES - SECTOR };
+            bins[(volume + turn) % VOLUMES * STEPS + step] += a.abs();
+        }
+        bins[volume * STEPS + step] += home;
+    }
+
+    fn adjacent_step(&self, step: usize, is_above: bool) -> usize {
+        match (is_above, step) {
+            (true, 9) if self.pcl_compat => 0,
+            (true, _) => (step + 1).min(LAST_STEP),
+            // Only an exact -1 comes here with step 0, and adds nothing.
+            (false, _) => step.saturating_sub(1),
+        }
+    }
+}
+
+/// Divides by the Euclidean norm, which PCL takes instead of the ECCV paper's sum; zero stays zero.
+fn normalized(bins: &[f64; LENGTH]) -> [f32; LENGTH] {
+    let norm = bins.iter().map(|value| value * value).sum::<f64>().sqrt();
+    let factor = if norm > 0.0 { 1.0 / norm } else { 0.0 };
+    bins.map(|value| (value * factor) as f32)
+}
+
+fn check_frames(keypoints: &[usize], frames: Option<&[Frame]>) -> Result<()> {
+    match frames {
+        Some(frames) if frames.len() != keypoints.len() => {
+            let remedy = format!("give one frame per keypoint, here {}", keypoints.len());
+            Err(Error::invalid("lrf", format!("{} frames", frames.len()), remedy))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn single_vote(local: [f64; 3], cosine: f64, pcl_compat: bool) -> Vec<(usize, f64)> {
+        let mut bins = [0.0; LENGTH];
+        let local = Vector3::from(local);
+        Shot { radius: 4.0, pcl_compat }.vote(&mut bins, &local, local.norm(), cosine);
+        bins.iter().copied().enumerate().filter(|&(_, value)| value > 1e-12).collect()
+    }
+
+    #[test]
+    fn a_vote_in_the_middle_of_a_bin_stays_there() {
+        // Azimuth -157.5 degrees is the middle of sector 0; elevation 45, distance 3 = 3/4 R.
+        let (s, c) = (PI / 8.0).sin_cos();
+        let side = 3.0 * FRAC_PI_4.sin();
+        let votes = single_vote([-side * c, -side * s, side], 0.0, true);
+        assert_eq!(votes.len(), 1);
+        assert_eq!(votes[0].0, 3 * STEPS + 5);
+        assert!((votes[0].1 - 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn votes_are_shared_one_dimension_at_a_time() {
+        // All four dimensions off the middle by a known share.
+        let (s, c) = (PI / 8.0 + 0.25 * FRAC_PI_4).sin_cos();
+        let elevation = FRAC_PI_4 + 0.2 * FRAC_PI_2;
+        let (distance, cosine) = (2.4, 0.06);
+        let (z, plane) = (distance * elevation.cos(), distance * elevation.sin());
+        let votes = single_vote([plane * c, plane * s, z], cosine, true);
+        let volume = 4 * 4 + 2 + 1;
+        let expected = [
+            (volume * STEPS + 5, 4.0 - 0.3 - 0.3 - 0.2 - 0.25),
+            (volume * STEPS + 6, 0.3),
+            ((volume - 2) * STEPS + 5, 0.3),
+            ((volume - 1) * STEPS + 5, 0.2),
+            ((volume + 4) * STEPS + 5, 0.25),
+        ];
+        for (bin, value) in expected {
+            let got = votes.iter().find(|vote| vote.0 == bin).map_or(0.0, |vote| vote.1);
+            assert!((got - value).abs() < 1e-12, "bin {bin}: {got} instead of {value}");
+        }
+        assert_eq!(votes.len(), expected.len());
+    }
+
+    #[test]
+    fn pcl_wraps_the_last_cosine_step() {
+        let local = [1.0, 1.0, 1.0];
+        let wrapped = single_vote(local, 0.85, true);
+        let clamped = single_vote(local, 0.85, false);
+        let steps = |votes: &[(usize, f64)]| votes.iter().map(|vote| vote.0 % STEPS).collect::<Vec<_>>();
+        assert!(steps(&wrapped).contains(&0) && !steps(&wrapped).contains(&10));
+        assert!(steps(&clamped).contains(&10) && !steps(&clamped).contains(&0));
+    }
+
+    #[test]
+    fn extremes_of_the_cosine_stay_in_range() {
+        for cosine in [-1.0, 1.0] {
+            let total: f64 = single_vote([0.0, 0.0, 1.0], cosine, true).iter().map(|vote| vote.1).sum();
+            // Cosine 1, radius 1, elevation 0.5 (the pole is half a bin off), no azimuth on the axis.
+            assert!((total - 2.5).abs() < 1e-12, "{total}");
+        }
+    }
+
+    #[test]
+    fn invalid_keypoints_are_nan_and_missing_normals_zero() -> Result<()> {
+        let rows: Vec<[f64; 3]> =
+            (0..30).map(|i| [f64::from(i % 6), f64::from(i / 6), f64::from(i % 5)]).collect();
+        let points = Points::from_rows("points", &rows)?;
+        let none = vec![Vector3::repeat(f64::NAN); 30];
+        let execution = Execution::default();
+        assert!(
+            Shot::new(9.0).describe(&points, &none, &[0], None, &execution)?[0].iter().all(|&v| v == 0.0)
+        );
+        let up = vec![Vector3::z(); 30];
+        assert!(Shot::new(0.5).describe(&points, &up, &[0], None, &execution)?[0][0].is_nan());
+        assert!(Shot::new(9.0).describe(&points, &up, &[0], Some(&[None]), &execution)?[0][0].is_nan());
+        assert!(Shot::new(9.0).describe(&points, &up, &[], None, &execution)?.is_empty());
+        assert!(Shot::new(9.0).describe(&points, &up[1..], &[], None, &execution).is_err());
+        Ok(())
+    }
+}

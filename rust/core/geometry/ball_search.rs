@@ -1,0 +1,369 @@
+//! All points within a fixed radius: a uniform grid whose cells own contiguous runs of points.
+//!
+//! Cells are numbered along x first, so that the cells a ball touches in one row form a single run of
+//! memory. Where the box around the cloud holds far more cells than points, only occupied cells are
+//! stored; memory stays linear in the number of points.
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use crate::error::{Result, positive};
+use crate::execution::Execution;
+use crate::points::Points;
+
+/// Cells per radius: smaller cells fit the ball better, larger ones need fewer look-ups.
+const CELLS_PER_RADIUS: f64 = 2.0;
+/// Cells along an axis; three of these make a number below 2^63.
+const MAX_CELLS_PER_AXIS: f64 = (1 << 21) as f64;
+/// Cells of the dense table per point of the cloud.
+const DENSE_CELLS_PER_POINT: u64 = 8;
+/// Queries that one task takes.
+const QUERIES_PER_TASK: usize = 128;
+
+/// Finds all points nearer than a radius fixed in advance.
+#[derive(Debug, Clone)]
+pub struct BallSearch {
+    radius: f64,
+    cell_size: f64,
+    low: [f64; 3],
+    cells: [u64; 3],
+    starts: CellStarts,
+    /// Coordinates in grid order.
+    points: Vec<[f64; 3]>,
+    /// Index of each of them in the cloud.
+    order: Vec<u32>,
+}
+
+/// For every cell, where its points begin in grid order.
+#[derive(Debug, Clone)]
+enum CellStarts {
+    Dense(Vec<u32>),
+    Sparse { cells: Vec<u64>, starts: Vec<u32> },
+}
+
+/// What one query found, as arrays. Order: that of the grid, the same for any number of threads.
+#[derive(Debug, Clone, Default)]
+pub struct Ball {
+    /// Vector from the centre to each point found.
+    pub offset: Vec<[f64; 3]>,
+    /// Its squared length.
+    pub squared_distance: Vec<f64>,
+    /// The point's position in grid order (see [`BallSearch::reorder`]).
+    pub position: Vec<u32>,
+}
+
+impl Ball {
+    /// Number of points found.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Whether nothing was found.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// Offset of point `i` from the centre.
+    #[inline]
+    pub fn vector(&self, i: usize) -> Vector3<f64> {
+        Vector3::from(self.offset[i])
+    }
+
+    fn resize(&mut self, len: usize) {
+        self.offset.resize(len, [0.0; 3]);
+        self.squared_distance.resize(len, 0.0);
+        self.position.resize(len, 0);
+    }
+}
+
+impl BallSearch {
+    /// Sorts the points into cells for queries of `radius`. Cost O(N), memory about 60 bytes per point.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidInput`] unless the radius is positive.
+    pub fn new(cloud: &Points, radius: f64) -> Result<Self> {
+        positive("radius", radius)?;
+        let (low, extent) = bounding_box(cloud);
+        let widest = extent.iter().copied().fold(0.0, f64::max);
+        let cell_size = (radius / CELLS_PER_RADIUS).max(widest / (MAX_CELLS_PER_AXIS - 1.0));
+        let cells = extent.map(|length| (length / cell_size) as u64 + 1);
+        let mut grid = Self {
+            radius,
+            cell_size,
+            low,
+            cells,
+            starts: CellStarts::Dense(Vec::new()),
+            points: Vec::new(),
+            order: Vec::new(),
+        };
+        grid.fill(&cloud.rows());
+        Ok(grid)
+    }
+
+    /// Radius of the queries.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Index in the cloud of the point at a position in grid order.
+    #[inline]
+    pub fn index(&self, position: u32) -> u32 {
+        self.order[position as usize]
+    }
+
+    /// Puts one value per point of the cloud into grid order, so that a ball reads them in runs.
+    pub fn reorder<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        self.order.iter().map(|&index| values[index as usize]).collect()
+    }
+
+    /// Finds the points whose distance from `center` is **less than** the radius (as FLANN, which PCL
+    /// uses, does). A point of the cloud finds itself.
+    pub fn within(&self, center: &Point3<f64>, ball: &mut Ball) {
+        let center = [center.x, center.y, center.z];
+        let limit = self.radius * self.radius;
+        ball.resize(0);
+        self.for_each_run(center, |start, end| {
+            let mut found = ball.len();
+            ball.resize(found + end - start);
+            let (offsets, squares, positions) =
+                (&mut ball.offset[..], &mut ball.squared_distance[..], &mut ball.position[..]);
+            for (point, position) in self.points[start..end].iter().zip(start as u32..) {
+                let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
+                let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
+                offsets[found] = offset;
+                squares[found] = square;
+                positions[found] = position;
+                // Written first and counted only if inside: no branch to mispredict.
+                found += usize::from(square < limit);
+            }
+            ball.resize(found);
+        });
+    }
+
+    /// Whether any point nearer than the radius satisfies `test`, which is given its position.
+    pub fn any_within(&self, center: &Point3<f64>, test: impl Fn(u32) -> bool) -> bool {
+        let center = [center.x, center.y, center.z];
+        let limit = self.radius * self.radius;
+        let mut any = false;
+        self.for_each_run(center, |start, end| {
+            any = any
+                || (start..end).any(|position| {
+                    let point = self.points[position];
+                    let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
+                    let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
+                    square < limit && test(position as u32)
+                });
+        });
+        any
+    }
+
+    /// Calls `f(position, ball)` for every point of the cloud, on all threads; one result per point, in
+    /// the order of the cloud.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`] where the caller asked to stop.
+    pub fn map_points<T, F>(&self, execution: &Execution, f: F) -> Result<Vec<T>>
+    where
+        T: Copy + Default + Send,
+        F: Fn(u32, &Ball) -> T + Sync,
+    {
+        let mut sorted = vec![T::default(); self.len()];
+        sorted.par_chunks_mut(QUERIES_PER_TASK).enumerate().try_for_each_init(
+            Ball::default,
+            |ball, (task, results)| {
+                execution.check()?;
+                for (result, position) in results.iter_mut().zip((task * QUERIES_PER_TASK) as u32..) {
+                    self.within(&Point3::from(self.points[position as usize]), ball);
+                    *result = f(position, ball);
+                }
+                Ok(())
+            },
+        )?;
+        let mut results = vec![T::default(); self.len()];
+        for (&index, &value) in self.order.iter().zip(&sorted) {
+            results[index as usize] = value;
+        }
+        Ok(results)
+    }
+
+    /// Calls `f(i, ball)` for the ball around `centers[i]`, on all threads; one result per centre.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`] where the caller asked to stop.
+    pub fn map_at<T, F>(&self, centers: &[Point3<f64>], execution: &Execution, f: F) -> Result<Vec<T>>
+    where
+        T: Send,
+        F: Fn(usize, &Ball) -> T + Sync,
+    {
+        let query = |ball: &mut Ball, i: usize| {
+            execution.check()?;
+            self.within(&centers[i], ball);
+            Ok(f(i, ball))
+        };
+        (0..centers.len()).into_par_iter().with_min_len(4).map_init(Ball::default, query).collect()
+    }
+
+    /// Calls `f` with every non-empty run of points that may lie within the radius.
+    fn for_each_run(&self, center: [f64; 3], mut f: impl FnMut(usize, usize)) {
+        let low: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] - self.radius, k));
+        let high: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] + self.radius, k));
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                let row = (z * self.cells[1] + y) * self.cells[0];
+                let (start, end) = (self.start_of(row + low[0]), self.start_of(row + high[0] + 1));
+                if start < end {
+                    f(start, end);
+                }
+            }
+        }
+    }
+
+    /// Cell of a coordinate along axis `k`; places outside the box belong to its outermost cells.
+    #[inline]
+    fn cell(&self, coordinate: f64, k: usize) -> u64 {
+        let cell = ((coordinate - self.low[k]) / self.cell_size).max(0.0) as u64;
+        cell.min(self.cells[k] - 1)
+    }
+
+    /// Position of the first point in this or a later cell.
+    #[inline]
+    fn start_of(&self, cell: u64) -> usize {
+        match &self.starts {
+            CellStarts::Dense(starts) => starts[cell as usize] as usize,
+            CellStarts::Sparse { cells, starts } => {
+                starts[cells.partition_point(|&occupied| occupied < cell)] as usize
+            }
+        }
+    }
+
+    fn fill(&mut self, rows: &[[f64; 3]]) {
+        let cell_of = |row: &[f64; 3]| {
+            let [x, y, z] = [0, 1, 2].map(|k| self.cell(row[k], k));
+            (z * self.cells[1] + y) * self.cells[0] + x
+        };
+        let mut keyed: Vec<(u64, u32)> = rows.iter().map(cell_of).zip(0..).collect();
+        keyed.par_sort_unstable();
+        self.order = keyed.iter().map(|&(_, index)| index).collect();
+        self.points = self.reorder(rows);
+        let total = self.cells.iter().product::<u64>();
+        self.starts = if total <= DENSE_CELLS_PER_POINT * rows.len() as u64 + 1024 {
+            dense_starts(&keyed, total as usize)
+        } else {
+            sparse_starts(&keyed)
+        };
+    }
+}
+
+fn dense_starts(keyed: &[(u64, u32)], total: usize) -> CellStarts {
+    let mut starts = vec![0_u32; total + 1];
+    for &(cell, _) in keyed {
+        starts[cell as usize + 1] += 1;
+    }
+    for cell in 0..total {
+        starts[cell + 1] += starts[cell];
+    }
+    CellStarts::Dense(starts)
+}
+
+fn sparse_starts(keyed: &[(u64, u32)]) -> CellStarts {
+    let (mut cells, mut starts) = (Vec::new(), Vec::new());
+    for (&(cell, _), position) in keyed.iter().zip(0_u32..) {
+        if cells.last() != Some(&cell) {
+            cells.push(cell);
+            starts.push(position);
+        }
+    }
+    starts.push(keyed.len() as u32);
+    CellStarts::Sparse { cells, starts }
+}
+
+fn bounding_box(cloud: &Points) -> ([f64; 3], [f64; 3]) {
+    if cloud.is_empty() {
+        return ([0.0; 3], [0.0; 3]);
+    }
+    let axes = [&cloud.x, &cloud.y, &cloud.z];
+    let low = axes.map(|axis| axis.iter().copied().fold(f64::INFINITY, f64::min));
+    let high = axes.map(|axis| axis.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+    (low, std::array::from_fn(|k| high[k] - low[k]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scattered(count: u32, scale: f64) -> Vec<[f64; 3]> {
+        (0..count).map(|i| [1.1, 2.3, 3.7].map(|f| scale * (f64::from(i) * f).sin())).collect()
+    }
+
+    fn check(rows: &[[f64; 3]], radius: f64) -> Result<()> {
+        let points = Points::from_rows("points", rows)?;
+        let search = BallSearch::new(&points, radius)?;
+        let mut ball = Ball::default();
+        for query in 0..rows.len() {
+            search.within(&points.get(query), &mut ball);
+            let mut found: Vec<_> = ball.position.iter().map(|&p| search.index(p) as usize).collect();
+            found.sort_unstable();
+            let expected: Vec<_> = (0..rows.len())
+                .filter(|&i| (points.get(i) - points.get(query)).norm_squared() < radius * radius)
+                .collect();
+            assert_eq!(found, expected, "query {query}, radius {radius}");
+            for (i, &position) in ball.position.iter().enumerate() {
+                let index = search.index(position) as usize;
+                assert_eq!(ball.vector(i), points.get(index) - points.get(query));
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn agrees_with_brute_force() -> Result<()> {
+        for radius in [0.05, 0.3, 1.0, 5.0] {
+            check(&scattered(300, 1.0), radius)?;
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_far_outlier_needs_no_more_memory() -> Result<()> {
+        let mut rows = scattered(300, 1.0);
+        rows.push([1e9, -1e9, 1e9]);
+        check(&rows, 0.3)?;
+        let search = BallSearch::new(&Points::from_rows("points", &rows)?, 0.3)?;
+        assert!(matches!(search.starts, CellStarts::Sparse { ref cells, .. } if cells.len() <= rows.len()));
+        Ok(())
+    }
+
+    #[test]
+    fn coincident_and_single_points() -> Result<()> {
+        check(&[[1.0, 2.0, 3.0]; 20], 0.5)?;
+        check(&[[1.0, 2.0, 3.0]], 0.5)?;
+        check(&[], 0.5)
+    }
+
+    #[test]
+    fn the_boundary_is_outside() -> Result<()> {
+        let points = Points::from_rows("points", &[[0.0; 3], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])?;
+        let search = BallSearch::new(&points, 1.0)?;
+        let mut ball = Ball::default();
+        search.within(&points.get(0), &mut ball);
+        assert_eq!(ball.len(), 1);
+        Ok(())
+    }
+
+    #[test]
+    fn radius_must_be_positive() -> Result<()> {
+        let points = Points::from_rows("points", &[])?;
+        assert!(BallSearch::new(&points, 0.0).is_err() && BallSearch::new(&points, f64::NAN).is_err());
+        Ok(())
+    }
+}

@@ -1,0 +1,291 @@
+//! Exact nearest neighbours: a balanced k-d tree over a fixed set of points.
+//!
+//! Splits go by (coordinate, index) and not by coordinate alone, so coincident or axis-aligned points
+//! need no special case; neighbours are ordered by (distance, index), so ties have one answer.
+
+use std::collections::BinaryHeap;
+
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::points::Points;
+
+/// Largest number of points that are scanned rather than split.
+const LEAF_SIZE: usize = 12;
+/// Queries that one task takes.
+const QUERIES_PER_TASK: usize = 256;
+
+/// A point found by a search; ordered by distance, then index.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Neighbor {
+    /// Squared distance from the query.
+    pub squared_distance: f64,
+    /// Index of the point in the cloud.
+    pub index: u32,
+}
+
+impl Eq for Neighbor {}
+
+impl PartialOrd for Neighbor {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Neighbor {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.squared_distance.total_cmp(&other.squared_distance).then(self.index.cmp(&other.index))
+    }
+}
+
+/// Finds the points nearest to any point of space. Build once, query from many threads.
+#[derive(Debug, Clone)]
+pub struct NearestNeighbors {
+    /// Coordinates in tree order: every node owns a contiguous range.
+    points: Vec<[f64; 3]>,
+    /// Index of each of them in the cloud.
+    order: Vec<u32>,
+    /// Where each point of the cloud went.
+    position: Vec<u32>,
+    /// Inner nodes, heap-like: children of `i` are `2i + 1` and `2i + 2`.
+    nodes: Vec<Node>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Node {
+    axis: usize,
+    split: f64,
+    /// Lowest index in the right part; lets a tie in distance be settled without a visit.
+    lowest_right: u32,
+    /// Lowest index in the left part.
+    lowest_left: u32,
+}
+
+/// State of one query: the best `count` so far, and how far the current box is along each axis.
+struct Query<'a> {
+    center: [f64; 3],
+    count: usize,
+    skip: Option<u32>,
+    best: &'a mut BinaryHeap<Neighbor>,
+}
+
+impl NearestNeighbors {
+    /// Builds the tree. Cost O(N log N), memory 40 bytes per point.
+    pub fn new(cloud: &Points) -> Self {
+        let mut entries: Vec<([f64; 3], u32)> = cloud.rows().into_iter().zip(0..).collect();
+        let mut nodes = Vec::new();
+        build(&mut entries, 0, &mut nodes);
+        let mut position = vec![0; entries.len()];
+        for (place, &(_, index)) in entries.iter().enumerate() {
+            position[index as usize] = place as u32;
+        }
+        let (points, order) = entries.into_iter().unzip();
+        Self { points, order, position, nodes }
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The `count` points nearest to point `query`, itself left out, ordered by (distance, index).
+    ///
+    /// Fewer are returned where the cloud holds fewer. `found` is cleared first.
+    pub fn nearest(&self, query: usize, count: usize, found: &mut Vec<Neighbor>) {
+        let center = self.points[self.position[query] as usize];
+        self.search(center, count, Some(query as u32), found);
+    }
+
+    /// The `count` points nearest to a place in space, given relative to the cloud's centre.
+    pub fn nearest_to(&self, place: &Point3<f64>, count: usize, found: &mut Vec<Neighbor>) {
+        self.search([place.x, place.y, place.z], count, None, found);
+    }
+
+    /// Calls `f(index, neighbours)` with the `count` nearest other points of every point of the cloud, on
+    /// all threads; one result per point, in the order of the cloud.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`] where the caller asked to stop.
+    pub fn map_points<T, F>(&self, count: usize, execution: &Execution, f: F) -> Result<Vec<T>>
+    where
+        T: Copy + Default + Send,
+        F: Fn(usize, &[Neighbor]) -> T + Sync,
+    {
+        // In the order of the tree, so that a task's queries share what is in the cache.
+        let mut sorted = vec![T::default(); self.len()];
+        let tasks = sorted.par_chunks_mut(QUERIES_PER_TASK).zip(self.order.par_chunks(QUERIES_PER_TASK));
+        tasks.try_for_each_init(Vec::new, |found, (results, queries)| {
+            execution.check()?;
+            for (result, &query) in results.iter_mut().zip(queries) {
+                self.nearest(query as usize, count, found);
+                *result = f(query as usize, found);
+            }
+            Ok(())
+        })?;
+        Ok(self.position.iter().map(|&position| sorted[position as usize]).collect())
+    }
+
+    fn search(&self, center: [f64; 3], count: usize, skip: Option<u32>, found: &mut Vec<Neighbor>) {
+        found.clear();
+        if count == 0 || self.is_empty() {
+            return;
+        }
+        let mut best = BinaryHeap::from(std::mem::take(found));
+        let mut query = Query { center, count, skip, best: &mut best };
+        self.visit(0, 0, self.len(), [0.0; 3], &mut query);
+        *found = best.into_sorted_vec();
+    }
+
+    fn visit(&self, node: usize, start: usize, end: usize, offset: [f64; 3], query: &mut Query) {
+        if end - start <= LEAF_SIZE {
+            return self.scan(start, end, query);
+        }
+        let Node { axis, split, lowest_left, lowest_right } = self.nodes[node];
+        let middle = usize::midpoint(start, end);
+        let delta = query.center[axis] - split;
+        let mut beyond = offset;
+        beyond[axis] = delta;
+        let left = (2 * node + 1, start, middle, lowest_left);
+        let right = (2 * node + 2, middle, end, lowest_right);
+        let (near, far) = if delta <= 0.0 { (left, right) } else { (right, left) };
+        self.visit(near.0, near.1, near.2, offset, query);
+        if query.may_hold(squared_norm(beyond), far.3) {
+            self.visit(far.0, far.1, far.2, beyond, query);
+        }
+    }
+
+    fn scan(&self, start: usize, end: usize, query: &mut Query) {
+        for (point, &index) in self.points[start..end].iter().zip(&self.order[start..end]) {
+            if query.skip == Some(index) {
+                continue;
+            }
+            let delta = std::array::from_fn(|k| query.center[k] - point[k]);
+            query.offer(Neighbor { squared_distance: squared_norm(delta), index });
+        }
+    }
+}
+
+impl Query<'_> {
+    /// Whether a box at this distance, holding no index below `lowest`, may improve on what is known.
+    fn may_hold(&self, squared_distance: f64, lowest: u32) -> bool {
+        self.best.len() < self.count || self.best.peek() > Some(&Neighbor { squared_distance, index: lowest })
+    }
+
+    fn offer(&mut self, candidate: Neighbor) {
+        if self.best.len() < self.count {
+            self.best.push(candidate);
+        } else if let Some(mut worst) = self.best.peek_mut()
+            && candidate < *worst
+        {
+            *worst = candidate;
+        }
+    }
+}
+
+/// The same sum for boxes and for points: rounding then can't put a point nearer than its box.
+#[inline]
+fn squared_norm(v: [f64; 3]) -> f64 {
+    v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+}
+
+fn build(entries: &mut [([f64; 3], u32)], node: usize, nodes: &mut Vec<Node>) {
+    if entries.len() <= LEAF_SIZE {
+        return;
+    }
+    let axis = widest_axis(entries);
+    let middle = entries.len() / 2;
+    entries.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let lowest = |part: &[([f64; 3], u32)]| part.iter().map(|entry| entry.1).min().unwrap_or(0);
+    let (left, right) = entries.split_at_mut(middle);
+    if nodes.len() <= node {
+        nodes.resize(node + 1, Node::default());
+    }
+    nodes[node] =
+        Node { axis, split: right[0].0[axis], lowest_right: lowest(right), lowest_left: lowest(left) };
+    build(left, 2 * node + 1, nodes);
+    build(right, 2 * node + 2, nodes);
+}
+
+fn widest_axis(entries: &[([f64; 3], u32)]) -> usize {
+    let extent = |k: usize| {
+        let values = entries.iter().map(|entry| entry.0[k]);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        high - low
+    };
+    let extents = [extent(0), extent(1), extent(2)];
+    (1..3).fold(0, |widest, k| if extents[k] > extents[widest] { k } else { widest })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn brute_force(points: &Points, query: usize, count: usize) -> Vec<Neighbor> {
+        let mut all: Vec<_> = (0..points.len())
+            .filter(|&i| i != query)
+            .map(|i| {
+                let d = points.get(query) - points.get(i);
+                Neighbor { squared_distance: d.x * d.x + d.y * d.y + d.z * d.z, index: i as u32 }
+            })
+            .collect();
+        all.sort();
+        all.truncate(count);
+        all
+    }
+
+    fn check(rows: &[[f64; 3]], counts: &[usize]) -> Result<()> {
+        let points = Points::from_rows("points", rows)?;
+        let tree = NearestNeighbors::new(&points);
+        let mut found = Vec::new();
+        for query in (0..rows.len()).step_by(7) {
+            for &count in counts {
+                tree.nearest(query, count, &mut found);
+                assert_eq!(found, brute_force(&points, query, count), "query {query}, count {count}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn agrees_with_brute_force_on_a_lattice_full_of_ties() -> Result<()> {
+        let rows: Vec<[f64; 3]> =
+            (0..1000).map(|i| [f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)]).collect();
+        check(&rows, &[1, 6, 7, 20, 2000])
+    }
+
+    #[test]
+    fn agrees_with_brute_force_on_scattered_points() -> Result<()> {
+        let rows: Vec<[f64; 3]> =
+            (0..500).map(|i| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin())).collect();
+        check(&rows, &[0, 1, 30])
+    }
+
+    #[test]
+    fn coincident_points_come_in_the_order_of_their_index() -> Result<()> {
+        check(&[[1.0, 2.0, 3.0]; 300], &[1, 5, 299])?;
+        let points = Points::from_rows("points", &vec![[1.0, 2.0, 3.0]; 20_000])?;
+        let tree = NearestNeighbors::new(&points);
+        let mut found = Vec::new();
+        for query in 0..points.len() {
+            tree.nearest(query, 3, &mut found);
+            assert!(found.len() == 3 && found[2].index <= 3);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn empty_cloud_has_no_neighbours() -> Result<()> {
+        let tree = NearestNeighbors::new(&Points::from_rows("points", &[])?);
+        let mut found = vec![Neighbor { squared_distance: 0.0, index: 0 }];
+        tree.nearest_to(&Point3::origin(), 3, &mut found);
+        assert!(found.is_empty());
+        Ok(())
+    }
+}

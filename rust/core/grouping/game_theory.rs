@@ -1,0 +1,299 @@
+//! GTM: correspondences play a game; those that agree with many survivors survive.
+//!
+//! The paper, section 3.2 (after Rodola, Albarelli, Bergamasco, Torsello, IJCV 2013). Each
+//! correspondence is a strategy, the payoff of a pair is its distance ratio, and a population that
+//! starts uniform evolves by replicator dynamics. Cost O(n^2) per step.
+
+use super::GroupingMethod;
+use crate::compatibility::kernels::sum;
+use crate::compatibility::matrix::{PairMatrix, PairScore};
+use crate::error::{Error, at_least_one, positive};
+use crate::selection::otsu::{Cut, Threshold};
+use crate::{Correspondences, Execution, Grouping, Points, Result};
+
+/// A population whose mean payoff is no greater has nobody left who agrees with anybody.
+const NO_PAYOFF: f64 = 1e-300;
+
+/// Strategies with a larger share have survived infection-immunisation.
+const SURVIVES: f64 = 1e-9;
+
+/// Nash error at which infection-immunisation stops unless told otherwise.
+const NASH_ERROR: f64 = 1e-8;
+
+/// Payoffs that differ by less than this share of the greatest one are equal.
+const PAYOFF_TIE: f64 = 1e-12;
+
+/// What two strategies earn against each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Payoff {
+    /// `min(ds/dt, dt/ds)`, the paper's.
+    #[default]
+    DistanceRatio,
+    /// 1 where `|ds - dt|` is at most the tolerance, else 0.
+    DistanceDifference,
+}
+
+/// How the population evolves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Dynamics {
+    /// Discrete replicator dynamics, the paper's.
+    #[default]
+    Replicator,
+    /// Infection and immunisation (Rota Bulo, Bomze, *Games and Economic Behavior* 2011): O(n) per step.
+    InfectionImmunisation,
+}
+
+/// Parameters of game-theoretic matching.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GameTheory {
+    /// Steps; part of the selectivity, not a mere bound.
+    pub iterations: usize,
+    /// Cut on the population shares. Infection-immunisation keeps all survivors unless this is fixed.
+    pub threshold: Threshold,
+    /// Payoff of a pair.
+    pub payoff: Payoff,
+    /// Greatest distance difference for the payoff of that name, a length; default 3 resolutions.
+    pub tolerance: Option<f64>,
+    /// Whether pairs that share a source or a target point earn nothing.
+    pub one_to_one: bool,
+    /// Stop once a step moves the population by less (L1), or the Nash error falls below.
+    pub convergence_tolerance: Option<f64>,
+    /// Evolution of the population.
+    pub dynamics: Dynamics,
+}
+
+impl Default for GameTheory {
+    fn default() -> Self {
+        Self {
+            iterations: 100,
+            threshold: Threshold::default(),
+            payoff: Payoff::default(),
+            tolerance: None,
+            one_to_one: false,
+            convergence_tolerance: None,
+            dynamics: Dynamics::default(),
+        }
+    }
+}
+
+/// Shares of the strategies after the last step.
+struct Population {
+    shares: Vec<f64>,
+    mean_payoff: f64,
+    steps: usize,
+}
+
+impl GroupingMethod for GameTheory {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        self.validate()?;
+        let (source, target) = correspondences.positions("gtm")?;
+        let payoff = self.payoff_matrix(correspondences, source, target, execution)?; // Pi
+        let population = match self.dynamics {
+            Dynamics::Replicator => self.replicate(&payoff, execution)?,
+            Dynamics::InfectionImmunisation => self.infect_and_immunise(&payoff, execution)?,
+        };
+        let Cut { mask, threshold } = self.select(&population.shares); // x_i > t_gtm
+        let grouping = Grouping { mask, scores: Some(population.shares), threshold, ..Grouping::default() };
+        Ok(grouping.with("steps", population.steps as f64).with("mean_payoff", population.mean_payoff))
+    }
+}
+
+impl GameTheory {
+    fn validate(&self) -> Result<()> {
+        at_least_one("iterations", self.iterations)?;
+        self.threshold.validate()?;
+        if let Some(tolerance) = self.convergence_tolerance {
+            positive("convergence_tolerance", tolerance)?;
+        }
+        if self.payoff == Payoff::DistanceRatio && self.tolerance.is_some() {
+            let remedy = "the distance-ratio payoff has no tolerance; leave it out or use \
+                          payoff=\"distance_difference\"";
+            return Err(Error::invalid("tolerance", self.tolerance.unwrap_or_default(), remedy));
+        }
+        Ok(())
+    }
+
+    fn payoff_matrix(
+        &self,
+        correspondences: &Correspondences,
+        source: &Points,
+        target: &Points,
+        execution: &Execution,
+    ) -> Result<PairMatrix> {
+        let score = match self.payoff {
+            // Zero-length edges earn 0, which contains the one-to-one rule.
+            Payoff::DistanceRatio => PairScore::DistanceRatio,
+            Payoff::DistanceDifference => PairScore::DistanceDifferenceIndicator {
+                tolerance: correspondences.length("tolerance", self.tolerance, 3.0)?,
+                one_to_one: self.one_to_one,
+            },
+        };
+        PairMatrix::new(source, target, score, None, execution)
+    }
+
+    fn replicate(&self, payoff: &PairMatrix, execution: &Execution) -> Result<Population> {
+        let mut shares = uniform(payoff.len());
+        let mut mean_payoff = 0.0;
+        for step in 0..self.iterations {
+            let payoffs = payoff.multiply(&shares, execution)?; // y = Pi x
+            let products: Vec<f64> = shares.iter().zip(&payoffs).map(|(x, y)| x * y).collect();
+            mean_payoff = sum(&products); // z = x' Pi x
+            if mean_payoff <= NO_PAYOFF {
+                return Ok(Population { shares, mean_payoff, steps: step });
+            }
+            let next: Vec<f64> = products.iter().map(|share| share / mean_payoff).collect(); // x_i y_i / z
+            let moved = sum(&shares.iter().zip(&next).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>());
+            shares = next;
+            execution.report(step + 1, self.iterations)?;
+            if self.convergence_tolerance.is_some_and(|least| moved < least) {
+                return Ok(Population { shares, mean_payoff, steps: step + 1 });
+            }
+        }
+        Ok(Population { shares, mean_payoff, steps: self.iterations })
+    }
+
+    fn infect_and_immunise(&self, payoff: &PairMatrix, execution: &Execution) -> Result<Population> {
+        let nash_error = self.convergence_tolerance.unwrap_or(NASH_ERROR);
+        let mut shares = uniform(payoff.len());
+        let mut payoffs = payoff.multiply(&shares, execution)?; // Pi x
+        let mut mean_payoff = 0.0;
+        for step in 0..self.iterations {
+            mean_payoff = sum(&shares.iter().zip(&payoffs).map(|(x, y)| x * y).collect::<Vec<_>>());
+            if squared_nash_error(&shares, &payoffs, mean_payoff) < nash_error * nash_error {
+                return Ok(Population { shares, mean_payoff, steps: step });
+            }
+            let Some(Move { strategy, length: mu, extinguishes }) = best_move(&shares, &payoffs, mean_payoff)
+            else {
+                return Ok(Population { shares, mean_payoff, steps: step });
+            };
+            for (i, share) in shares.iter_mut().enumerate() {
+                let vertex = if i == strategy { 1.0 } else { 0.0 };
+                *share = (*share + mu * (vertex - *share)).max(0.0); // x + mu (e_k - x)
+            }
+            if extinguishes {
+                shares[strategy] = 0.0;
+            }
+            for (y, entry) in payoffs.iter_mut().zip(payoff.row(strategy)) {
+                *y += mu * (entry - *y); // Pi x + mu (Pi e_k - Pi x)
+            }
+            execution.report(step + 1, self.iterations)?;
+        }
+        Ok(Population { shares, mean_payoff, steps: self.iterations })
+    }
+
+    fn select(&self, shares: &[f64]) -> Cut {
+        match (self.dynamics, self.threshold) {
+            (Dynamics::InfectionImmunisation, Threshold::Otsu(_)) => Threshold::Fixed(SURVIVES).above(shares),
+            _ => self.threshold.above(shares),
+        }
+    }
+}
+
+fn uniform(n: usize) -> Vec<f64> {
+    vec![1.0 / n.max(1) as f64; n]
+}
+
+/// `sum_i min(x_i, mean - y_i)^2`: 0 exactly at a Nash equilibrium.
+fn squared_nash_error(shares: &[f64], payoffs: &[f64], mean: f64) -> f64 {
+    shares.iter().zip(payoffs).map(|(&x, y)| x.min(mean - y).powi(2)).sum()
+}
+
+/// A move of the population along `e_k - x`: towards strategy k, or away from it.
+struct Move {
+    strategy: usize,
+    length: f64,
+    extinguishes: bool,
+}
+
+/// Towards the strategy that earns most above the mean, or away from the living one that earns most
+/// below it, whichever differs more; ties within rounding go to spreading, and to the lowest index.
+fn best_move(shares: &[f64], payoffs: &[f64], mean: f64) -> Option<Move> {
+    let tie = PAYOFF_TIE * payoffs.iter().fold(0.0, |most: f64, y| most.max(y.abs()));
+    let spreads = |i: usize| payoffs[i] - mean > tie;
+    let shrinks = |i: usize| mean - payoffs[i] > tie && shares[i] > 0.0;
+    let all = 0..shares.len();
+    let gain = all.clone().filter(|&i| spreads(i)).map(|i| payoffs[i] - mean).fold(0.0, f64::max);
+    let loss = all.clone().filter(|&i| shrinks(i)).map(|i| mean - payoffs[i]).fold(0.0, f64::max);
+    let spread = || all.clone().find(|&i| spreads(i) && payoffs[i] - mean >= gain - tie);
+    let shrink = || all.clone().find(|&i| shrinks(i) && mean - payoffs[i] >= loss - tie);
+    let (strategy, bound) = if gain > 0.0 && gain >= loss - tie {
+        (spread()?, 1.0)
+    } else {
+        let k = shrink()?;
+        (k, shares[k] / (shares[k] - 1.0)) // where its share reaches 0
+    };
+    let advantage = payoffs[strategy] - mean; // (e_k - x)' Pi x
+    let curvature = mean - 2.0 * payoffs[strategy]; // (e_k - x)' Pi (e_k - x), as Pi_kk = 0
+    let newton = if curvature < 0.0 { -advantage / curvature } else { bound };
+    let length = if bound > 0.0 { newton.min(bound) } else { newton.max(bound) };
+    Some(Move { strategy, length, extinguishes: bound < 0.0 && length <= bound })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four points moved rigidly, two matched elsewhere.
+    fn problem() -> Result<Correspondences> {
+        let source = [[0., 0., 0.], [4., 0., 0.], [0., 3., 0.], [0., 0., 5.], [1., 1., 1.], [2., 5., 1.]];
+        let mut target = source.map(|p| [p[0] + 10.0, p[1], p[2]]);
+        target[4] = [40.0, 9.0, 2.0];
+        target[5] = [-3.0, -30.0, 8.0];
+        Correspondences::new(&source, &target)
+    }
+
+    #[test]
+    fn survivors_are_the_rigid_ones() -> Result<()> {
+        let expected = [true, true, true, true, false, false];
+        for dynamics in [Dynamics::Replicator, Dynamics::InfectionImmunisation] {
+            let method = GameTheory { dynamics, ..GameTheory::default() };
+            let group = method.group(&problem()?, &Execution::default())?;
+            assert_eq!(group.mask, expected, "{dynamics:?}");
+            let total: f64 = group.scores.unwrap_or_default().iter().sum();
+            assert!((total - 1.0).abs() < 1e-9);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn one_step_by_hand() -> Result<()> {
+        // ds = 1, 2, 3 and dt = 1, 1, 2: rho = 1, 1/2, 2/3.
+        let source = [[0., 0., 0.], [1., 0., 0.], [3., 0., 0.]];
+        let target = [[0., 0., 0.], [1., 0., 0.], [2., 0., 0.]];
+        let input = Correspondences::new(&source, &target)?;
+        let group =
+            GameTheory { iterations: 1, ..GameTheory::default() }.group(&input, &Execution::default())?;
+        let payoffs = [1.0 + 2.0 / 3.0, 1.0 + 0.5, 2.0 / 3.0 + 0.5];
+        let total: f64 = payoffs.iter().sum();
+        for (share, payoff) in group.scores.unwrap_or_default().iter().zip(payoffs) {
+            assert!((share - payoff / total).abs() < 1e-14);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn mean_payoff_never_falls() -> Result<()> {
+        let mut last = 0.0;
+        for iterations in 1..30 {
+            let group = GameTheory { iterations, ..GameTheory::default() }
+                .group(&problem()?, &Execution::default())?;
+            let mean = group.diagnostics["mean_payoff"];
+            assert!(mean >= last - 1e-15);
+            last = mean;
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn tiny_inputs_are_defined() -> Result<()> {
+        for n in 0..3 {
+            let rows: Vec<[f64; 3]> = (0..n).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+            for dynamics in [Dynamics::Replicator, Dynamics::InfectionImmunisation] {
+                let method = GameTheory { dynamics, ..GameTheory::default() };
+                let group = method.group(&Correspondences::new(&rows, &rows)?, &Execution::default())?;
+                assert_eq!(group.mask.len(), rows.len());
+            }
+        }
+        Ok(())
+    }
+}

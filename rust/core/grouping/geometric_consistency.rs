@@ -1,0 +1,253 @@
+//! GC: the largest cluster of correspondences that keep their distance to a seed.
+//!
+//! The paper, section 3.2 (after Chen, Bhanu, PRL 2007): for each seed, the correspondences whose
+//! distances to it differ by less than 3 pr between the two shapes. Cost O(n^2) time, O(n) memory.
+
+use rayon::prelude::*;
+
+use super::GroupingMethod;
+use crate::compatibility::distance::distance_difference;
+use crate::compatibility::kernels::{Side, count_within, dispatch};
+use crate::error::at_least_one;
+use crate::grouping_result::mask_of;
+use crate::selection::sample_consensus::SampleConsensus;
+use crate::selection::top_k::largest;
+use crate::{Correspondences, Execution, Grouping, Points, Result};
+
+/// What a cluster is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Variant {
+    /// A seed and all that are consistent with it; the paper's.
+    #[default]
+    Star,
+    /// A set grown greedily whose members are all consistent with each other, filtered by RANSAC; PCL's.
+    Clique,
+}
+
+/// Which of several largest star clusters is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Ties {
+    /// That of the lowest index.
+    #[default]
+    Lowest,
+    /// The union of all.
+    Union,
+}
+
+/// Parameters of geometric consistency.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GeometricConsistency {
+    /// Greatest distance difference, a length; default 3 resolutions.
+    pub tolerance: Option<f64>,
+    /// What a cluster is.
+    pub variant: Variant,
+    /// Ties between star clusters.
+    pub ties: Ties,
+    /// Clique variant: a set with no more members than this is not a cluster.
+    pub min_cluster_size: usize,
+    /// Clique variant: samples of the RANSAC filter.
+    pub iterations: usize,
+    /// Clique variant: key of the filter's random numbers.
+    pub seed: u64,
+}
+
+impl Default for GeometricConsistency {
+    fn default() -> Self {
+        Self {
+            tolerance: None,
+            variant: Variant::default(),
+            ties: Ties::default(),
+            min_cluster_size: 3,
+            iterations: 10_000,
+            seed: 0,
+        }
+    }
+}
+
+impl GroupingMethod for GeometricConsistency {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        let (source, target) = correspondences.positions("gc")?;
+        let tolerance = correspondences.length("tolerance", self.tolerance, 3.0)?;
+        at_least_one("iterations", self.iterations)?;
+        match self.variant {
+            Variant::Star => self.largest_star(source, target, tolerance, execution),
+            Variant::Clique => {
+                let order = visiting_order(correspondences);
+                self.largest_clique(source, target, tolerance, &order, execution)
+            }
+        }
+    }
+}
+
+impl GeometricConsistency {
+    fn largest_star(
+        &self,
+        source: &Points,
+        target: &Points,
+        tolerance: f64,
+        execution: &Execution,
+    ) -> Result<Grouping> {
+        let sizes = cluster_sizes(source, target, tolerance, execution)?; // |G_i|
+        let greatest = sizes.iter().copied().max().unwrap_or_default();
+        let mut seeds = (0..sizes.len()).filter(|&i| sizes[i] == greatest);
+        let Some(first) = seeds.next() else {
+            return Ok(Grouping { scores: Some(Vec::new()), ..Grouping::empty(0) });
+        };
+        let mut mask = star(first, source, target, tolerance); // i* = argmax |G_i|
+        if self.ties == Ties::Union {
+            for seed in seeds {
+                let other = star(seed, source, target, tolerance);
+                mask.iter_mut().zip(other).for_each(|(member, also)| *member |= also);
+            }
+        }
+        let scores = sizes.iter().map(|&size| size as f64).collect();
+        let grouping = Grouping { mask, scores: Some(scores), ..Grouping::default() };
+        Ok(grouping.with("seed_index", first as f64))
+    }
+
+    fn largest_clique(
+        &self,
+        source: &Points,
+        target: &Points,
+        tolerance: f64,
+        order: &[usize],
+        execution: &Execution,
+    ) -> Result<Grouping> {
+        let filter = SampleConsensus {
+            iterations: self.iterations,
+            tolerance,
+            seed: self.seed,
+            edge_ratio: None,
+            confidence: None,
+        };
+        let mut taken = vec![false; source.len()];
+        let mut largest: Vec<usize> = Vec::new();
+        let mut clusters = 0;
+        for (rank, &seed) in order.iter().enumerate() {
+            execution.report(rank, order.len())?;
+            if taken[seed] {
+                continue;
+            }
+            let mut clique = grow_clique(seed, order, &taken, source, target, tolerance);
+            if clique.len() <= self.min_cluster_size {
+                continue;
+            }
+            clusters += 1;
+            clique.iter().for_each(|&i| taken[i] = true);
+            // A set no larger than the best one can't win after filtering.
+            if clique.len() > largest.len() {
+                clique.sort_unstable();
+                let filtered = filter.consensus_among(&clique, source, target, execution)?;
+                if filtered.len() > largest.len() {
+                    largest = filtered;
+                }
+            }
+        }
+        Ok(Grouping::from_mask(mask_of(source.len(), largest)).with("clusters", f64::from(clusters)))
+    }
+}
+
+/// Size of each star cluster, its seed included.
+fn cluster_sizes(
+    source: &Points,
+    target: &Points,
+    tolerance: f64,
+    execution: &Execution,
+) -> Result<Vec<usize>> {
+    let side = |p: &Points| Side { x: p.x.clone(), y: p.y.clone(), z: p.z.clone(), zero_squared: 0.0 };
+    let (source, target) = (side(source), side(target));
+    (0..source.x.len())
+        .into_par_iter()
+        .with_min_len(16)
+        .map(|i| {
+            execution.check()?;
+            Ok(1 + dispatch(|| count_within(&source, &target, i, tolerance)))
+        })
+        .collect()
+}
+
+/// `G_i`: the seed and all whose distance to it differs by less than the tolerance.
+fn star(seed: usize, source: &Points, target: &Points, tolerance: f64) -> Vec<bool> {
+    (0..source.len())
+        .map(|j| distance_difference(source.distance(seed, j), target.distance(seed, j)) < tolerance)
+        .collect()
+}
+
+/// Best descriptors first; in the input's order where there are none.
+fn visiting_order(correspondences: &Correspondences) -> Vec<usize> {
+    match correspondences.optional_similarity() {
+        Some(similarity) => largest(similarity, similarity.len()),
+        None => (0..correspondences.len()).collect(),
+    }
+}
+
+/// Adds, in visiting order, whatever is consistent with every member so far.
+fn grow_clique(
+    seed: usize,
+    order: &[usize],
+    taken: &[bool],
+    source: &Points,
+    target: &Points,
+    tolerance: f64,
+) -> Vec<usize> {
+    let mut clique = vec![seed];
+    for &j in order {
+        let fits =
+            |&k: &usize| distance_difference(source.distance(j, k), target.distance(j, k)) <= tolerance;
+        if j != seed && !taken[j] && clique.iter().all(fits) {
+            clique.push(j);
+        }
+    }
+    clique
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Five points moved rigidly; point 5 agrees with point 0 alone; point 6 with nobody.
+    fn problem() -> Result<Correspondences> {
+        let source = [
+            [0., 0., 0.],
+            [4., 0., 0.],
+            [0., 3., 0.],
+            [0., 0., 5.],
+            [3., 3., 3.],
+            [2., 1., 0.5],
+            [1., 1., 1.],
+        ];
+        let mut target = source.map(|p| [p[0] + 10.0, p[1], p[2]]);
+        target[5] = [9.0, -2.0, -0.5];
+        target[6] = [90.0, 9.0, 2.0];
+        Correspondences::new(&source, &target)?.with_resolution(0.1)
+    }
+
+    #[test]
+    fn star_of_the_best_seed() -> Result<()> {
+        let group = GeometricConsistency::default().group(&problem()?, &Execution::default())?;
+        assert_eq!(group.scores, Some(vec![6.0, 5.0, 5.0, 5.0, 5.0, 2.0, 1.0]));
+        assert_eq!(group.mask, [true, true, true, true, true, true, false]);
+        Ok(())
+    }
+
+    #[test]
+    fn clique_leaves_out_what_agrees_with_the_seed_alone() -> Result<()> {
+        let method = GeometricConsistency { variant: Variant::Clique, ..GeometricConsistency::default() };
+        let group = method.group(&problem()?, &Execution::default())?;
+        assert_eq!(group.mask, [true, true, true, true, true, false, false]);
+        Ok(())
+    }
+
+    #[test]
+    fn ties_can_be_united() -> Result<()> {
+        let source = [[0., 0., 0.], [1., 0., 0.], [50., 0., 0.], [50., 1., 0.]];
+        let target = [[0., 0., 0.], [1., 0., 0.], [90., 0., 0.], [90., 1., 0.]];
+        let input = Correspondences::new(&source, &target)?;
+        for (ties, size) in [(Ties::Lowest, 2), (Ties::Union, 4)] {
+            let method =
+                GeometricConsistency { ties, tolerance: Some(0.1), ..GeometricConsistency::default() };
+            assert_eq!(method.group(&input, &Execution::default())?.size(), size);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,54 @@
+//! NNSR: keep the correspondences whose nearest descriptor is clearly nearer than the second nearest.
+//!
+//! The paper, section 3.1 (after Lowe, IJCV 2004): the score `1 - d1/d2` measures distinctiveness;
+//! the bound 0.8 of the paper's Table 1 is Lowe's bound on the ratio itself. Cost O(n).
+
+use super::GroupingMethod;
+use crate::error::fraction;
+use crate::{Correspondences, Execution, Grouping, Result};
+
+/// Parameters of the nearest-neighbour similarity ratio.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NearestNeighborRatio {
+    /// Greatest accepted ratio of nearest to second-nearest descriptor distance, in 0..=1.
+    pub max_ratio: f64,
+}
+
+impl Default for NearestNeighborRatio {
+    fn default() -> Self {
+        Self { max_ratio: 0.8 }
+    }
+}
+
+impl GroupingMethod for NearestNeighborRatio {
+    fn group(&self, correspondences: &Correspondences, _: &Execution) -> Result<Grouping> {
+        let max_ratio = fraction("max_ratio", self.max_ratio)?;
+        let ratio = correspondences.ratio("nnsr")?;
+        Ok(Grouping {
+            mask: ratio.iter().map(|&r| r <= max_ratio).collect(),
+            scores: Some(ratio.iter().map(|r| 1.0 - r).collect()),
+            threshold: Some(1.0 - max_ratio),
+            ..Grouping::default()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn accepts_ratios_up_to_the_bound() -> Result<()> {
+        let input = Correspondences::without_positions(3).with_ratio(vec![0.8, 0.81, 0.0])?;
+        let group = NearestNeighborRatio::default().group(&input, &Execution::default())?;
+        assert_eq!(group.mask, [true, false, true]);
+        Ok(())
+    }
+
+    #[test]
+    fn refuses_a_bound_above_one() -> Result<()> {
+        let input = Correspondences::without_positions(1).with_ratio(vec![0.5])?;
+        assert!(NearestNeighborRatio { max_ratio: 1.5 }.group(&input, &Execution::default()).is_err());
+        Ok(())
+    }
+}

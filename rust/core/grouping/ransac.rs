@@ -1,0 +1,127 @@
+//! RANSAC: the rigid transform of three random correspondences that the most others agree with.
+//!
+//! The paper, section 3.2 (after Fischler, Bolles, CACM 1981): 10,000 samples of three, a
+//! least-squares transform each, inliers nearer than 5 pr, no refit. Cost O(iterations n).
+
+use super::GroupingMethod;
+use crate::error::{Error, at_least_one, fraction};
+use crate::geometry::rigid::{Rigid, fit_rigid};
+use crate::selection::sample_consensus::{Consensus, SampleConsensus};
+use crate::{Correspondences, Execution, Grouping, Points, Result};
+
+/// Parameters of random sample consensus.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ransac {
+    /// An inlier's residual is less than this length; default 5 resolutions.
+    pub tolerance: Option<f64>,
+    /// Number of samples.
+    pub iterations: usize,
+    /// Key of the random numbers.
+    pub seed: u64,
+    /// Fit the transform to all inliers once and select again.
+    pub refine: bool,
+    /// Drop samples with an edge whose distance ratio is lower before judging them (0.9 is usual).
+    pub edge_ratio: Option<f64>,
+    /// Stop once a better transform has been missed with at most one minus this probability.
+    pub confidence: Option<f64>,
+}
+
+impl Default for Ransac {
+    fn default() -> Self {
+        Self {
+            tolerance: None,
+            iterations: 10_000,
+            seed: 0,
+            refine: false,
+            edge_ratio: None,
+            confidence: None,
+        }
+    }
+}
+
+impl GroupingMethod for Ransac {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        let (source, target) = correspondences.positions("ransac")?;
+        let engine = self.engine(correspondences)?;
+        let Some(best) = engine.run(source, target, execution)? else {
+            return Ok(Grouping::empty(source.len()));
+        };
+        let (model, mask) = if self.refine {
+            refit(&best.model, &engine, source, target)
+        } else {
+            (best.model, engine.inlier_mask(&best.model, source, target))
+        };
+        Ok(report(&best, &model, mask, source, target))
+    }
+}
+
+impl Ransac {
+    fn engine(&self, correspondences: &Correspondences) -> Result<SampleConsensus> {
+        if let Some(ratio) = self.edge_ratio {
+            fraction("edge_ratio", ratio)?;
+        }
+        if let Some(confidence) = self.confidence
+            && !(0.0..1.0).contains(&confidence)
+        {
+            return Err(Error::invalid("confidence", confidence, "give a number from 0 to below 1"));
+        }
+        Ok(SampleConsensus {
+            iterations: at_least_one("iterations", self.iterations)?,
+            tolerance: correspondences.length("tolerance", self.tolerance, 5.0)?,
+            seed: self.seed,
+            edge_ratio: self.edge_ratio,
+            confidence: self.confidence,
+        })
+    }
+}
+
+fn refit(model: &Rigid, engine: &SampleConsensus, source: &Points, target: &Points) -> (Rigid, Vec<bool>) {
+    let inliers = engine.inlier_mask(model, source, target);
+    let selected = |points: &Points| {
+        (0..points.len()).filter(|&i| inliers[i]).map(|i| points.get(i)).collect::<Vec<_>>()
+    };
+    let refined = fit_rigid(&selected(source), &selected(target));
+    (refined, engine.inlier_mask(&refined, source, target))
+}
+
+fn report(best: &Consensus, model: &Rigid, mask: Vec<bool>, source: &Points, target: &Points) -> Grouping {
+    let model = model.uncentered(source, target).to_matrix();
+    Grouping { mask, model: Some(model), ..Grouping::default() }
+        .with("iterations", best.iterations as f64)
+        .with("best_iteration", best.iteration as f64)
+        .with("inliers_before_refit", best.inliers as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_the_moved_points() -> Result<()> {
+        let source: Vec<[f64; 3]> =
+            (0..12).map(|i| [f64::from(i % 4), f64::from(i / 4), f64::from(i * i % 5)]).collect();
+        let target: Vec<[f64; 3]> = source
+            .iter()
+            .enumerate()
+            .map(|(i, p)| if i < 8 { [-p[1] + 3.0, p[0], p[2]] } else { [50.0 + p[2], 7.0 * p[0], -p[1]] })
+            .collect();
+        let input = Correspondences::new(&source, &target)?.with_resolution(0.1)?;
+        for refine in [false, true] {
+            let group = Ransac { refine, ..Ransac::default() }.group(&input, &Execution::default())?;
+            assert_eq!(group.mask, (0..12).map(|i| i < 8).collect::<Vec<_>>());
+            let model = group.model.unwrap_or_default();
+            assert!((model[(0, 1)] + 1.0).abs() < 1e-9 && (model[(0, 3)] - 3.0).abs() < 1e-9);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn needs_a_length_and_three_points() -> Result<()> {
+        let rows = [[0.0; 3]; 4];
+        let input = Correspondences::new(&rows, &rows)?;
+        assert!(Ransac::default().group(&input, &Execution::default()).is_err());
+        let input = input.with_resolution(1.0)?;
+        assert_eq!(Ransac::default().group(&input, &Execution::default())?.size(), 0);
+        Ok(())
+    }
+}

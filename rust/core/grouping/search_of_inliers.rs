@@ -1,0 +1,201 @@
+//! SI: voting by neighbours, then by the most distinctive correspondences under the candidate's own pose.
+//!
+//! The paper, section 3.1 (after Buch, Yang, Kruger, Petersen, CVPR 2014):
+//! `s_i = (|Y_L| + |Y_G|) / (|C_L| + |C_G|)`. Cost O(n log n + n neighbours).
+
+use rayon::prelude::*;
+
+use super::GroupingMethod;
+use crate::compatibility::consistency::{pose_of, residual};
+use crate::compatibility::distance::distance_ratio;
+use crate::correspondences::Frame;
+use crate::error::{at_least_one, fraction};
+use crate::geometry::neighbors::NearestNeighbors;
+use crate::selection::otsu::{Cut, Threshold};
+use crate::selection::top_k::{largest, smallest};
+use crate::{Correspondences, Execution, Grouping, Points, Result};
+
+/// Which correspondences vote on all others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum GlobalRank {
+    /// Those with the lowest nearest-neighbour ratio; the paper's.
+    #[default]
+    Lowe,
+    /// Those with the best local score, as in the original author's code.
+    LocalScore,
+}
+
+/// Parameters of the search of inliers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SearchOfInliers {
+    /// delta: greatest residual of a global vote, a length; default 5 resolutions.
+    pub tolerance: Option<f64>,
+    /// kappa: number of local neighbours, and of global voters.
+    pub neighbors: usize,
+    /// sigma: least distance ratio of a vote, in 0..=1.
+    pub min_distance_ratio: f64,
+    /// Local voters have a lower ratio of nearest to second-nearest descriptor distance.
+    pub lowe_ratio: f64,
+    /// Which correspondences vote on all others.
+    pub global_rank: GlobalRank,
+    /// Cut on the scores.
+    pub threshold: Threshold,
+}
+
+impl Default for SearchOfInliers {
+    fn default() -> Self {
+        Self {
+            tolerance: None,
+            neighbors: 250,
+            min_distance_ratio: 0.9,
+            lowe_ratio: 0.8,
+            global_rank: GlobalRank::default(),
+            threshold: Threshold::default(),
+        }
+    }
+}
+
+/// Votes for a correspondence out of those cast.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Votes {
+    support: usize,
+    cast: usize,
+}
+
+impl Votes {
+    fn share(self) -> f64 {
+        if self.cast == 0 { 0.0 } else { self.support as f64 / self.cast as f64 }
+    }
+}
+
+impl GroupingMethod for SearchOfInliers {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        self.validate()?;
+        let (source, target) = correspondences.positions("si")?;
+        let (source_frames, target_frames) = correspondences.frames("si")?;
+        let ratio = correspondences.ratio("si")?;
+        let tolerance = correspondences.length("tolerance", self.tolerance, 5.0)?;
+        let ballot = Ballot { source, target, source_frames, target_frames, tolerance, method: *self };
+
+        let distinctive: Vec<bool> = ratio.iter().map(|&r| r < self.lowe_ratio).collect(); // L
+        let local = ballot.local_votes(&distinctive, execution)?; // Y_L, C_L
+        let voters = self.global_voters(ratio, &local); // C_G
+        let global = ballot.global_votes(&voters, execution)?; // Y_G, C_G without i
+        let scores: Vec<f64> = local
+            .iter()
+            .zip(&global)
+            .map(|(l, g)| Votes { support: l.support + g.support, cast: l.cast + g.cast }.share())
+            .collect(); // s_i
+        let Cut { mask, threshold } = self.threshold.above(&scores);
+        Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() })
+    }
+}
+
+impl SearchOfInliers {
+    fn validate(&self) -> Result<()> {
+        at_least_one("neighbors", self.neighbors)?;
+        fraction("min_distance_ratio", self.min_distance_ratio)?;
+        fraction("lowe_ratio", self.lowe_ratio)?;
+        self.threshold.validate()
+    }
+
+    fn global_voters(&self, ratio: &[f64], local: &[Votes]) -> Vec<usize> {
+        match self.global_rank {
+            GlobalRank::Lowe => smallest(ratio, self.neighbors),
+            GlobalRank::LocalScore => {
+                let local_scores: Vec<f64> = local.iter().map(|votes| votes.share()).collect();
+                largest(&local_scores, self.neighbors)
+            }
+        }
+    }
+}
+
+struct Ballot<'a> {
+    source: &'a Points,
+    target: &'a Points,
+    source_frames: &'a [Frame],
+    target_frames: &'a [Frame],
+    tolerance: f64,
+    method: SearchOfInliers,
+}
+
+impl Ballot<'_> {
+    /// Distinctive correspondences among the nearest source keypoints vote by rigidity.
+    fn local_votes(&self, distinctive: &[bool], execution: &Execution) -> Result<Vec<Votes>> {
+        let tree = NearestNeighbors::new(self.source);
+        tree.map_points(self.method.neighbors, execution, |i, nearest| {
+            let voters = nearest.iter().map(|found| found.index as usize); // N_i
+            count(voters.filter(|&j| distinctive[j]), |j| self.is_rigid(i, j)) // C_L = N_i and L
+        })
+    }
+
+    /// Global voters must agree with the pose of `i` as well.
+    fn global_votes(&self, voters: &[usize], execution: &Execution) -> Result<Vec<Votes>> {
+        let votes_on = |i: usize| {
+            execution.check()?;
+            let pose = pose_of(i, self.source, self.target, &self.source_frames[i], &self.target_frames[i]);
+            let others = voters.iter().copied().filter(|&j| j != i);
+            Ok(count(others, |j| {
+                pose.as_ref().is_some_and(|pose| {
+                    residual(pose, j, self.source, self.target) < self.tolerance && self.is_rigid(i, j)
+                })
+            }))
+        };
+        (0..self.source.len()).into_par_iter().with_min_len(16).map(votes_on).collect()
+    }
+
+    /// `rho_ij > sigma`.
+    fn is_rigid(&self, i: usize, j: usize) -> bool {
+        let (ds, dt) = (self.source.distance(i, j), self.target.distance(i, j));
+        distance_ratio(ds, dt, self.source.zero_length(), self.target.zero_length())
+            > self.method.min_distance_ratio
+    }
+}
+
+fn count(voters: impl Iterator<Item = usize>, supports: impl Fn(usize) -> bool) -> Votes {
+    let mut votes = Votes::default();
+    for j in voters {
+        votes.cast += 1;
+        votes.support += usize::from(supports(j));
+    }
+    votes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    /// Four points shifted, one matched elsewhere; identity frames.
+    fn problem(ratio: [f64; 5]) -> Result<Correspondences> {
+        let source = [[0., 0., 0.], [4., 0., 0.], [0., 3., 0.], [0., 0., 5.], [1., 1., 1.]];
+        let mut target = source.map(|p| [p[0] + 10.0, p[1], p[2]]);
+        target[4] = [90.0, 9.0, 2.0];
+        let frames = vec![Some(Matrix3::identity()); 5];
+        Correspondences::new(&source, &target)?
+            .with_ratio(ratio.to_vec())?
+            .with_frames(frames.clone(), frames)?
+            .with_resolution(0.1)
+    }
+
+    #[test]
+    fn votes_by_hand() -> Result<()> {
+        // All are distinctive and neighbours: 4 local and 4 global votes are cast on each; a right one
+        // gets 3 + 3 of the other right ones, the wrong one none.
+        let group =
+            SearchOfInliers::default().group(&problem([0.1, 0.2, 0.3, 0.4, 0.5])?, &Execution::default())?;
+        assert_eq!(group.scores, Some(vec![0.75, 0.75, 0.75, 0.75, 0.0]));
+        assert_eq!(group.mask, [true, true, true, true, false]);
+        Ok(())
+    }
+
+    #[test]
+    fn only_distinctive_neighbours_vote_locally() -> Result<()> {
+        // 3 and 4 are not distinctive; one global voter: 0.
+        let method = SearchOfInliers { neighbors: 1, ..SearchOfInliers::default() };
+        let group = method.group(&problem([0.1, 0.2, 0.3, 0.9, 0.9])?, &Execution::default())?;
+        // Nearest others: 0 -> 4 (not distinctive), 1 -> 4, 2 -> 4, 3 -> 4, 4 -> 0 (fails).
+        assert_eq!(group.scores, Some(vec![0.0, 1.0, 1.0, 1.0, 0.0]));
+        Ok(())
+    }
+}

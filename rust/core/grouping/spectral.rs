@@ -1,0 +1,248 @@
+//! ST: the main cluster of the pairwise affinity matrix, by its principal eigenvector.
+//!
+//! The paper, section 3.2 (after Leordeanu, Hebert, ICCV 2005). Correspondences are accepted in the
+//! order of their entries in the eigenvector; each accepted one removes those in conflict with it.
+//! Cost O(n^2) per power step and O(n selected) for the acceptance.
+
+use super::GroupingMethod;
+use crate::compatibility::matrix::{PairMatrix, PairPositions, PairScore};
+use crate::error::fraction;
+use crate::grouping_result::mask_of;
+use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvector};
+use crate::selection::top_k::largest;
+use crate::{Correspondences, Execution, Grouping, Points, Result};
+
+/// Entries no greater than this share of the largest one carry no support.
+const NO_SUPPORT: f64 = 1e-12;
+
+/// Pairwise affinity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Affinity {
+    /// The distance ratio.
+    #[default]
+    Raw,
+    /// The distance ratio where it reaches `min_distance_ratio`, else 0.
+    Threshold,
+    /// 1 where the distance ratio reaches `min_distance_ratio`, else 0.
+    Binary,
+}
+
+/// A correspondence's affinity with itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Diagonal {
+    /// 0.
+    #[default]
+    Zero,
+    /// 1.
+    One,
+    /// Its descriptor similarity, if positive.
+    Score,
+}
+
+/// When an accepted correspondence removes another one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Conflict {
+    /// Their distance ratio is below `min_distance_ratio`.
+    #[default]
+    Rigidity,
+    /// They share a source or a target point.
+    OneToOne,
+    /// Either of the two.
+    Both,
+}
+
+/// Parameters of the spectral technique.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spectral {
+    /// Least distance ratio of two correspondences that can both be right, in 0..=1.
+    pub min_distance_ratio: f64,
+    /// Off-diagonal entries.
+    pub affinity: Affinity,
+    /// Diagonal entries.
+    pub diagonal: Diagonal,
+    /// When two correspondences exclude each other.
+    pub conflict: Conflict,
+    /// How the eigenvector is found.
+    pub eigensolver: Eigensolver,
+    /// Compute the eigenvector of the remaining correspondences again after each acceptance.
+    pub recompute: bool,
+}
+
+impl Default for Spectral {
+    fn default() -> Self {
+        Self {
+            min_distance_ratio: 0.6,
+            affinity: Affinity::default(),
+            diagonal: Diagonal::default(),
+            conflict: Conflict::default(),
+            eigensolver: Eigensolver::default(),
+            recompute: false,
+        }
+    }
+}
+
+impl GroupingMethod for Spectral {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        fraction("min_distance_ratio", self.min_distance_ratio)?;
+        let (source, target) = correspondences.positions("st")?;
+        let diagonal = self.diagonal(correspondences)?;
+        let affinity = PairMatrix::new(source, target, self.pair_score(), diagonal, execution)?; // M
+        let eigenpair = principal_eigenvector(&affinity, self.eigensolver, execution)?; // M v = lambda v
+        if eigenpair.value <= 0.0 || source.len() < 2 {
+            return Ok(report(eigenpair, Vec::new())); // nobody supports anybody
+        }
+        let conflicts = Conflicts::new(self, source, target);
+        let accepted = if self.recompute {
+            self.accept_recomputing(&affinity, &conflicts, execution)?
+        } else {
+            accept_greedily(&eigenpair.vector, &conflicts, execution)?
+        };
+        Ok(report(eigenpair, accepted))
+    }
+}
+
+impl Spectral {
+    fn pair_score(&self) -> PairScore {
+        match self.affinity {
+            Affinity::Raw => PairScore::DistanceRatio,
+            Affinity::Threshold => PairScore::DistanceRatioFrom(self.min_distance_ratio),
+            Affinity::Binary => PairScore::DistanceRatioIndicator(self.min_distance_ratio),
+        }
+    }
+
+    fn diagonal(&self, correspondences: &Correspondences) -> Result<Option<Vec<f64>>> {
+        Ok(match self.diagonal {
+            Diagonal::Zero => None,
+            Diagonal::One => Some(vec![1.0; correspondences.len()]),
+            Diagonal::Score => {
+                let similarity = correspondences.similarity("st with diagonal=\"score\"")?;
+                Some(similarity.iter().map(|s| s.max(0.0)).collect())
+            }
+        })
+    }
+
+    /// One acceptance per eigenvector of what is left.
+    fn accept_recomputing(
+        &self,
+        affinity: &PairMatrix,
+        conflicts: &Conflicts,
+        execution: &Execution,
+    ) -> Result<Vec<usize>> {
+        let total = affinity.len();
+        let mut alive: Vec<usize> = (0..total).collect();
+        let mut accepted = Vec::new();
+        while !alive.is_empty() {
+            let remaining = affinity.subset(&alive, execution)?;
+            let eigenpair = principal_eigenvector(&remaining, self.eigensolver, execution)?;
+            // Without any affinity left the vector is uniform, and the lowest index is next.
+            let chosen = alive[largest(&eigenpair.vector, 1)[0]];
+            accepted.push(chosen);
+            let conflicting = conflicts.with(chosen);
+            alive.retain(|&i| i != chosen && !conflicting[i]);
+            execution.report(total - alive.len(), total)?;
+        }
+        Ok(accepted)
+    }
+}
+
+/// Accepts the strongest entry of `v` that is left, until none is.
+fn accept_greedily(v: &[f64], conflicts: &Conflicts, execution: &Execution) -> Result<Vec<usize>> {
+    let order = largest(v, v.len());
+    let least = NO_SUPPORT * order.first().map_or(0.0, |&i| v[i]);
+    let mut alive = vec![true; v.len()];
+    let mut accepted = Vec::new();
+    for (rank, &i) in order.iter().enumerate() {
+        if v[i] <= least {
+            break;
+        }
+        if !alive[i] {
+            continue;
+        }
+        accepted.push(i);
+        for (left, conflicting) in alive.iter_mut().zip(conflicts.with(i)) {
+            *left &= !conflicting;
+        }
+        execution.report(rank + 1, order.len())?;
+    }
+    Ok(accepted)
+}
+
+/// Which correspondences exclude a given one.
+struct Conflicts {
+    positions: PairPositions<f64>,
+    /// Two correspondences conflict where their distance ratio is below this, or not above 0.
+    least: f64,
+}
+
+impl Conflicts {
+    fn new(options: &Spectral, source: &Points, target: &Points) -> Self {
+        // A shared point is a zero-length edge, whose ratio is 0: it conflicts under every rule.
+        let least = match options.conflict {
+            Conflict::OneToOne => 0.0,
+            Conflict::Rigidity | Conflict::Both => options.min_distance_ratio,
+        };
+        Self { positions: PairPositions::new(source, target), least }
+    }
+
+    fn with(&self, i: usize) -> Vec<bool> {
+        let mut ratios = vec![0.0; self.positions.len()];
+        self.positions.fill_row(PairScore::DistanceRatio, i, &mut ratios);
+        ratios.iter().map(|&rho| rho < self.least || rho <= 0.0).collect()
+    }
+}
+
+fn report(eigenpair: Eigenpair, accepted: Vec<usize>) -> Grouping {
+    let mask = mask_of(eigenpair.vector.len(), accepted);
+    Grouping { mask, scores: Some(eigenpair.vector), ..Grouping::default() }
+        .with("eigenvalue", eigenpair.value)
+        .with("power_steps", eigenpair.steps as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problem() -> Result<Correspondences> {
+        let source = [[0., 0., 0.], [4., 0., 0.], [0., 3., 0.], [0., 0., 5.], [1., 1., 1.], [4., 0., 0.]];
+        let mut target = source.map(|p| [p[0] + 10.0, p[1], p[2]]);
+        target[4] = [90.0, 9.0, 2.0];
+        target[5] = [10.0, 0.1, 0.1];
+        Correspondences::new(&source, &target)?.with_similarity(vec![0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    }
+
+    #[test]
+    fn accepts_the_rigid_ones() -> Result<()> {
+        for (eigensolver, recompute) in
+            [(Eigensolver::Power, false), (Eigensolver::Dense, false), (Eigensolver::Power, true)]
+        {
+            let method = Spectral { eigensolver, recompute, ..Spectral::default() };
+            let group = method.group(&problem()?, &Execution::default())?;
+            assert_eq!(group.mask, [true, true, true, true, false, false], "{method:?}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn one_to_one_conflicts_alone_accept_nearly_all() -> Result<()> {
+        let method = Spectral { conflict: Conflict::OneToOne, ..Spectral::default() };
+        let group = method.group(&problem()?, &Execution::default())?;
+        // 1 and 5 share a source point: only one of them stays.
+        assert_eq!(group.mask, [true, true, true, true, true, false]);
+        Ok(())
+    }
+
+    #[test]
+    fn no_affinity_no_group() -> Result<()> {
+        for n in 0..3 {
+            let rows = vec![[1.0, 2.0, 3.0]; n];
+            let group =
+                Spectral::default().group(&Correspondences::new(&rows, &rows)?, &Execution::default())?;
+            assert_eq!(group.size(), 0);
+        }
+        let (source, target) = ([[0.; 3], [1., 0., 0.]], [[0.; 3], [2., 0., 0.]]);
+        let group =
+            Spectral::default().group(&Correspondences::new(&source, &target)?, &Execution::default())?;
+        assert_eq!(group.mask, [true, false], "two in conflict: the lower index stays");
+        Ok(())
+    }
+}

@@ -1,0 +1,135 @@
+//! Principal eigenvector of a symmetric, non-negative matrix.
+
+use faer::{Mat, Side};
+
+use crate::compatibility::kernels::sum;
+use crate::compatibility::matrix::PairMatrix;
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+
+/// Power steps before giving up on further digits.
+const MAX_STEPS: usize = 1000;
+
+/// Greatest change of an entry at which the iteration has converged.
+const CONVERGED: f64 = 1e-10;
+
+/// Share of the mean row sum added to the diagonal: same eigenvectors, but `-lambda` can't oscillate.
+const SHIFT: f64 = 0.05;
+
+/// How the eigenvector is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Eigensolver {
+    /// Power iteration on the shifted matrix, O(n^2) per step.
+    #[default]
+    Power,
+    /// Full symmetric decomposition, O(n^3).
+    Dense,
+}
+
+/// An eigenvector of unit length with entries >= 0, and its eigenvalue.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Eigenpair {
+    /// The vector.
+    pub vector: Vec<f64>,
+    /// The eigenvalue; 0 for a zero matrix.
+    pub value: f64,
+    /// Power steps taken; 0 for the dense solver.
+    pub steps: usize,
+}
+
+/// The eigenvector of the greatest eigenvalue.
+///
+/// # Errors
+/// [`Error::Interrupted`], or [`Error::InvalidInput`] where the dense solver would exceed `max_memory`.
+pub fn principal_eigenvector(
+    matrix: &PairMatrix,
+    solver: Eigensolver,
+    execution: &Execution,
+) -> Result<Eigenpair> {
+    match solver {
+        Eigensolver::Power => power_iteration(matrix, execution),
+        Eigensolver::Dense => dense(matrix, execution),
+    }
+}
+
+fn power_iteration(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
+    let n = matrix.len();
+    let shift = SHIFT * matrix.mean_row_sum(execution)?;
+    let mut vector = vec![1.0 / (n.max(1) as f64).sqrt(); n];
+    let mut value = 0.0;
+    let mut steps = 0;
+    if shift <= 0.0 {
+        return Ok(Eigenpair { vector, value, steps });
+    }
+    while steps < MAX_STEPS {
+        steps += 1;
+        let mut next = matrix.multiply(&vector, execution)?;
+        value = dot(&vector, &next);
+        next.iter_mut().zip(&vector).for_each(|(entry, old)| *entry += shift * old);
+        let length = dot(&next, &next).sqrt();
+        next.iter_mut().for_each(|entry| *entry /= length);
+        let change = next.iter().zip(&vector).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        vector = next;
+        if change < CONVERGED {
+            break;
+        }
+    }
+    Ok(Eigenpair { vector, value, steps })
+}
+
+fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
+    let n = matrix.len();
+    // The matrix, its eigenvectors, and about as much again of working space.
+    let bytes = n.saturating_mul(n).saturating_mul(4 * size_of::<f64>());
+    if bytes > execution.max_memory {
+        let remedy = format!(
+            "the dense solver needs about {} MiB at n = {n}; use eigensolver=\"power\" or raise `max_memory`",
+            bytes >> 20
+        );
+        return Err(Error::invalid("eigensolver", "\"dense\"", remedy));
+    }
+    let rows: Vec<Vec<f64>> = (0..n).map(|i| matrix.row(i)).collect();
+    let full = Mat::from_fn(n, n, |i, j| rows[i][j]);
+    execution.check()?;
+    let failed = |_| Error::invalid("eigensolver", "\"dense\"", "it did not converge; use \"power\"");
+    let decomposition = full.self_adjoint_eigen(Side::Lower).map_err(failed)?;
+    let last = n.saturating_sub(1);
+    let mut vector: Vec<f64> = (0..n).map(|i| decomposition.U()[(i, last)]).collect();
+    let value = if n == 0 { 0.0 } else { decomposition.S()[last] };
+    // Perron: the principal eigenvector of a non-negative matrix can be chosen non-negative.
+    let sign = if sum(&vector) < 0.0 { -1.0 } else { 1.0 };
+    vector.iter_mut().for_each(|entry| *entry = (*entry * sign).max(0.0));
+    Ok(Eigenpair { vector, value, steps: 0 })
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    crate::compatibility::kernels::dot(a, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compatibility::matrix::PairScore;
+    use crate::points::Points;
+
+    #[test]
+    fn both_solvers_satisfy_the_equation() -> Result<()> {
+        let row = |i: usize| {
+            let t = i as f64;
+            [(t * 1.3).sin() * 5.0, (t * 0.7).cos() * 4.0, (t * 2.1).sin() * 3.0]
+        };
+        let source: Vec<[f64; 3]> = (0..40).map(row).collect();
+        let target: Vec<[f64; 3]> = (0..40).map(|i| if i % 3 == 0 { row(i + 7) } else { row(i) }).collect();
+        let (source, target) = (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
+        let execution = Execution::default();
+        let matrix = PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, &execution)?;
+        for solver in [Eigensolver::Power, Eigensolver::Dense] {
+            let pair = principal_eigenvector(&matrix, solver, &execution)?;
+            let product = matrix.multiply(&pair.vector, &execution)?;
+            for (left, entry) in product.iter().zip(&pair.vector) {
+                assert!((left - pair.value * entry).abs() < 1e-7, "{solver:?}");
+            }
+        }
+        Ok(())
+    }
+}

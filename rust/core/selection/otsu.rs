@@ -1,0 +1,282 @@
+//! Otsu's threshold on continuous scores: the cut that separates two classes best.
+//!
+//! N. Otsu, *A threshold selection method from gray-level histograms*, 1979; the paper, section 3,
+//! where SS, SI, CV and GTM "adaptively" choose their threshold with it.
+
+use crate::error::{Error, Result, at_least_one};
+
+/// Bins of the paper's own routine.
+pub const DEFAULT_BINS: usize = 100;
+
+/// Scores whose spread is below this share of their magnitude are all equal.
+const EQUAL_SCORES: f64 = 1e-9;
+
+/// A split must be better by this share to replace an earlier one.
+const STRICTLY_BETTER: f64 = 1e-12;
+
+/// How the candidate cuts are laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OtsuMode {
+    /// Equal bins between the least and the greatest score; class means from the scores themselves.
+    MinMax {
+        /// Number of bins.
+        bins: usize,
+    },
+    /// Every gap between two distinct scores is a candidate.
+    Exact,
+    /// `floor(sqrt(n) + 0.5)` bins over 0..=1 and means of bin indices, as in the code of SI's author.
+    Covis,
+    /// Bins whose origin is 0 instead of the least score, as in the evaluation group's later code.
+    Legacy {
+        /// Number of bins.
+        bins: usize,
+    },
+}
+
+impl Default for OtsuMode {
+    fn default() -> Self {
+        Self::MinMax { bins: DEFAULT_BINS }
+    }
+}
+
+/// Where scores are cut.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Threshold {
+    /// By Otsu's method.
+    Otsu(OtsuMode),
+    /// At a given value.
+    Fixed(f64),
+}
+
+impl Default for Threshold {
+    fn default() -> Self {
+        Self::Otsu(OtsuMode::default())
+    }
+}
+
+/// A selection by score.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cut {
+    /// Scores above the threshold.
+    pub mask: Vec<bool>,
+    /// The threshold; none where all scores are equal and there is nothing to cut.
+    pub threshold: Option<f64>,
+}
+
+impl Threshold {
+    /// Checks the options.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a threshold that is NaN, or no bins.
+    pub fn validate(&self) -> Result<()> {
+        match *self {
+            Self::Fixed(value) if value.is_nan() => {
+                Err(Error::invalid("threshold", value, "give a number or \"otsu\""))
+            }
+            Self::Otsu(OtsuMode::MinMax { bins } | OtsuMode::Legacy { bins }) => {
+                at_least_one("bins", bins).map(drop)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Selects the scores above the threshold. Scores of minus infinity are never selected.
+    pub fn above(&self, scores: &[f64]) -> Cut {
+        match *self {
+            Self::Fixed(threshold) => cut(scores, threshold),
+            Self::Otsu(mode) => otsu(scores, mode),
+        }
+    }
+}
+
+/// Selects the scores above Otsu's threshold.
+pub fn otsu(scores: &[f64], mode: OtsuMode) -> Cut {
+    let finite: Vec<f64> = scores.iter().copied().filter(|s| s.is_finite()).collect();
+    let low = finite.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = finite.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if finite.is_empty() || high - low <= EQUAL_SCORES * low.abs().max(high.abs()) {
+        // Equal positive scores are equally good; equal scores of zero mean no support.
+        let mask = scores.iter().map(|score| score.is_finite() && low > 0.0).collect();
+        return Cut { mask, threshold: None };
+    }
+    let threshold = match mode {
+        OtsuMode::MinMax { bins } => min_max(&finite, low, high, bins),
+        OtsuMode::Exact => exact(finite),
+        OtsuMode::Covis => covis(&finite),
+        OtsuMode::Legacy { bins } => legacy(&finite, low, high, bins),
+    };
+    cut(scores, threshold)
+}
+
+fn cut(scores: &[f64], threshold: f64) -> Cut {
+    Cut { mask: scores.iter().map(|&score| score > threshold).collect(), threshold: Some(threshold) }
+}
+
+/// Count, sum and extremes of the scores in a bin or a class.
+#[derive(Debug, Clone, Copy)]
+struct Class {
+    count: usize,
+    sum: f64,
+    min: f64,
+    max: f64,
+}
+
+impl Class {
+    const EMPTY: Self = Self { count: 0, sum: 0.0, min: f64::INFINITY, max: f64::NEG_INFINITY };
+
+    fn add(&mut self, score: f64) {
+        *self = self.union(Self { count: 1, sum: score, min: score, max: score });
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self {
+            count: self.count + other.count,
+            sum: self.sum + other.sum,
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
+    fn mean(self) -> f64 {
+        self.sum / self.count as f64
+    }
+}
+
+/// Between-class variance up to a constant: `J = n1 n2 (mean1 - mean2)^2`.
+fn separation(lower: Class, upper: Class) -> f64 {
+    lower.count as f64 * upper.count as f64 * (lower.mean() - upper.mean()).powi(2)
+}
+
+/// The split of ordered classes with the greatest separation: the first of equals.
+fn best_split(classes: &[Class]) -> Option<(usize, Class, Class)> {
+    // Suffix sums keep the upper class exact where a subtraction would lose digits.
+    let mut upper = vec![Class::EMPTY; classes.len() + 1];
+    for k in (0..classes.len()).rev() {
+        upper[k] = upper[k + 1].union(classes[k]);
+    }
+    let mut lower = Class::EMPTY;
+    let mut best = None;
+    let mut best_separation = f64::NEG_INFINITY;
+    for (k, &class) in classes.iter().enumerate() {
+        lower = lower.union(class);
+        if lower.count == 0 || upper[k + 1].count == 0 {
+            continue;
+        }
+        let value = separation(lower, upper[k + 1]);
+        if value > best_separation + STRICTLY_BETTER * best_separation.abs() || best.is_none() {
+            best_separation = value;
+            best = Some((k, lower, upper[k + 1]));
+        }
+    }
+    best
+}
+
+fn histogram(scores: &[f64], bins: usize, bin_of: impl Fn(f64) -> f64) -> Vec<Class> {
+    let mut classes = vec![Class::EMPTY; bins];
+    for &score in scores {
+        // A negative bin saturates to 0 in the cast.
+        classes[(bin_of(score) as usize).min(bins - 1)].add(score);
+    }
+    classes
+}
+
+fn min_max(scores: &[f64], low: f64, high: f64, bins: usize) -> f64 {
+    let width = (high - low) / bins as f64;
+    let classes = histogram(scores, bins, |score| (score - low) / width);
+    best_split(&classes).map_or(low, |(_, lower, upper)| midpoint(lower.max, upper.min))
+}
+
+fn exact(mut scores: Vec<f64>) -> f64 {
+    scores.sort_unstable_by(f64::total_cmp);
+    let mut classes: Vec<Class> = Vec::new();
+    for &score in &scores {
+        match classes.last_mut() {
+            Some(class) if class.max >= score => class.add(score),
+            _ => classes.push(Class { count: 1, sum: score, min: score, max: score }),
+        }
+    }
+    best_split(&classes).map_or(scores[0], |(_, lower, upper)| midpoint(lower.max, upper.min))
+}
+
+/// Midpoint that stays strictly below `upper`, so that `>` and `>=` select the same scores.
+fn midpoint(lower: f64, upper: f64) -> f64 {
+    let middle = lower + (upper - lower) / 2.0;
+    if middle < upper { middle } else { lower }
+}
+
+fn covis(scores: &[f64]) -> f64 {
+    let bins = ((scores.len() as f64).sqrt() + 0.5) as usize;
+    if bins < 2 {
+        return 0.0;
+    }
+    let clamped = |score: f64| (score * bins as f64).clamp(0.0, bins as f64 - 1.0).floor();
+    let mut classes = vec![Class::EMPTY; bins];
+    for &score in scores {
+        let bin = clamped(score);
+        classes[bin as usize].add(bin);
+    }
+    best_split(&classes).map_or(0.0, |(k, _, _)| k as f64 / (bins - 1) as f64)
+}
+
+fn legacy(scores: &[f64], low: f64, high: f64, bins: usize) -> f64 {
+    let step = (high - low) / bins as f64;
+    let classes = histogram(scores, bins, |score| score / step);
+    best_split(&classes).map_or((high - low) / 2.0, |(k, _, _)| k as f64 * step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MODE: OtsuMode = OtsuMode::MinMax { bins: 100 };
+
+    #[test]
+    fn two_clusters_split_half_way() {
+        let scores = [0.1, 0.2, 0.15, 0.9, 0.8];
+        for mode in [MODE, OtsuMode::Exact] {
+            let Cut { mask, threshold } = otsu(&scores, mode);
+            let threshold = threshold.unwrap_or_default();
+            assert_eq!(mask, [false, false, false, true, true]);
+            assert!((threshold - 0.5).abs() < 1e-15, "{threshold}");
+        }
+    }
+
+    #[test]
+    fn equal_scores_are_all_or_nothing() {
+        assert_eq!(otsu(&[2.0; 3], MODE).mask, [true; 3]);
+        assert_eq!(otsu(&[0.0; 3], MODE).mask, [false; 3]);
+        assert_eq!(otsu(&[-1.0; 3], MODE).mask, [false; 3]);
+        assert_eq!(otsu(&[1e-5, 1e-5 * (1.0 + 1e-12)], MODE).mask, [true; 2]);
+        assert!(otsu(&[], MODE).mask.is_empty());
+    }
+
+    #[test]
+    fn scores_without_a_value_are_left_out() {
+        let cut = otsu(&[f64::NEG_INFINITY, 0.1, 0.9], MODE);
+        assert_eq!(cut.mask, [false, false, true]);
+        assert!((cut.threshold.unwrap_or_default() - 0.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn neighbouring_numbers_split() {
+        let low = 1e-300;
+        let cut = otsu(&[low, 3.0 * low], MODE);
+        assert_eq!(cut.mask, [false, true]);
+    }
+
+    #[test]
+    fn covis_cuts_on_bin_indices() {
+        // n = 9 gives 3 bins; the best split is after bin 0: t = 0 / 2.
+        let cut = otsu(&[0.0, 0.1, 0.2, 0.3, 0.1, 0.9, 1.0, 0.8, 0.9], OtsuMode::Covis);
+        assert!(cut.threshold.is_some_and(|t| t.abs() < 1e-15));
+        assert_eq!(cut.mask.iter().filter(|&&m| m).count(), 8);
+    }
+
+    #[test]
+    fn legacy_ignores_the_offset() {
+        // Bins of width 0.001 from 0: every score above 0.1 falls in the last bin, no split exists.
+        let cut = otsu(&[0.5, 0.55, 0.6], OtsuMode::Legacy { bins: 100 });
+        assert!((cut.threshold.unwrap_or_default() - 0.05).abs() < 1e-12);
+        assert_eq!(cut.mask, [true; 3]);
+    }
+}

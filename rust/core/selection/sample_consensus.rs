@@ -1,0 +1,280 @@
+//! Sample consensus: many rigid hypotheses from three correspondences each, the best supported wins.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
+
+use super::counter_rng::sample_three;
+use crate::compatibility::distance::distance_ratio;
+use crate::compatibility::kernels::{Side, count_inliers, dispatch, squared_residual};
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::rigid::Rigid;
+use crate::points::Points;
+
+/// Iterations that one task takes, and after which the early stop is looked at.
+const BLOCK: usize = 256;
+
+/// A triangle's edge below this share of the bounding box's diagonal, or twice its area below this
+/// share of the diagonal's square, leaves the rotation open.
+const DEGENERATE: f64 = 1e-9;
+
+/// How hypotheses are drawn and judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleConsensus {
+    /// Number of hypotheses.
+    pub iterations: usize,
+    /// An inlier's residual is less than this length.
+    pub tolerance: f64,
+    /// Key of the random numbers.
+    pub seed: u64,
+    /// Hypotheses with an edge whose distance ratio is lower are not judged at all.
+    pub edge_ratio: Option<f64>,
+    /// Stop once a better hypothesis has been missed with at most one minus this probability.
+    pub confidence: Option<f64>,
+}
+
+/// The best hypothesis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Consensus {
+    /// The transform between the centred points.
+    pub model: Rigid,
+    /// Number of correspondences it carries to within the tolerance.
+    pub inliers: usize,
+    /// The iteration that drew it.
+    pub iteration: usize,
+    /// Iterations spent in all.
+    pub iterations: usize,
+}
+
+impl SampleConsensus {
+    /// The hypothesis with the most inliers, ties to the earliest; `None` if there is none with any.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn run(&self, source: &Points, target: &Points, execution: &Execution) -> Result<Option<Consensus>> {
+        if source.len() < 3 {
+            return Ok(None);
+        }
+        let sides = (side(source), side(target));
+        let blocks = self.iterations.div_ceil(BLOCK);
+        let run_block = |block: usize| {
+            execution.check()?;
+            Ok(self.best_of_block(block, source, target, &sides))
+        };
+        let Some(confidence) = self.confidence else {
+            let best =
+                (0..blocks).into_par_iter().map(run_block).try_reduce(|| None, |a, b| Ok(better(a, b)))?;
+            return Ok(best.map(|found| Consensus { iterations: self.iterations, ..found }));
+        };
+        let mut best: Option<Consensus> = None;
+        let mut spent = 0;
+        for block in 0..blocks {
+            best = better(best, run_block(block)?);
+            spent = self.iterations.min((block + 1) * BLOCK);
+            execution.report(spent, self.iterations)?;
+            if best.is_some_and(|found| spent as f64 >= needed(confidence, found.inliers, source.len())) {
+                break;
+            }
+        }
+        Ok(best.map(|found| Consensus { iterations: spent, ..found }))
+    }
+
+    /// Those of `members` that agree with the best hypothesis drawn from them.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn consensus_among(
+        &self,
+        members: &[usize],
+        source: &Points,
+        target: &Points,
+        execution: &Execution,
+    ) -> Result<Vec<usize>> {
+        let (source, target) = (source.subset(members), target.subset(members));
+        let Some(best) = self.run(&source, &target, execution)? else {
+            return Ok(Vec::new());
+        };
+        let inliers = self.inlier_mask(&best.model, &source, &target);
+        Ok(members.iter().zip(inliers).filter(|&(_, inlier)| inlier).map(|(&i, _)| i).collect())
+    }
+
+    /// Residual below the tolerance under the model, for each correspondence.
+    pub fn inlier_mask(&self, model: &Rigid, source: &Points, target: &Points) -> Vec<bool> {
+        let transform = flatten(model);
+        let squared_tolerance = self.tolerance * self.tolerance;
+        (0..source.len())
+            .map(|i| {
+                squared_residual(&transform, source.get(i).into(), target.get(i).into()) < squared_tolerance
+            })
+            .collect()
+    }
+
+    fn best_of_block(
+        &self,
+        block: usize,
+        source: &Points,
+        target: &Points,
+        sides: &(Side<f64>, Side<f64>),
+    ) -> Option<Consensus> {
+        let iterations = block * BLOCK..self.iterations.min((block + 1) * BLOCK);
+        let squared_tolerance = self.tolerance * self.tolerance;
+        let mut best = None;
+        for iteration in iterations {
+            let sample = sample_three(self.seed, iteration as u64, source.len());
+            let Some(model) = self.hypothesis(sample, source, target) else { continue };
+            let transform = flatten(&model);
+            let inliers = dispatch(|| count_inliers(&sides.0, &sides.1, &transform, squared_tolerance));
+            best = better(best, Some(Consensus { model, inliers, iteration, iterations: 0 }));
+        }
+        best
+    }
+
+    fn hypothesis(&self, sample: [usize; 3], source: &Points, target: &Points) -> Option<Rigid> {
+        let p = sample.map(|i| source.get(i));
+        let q = sample.map(|i| target.get(i));
+        if is_degenerate(&p, source.diagonal()) || is_degenerate(&q, target.diagonal()) {
+            return None;
+        }
+        if let Some(least) = self.edge_ratio {
+            let ratio =
+                |a: usize, b: usize| distance_ratio((p[a] - p[b]).norm(), (q[a] - q[b]).norm(), 0.0, 0.0);
+            if ratio(0, 1) < least || ratio(1, 2) < least || ratio(0, 2) < least {
+                return None;
+            }
+        }
+        Some(fit_triangle(&p, &q))
+    }
+}
+
+/// Iterations after which a better model has been missed with probability below `1 - confidence`.
+fn needed(confidence: f64, inliers: usize, n: usize) -> f64 {
+    let share = inliers as f64 / n as f64;
+    if share >= 1.0 {
+        return 0.0;
+    }
+    (1.0 - confidence).ln() / (1.0 - share.powi(3)).ln()
+}
+
+fn better(a: Option<Consensus>, b: Option<Consensus>) -> Option<Consensus> {
+    let (Some(first), Some(second)) = (a, b) else {
+        return a.or(b).filter(|found| found.inliers > 0);
+    };
+    let second_wins = second.inliers > first.inliers
+        || (second.inliers == first.inliers && second.iteration < first.iteration);
+    Some(if second_wins { second } else { first }).filter(|found| found.inliers > 0)
+}
+
+fn is_degenerate(triangle: &[Point3<f64>; 3], diagonal: f64) -> bool {
+    let [a, b, c] = triangle;
+    let (ab, ac, bc) = (b - a, c - a, c - b);
+    let shortest = ab.norm().min(ac.norm()).min(bc.norm());
+    shortest <= DEGENERATE * diagonal || ab.cross(&ac).norm() <= DEGENERATE * diagonal * diagonal
+}
+
+/// Least-squares rigid transform between two triangles, in closed form.
+///
+/// Both triangles are planar, so the covariance is a 2x2 matrix H between the planes' bases. The best
+/// rotation is the best planar rotation where `det H >= 0`; else the best planar reflection, made
+/// proper in space by turning the plane over.
+pub fn fit_triangle(p: &[Point3<f64>; 3], q: &[Point3<f64>; 3]) -> Rigid {
+    let mean = |t: &[Point3<f64>; 3]| (t[0].coords + t[1].coords + t[2].coords) / 3.0;
+    let (p_mean, q_mean) = (mean(p), mean(q));
+    let (p_basis, q_basis) = (plane_basis(p), plane_basis(q));
+    let mut h = [[0.0; 2]; 2];
+    for k in 0..3 {
+        let (a, b) = (p[k].coords - p_mean, q[k].coords - q_mean);
+        let a = [a.dot(&p_basis[0]), a.dot(&p_basis[1])];
+        let b = [b.dot(&q_basis[0]), b.dot(&q_basis[1])];
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            h[i][j] += a[i] * b[j];
+        }
+    }
+    let orientation = if h[0][0] * h[1][1] - h[0][1] * h[1][0] < 0.0 { -1.0 } else { 1.0 };
+    // Maximises tr(R H) over [[c, -o s], [s, o c]] with o the orientation.
+    let (c, s) = (h[0][0] + orientation * h[1][1], h[0][1] - orientation * h[1][0]);
+    let length = c.hypot(s);
+    let (c, s) = if length > 0.0 { (c / length, s / length) } else { (1.0, 0.0) };
+    let x = q_basis[0] * c + q_basis[1] * s;
+    let y = (q_basis[1] * c - q_basis[0] * s) * orientation;
+    let z = q_basis[2] * orientation;
+    let p_axes = Matrix3::from_rows(&[p_basis[0], p_basis[1], p_basis[2]].map(|axis| axis.transpose()));
+    let rotation = Matrix3::from_columns(&[x, y, z]) * p_axes;
+    Rigid { rotation, translation: q_mean - rotation * p_mean }
+}
+
+/// Orthonormal, right-handed: two axes in the triangle's plane and its normal.
+fn plane_basis(triangle: &[Point3<f64>; 3]) -> [Vector3<f64>; 3] {
+    let x = (triangle[1] - triangle[0]).normalize();
+    let z = x.cross(&(triangle[2] - triangle[0])).normalize();
+    [x, z.cross(&x), z]
+}
+
+fn side(points: &Points) -> Side<f64> {
+    Side { x: points.x.clone(), y: points.y.clone(), z: points.z.clone(), zero_squared: 0.0 }
+}
+
+fn flatten(model: &Rigid) -> [f64; 12] {
+    let (r, t) = (&model.rotation, &model.translation);
+    [
+        r[(0, 0)],
+        r[(0, 1)],
+        r[(0, 2)],
+        r[(1, 0)],
+        r[(1, 1)],
+        r[(1, 2)],
+        r[(2, 0)],
+        r[(2, 1)],
+        r[(2, 2)],
+        t.x,
+        t.y,
+        t.z,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::rigid::fit_rigid;
+
+    #[test]
+    fn closed_form_equals_the_svd() {
+        for k in 0..200 {
+            let words = super::super::counter_rng::random_words(3, k);
+            let more = super::super::counter_rng::random_words(4, k);
+            let number = |i: usize| {
+                let word = if i < 9 {
+                    words[i % 4].rotate_left(i as u32 * 7)
+                } else {
+                    more[i % 4].rotate_left(i as u32 * 5)
+                };
+                (word >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+            };
+            let point = |i: usize| Point3::new(number(i), number(i + 1), number(i + 2));
+            let (p, q) = ([point(0), point(3), point(6)], [point(9), point(12), point(15)]);
+            let (closed, svd) = (fit_triangle(&p, &q), fit_rigid(&p, &q));
+            let cost = |fit: &Rigid| (0..3).map(|i| (fit.apply(&p[i]) - q[i]).norm_squared()).sum::<f64>();
+            assert!((closed.rotation.determinant() - 1.0).abs() < 1e-9);
+            assert!((cost(&closed) - cost(&svd)).abs() < 1e-9, "{k}: {} {}", cost(&closed), cost(&svd));
+        }
+    }
+
+    #[test]
+    fn recovers_a_translation_among_outliers() -> Result<()> {
+        let source: Vec<[f64; 3]> =
+            (0..20).map(|i| [f64::from(i), f64::from(i * i % 7), f64::from(i * 3 % 5)]).collect();
+        let target: Vec<[f64; 3]> = source
+            .iter()
+            .enumerate()
+            .map(|(i, p)| if i < 12 { [p[0] + 5.0, p[1], p[2]] } else { [p[2] * 9.0, p[0], -p[1]] })
+            .collect();
+        let (source, target) = (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
+        let engine =
+            SampleConsensus { iterations: 500, tolerance: 0.1, seed: 0, edge_ratio: None, confidence: None };
+        let found = engine.run(&source, &target, &Execution::default())?;
+        assert_eq!(found.map(|best| best.inliers), Some(12));
+        let early = SampleConsensus { confidence: Some(0.99), ..engine };
+        let found = early.run(&source, &target, &Execution::default())?;
+        assert!(found.is_some_and(|best| best.inliers == 12 && best.iterations == 256));
+        Ok(())
+    }
+}
