@@ -120,11 +120,11 @@ impl Harris3d {
         search.map_points(execution, |_, ball| {
             let mut count = 0;
             let mut products = [0.0; 6];
-            for &position in &ball.position {
+            for &position in ball.positions() {
                 let normal = &normals[position as usize];
                 if normal.x.is_finite() {
                     count += 1;
-                    add_products(&mut products, normal);
+                    add_products(&mut products, normal, normal);
                 }
             }
             if count == 0 { 0.0 } else { self.response.of(&(symmetric(&products) / f64::from(count))) }

@@ -2,15 +2,20 @@
 //!
 //! | the paper | here |
 //! |---|---|
-//! | Harris 3D (H3D) | [`harris3d`] |
-//! | local reference frame | [`shot_lrf`] |
-//! | SHOT | [`shot`] |
+//! | Harris 3D (H3D), ISS | [`harris3d`], [`iss`] |
+//! | local reference frame | [`shot_lrf`], [`toldi_lrf`] |
+//! | SHOT, LFSH, RCS | [`shot`], [`lfsh`], [`rcs`] |
 //! | feature matching | [`matching`] |
 
 pub mod harris3d;
+pub mod iss;
 pub mod keypoints;
+pub mod lfsh;
 pub mod matching;
 pub mod maxima;
+pub mod mesh_normals;
 pub mod normals;
+pub mod rcs;
 pub mod shot;
 pub mod shot_lrf;
+pub mod toldi_lrf;

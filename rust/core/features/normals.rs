@@ -62,7 +62,7 @@ pub fn surfaces(
         Neighborhood::Radius(radius) => {
             let search = BallSearch::new(points, radius)?;
             search.map_points(execution, |_, ball| {
-                fit(ball.offset.iter().map(|&offset| Vector3::from(offset)), false)
+                fit(ball.offsets().iter().map(|&offset| Vector3::from(offset)), false)
             })?
         }
     };
@@ -76,14 +76,14 @@ pub fn surfaces(
 }
 
 /// Plane through points given relative to one of them, which is counted too if it `adds_itself`.
-fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surface {
+pub(super) fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surface {
     let mut count = usize::from(adds_itself);
     let mut sum = Vector3::zeros();
     let mut products = [0.0; 6];
     for v in offsets {
         count += 1;
         sum += v;
-        add_products(&mut products, &v);
+        add_products(&mut products, &v, &v);
     }
     if count < 3 {
         return Surface::default();
@@ -100,10 +100,10 @@ fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surfac
     Surface { normal: eigen.vectors[0], curvature: low / (low + middle + high) }
 }
 
-/// Adds `v v^T` as xx, xy, xz, yy, yz, zz.
+/// Adds `u v^T`, where `u` is a multiple of `v`, as xx, xy, xz, yy, yz, zz.
 #[inline]
-pub(super) fn add_products(products: &mut [f64; 6], v: &Vector3<f64>) {
-    let terms = [v.x * v.x, v.x * v.y, v.x * v.z, v.y * v.y, v.y * v.z, v.z * v.z];
+pub(super) fn add_products(products: &mut [f64; 6], u: &Vector3<f64>, v: &Vector3<f64>) {
+    let terms = [u.x * v.x, u.x * v.y, u.x * v.z, u.y * v.y, u.y * v.z, u.z * v.z];
     for (sum, term) in products.iter_mut().zip(terms) {
         *sum += term;
     }

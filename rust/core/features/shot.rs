@@ -76,9 +76,9 @@ impl Shot {
 
     fn histogram(&self, ball: &Ball, axes: &Matrix3<f64>, normals: &[Vector3<f64>]) -> [f32; LENGTH] {
         let mut bins = [0.0; LENGTH];
-        for (i, &position) in ball.position.iter().enumerate() {
+        for (i, &position) in ball.positions().iter().enumerate() {
             let normal = &normals[position as usize];
-            let distance = ball.squared_distance[i].sqrt();
+            let distance = ball.squared_distances()[i].sqrt();
             if distance > 0.0 && normal.iter().all(|value| value.is_finite()) {
                 let cosine = axes.row(2).tr_dot(normal).clamp(-1.0, 1.0);
                 self.vote(&mut bins, &(axes * ball.vector(i)), distance, cosine);

@@ -39,13 +39,13 @@ pub(super) fn frame(ball: &Ball, search: &BallSearch) -> Frame {
     let mut count = 0;
     let mut total = 0.0;
     let mut products = [0.0; 6];
-    for (i, &square) in ball.squared_distance.iter().enumerate() {
+    for (i, &square) in ball.squared_distances().iter().enumerate() {
         let weight = search.radius() - square.sqrt();
         let is_apart = square > 0.0;
         count += usize::from(is_apart);
         total += if is_apart { weight } else { 0.0 };
         // Points on the keypoint itself add nothing here.
-        add_products(&mut products, &(ball.vector(i) * weight.max(0.0).sqrt()));
+        add_products(&mut products, &(ball.vector(i) * weight), &ball.vector(i));
     }
     if count < MIN_NEIGHBORS {
         return None;
@@ -59,7 +59,7 @@ pub(super) fn frame(ball: &Ball, search: &BallSearch) -> Frame {
 /// Turns an axis to the side of most neighbours; on a tie, of most of the five at the median distance.
 fn towards_most(axis: Vector3<f64>, ball: &Ball, search: &BallSearch, count: usize) -> Vector3<f64> {
     let coincident = ball.len() - count;
-    let ahead = ball.offset.iter().filter(|&&offset| axis.dot(&Vector3::from(offset)) >= 0.0).count();
+    let ahead = ball.offsets().iter().filter(|&&offset| axis.dot(&Vector3::from(offset)) >= 0.0).count();
     // Coincident points have a product of zero and were counted as ahead.
     let ahead = ahead - coincident;
     let keeps = match (2 * ahead).cmp(&count) {
@@ -71,11 +71,11 @@ fn towards_most(axis: Vector3<f64>, ball: &Ball, search: &BallSearch, count: usi
 }
 
 fn median_is_ahead(axis: &Vector3<f64>, ball: &Ball, search: &BallSearch) -> bool {
-    let mut apart: Vec<usize> = (0..ball.len()).filter(|&i| ball.squared_distance[i] > 0.0).collect();
+    let mut apart: Vec<usize> = (0..ball.len()).filter(|&i| ball.squared_distances()[i] > 0.0).collect();
     apart.sort_unstable_by(|&a, &b| {
-        ball.squared_distance[a]
-            .total_cmp(&ball.squared_distance[b])
-            .then_with(|| search.index(ball.position[a]).cmp(&search.index(ball.position[b])))
+        ball.squared_distances()[a]
+            .total_cmp(&ball.squared_distances()[b])
+            .then_with(|| search.index(ball.positions()[a]).cmp(&search.index(ball.positions()[b])))
     });
     let median = apart.len() / 2;
     let around = &apart[median - 2..=median + 2];

@@ -41,38 +41,65 @@ enum CellStarts {
     Sparse { cells: Vec<u64>, starts: Vec<u32> },
 }
 
-/// What one query found, as arrays. Order: that of the grid, the same for any number of threads.
+/// What one query found. Order: that of the grid, the same for any number of threads.
 #[derive(Debug, Clone, Default)]
 pub struct Ball {
-    /// Vector from the centre to each point found.
-    pub offset: Vec<[f64; 3]>,
-    /// Its squared length.
-    pub squared_distance: Vec<f64>,
-    /// The point's position in grid order (see [`BallSearch::reorder`]).
-    pub position: Vec<u32>,
+    // Buffers only grow; the first `len` entries are valid.
+    len: usize,
+    offsets: Vec<[f64; 3]>,
+    squared_distances: Vec<f64>,
+    positions: Vec<u32>,
 }
 
 impl Ball {
     /// Number of points found.
     pub fn len(&self) -> usize {
-        self.position.len()
+        self.len
     }
 
     /// Whether nothing was found.
     pub fn is_empty(&self) -> bool {
-        self.position.is_empty()
+        self.len == 0
+    }
+
+    /// Vector from the centre to each point found.
+    pub fn offsets(&self) -> &[[f64; 3]] {
+        &self.offsets[..self.len]
+    }
+
+    /// Squared length of each of them.
+    pub fn squared_distances(&self) -> &[f64] {
+        &self.squared_distances[..self.len]
+    }
+
+    /// Position of each point in grid order (see [`BallSearch::reorder`]).
+    pub fn positions(&self) -> &[u32] {
+        &self.positions[..self.len]
     }
 
     /// Offset of point `i` from the centre.
     #[inline]
     pub fn vector(&self, i: usize) -> Vector3<f64> {
-        Vector3::from(self.offset[i])
+        Vector3::from(self.offsets()[i])
     }
 
-    fn resize(&mut self, len: usize) {
-        self.offset.resize(len, [0.0; 3]);
-        self.squared_distance.resize(len, 0.0);
-        self.position.resize(len, 0);
+    fn reserve(&mut self, more: usize) {
+        let needed = self.len + more;
+        if self.positions.len() < needed {
+            let size = needed.next_power_of_two();
+            self.offsets.resize(size, [0.0; 3]);
+            self.squared_distances.resize(size, 0.0);
+            self.positions.resize(size, 0);
+        }
+    }
+
+    /// A ball of the given offsets, at positions 0, 1, ...
+    #[cfg(test)]
+    pub(crate) fn fill(&mut self, offsets: &[[f64; 3]]) {
+        self.len = offsets.len();
+        self.offsets = offsets.to_vec();
+        self.squared_distances = offsets.iter().map(|&v| Vector3::from(v).norm_squared()).collect();
+        self.positions = (0..offsets.len() as u32).collect();
     }
 }
 
@@ -131,22 +158,20 @@ impl BallSearch {
     pub fn within(&self, center: &Point3<f64>, ball: &mut Ball) {
         let center = [center.x, center.y, center.z];
         let limit = self.radius * self.radius;
-        ball.resize(0);
+        ball.len = 0;
         self.for_each_run(center, |start, end| {
-            let mut found = ball.len();
-            ball.resize(found + end - start);
-            let (offsets, squares, positions) =
-                (&mut ball.offset[..], &mut ball.squared_distance[..], &mut ball.position[..]);
+            ball.reserve(end - start);
+            let mut found = ball.len;
             for (point, position) in self.points[start..end].iter().zip(start as u32..) {
                 let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
                 let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
-                offsets[found] = offset;
-                squares[found] = square;
-                positions[found] = position;
+                ball.offsets[found] = offset;
+                ball.squared_distances[found] = square;
+                ball.positions[found] = position;
                 // Written first and counted only if inside: no branch to mispredict.
                 found += usize::from(square < limit);
             }
-            ball.resize(found);
+            ball.len = found;
         });
     }
 
@@ -311,13 +336,13 @@ mod tests {
         let mut ball = Ball::default();
         for query in 0..rows.len() {
             search.within(&points.get(query), &mut ball);
-            let mut found: Vec<_> = ball.position.iter().map(|&p| search.index(p) as usize).collect();
+            let mut found: Vec<_> = ball.positions().iter().map(|&p| search.index(p) as usize).collect();
             found.sort_unstable();
             let expected: Vec<_> = (0..rows.len())
                 .filter(|&i| (points.get(i) - points.get(query)).norm_squared() < radius * radius)
                 .collect();
             assert_eq!(found, expected, "query {query}, radius {radius}");
-            for (i, &position) in ball.position.iter().enumerate() {
+            for (i, &position) in ball.positions().iter().enumerate() {
                 let index = search.index(position) as usize;
                 assert_eq!(ball.vector(i), points.get(index) - points.get(query));
             }
