@@ -7,7 +7,7 @@ import time
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import numpy as np
 
@@ -26,17 +26,17 @@ from cgroup.errors import CgroupError, InputError
 from cgroup.evaluation import correct_matches
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.methods import METHODS, group
-from cgroup.registration import DESCRIPTORS, DETECTORS, Registration, correspond, register
+from cgroup.registration import Descriptor, Detector, Registration, correspond, register
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Generator, Sequence
 
     from matplotlib.figure import Figure
 
     from cgroup.benchmark import MethodResult
     from cgroup.io import PointCloud
-    from cgroup.types import FloatArray
+    from cgroup.types import BoolArray, FloatArray
 
 INPUT_ERROR = 2
 INTERRUPTED = 130
@@ -54,8 +54,8 @@ app = typer.Typer(
 SourceArgument = Annotated[Path, typer.Argument(help="Cloud to be moved: PLY, PCD, XYZ, OBJ, STL, OFF.")]
 TargetArgument = Annotated[Path, typer.Argument(help="Cloud that it is moved to, in the same unit.")]
 MethodOption = Annotated[str, typer.Option(help=f"Grouping method: {', '.join(METHODS)}.")]
-DetectorOption = Annotated[str, typer.Option(help=f"Keypoint detector: {', '.join(DETECTORS)}.")]
-DescriptorOption = Annotated[str, typer.Option(help=f"Descriptor: {', '.join(DESCRIPTORS)}.")]
+DetectorOption = Annotated[Detector, typer.Option(help="Keypoint detector.")]
+DescriptorOption = Annotated[Descriptor, typer.Option(help="Descriptor.")]
 KeypointsOption = Annotated[
     int | None,
     typer.Option(min=3, help="How many keypoints to aim at in each cloud.", show_default="all found"),
@@ -207,7 +207,7 @@ def group_command(
     given = io.read_correspondences(correspondences)
     if resolution is not None:
         given = _with_resolution(given, resolution)
-    options = {} if tolerance is None else {"tolerance": tolerance}
+    options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     start = time.perf_counter()
     with _progress() as begin:
         begin(f"grouping by {method.upper()}")
@@ -227,8 +227,8 @@ def _compare(
     true_pose: FloatArray,
     *,
     title: str,
-    detector: str,
-    descriptor: str,
+    detector: Detector,
+    descriptor: Descriptor,
     keypoints: int | None,
     out: Path,
 ) -> None:
@@ -298,9 +298,9 @@ def _print_results(results: list[MethodResult], pr: float) -> None:
     _print("Registered: precision above 0.1. Errors are those of the least-squares pose of the whole group.")
 
 
-def _warn_of_inverse(matches: Correspondences, correct: np.ndarray, true_pose: FloatArray) -> None:
+def _warn_of_inverse(matches: Correspondences, correct: BoolArray, true_pose: FloatArray) -> None:
     """Say so where the truth is written the other way round, the usual reason for no correct match."""
-    inverse = _correct(matches, np.linalg.inv(true_pose))
+    inverse = _correct(matches, np.linalg.inv(true_pose).astype(np.float64))
     if inverse.sum() > 10 * max(int(correct.sum()), 1):
         _print(
             f"Note: {int(inverse.sum())} matches would be correct under the inverse of this truth; "
@@ -308,7 +308,7 @@ def _warn_of_inverse(matches: Correspondences, correct: np.ndarray, true_pose: F
         )
 
 
-def _correct(matches: Correspondences, pose: FloatArray) -> np.ndarray:
+def _correct(matches: Correspondences, pose: FloatArray) -> BoolArray:
     tolerance = CORRECT_WITHIN * (matches.resolution or np.nan)
     return correct_matches(matches.source, matches.target, pose, tolerance=tolerance)
 
@@ -357,7 +357,7 @@ def _folder(path: Path) -> Path:
 
 def _save(figure: Figure, path: Path) -> None:
     buffer = BytesIO()
-    figure.savefig(buffer, format="png")
+    figure.savefig(buffer, format="png")  # pyright: ignore[reportUnknownMemberType]
     io.write_file(path, buffer.getvalue())
 
 
@@ -394,7 +394,7 @@ def _fail(message: str, status: int) -> NoReturn:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
+def _progress() -> Generator[Callable[[str], None], None, None]:
     """Show what is being done and for how long, on a terminal only; gone when it is over."""
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())

@@ -1,14 +1,12 @@
 """Files: point clouds, rigid transforms, correspondences.
 
 Point clouds are parsed by trimesh (PLY, OBJ, STL, OFF) and pypcd4 (PCD); both come with the extra
-``cgroup[scans]``. Whatever is wrong with a file ends in one
-`InputError` that names the file.
+``cgroup[scans]``. Whatever is wrong with a file ends in one `InputError` that names the file.
 """
 
 from __future__ import annotations
 
 import io
-import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +14,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from cgroup._cloud_formats import PARSERS, CloudContent, load_npy, load_numbers
 from cgroup.errors import InputError
-from cgroup.types import Correspondences
+from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
     import os
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from cgroup.types import FloatArray, IndexArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray
 
 Result = TypeVar("Result")
 
@@ -33,14 +32,6 @@ RIGID_TOLERANCE = 1e-3
 """Largest deviation of R^T R from the identity in a transform file; such files carry few digits."""
 
 _CORRESPONDENCE_COLUMNS = 6
-_OPTIONAL_FIELDS = (
-    "similarity",
-    "ratio",
-    "source_lrf",
-    "target_lrf",
-    "resolution",
-    "source_centroid",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +107,9 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
         If the file is missing, unreadable, cut off, of an unknown format, or has no finite point.
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
+    reader = PARSERS.get(path.suffix.lower())
     if reader is None:
-        known = " ".join(sorted(_READERS))
+        known = " ".join(sorted(PARSERS))
         message = f"{path}: unknown point cloud format {path.suffix!r}; known are {known}"
         raise InputError(message)
     return _finite_cloud(path, _parsed(path, reader))
@@ -227,7 +218,7 @@ def read_transform(path: str | os.PathLike[str]) -> FloatArray:
         If the file is missing or unreadable, or isn't a rigid transform.
     """
     path = Path(path)
-    reader = _load_npy if path.suffix.lower() == ".npy" else _load_numbers
+    reader = load_npy if path.suffix.lower() == ".npy" else load_numbers
     return check_rigid(_parsed(path, reader), str(path))
 
 
@@ -283,7 +274,7 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
             message = f"{path}: has no array {missing[0]!r}; it holds {found}"
             raise InputError(message)
     else:
-        table = _parsed(path, _load_numbers)
+        table = _parsed(path, load_numbers)
         if table.shape[1] != _CORRESPONDENCE_COLUMNS:
             message = (
                 f"{path}: has {table.shape[1]} columns; correspondences have six: "
@@ -291,7 +282,7 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
             )
             raise InputError(message)
         fields = {"source": table[:, :3], "target": table[:, 3:]}
-    optional = {name: fields[name] for name in _OPTIONAL_FIELDS if name in fields}
+    optional: dict[str, Any] = {name: fields[name] for name in OPTIONAL_FIELDS if name in fields}
     if "resolution" in optional:
         optional["resolution"] = _number(path, optional["resolution"])
     try:
@@ -320,7 +311,7 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
     if path.suffix.lower() != ".npz":
         message = f"{path}: correspondences are written as NPZ; use a name that ends in .npz"
         raise InputError(message)
-    names = ("source", "target", *_OPTIONAL_FIELDS)
+    names = ("source", "target", *OPTIONAL_FIELDS)
     values = {name: getattr(correspondences, name) for name in names}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **{k: v for k, v in values.items() if v is not None})
@@ -398,28 +389,24 @@ def _parsed(path: Path, parse: Callable[[bytes], Result]) -> Result:
         raise InputError(message) from error
 
 
-def _finite_cloud(path: Path, cloud: PointCloud) -> PointCloud:
+def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:
     """Leave out points that aren't finite, and the triangles that touch them."""
-    if len(cloud) == 0:
+    points, normals, faces, colors = content
+    if len(points) == 0:
         message = f"{path}: holds no points"
         raise InputError(message)
-    keep = np.isfinite(cloud.points).all(axis=1)
-    dropped = len(keep) - int(keep.sum())
-    if dropped == len(keep):
-        message = f"{path}: none of its {len(keep)} points is finite"
+    keep: BoolArray = np.asarray(np.isfinite(points).all(axis=1))
+    dropped = len(points) - int(np.count_nonzero(keep))
+    if dropped == len(points):
+        message = f"{path}: none of its {dropped} points is finite"
         raise InputError(message)
     if dropped == 0:
-        return cloud
-    faces = cloud.faces
+        return PointCloud(points, normals, faces, colors)
     if faces is not None:
         faces = (np.cumsum(keep) - 1)[faces[keep[faces].all(axis=1)]]
-    return PointCloud(
-        cloud.points[keep],
-        None if cloud.normals is None else cloud.normals[keep],
-        faces,
-        None if cloud.colors is None else cloud.colors[keep],
-        dropped,
-    )
+    normals = None if normals is None else normals[keep]
+    colors = None if colors is None else colors[keep]
+    return PointCloud(points[keep], normals, faces, colors, dropped)
 
 
 def _number(path: Path, value: ArrayLike) -> float:
@@ -436,176 +423,6 @@ def _npy_bytes(array: NDArray[Any]) -> bytes:
     return buffer.getvalue()
 
 
-def _load_npy(content: bytes) -> NDArray[Any]:
-    return np.load(io.BytesIO(content), allow_pickle=False)
-
-
 def _load_npz(content: bytes) -> dict[str, NDArray[Any]]:
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         return dict(archive)
-
-
-def _load_numbers(content: bytes) -> FloatArray:
-    """Rows of numbers, separated by white space, commas or semicolons; # and // start comments."""
-    text = re.sub("[,;]", " ", content.decode())
-    with warnings.catch_warnings():
-        warnings.filterwarnings("error", message=".*input contained no data")
-        return np.loadtxt(io.StringIO(text), dtype=np.float64, comments=("#", "//"), ndmin=2)
-
-
-def _points(array: ArrayLike) -> FloatArray:
-    points = np.asarray(array, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
-        message = f"points have shape {points.shape} instead of (N, 3)"
-        raise ValueError(message)
-    return points
-
-
-def _read_text(content: bytes) -> PointCloud:
-    return PointCloud(_points(_load_numbers(content)[:, :3]))
-
-
-def _read_npy(content: bytes) -> PointCloud:
-    return PointCloud(_points(_load_npy(content)))
-
-
-def _read_ply(content: bytes) -> PointCloud:
-    from trimesh.exchange.ply import load_ply  # noqa: PLC0415 - slow to load
-
-    loaded = load_ply(io.BytesIO(content), fix_texture=False, skip_materials=True)
-    elements = loaded["metadata"]["_ply_raw"]
-    for name in ("vertex", "face"):
-        declared = elements.get(name, {}).get("length", 0)
-        found = _rows(elements[name].get("data")) if declared else 0
-        if found != declared:
-            message = f"{name} {found} of {declared} is the last"
-            raise ValueError(message)
-    return _from_trimesh(loaded)
-
-
-def _rows(data: Any) -> int:  # noqa: ANN401 - an array, or one per column
-    columns = list(data.values()) if isinstance(data, dict) else [data]
-    return min((len(column) for column in columns if column is not None), default=0)
-
-
-def _read_off(content: bytes) -> PointCloud:
-    from trimesh.exchange.off import load_off  # noqa: PLC0415 - slow to load
-
-    return _from_trimesh(load_off(io.BytesIO(content)))
-
-
-def _read_obj(content: bytes) -> PointCloud:
-    from trimesh.exchange.obj import load_obj  # noqa: PLC0415 - slow to load
-
-    loaded = load_obj(io.BytesIO(content), skip_materials=True, group_material=False, maintain_order=True)
-    parts = [_from_trimesh(part) for part in loaded.get("geometry", {"": loaded}).values()]
-    if not parts:
-        return PointCloud(np.empty((0, 3)))
-    starts = np.cumsum([0, *(len(part) for part in parts)])
-    faces = [p.faces + i for p, i in zip(parts, starts, strict=False) if p.faces is not None]
-    points = np.concatenate([part.points for part in parts])
-    return _without_repeats(PointCloud(points, faces=np.concatenate(faces) if faces else None))
-
-
-def _read_stl(content: bytes) -> PointCloud:
-    from trimesh.exchange.stl import load_stl  # noqa: PLC0415 - slow to load
-
-    if b"facet normal" in content[:1000] and b"endsolid" not in content[-1000:]:
-        message = "no endsolid at its end"
-        raise ValueError(message)
-    return _without_repeats(_from_trimesh(load_stl(io.BytesIO(content))))
-
-
-def _from_trimesh(loaded: dict[str, Any]) -> PointCloud:
-    """Take over what a trimesh loader found."""
-    points = _points(loaded.get("vertices", np.empty((0, 3))))
-    normals, faces, colors = (loaded.get(k) for k in ("vertex_normals", "faces", "vertex_colors"))
-    if faces is not None and len(faces):
-        faces = np.asarray(faces, dtype=np.int64)
-        if faces.min() < 0 or faces.max() >= len(points):
-            message = f"a face names point {faces.max()}, there are {len(points)}"
-            raise ValueError(message)
-    return PointCloud(
-        points,
-        None if normals is None else _points(normals),
-        None if faces is None or len(faces) == 0 else faces,
-        None if colors is None else np.asarray(colors)[:, :3].astype(np.uint8),
-    )
-
-
-def _without_repeats(cloud: PointCloud) -> PointCloud:
-    """Points of equal coordinates made one, in order of first appearance."""
-    _, first, inverse = np.unique(cloud.points, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first, kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    keep = first[order]
-    return PointCloud(
-        cloud.points[keep],
-        None,
-        None if cloud.faces is None else rank[inverse.reshape(-1)][cloud.faces],
-        None if cloud.colors is None else cloud.colors[keep],
-    )
-
-
-def _read_pcd(content: bytes) -> PointCloud:
-    import pypcd4  # noqa: PLC0415 - slow to load
-
-    loaded = pypcd4.PointCloud.from_fileobj(io.BytesIO(_modern_pcd(content)))  # pyright: ignore[reportArgumentType]
-    data = loaded.pc_data
-    if len(data) != loaded.points:
-        message = f"{len(data)} of {loaded.points} points"
-        raise ValueError(message)
-
-    def columns(*names: str) -> FloatArray | None:
-        if not set(names) <= set(loaded.fields):
-            return None
-        return np.stack([np.asarray(data[name], dtype=np.float64) for name in names], axis=1)
-
-    points = columns("x", "y", "z")
-    if points is None:
-        message = f"its fields are {' '.join(loaded.fields)}, not x y z"
-        raise ValueError(message)
-    packed = next((name for name in ("rgb", "rgba") if name in loaded.fields), None)
-    colors = None if packed is None else _unpacked(np.ascontiguousarray(data[packed]))
-    return PointCloud(points, columns("normal_x", "normal_y", "normal_z"), None, colors)
-
-
-def _modern_pcd(content: bytes) -> bytes:
-    """Rewrite the file as PCD 0.7 with every header line there: PCL still reads 0.5 and 0.6."""
-    match = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", content, re.MULTILINE)
-    if match is None:
-        message = "its header has no DATA line"
-        raise ValueError(message)
-    lines = content[: match.start()].decode().splitlines()
-    words = [line.split() for line in lines if line.strip() and not line.startswith("#")]
-    header = {key.upper(): values for key, *values in words}
-    fields = header.get("FIELDS", header.get("COLUMNS", []))
-    header |= {"VERSION": ["0.7"], "FIELDS": fields}
-    header.setdefault("COUNT", ["1"] * len(fields))
-    header.setdefault("HEIGHT", ["1"])
-    header.setdefault("POINTS", [str(int(header["WIDTH"][0]) * int(header["HEIGHT"][0]))])
-    order = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "POINTS")
-    text = "".join(f"{key} {' '.join(header[key])}\n" for key in order)
-    body = content[match.end() :]
-    if match[1].lower() == b"ascii":  # pypcd4 takes exactly one blank between two numbers
-        body = b"\n".join(b" ".join(line.split()) for line in body.splitlines())
-    return text.encode() + b"DATA " + match[1].lower() + b"\n" + body
-
-
-def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
-    """PCL packs 0x00RRGGBB into four bytes, often called a float."""
-    bits = packed.view(np.uint32) if packed.dtype.itemsize == 4 else packed.astype(np.uint32)
-    return np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], axis=1).astype(np.uint8)
-
-
-_READERS: dict[str, Callable[[bytes], PointCloud]] = {
-    ".npy": _read_npy,
-    ".obj": _read_obj,
-    ".off": _read_off,
-    ".pcd": _read_pcd,
-    ".ply": _read_ply,
-    ".stl": _read_stl,
-    ".txt": _read_text,
-    ".xyz": _read_text,
-}

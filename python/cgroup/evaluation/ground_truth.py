@@ -170,7 +170,8 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     for step in itertools.product((-1, 0, 1), repeat=3):
         todo = np.flatnonzero(~found)
         keys = (query_cells[todo] + step) @ weights
-        first, last = (np.searchsorted(stored_keys, keys, side) for side in ("left", "right"))
+        first: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "left")
+        last: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "right")
         rows, places = _ranges(first, last)
         distances = np.linalg.norm(queries[todo[rows]] - stored[places], axis=1)
         found[todo[rows[distances <= limit]]] = True

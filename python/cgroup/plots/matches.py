@@ -1,5 +1,8 @@
 """Two clouds side by side, and lines between matched points."""
 
+# Parts of matplotlib's methods are untyped.
+# pyright: reportUnknownMemberType=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -19,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from cgroup.benchmark import MethodResult
-    from cgroup.types import BoolArray, Correspondences, FloatArray
+    from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
 
 MAX_LINES = 150
 """More lines than this hide each other; an evenly spaced part of them is drawn, and the figure says so."""
@@ -188,13 +191,13 @@ class _Scene:
         self,
         axes: Axes,
         correspondences: Correspondences,
-        rows: FloatArray,
+        rows: IndexArray,
         color: str,
         limit: int = MAX_LINES,
     ) -> int:
         """Draw at most `limit` of the rows; returns how many."""
         if len(rows) > limit:
-            rows = rows[np.linspace(0, len(rows) - 1, limit).round().astype(int)]
+            rows = rows[np.linspace(0, len(rows) - 1, limit).astype(np.int64)]
         source = correspondences.source[rows] @ self.pose[:3, :3].T + self.pose[:3, 3]
         start = source @ self.to_plane.T
         end = correspondences.target[rows] @ self.to_plane.T + self.shift

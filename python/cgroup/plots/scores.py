@@ -1,5 +1,8 @@
 """Scores of methods against each other."""
 
+# Parts of matplotlib's methods are untyped.
+# pyright: reportUnknownMemberType=false
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -126,8 +126,8 @@ class _Grid:
         low, size = projected[:, :2].min(axis=0), np.ptp(projected[:, :2], axis=0)
         # As fine as the points allow: about two of them in a cell.
         cell = max(size.max() / _CELLS, np.sqrt(2 * size.prod() / len(projected)), 1e-300)
-        columns, rows = np.round(size / cell).astype(int) + 1
-        return cls(low, cell, (int(columns), int(rows)))
+        columns, rows = (round(float(side / cell)) + 1 for side in size)
+        return cls(low, cell, (columns, rows))
 
     def picture(self, rgba: FloatArray) -> Picture:
         left, bottom = self.low - self.cell / 2
