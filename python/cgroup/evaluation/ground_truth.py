@@ -14,7 +14,7 @@ from cgroup.io import check_rigid
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from cgroup.types import BoolArray, FloatArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray
 
 CORRECT_WITHIN = 5.0
 """A match is correct when it misses its true place by at most so many pr."""
@@ -164,12 +164,12 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     query_cells = np.floor((queries - origin) / width).astype(np.int64) + 1
     span = np.floor(extent / width).astype(np.int64) + 3
     weights = np.array([span[1] * span[2], span[2], 1])
-    stored_keys = stored_cells @ weights
+    stored_keys: IndexArray = stored_cells @ weights
     order = np.argsort(stored_keys, kind="stable")
     stored, stored_keys = stored[order], stored_keys[order]
     for step in itertools.product((-1, 0, 1), repeat=3):
         todo = np.flatnonzero(~found)
-        keys = (query_cells[todo] + step) @ weights
+        keys: IndexArray = (query_cells[todo] + step) @ weights
         first: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "left")
         last: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "right")
         rows, places = _ranges(first, last)
