@@ -4,6 +4,7 @@
 
 mod convert;
 mod error;
+mod features;
 mod grouping;
 mod run;
 
@@ -12,6 +13,11 @@ use pyo3::prelude::*;
 /// The compiled core of cgroup. Use it through the `cgroup` package.
 #[pymodule(gil_used = false)]
 mod _core {
+    #[pymodule_export]
+    use super::features::{
+        drop_isolated, harris3d, iss, lfsh, match_descriptors, mesh_normals, normals, rcs, resolution, shot,
+        shot_lrf, toldi_lrf,
+    };
     #[pymodule_export]
     use super::grouping::{cv, gc, gtm, hough3d, nnsr, ransac, rigid_fit, si, ss, st};
 
