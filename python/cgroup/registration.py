@@ -20,9 +20,9 @@ from cgroup.methods import group
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from cgroup.types import FloatArray, Grouping, IndexArray
 
@@ -77,8 +77,8 @@ def register(
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
     keypoints: int | None = None,
-    source_viewpoint: Sequence[float] = ORIGIN,
-    target_viewpoint: Sequence[float] = ORIGIN,
+    source_viewpoint: tuple[float, float, float] = ORIGIN,
+    target_viewpoint: tuple[float, float, float] = ORIGIN,
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> Registration:
@@ -135,8 +135,8 @@ def correspond(
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
     keypoints: int | None = None,
-    source_viewpoint: Sequence[float] = ORIGIN,
-    target_viewpoint: Sequence[float] = ORIGIN,
+    source_viewpoint: tuple[float, float, float] = ORIGIN,
+    target_viewpoint: tuple[float, float, float] = ORIGIN,
     progress: Callable[[str], Any] | None = None,
 ) -> Correspondences:
     """Match keypoints of two clouds by their descriptors.
@@ -154,7 +154,7 @@ def correspond(
         Descriptor; the frames are always those of SHOT.
     keypoints : int, optional
         How many to aim at in each cloud; by default what the detector finds at its usual radius.
-    source_viewpoint, target_viewpoint : (3,) sequence of float
+    source_viewpoint, target_viewpoint : tuple of three floats
         Where the scanners stood, in their clouds' frames; normals are turned towards them.
     progress : callable, optional
         Called with the name of each stage as it begins.
@@ -233,7 +233,7 @@ def _describe(
     *,
     descriptor: Descriptor,
     pr: float,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
     """Points, frames and descriptors of the keypoints that have a descriptor."""
     radius = SUPPORT * pr
     if descriptor == "shot":
