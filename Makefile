@@ -1,0 +1,88 @@
+# The two commands of the README, `make demo` and `make test`, set up whatever they need.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= out
+# Two scans of one's own: make demo SOURCE=a.ply TARGET=b.ply TRUTH=T.txt
+SOURCE ?=
+TARGET ?=
+TRUTH ?=
+
+RUST_SOURCES := $(shell find rust -name '*.rs') Cargo.toml Cargo.lock rust/py/Cargo.toml
+MATURIN := env -u CONDA_PREFIX VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin
+
+# Runs a command whose output matters only where it fails.
+quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
+
+.PHONY: help setup demo test test-rust test-python fmt lint types bench docs clean
+
+help: ## show this list
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
+
+setup: $(VENV)/.ready-dev ## install everything that developing needs, and build the package
+
+demo: $(VENV)/.ready-scans ## compare the nine methods on a generated pair of scans, or on SOURCE, TARGET, TRUTH
+ifeq ($(strip $(SOURCE)$(TARGET)$(TRUTH)),)
+	@$(BIN)/cgroup demo --out $(OUT)
+else
+	@$(BIN)/cgroup compare "$(SOURCE)" "$(TARGET)" --truth "$(TRUTH)" --out $(OUT)
+endif
+
+test: test-rust test-python ## run every test
+
+test-rust: | check-tools ## run the Rust tests
+	cargo test --release --locked
+
+test-python: $(VENV)/.ready-dev ## run the Python tests
+	$(BIN)/python -m pytest
+
+fmt: $(VENV)/.ready-dev ## format the code
+	cargo fmt --all
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+lint: $(VENV)/.ready-dev ## check format, lints and who imports whom
+	cargo fmt --all --check
+	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+	@! cargo tree --locked --package cgroup --edges normal | grep -E ' (pyo3|numpy) ' \
+		|| { echo "the core crate must not depend on pyo3 or numpy"; exit 1; }
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --package cgroup
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+
+types: $(VENV)/.ready-dev ## check types, and the stubs against the compiled core
+	$(BIN)/basedpyright
+	MYPYPATH=python $(BIN)/python -m mypy.stubtest cgroup._core
+
+bench: | check-tools ## run the criterion benches
+	cargo bench --locked
+
+clean: ## remove what was built
+	rm -rf $(VENV) target $(OUT) python/cgroup/_core*.so
+
+.PHONY: check-tools
+check-tools:
+	@command -v cargo >/dev/null || { \
+		echo "Rust is missing: install it (https://rustup.rs), then run make again."; exit 1; }
+
+$(VENV)/.created:
+	@command -v $(PYTHON) >/dev/null || { \
+		echo "$(PYTHON) is missing: install Python 3.10 or newer, or name it: make PYTHON=python3.12."; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
+		echo "$$($(PYTHON) --version) is too old: cgroup needs 3.10 or newer; name one: make PYTHON=python3.12."; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { \
+		echo "$(PYTHON) cannot make a virtual environment: install its venv module (Debian: python3-venv)."; exit 1; }
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check "maturin>=1.8,<2"
+	@touch $@
+
+$(VENV)/.ready-scans: $(VENV)/.created $(RUST_SOURCES) pyproject.toml | check-tools
+	@echo "Building cgroup (a few minutes the first time) ..."
+	@$(call quietly,$(MATURIN) develop --release --locked --extras scans)
+	@touch $@
+
+$(VENV)/.ready-dev: $(VENV)/.created $(RUST_SOURCES) pyproject.toml | check-tools
+	@echo "Building cgroup and installing its development tools (a few minutes the first time) ..."
+	@$(call quietly,$(MATURIN) develop --release --locked --extras dev)
+	@touch $@ $(VENV)/.ready-scans

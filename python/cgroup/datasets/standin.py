@@ -1,0 +1,208 @@
+"""A pair of range scans that needs no download: two views of a generated closed shape.
+
+The shape is a ball deformed by bumps, dents and creases at several scales, strewn at random: rich
+in local detail and without symmetry. Each view is what a range scanner sees of it: one point per
+pixel, none where the surface hides itself or is seen too obliquely, noise along the line of sight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.datasets.base import MatchingPair
+from cgroup.errors import InputError
+from cgroup.io import PointCloud
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cgroup.types import FloatArray, IndexArray
+
+RADIUS = 50.0
+"""Mean radius of the shape, in mm."""
+
+_AXES = (1.0, 0.85, 0.7)  # of the ellipsoid that the details sit on, in radii
+_GRID_PER_PIXEL = 1.2  # mesh vertices along each edge of the cube that is blown up to a ball
+_DISTANCES = (5.0, 5.6)  # of the two scanners from the centre, in radii
+_MAX_INCIDENCE = 75.0  # degrees between line of sight and normal beyond which nothing returns
+
+# (how many, sharpness, height): a bump falls to 1/e at an angle of about sqrt(2 / sharpness).
+_BUMPS = ((12, 4.0, 0.20), (120, 40.0, 0.09), (500, 250.0, 0.04))
+_CREASES = (40, 0.03, 0.04)  # how many, half width, height
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    vertices: FloatArray
+    faces: IndexArray
+
+
+def standin_pair(*, seed: int = 0, turn: float = 50.0, noise: float = 0.2, pixels: int = 150) -> MatchingPair:
+    """Two partial, noisy views of a generated closed shape, with their pose.
+
+    Parameters
+    ----------
+    seed : int
+        Another seed, another shape. The same arguments give the same pair.
+    turn : float
+        Degrees between the two viewing directions, 0 to 180; the more, the less overlap.
+    noise : float
+        Standard deviation of the noise along the line of sight, in units of the point spacing.
+    pixels : int
+        Pixels along the larger side of the shape, at least 16; a view has about half the square
+        of that in points.
+
+    Returns
+    -------
+    MatchingPair
+        Unit mm. Each view is in its scanner's frame: scanner at the origin, looking along -z,
+        y up.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+    """
+    _check(turn=turn, noise=noise, pixels=pixels)
+    rng = np.random.default_rng(seed)
+    mesh = _shape(rng, round(_GRID_PER_PIXEL * pixels))
+    first = _looking_at_center(rng, _random_direction(rng), _DISTANCES[0] * RADIUS)
+    aside = _turned(rng, first[:3, :3].T @ (0.0, 0.0, 1.0), np.radians(turn))
+    second = _looking_at_center(rng, aside, _DISTANCES[1] * RADIUS)
+    source, target = (_scan(mesh, view, pixels, noise, rng) for view in (first, second))
+    return MatchingPair(f"standin-{seed}", source, target, second @ np.linalg.inv(first))
+
+
+def _check(*, turn: float, noise: float, pixels: int) -> None:
+    if not 0 <= turn <= 180:
+        message = f"turn: got {turn}; give degrees from 0 to 180"
+        raise InputError(message)
+    if not (np.isfinite(noise) and noise >= 0):
+        message = f"noise: got {noise}; give a finite number, 0 or greater"
+        raise InputError(message)
+    if pixels < 16:
+        message = f"pixels: got {pixels}; give at least 16"
+        raise InputError(message)
+
+
+def _shape(rng: np.random.Generator, grid: int) -> _Mesh:
+    directions, faces = _ball(grid)
+    height = np.ones(len(directions), dtype=np.float32)
+    for count, sharpness, amplitude in _BUMPS:
+        centers = _random_directions(rng, count)
+        heights = amplitude * rng.uniform(0.5, 1, size=count) * rng.choice((-1, 1), size=count)
+        for center, bump in zip(centers, heights, strict=True):
+            cosines = directions @ center
+            near = np.flatnonzero(cosines > 1 - 10 / sharpness)  # elsewhere it is below bump / 20000
+            height[near] += bump * np.exp(sharpness * (cosines[near] - 1))
+    count, width, amplitude = _CREASES
+    for normal, middle in zip(*np.split(_random_directions(rng, 2 * count), 2), strict=True):
+        # A ridge or groove along a small circle, fading out away from its middle.
+        along = np.exp(6.0 * (directions @ middle - 1))
+        across = np.maximum(0, 1 - np.abs(directions @ normal - middle @ normal) / width)
+        height += float(rng.choice((-1, 1))) * amplitude * along * across
+    return _Mesh(RADIUS * height[:, None].astype(np.float64) * directions * _AXES, faces)
+
+
+def _ball(grid: int) -> tuple[NDArray[np.float32], IndexArray]:
+    """Spread unit vectors over the six faces of a blown-up cube, and triangles between them."""
+    steps = np.tan(np.linspace(-np.pi / 4, np.pi / 4, grid))  # nearly even on the ball
+    a, b = (part.reshape(-1) for part in np.meshgrid(steps, steps, indexing="ij"))
+    one = np.ones_like(a)
+    sides = [(a, b, one), (b, a, -one), (b, one, a), (a, -one, b), (one, a, b), (-one, b, a)]
+    directions = np.concatenate([np.stack(side, axis=1) for side in sides]).astype(np.float32)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    corner = (np.arange(grid - 1)[:, None] * grid + np.arange(grid - 1)).reshape(-1)
+    low = np.stack([corner, corner + grid, corner + 1], axis=1)
+    high = np.stack([corner + 1, corner + grid, corner + grid + 1], axis=1)
+    one_side = np.concatenate([low, high])
+    return directions, np.concatenate([one_side + side * grid**2 for side in range(6)])
+
+
+def _scan(
+    mesh: _Mesh, T_scanner_world: FloatArray, pixels: int, noise: float, rng: np.random.Generator
+) -> PointCloud:
+    """Points that a range scanner sees, in its own frame."""
+    seen = mesh.vertices @ T_scanner_world[:3, :3].T + T_scanner_world[:3, 3]
+    screen = seen[:, :2] / -seen[:, 2:]
+    step = np.ptp(screen, axis=0).max() / pixels
+    origin = screen.min(axis=0) - step * rng.uniform(1, 2, size=2)
+    depth, incidence = _depth_image(mesh.faces, seen, (screen - origin) / step)
+    rows, columns = np.nonzero(incidence < np.radians(_MAX_INCIDENCE))
+    lines = np.stack([rows * step + origin[0], columns * step + origin[1], -np.ones(len(rows))], axis=1)
+    spacing = step * float(np.median(depth[rows, columns]))
+    ranges = depth[rows, columns] + noise * spacing * rng.normal(size=len(rows))
+    return PointCloud(lines * ranges[:, None])
+
+
+def _depth_image(
+    faces: IndexArray, vertices: FloatArray, screen: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distance from the scanner's plane and angle of incidence per pixel; infinite where nothing is."""
+    corners = screen[faces]
+    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
+    facing = np.flatnonzero(area > 0)
+    corners, edge1, edge2, area = (part[facing] for part in (corners, edge1, edge2, area))
+    nearness = -1 / vertices[faces[facing], 2]  # linear over the screen, unlike the depth itself
+    angles = _incidence(vertices[faces[facing]])
+    shape = np.ceil(screen.max(axis=0)).astype(int) + 2
+    best = np.zeros(shape)
+    incidence = np.full(shape, np.inf)
+    low = np.ceil(corners.min(axis=1)).astype(int)
+    widest = int(np.ceil(np.ptp(corners, axis=1).max())) + 1
+    for offset in np.ndindex(widest, widest):
+        pixel = low + offset
+        rest = pixel - corners[:, 0]
+        u = (rest[:, 0] * edge2[:, 1] - rest[:, 1] * edge2[:, 0]) / area
+        v = (edge1[:, 0] * rest[:, 1] - edge1[:, 1] * rest[:, 0]) / area
+        hit = np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1))
+        near = nearness[hit, 0] * (1 - u[hit] - v[hit]) + nearness[hit, 1] * u[hit]
+        near += nearness[hit, 2] * v[hit]
+        order = np.argsort(near, kind="stable")  # the nearest is written last
+        hit, near = hit[order], near[order]
+        x, y = pixel[hit].T
+        closer = near > best[x, y]
+        x, y, hit, near = x[closer], y[closer], hit[closer], near[closer]
+        best[x, y] = near
+        incidence[x, y] = angles[hit]
+    with np.errstate(divide="ignore"):
+        return 1 / best, incidence
+
+
+def _incidence(corners: FloatArray) -> FloatArray:
+    """Angle in radians between each triangle's normal and the line from it to the scanner."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lines = -corners.mean(axis=1)
+    cosine = np.abs((normals * lines).sum(axis=1))
+    return np.arccos(cosine / np.linalg.norm(normals, axis=1) / np.linalg.norm(lines, axis=1))
+
+
+def _looking_at_center(rng: np.random.Generator, direction: FloatArray, distance: float) -> FloatArray:
+    """World to scanner: placed along a direction from the origin, rolled at random."""
+    side = np.cross(_random_direction(rng), direction)
+    side /= np.linalg.norm(side)
+    transform = np.eye(4)
+    transform[:3, :3] = np.stack([side, np.cross(direction, side), direction])
+    transform[2, 3] = -distance
+    return transform
+
+
+def _turned(rng: np.random.Generator, direction: FloatArray, angle: float) -> FloatArray:
+    """Tilt the direction by an angle towards a random side."""
+    side = np.cross(_random_direction(rng), direction)
+    side /= np.linalg.norm(side)
+    return np.cos(angle) * direction + np.sin(angle) * side
+
+
+def _random_directions(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
+    vectors = rng.normal(size=(count, 3)).astype(np.float32)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _random_direction(rng: np.random.Generator) -> FloatArray:
+    vector = rng.normal(size=3)
+    return vector / np.linalg.norm(vector)

@@ -1,0 +1,31 @@
+"""Judging a group against the true pose: which matches are correct, and how good is the group.
+
+Knows nothing of the methods that made the group.
+"""
+
+from cgroup.evaluation.ground_truth import (
+    alignment_error,
+    clutter_and_occlusion,
+    correct_matches,
+    match_errors,
+    overlap,
+    rotation_error,
+    translation_error,
+    within,
+)
+from cgroup.evaluation.metrics import GroupScore, ScoreMeans, mean_scores, score_group
+
+__all__ = [
+    "GroupScore",
+    "ScoreMeans",
+    "alignment_error",
+    "clutter_and_occlusion",
+    "correct_matches",
+    "match_errors",
+    "mean_scores",
+    "overlap",
+    "rotation_error",
+    "score_group",
+    "translation_error",
+    "within",
+]

@@ -1,0 +1,325 @@
+"""What the true pose says: correct matches, errors of an estimated pose, overlap of two views."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup._arrays import as_points
+from cgroup.errors import InputError
+from cgroup.io import check_rigid
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from cgroup.types import BoolArray, FloatArray, IndexArray
+
+CORRECT_WITHIN = 5.0
+"""A match is correct when it misses its true place by at most so many pr."""
+
+OVERLAP_WITHIN = 4.0
+"""Points of two views correspond when they are at most so many pr apart."""
+
+VISIBLE_WITHIN = 2.0
+"""A scene vertex belongs to a model when it is at most so many pr away from it."""
+
+
+def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike) -> FloatArray:
+    """Distance of each match from its true place, |R p + t - p'|.
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    T_target_source : (4,4) array_like of float
+        True pose.
+
+    Returns
+    -------
+    (n,) array of float64
+        In the data's unit.
+
+    Raises
+    ------
+    InputError
+        If the shapes don't fit, or the transform isn't rigid.
+    """
+    moved = _moved(as_points("source", source), T_target_source)
+    there = as_points("target", target)
+    if len(moved) != len(there):
+        message = f"target: got {len(there)} rows, `source` has {len(moved)}"
+        raise InputError(message)
+    return np.linalg.norm(moved - there, axis=1)
+
+
+def correct_matches(
+    source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float
+) -> BoolArray:
+    """Which matches are correct: |R p + t - p'| <= tolerance.
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    T_target_source : (4,4) array_like of float
+        True pose.
+    tolerance : float
+        In the data's unit; the paper takes `CORRECT_WITHIN` times the resolution.
+
+    Returns
+    -------
+    (n,) array of bool
+        Aligned with the matches.
+
+    Raises
+    ------
+    InputError
+        If the shapes don't fit, the transform isn't rigid, or the tolerance isn't positive.
+    """
+    limit = _positive("tolerance", tolerance)
+    return match_errors(source, target, T_target_source) <= limit
+
+
+def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
+    """Angle between the rotations of two poses.
+
+    Parameters
+    ----------
+    estimated, true : (4,4) array_like of float
+        Rigid transforms.
+
+    Returns
+    -------
+    float
+        In degrees, 0 to 180.
+
+    Raises
+    ------
+    InputError
+        If either isn't a rigid transform.
+    """
+    turn = check_rigid(estimated, "estimated")[:3, :3].T @ check_rigid(true, "true")[:3, :3]
+    # The sine keeps the precision that the arc cosine of the trace loses near 0 and 180 degrees.
+    sine = np.linalg.norm((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]))
+    return float(np.degrees(np.arctan2(sine, np.trace(turn) - 1)))
+
+
+def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
+    """Distance between the translations of two poses.
+
+    Parameters
+    ----------
+    estimated, true : (4,4) array_like of float
+        Rigid transforms.
+
+    Returns
+    -------
+    float
+        In the data's unit. It depends on where the origin of the source lies.
+
+    Raises
+    ------
+    InputError
+        If either isn't a rigid transform.
+    """
+    difference = check_rigid(estimated, "estimated")[:3, 3] - check_rigid(true, "true")[:3, 3]
+    return float(np.linalg.norm(difference))
+
+
+def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
+    """Which points have at least one of the others within a radius.
+
+    Parameters
+    ----------
+    points : (N,3) array_like of float
+        Points to judge.
+    others : (M,3) array_like of float
+        Points to look for.
+    radius : float
+        Largest distance, inclusive, in the data's unit.
+
+    Returns
+    -------
+    (N,) array of bool
+        Aligned with `points`.
+
+    Raises
+    ------
+    InputError
+        If a shape isn't (N, 3), or the radius isn't positive.
+    """
+    queries, stored = as_points("points", points), as_points("others", others)
+    limit = _positive("radius", radius)
+    found = np.zeros(len(queries), dtype=bool)
+    if len(stored) == 0 or len(queries) == 0:
+        return found
+    # Cells at least as wide as the radius, so whatever is near lies in one of 27 cells; and not
+    # so narrow that a cell's number would overflow.
+    origin = np.minimum(stored.min(axis=0), queries.min(axis=0))
+    extent = np.maximum(stored.max(axis=0), queries.max(axis=0)) - origin
+    width = max(limit, extent.max() / 1e6)
+    stored_cells = np.floor((stored - origin) / width).astype(np.int64) + 1
+    query_cells = np.floor((queries - origin) / width).astype(np.int64) + 1
+    span = np.floor(extent / width).astype(np.int64) + 3
+    weights = np.array([span[1] * span[2], span[2], 1])
+    stored_keys: IndexArray = stored_cells @ weights
+    order = np.argsort(stored_keys, kind="stable")
+    stored, stored_keys = stored[order], stored_keys[order]
+    for step in itertools.product((-1, 0, 1), repeat=3):
+        todo = np.flatnonzero(~found)
+        keys: IndexArray = (query_cells[todo] + step) @ weights
+        first: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "left")
+        last: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "right")
+        rows, places = _ranges(first, last)
+        distances = np.linalg.norm(queries[todo[rows]] - stored[places], axis=1)
+        found[todo[rows[distances <= limit]]] = True
+    return found
+
+
+def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float) -> float:
+    """Share of the smaller view that the other one sees too.
+
+    Number of corresponding points divided by the size of the smaller view. Corresponding are
+    points that have a point of the other view within the tolerance under the true pose; counted
+    in both directions, the smaller count is taken.
+
+    Parameters
+    ----------
+    source, target : (N,3) and (M,3) array_like of float
+        Whole clouds.
+    T_target_source : (4,4) array_like of float
+        True pose.
+    tolerance : float
+        In the data's unit; `OVERLAP_WITHIN` times the resolution is usual.
+
+    Returns
+    -------
+    float
+        0 to 1.
+
+    Raises
+    ------
+    InputError
+        If a cloud is empty, or the transform or tolerance is invalid.
+    """
+    moved = _moved(as_points("source", source), T_target_source)
+    there = as_points("target", target)
+    for name, points in (("source", moved), ("target", there)):
+        if len(points) == 0:
+            message = f"{name}: got no points"
+            raise InputError(message)
+    common = min(within(moved, there, tolerance).sum(), within(there, moved, tolerance).sum())
+    return float(common / min(len(moved), len(there)))
+
+
+def alignment_error(
+    source: ArrayLike,
+    target: ArrayLike,
+    estimated: ArrayLike,
+    true: ArrayLike,
+    *,
+    tolerance: float,
+) -> float:
+    """How far an estimated pose leaves the overlapping source points from their true places.
+
+    Parameters
+    ----------
+    source, target : (N,3) and (M,3) array_like of float
+        Whole clouds.
+    estimated, true : (4,4) array_like of float
+        Poses of the source in the target's frame.
+    tolerance : float
+        Source points count that lie so close to the target under the true pose, in the data's
+        unit; `OVERLAP_WITHIN` times the resolution is usual.
+
+    Returns
+    -------
+    float
+        Mean distance in the data's unit; NaN if no source point counts.
+
+    Raises
+    ------
+    InputError
+        If a transform or the tolerance is invalid.
+    """
+    points = as_points("source", source)
+    expected = _moved(points, true)
+    counted = within(expected, target, tolerance)
+    if not counted.any():
+        return float("nan")
+    gap = _moved(points, estimated)[counted] - expected[counted]
+    return float(np.linalg.norm(gap, axis=1).mean())
+
+
+def clutter_and_occlusion(
+    model: ArrayLike,
+    model_faces: ArrayLike,
+    scene: ArrayLike,
+    scene_faces: ArrayLike,
+    T_scene_model: ArrayLike,
+    *,
+    tolerance: float,
+) -> tuple[float, float]:
+    """Share of the scene that isn't the model, and share of the model that the scene hides.
+
+    Parameters
+    ----------
+    model, scene : (N,3) and (M,3) array_like of float
+        Vertices of the two meshes.
+    model_faces, scene_faces : (K,3) array_like of int
+        Their triangles.
+    T_scene_model : (4,4) array_like of float
+        True pose of the model in the scene.
+    tolerance : float
+        Scene vertices so close to the posed model belong to it, in the data's unit;
+        `VISIBLE_WITHIN` times the resolution is usual.
+
+    Returns
+    -------
+    clutter, occlusion : float
+        1 - visible area / scene area, and 1 - visible area / model area, where visible are the
+        scene's triangles whose three corners belong to the model.
+
+    Raises
+    ------
+    InputError
+        If a mesh has no area, or the transform or tolerance is invalid.
+    """
+    posed, vertices = _moved(as_points("model", model), T_scene_model), as_points("scene", scene)
+    triangles = np.asarray(scene_faces, dtype=np.int64).reshape(-1, 3)
+    areas = triangle_areas(vertices, triangles)
+    model_area = triangle_areas(posed, model_faces).sum()
+    for name, area in (("scene", areas.sum()), ("model", model_area)):
+        if area <= 0:
+            message = f"{name}: its faces have no area"
+            raise InputError(message)
+    seen = areas[within(vertices, posed, tolerance)[triangles].all(axis=1)].sum()
+    return float(1 - seen / areas.sum()), float(1 - seen / model_area)
+
+
+def triangle_areas(vertices: FloatArray, faces: ArrayLike) -> FloatArray:
+    """Area of each triangle, in the square of the data's unit."""
+    a, b, c = (vertices[corner] for corner in np.asarray(faces, dtype=np.int64).reshape(-1, 3).T)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def _ranges(first: NDArray[np.intp], last: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Row i paired with each place from first[i] up to last[i]."""
+    counts = last - first
+    rows = np.repeat(np.arange(len(first)), counts)
+    offsets = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return rows, first[rows] + offsets
+
+
+def _moved(points: FloatArray, transform: ArrayLike) -> FloatArray:
+    matrix = check_rigid(transform)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _positive(name: str, value: float) -> float:
+    if not (np.isfinite(value) and value > 0):
+        message = f"{name}: got {value}; give a finite number greater than 0"
+        raise InputError(message)
+    return float(value)

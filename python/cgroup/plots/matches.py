@@ -1,0 +1,230 @@
+"""Two clouds side by side, and lines between matched points."""
+
+# Parts of matplotlib's methods are untyped.
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from cgroup.plots import style
+from cgroup.plots.shading import Picture, broadside, overlaid, shaded
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+    from cgroup.benchmark import MethodResult
+    from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
+
+MAX_LINES = 150
+"""More lines than this hide each other; an evenly spaced part of them is drawn, and the figure says so."""
+
+_GAP = 0.35  # between the two clouds, in widths of the wider one
+_COLUMNS = 3
+
+
+def registration_figure(
+    source: FloatArray,
+    target: FloatArray,
+    correspondences: Correspondences,
+    *,
+    mask: BoolArray,
+    T_target_source: FloatArray,
+    title: str,
+) -> Figure:
+    """Draw the grouped matches between two clouds, and the two clouds as the pose lays them.
+
+    Parameters
+    ----------
+    source, target : (N,3) array of float64
+        Whole clouds.
+    correspondences : Correspondences
+        All matches.
+    mask : (n,) array of bool
+        The group.
+    T_target_source : (4,4) array of float64
+        The pose found.
+    title : str
+        Shown on top.
+
+    Returns
+    -------
+    Figure
+        The source is shown turned as in the pose, so that lines of right matches run parallel.
+    """
+    figure = Figure(figsize=(12, 5), dpi=style.DOTS_PER_INCH, layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(2.1, 1))
+    scene = _Scene.of(source, target, T_target_source)
+    scene.draw_clouds(left)
+    drawn = scene.draw_lines(left, correspondences, np.flatnonzero(mask), style.GROUPED)
+    _caption(left, "Grouped matches", _shown(drawn, int(mask.sum())))
+    scene.draw_overlay(right)
+    _caption(right, "Source placed on target", "")
+    figure.suptitle(title, color=style.TEXT)
+    handles = [
+        Line2D([], [], marker="o", linestyle="", color=tint, label=name)
+        for name, tint in (("source", style.SOURCE_TINT), ("target", style.TARGET_TINT))
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+def comparison_figure(
+    source: FloatArray,
+    target: FloatArray,
+    correspondences: Correspondences,
+    *,
+    correct: BoolArray,
+    results: Sequence[MethodResult],
+    T_target_source: FloatArray,
+    title: str,
+) -> Figure:
+    """Draw what each method selected, correct matches in one colour and wrong ones in another.
+
+    Parameters
+    ----------
+    source, target : (N,3) array of float64
+        Whole clouds.
+    correspondences : Correspondences
+        All matches.
+    correct : (n,) array of bool
+        Which of them are correct.
+    results : sequence of MethodResult
+        One panel each.
+    T_target_source : (4,4) array of float64
+        The true pose.
+    title : str
+        Shown on top.
+
+    Returns
+    -------
+    Figure
+        The source is shown turned as in the true pose, so that lines of correct matches run parallel.
+    """
+    rows = -(-len(results) // _COLUMNS)
+    scene = _Scene.of(source, target, T_target_source)
+    height = 11.6 / _COLUMNS * scene.aspect + 0.3
+    figure = Figure(figsize=(12, rows * height + 0.75), dpi=style.DOTS_PER_INCH, layout="constrained")
+    panels = figure.subplots(rows, _COLUMNS, squeeze=False).reshape(-1)
+    for axes, result in zip(panels, results, strict=False):
+        scene.draw_clouds(axes)
+        mask = result.grouping.mask
+        share = min(1.0, MAX_LINES / max(int(mask.sum()), 1))
+        drawn = 0
+        for chosen, color in ((mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)):
+            rows_of_color = np.flatnonzero(chosen)
+            limit = int(np.ceil(share * len(rows_of_color)))
+            drawn += scene.draw_lines(axes, correspondences, rows_of_color, color, limit)
+        score = result.score
+        numbers = f"P {score.precision:.2f}   R {score.recall:.2f}   F {score.f_score:.2f}"
+        label = style.method_style(result.method).label
+        _caption(axes, label, f"{numbers}   {_shown(drawn, score.selected)}")
+    for axes in panels[len(results) :]:
+        axes.set_axis_off()
+    figure.suptitle(title, color=style.TEXT)
+    handles = [
+        Line2D([], [], color=color, label=name)
+        for name, color in (("correct", style.CORRECT), ("wrong", style.WRONG))
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """Source and target in one plane, the source on the left; shared by all panels of a figure."""
+
+    to_plane: FloatArray  # (2,3)
+    pose: FloatArray  # (4,4)
+    shift: FloatArray  # (2,), of the target in the plane
+    pictures: tuple[Picture, Picture]  # of source and target, both where the pose puts them
+    overlay: Picture
+
+    @classmethod
+    def of(cls, source: FloatArray, target: FloatArray, pose: FloatArray) -> _Scene:
+        view = broadside(target)
+        placed = view.project(source @ pose[:3, :3].T + pose[:3, 3])
+        there = view.project(target)
+        tints = (style.SOURCE_TINT, style.TARGET_TINT)
+        pictures = shaded(placed, tints[0]), shaded(there, tints[1])
+        (left, right, *_), (start, end, *_) = (picture.extent for picture in pictures)
+        gap = _GAP * max(right - left, end - start)
+        return cls(
+            view.axes[:2],
+            pose,
+            np.array([right - start + gap, 0.0]),
+            pictures,
+            overlaid(placed, there, tints),
+        )
+
+    @property
+    def target_extent(self) -> tuple[float, float, float, float]:
+        left, right, bottom, top = self.pictures[1].extent
+        return left + self.shift[0], right + self.shift[0], bottom, top
+
+    @property
+    def aspect(self) -> float:
+        """Height over width."""
+        left, _, *vertical = self.pictures[0].extent
+        _, right, *more = self.target_extent
+        return (max(vertical[1], more[1]) - min(vertical[0], more[0])) / (right - left)
+
+    def draw_clouds(self, axes: Axes) -> None:
+        source, target = self.pictures
+        _show(axes, source, source.extent)
+        _show(axes, target, self.target_extent)
+        _fit(axes, source.extent, self.target_extent)
+
+    def draw_overlay(self, axes: Axes) -> None:
+        _show(axes, self.overlay, self.overlay.extent)
+        _fit(axes, self.overlay.extent)
+
+    def draw_lines(
+        self,
+        axes: Axes,
+        correspondences: Correspondences,
+        rows: IndexArray,
+        color: str,
+        limit: int = MAX_LINES,
+    ) -> int:
+        """Draw at most `limit` of the rows; returns how many."""
+        if len(rows) > limit:
+            rows = rows[np.linspace(0, len(rows) - 1, limit).astype(np.int64)]
+        source = correspondences.source[rows] @ self.pose[:3, :3].T + self.pose[:3, 3]
+        start = source @ self.to_plane.T
+        end = correspondences.target[rows] @ self.to_plane.T + self.shift
+        lines = np.stack([start, end], axis=1)
+        axes.add_collection(LineCollection(list(lines), colors=color, linewidths=0.6, alpha=0.75))
+        ends = lines.reshape(-1, 2)
+        axes.scatter(ends[:, 0], ends[:, 1], s=2.5, color=color, linewidths=0, zorder=3)
+        return len(rows)
+
+
+def _show(axes: Axes, picture: Picture, extent: tuple[float, float, float, float]) -> None:
+    axes.imshow(picture.rgba, extent=extent, origin="lower", interpolation="nearest")
+
+
+def _fit(axes: Axes, *extents: tuple[float, float, float, float]) -> None:
+    left, right, bottom, top = zip(*extents, strict=True)
+    margin = 0.02 * (max(right) - min(left))
+    axes.set_xlim(min(left) - margin, max(right) + margin)
+    axes.set_ylim(min(bottom) - margin, max(top) + margin)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def _caption(axes: Axes, name: str, numbers: str) -> None:
+    axes.set_title(name, loc="left", fontsize=11, fontweight="bold", color=style.TEXT)
+    axes.set_title(numbers, loc="right", fontsize=9, color=style.QUIET_TEXT)
+
+
+def _shown(drawn: int, total: int) -> str:
+    return f"{total} selected" if drawn == total else f"{drawn} of {total} shown"

@@ -1,0 +1,65 @@
+"""Scores of methods against each other."""
+
+# Parts of matplotlib's methods are untyped.
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from cgroup.plots import style
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cgroup.benchmark import MethodResult
+
+_F_LEVELS = (0.2, 0.4, 0.6, 0.8)
+
+
+def precision_recall_figure(results: Sequence[MethodResult], *, title: str) -> Figure:
+    """Draw precision over recall, one marker per method, over lines of equal F.
+
+    Parameters
+    ----------
+    results : sequence of MethodResult
+        One marker each.
+    title : str
+        Shown on top.
+
+    Returns
+    -------
+    Figure
+        Up and to the right is better.
+    """
+    figure = Figure(figsize=(6.4, 4.8), dpi=style.DOTS_PER_INCH, layout="constrained")
+    axes = figure.subplots()
+    for level in _F_LEVELS:
+        recall = np.linspace(level / (2 - level), 1, 100)
+        precision = level * recall / (2 * recall - level)
+        axes.plot(recall, precision, color="#cccccc", linewidth=0.8, zorder=1)
+        end = f"F {level:g}"
+        axes.annotate(end, (1, precision[-1]), xytext=(3, 0), textcoords="offset points",
+                      fontsize=8, va="center", color=style.QUIET_TEXT)  # fmt: skip
+    for result in results:
+        look = style.method_style(result.method)
+        axes.scatter(
+            result.score.recall,
+            result.score.precision,
+            label=look.label,
+            color=look.color,
+            marker=look.marker,
+            s=80,
+            edgecolors="white",
+            linewidths=0.6,
+            zorder=3,
+            clip_on=False,
+        )
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="recall", ylabel="precision", aspect="equal")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_title(title, color=style.TEXT)
+    figure.legend(loc="outside right upper", frameon=False)
+    return figure

@@ -1,0 +1,194 @@
+"""Point clouds as shaded pictures: a range image along the viewing direction, lit from the left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    from cgroup.types import FloatArray
+
+    Tint: TypeAlias = tuple[float, float, float]
+
+_LIGHT = np.array([-0.45, 0.55, 0.70])  # towards the light: upper left, in front
+_AMBIENT = 0.35
+_CELLS = 240  # along the larger side of a picture, at most
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Orthographic projection: rows point right, up and towards the viewer."""
+
+    axes: FloatArray
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Right, up and nearness of each point, shape (N, 3)."""
+        return points @ self.axes.T
+
+
+def broadside(points: FloatArray, viewpoint: tuple[float, float, float] = (0, 0, 0)) -> View:
+    """Find the view that shows most of a cloud: along its thinnest direction, from the scanner's side.
+
+    Parameters
+    ----------
+    points : (N,3) array of float64
+        The cloud.
+    viewpoint : tuple of float
+        Where the scanner stood.
+
+    Returns
+    -------
+    View
+        With the y axis of the data upwards, or z where y points at the viewer.
+    """
+    center = points.mean(axis=0)
+    scatter = (points - center).T @ (points - center)
+    towards = np.linalg.eigh(scatter)[1][:, 0]
+    if towards @ (np.asarray(viewpoint) - center) < 0:
+        towards = -towards
+    up = np.array([0.0, 1.0, 0.0] if abs(towards[1]) < 0.8 else [0.0, 0.0, 1.0])
+    right = np.cross(up, towards)
+    right /= np.linalg.norm(right)
+    return View(np.stack([right, np.cross(towards, right), towards]))
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A shaded picture in the plane of projection.
+
+    Attributes
+    ----------
+    rgba : (height,width,4) array of float64
+        Transparent where there is no point; first row at the bottom.
+    extent : tuple of float
+        Left, right, bottom, top.
+    """
+
+    rgba: FloatArray
+    extent: tuple[float, float, float, float]
+
+
+def shaded(projected: FloatArray, tint: Tint) -> Picture:
+    """Shade a projected cloud by the slope of its nearest points.
+
+    Parameters
+    ----------
+    projected : (N,3) array of float64
+        From `View.project`.
+    tint : tuple of float
+        Colour of a surface that faces the light.
+
+    Returns
+    -------
+    Picture
+        In the coordinates of `projected`.
+    """
+    grid = _Grid.over(projected)
+    return grid.picture(_lit(_surface(projected, grid), grid.cell, tint))
+
+
+def overlaid(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) -> Picture:
+    """Shade two projected clouds in one picture; each cell shows the cloud in front.
+
+    Parameters
+    ----------
+    first, second : (N,3) array of float64
+        From the same `View.project`.
+    tints : tuple of tuple of float
+        Colours of the two clouds.
+
+    Returns
+    -------
+    Picture
+        Where the clouds lie on each other, the two colours are speckled.
+    """
+    grid = _Grid.over(np.concatenate([first, second]))
+    surfaces = [_surface(cloud, grid) for cloud in (first, second)]
+    lit = [_lit(depth, grid.cell, tint) for depth, tint in zip(surfaces, tints, strict=True)]
+    ahead = np.nan_to_num(surfaces[0], nan=-np.inf) > np.nan_to_num(surfaces[1], nan=-np.inf)
+    return grid.picture(np.where(ahead[..., None], lit[0], lit[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Square cells over a projected cloud."""
+
+    low: FloatArray  # (2,), centre of the first cell
+    cell: float
+    shape: tuple[int, int]
+
+    @classmethod
+    def over(cls, projected: FloatArray) -> _Grid:
+        low, size = projected[:, :2].min(axis=0), np.ptp(projected[:, :2], axis=0)
+        # As fine as the points allow: about two of them in a cell.
+        cell = max(size.max() / _CELLS, np.sqrt(2 * size.prod() / len(projected)), 1e-300)
+        columns, rows = (round(float(side / cell)) + 1 for side in size)
+        return cls(low, cell, (columns, rows))
+
+    def picture(self, rgba: FloatArray) -> Picture:
+        left, bottom = self.low - self.cell / 2
+        width, height = np.array(self.shape) * self.cell
+        return Picture(rgba.transpose(1, 0, 2), (left, left + width, bottom, bottom + height))
+
+
+def _surface(projected: FloatArray, grid: _Grid) -> FloatArray:
+    depth = _range_image(projected, grid)
+    for _ in range(2):
+        depth = _smoothed(depth, jump=3 * grid.cell)
+    return depth
+
+
+def _lit(depth: FloatArray, cell: float, tint: Tint) -> FloatArray:
+    slopes = [_slope(depth, axis) / cell for axis in (0, 1)]
+    normals = np.stack([-slopes[0], -slopes[1], np.ones_like(depth)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    diffuse = np.clip(normals @ (_LIGHT / np.linalg.norm(_LIGHT)), 0, 1)
+    color = (_AMBIENT + (1 - _AMBIENT) * diffuse)[..., None] * np.asarray(tint)
+    return np.concatenate([color, np.isfinite(depth)[..., None]], axis=-1)
+
+
+def _range_image(projected: FloatArray, grid: _Grid) -> FloatArray:
+    """Mean nearness of the front layer in each cell, NaN where there is none."""
+    column, row = np.round((projected[:, :2] - grid.low) / grid.cell).astype(int).T
+    front = np.full(grid.shape, -np.inf)
+    np.maximum.at(front, (column, row), projected[:, 2])
+    near = projected[:, 2] >= front[column, row] - 2 * grid.cell
+    total, count = np.zeros_like(front), np.zeros_like(front)
+    np.add.at(total, (column[near], row[near]), projected[near, 2])
+    np.add.at(count, (column[near], row[near]), 1)
+    with np.errstate(invalid="ignore"):
+        return total / count
+
+
+def _shifted(image: FloatArray, steps: tuple[int, int]) -> FloatArray:
+    padded = np.pad(image, 1, constant_values=np.nan)
+    i, j = (1 + step for step in steps)
+    return padded[i : i + image.shape[0], j : j + image.shape[1]]
+
+
+def _smoothed(depth: FloatArray, jump: float) -> FloatArray:
+    """Mean over a cell and those around it on the same surface; fills holes of one cell."""
+    around = [_shifted(depth, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    stack = np.stack(around)
+    seen = np.isfinite(stack).sum(axis=0)
+    hole = np.isnan(depth) & (seen >= 5)  # most of the eight cells around
+    filled = np.where(np.isnan(stack), 0, stack).sum(axis=0) / np.maximum(seen, 1)
+    center = np.where(hole, filled, depth)
+    same = np.abs(stack - center) <= jump
+    mean = np.where(same, stack, 0).sum(axis=0) / np.maximum(same.sum(axis=0), 1)
+    return np.where(same.any(axis=0), mean, center)
+
+
+def _slope(depth: FloatArray, axis: int) -> FloatArray:
+    """Difference to the neighbour on the same surface: the flatter one of the two sides."""
+    step = (1, 0) if axis == 0 else (0, 1)
+    ahead = _shifted(depth, step) - depth
+    behind = depth - _shifted(depth, (-step[0], -step[1]))
+    both = np.where(np.abs(ahead) <= 2 * np.abs(behind), (ahead + behind) / 2, behind)
+    both = np.where(np.abs(behind) > 2 * np.abs(ahead), ahead, both)
+    both = np.where(np.isnan(both), np.where(np.isnan(ahead), behind, ahead), both)
+    return np.nan_to_num(both)

@@ -1,0 +1,52 @@
+"""Colours, markers and labels, the same in every figure.
+
+Method colours are Paul Tol's "muted" scheme, which stays distinct for colour-blind readers; the
+markers tell the methods apart in print.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class MethodStyle(NamedTuple):
+    """How one method is drawn."""
+
+    label: str
+    color: str
+    marker: str
+
+
+METHOD_STYLES = {
+    "ss": MethodStyle("SS", "#DDCC77", "o"),
+    "nnsr": MethodStyle("NNSR", "#999933", "s"),
+    "si": MethodStyle("SI", "#88CCEE", "^"),
+    "cv": MethodStyle("CV", "#44AA99", "v"),
+    "ransac": MethodStyle("RANSAC", "#117733", "D"),
+    "st": MethodStyle("ST", "#AA4499", "P"),
+    "gc": MethodStyle("GC", "#882255", "X"),
+    "3dhv": MethodStyle("3DHV", "#CC6677", "<"),
+    "gtm": MethodStyle("GTM", "#332288", "*"),
+}
+
+CORRECT = "#009E73"
+"""Correct matches: a bluish green, told from `WRONG` by every common kind of colour vision."""
+
+WRONG = "#D55E00"
+"""Wrong matches: vermilion."""
+
+GROUPED = "#0072B2"
+"""Matches of a group when nobody knows which are correct."""
+
+SOURCE_TINT = (0.93, 0.83, 0.62)
+TARGET_TINT = (0.70, 0.80, 0.91)
+"""Clouds are shaded in these colours."""
+
+TEXT = "#222222"
+QUIET_TEXT = "#666666"
+DOTS_PER_INCH = 150
+
+
+def method_style(method: str) -> MethodStyle:
+    """Style of a method by its public name; grey for one that isn't known here."""
+    return METHOD_STYLES.get(method, MethodStyle(method.upper(), "#777777", "o"))

@@ -1,0 +1,273 @@
+"""The pipeline: two clouds in, grouped correspondences and a pose out.
+
+Resolution, normals, keypoints, local reference frames, descriptors, matches, group, pose: each step is
+one call, so that any of them can be replaced.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+
+from cgroup import features
+from cgroup._arrays import as_points
+from cgroup.errors import InputError
+from cgroup.io import PointCloud
+from cgroup.methods import group
+from cgroup.types import Correspondences
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from cgroup.types import FloatArray, Grouping, IndexArray
+
+Detector: TypeAlias = Literal["h3d", "iss"]
+Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs"]
+
+DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
+DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs")
+
+SUPPORT = 15.0
+"""Radius of descriptors and local reference frames, in pr."""
+
+NORMAL_NEIGHBORS = 20
+MIN_SUPPORT_POINTS = 10
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """A source cloud placed on a target cloud.
+
+    Attributes
+    ----------
+    T_target_source : (4,4) array of float64
+        Least-squares pose of the group: maps source points into the target's frame, p' = R p + t.
+    grouping : Grouping
+        The matches that agree.
+    correspondences : Correspondences
+        All matches; the group's mask is aligned with them.
+    seconds : dict of str to float
+        Wall time of each stage, in order.
+    """
+
+    T_target_source: FloatArray
+    grouping: Grouping
+    correspondences: Correspondences
+    seconds: dict[str, float]
+
+    @property
+    def resolution(self) -> float:
+        """The unit pr: mean of the two clouds' resolutions, in the data's unit."""
+        resolution = self.correspondences.resolution
+        assert resolution is not None  # noqa: S101 - `correspond` always sets it
+        return resolution
+
+
+def register(
+    source: PointCloud | ArrayLike,
+    target: PointCloud | ArrayLike,
+    *,
+    method: str = "gtm",
+    detector: Detector = "h3d",
+    descriptor: Descriptor = "shot",
+    keypoints: int | None = None,
+    source_viewpoint: tuple[float, float, float] = ORIGIN,
+    target_viewpoint: tuple[float, float, float] = ORIGIN,
+    progress: Callable[[str], Any] | None = None,
+    **options: Any,  # noqa: ANN401 - those of the method
+) -> Registration:
+    """Place a source cloud on a target cloud.
+
+    Parameters
+    ----------
+    source, target : PointCloud or (N,3) array_like of float
+        Whole clouds, in the same unit.
+    method : str
+        Grouping method, one of `cgroup.METHODS`.
+    detector, descriptor, keypoints, source_viewpoint, target_viewpoint
+        See `correspond`.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+    **options
+        Options of the grouping method.
+
+    Returns
+    -------
+    Registration
+        Pose, group and matches.
+
+    Raises
+    ------
+    NoConsensusError
+        If the group doesn't fix a pose.
+    InputError
+        If a cloud or an option can't be worked with.
+    """
+    clock = _Clock(progress)
+    correspondences = correspond(
+        source,
+        target,
+        detector=detector,
+        descriptor=descriptor,
+        keypoints=keypoints,
+        source_viewpoint=source_viewpoint,
+        target_viewpoint=target_viewpoint,
+        progress=clock.start,
+    )
+    clock.start("grouping")
+    grouping = group(correspondences, method, **options)
+    clock.start("pose")
+    pose = grouping.transform()
+    clock.stop()
+    return Registration(pose, grouping, correspondences, clock.seconds)
+
+
+def correspond(
+    source: PointCloud | ArrayLike,
+    target: PointCloud | ArrayLike,
+    *,
+    detector: Detector = "h3d",
+    descriptor: Descriptor = "shot",
+    keypoints: int | None = None,
+    source_viewpoint: tuple[float, float, float] = ORIGIN,
+    target_viewpoint: tuple[float, float, float] = ORIGIN,
+    progress: Callable[[str], Any] | None = None,
+) -> Correspondences:
+    """Match keypoints of two clouds by their descriptors.
+
+    The front end of the paper's evaluation: every source keypoint is matched to the target keypoint with
+    the nearest descriptor, right or wrong.
+
+    Parameters
+    ----------
+    source, target : PointCloud or (N,3) array_like of float
+        Whole clouds, in the same unit.
+    detector : {"h3d", "iss"}
+        Keypoint detector: Harris 3D or intrinsic shape signatures.
+    descriptor : {"shot", "lfsh", "rcs"}
+        Descriptor; the frames are always those of SHOT.
+    keypoints : int, optional
+        How many to aim at in each cloud; by default what the detector finds at its usual radius.
+    source_viewpoint, target_viewpoint : tuple of three floats
+        Where the scanners stood, in their clouds' frames; normals are turned towards them.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    Correspondences
+        With every field that a method may need.
+
+    Raises
+    ------
+    InputError
+        If a cloud is too small or an option is unknown.
+    """
+    _check_choice("detector", detector, DETECTORS)
+    _check_choice("descriptor", descriptor, DESCRIPTORS)
+    begin = progress or (lambda _stage: None)
+    clouds = _cloud_points("source", source), _cloud_points("target", target)
+    views = source_viewpoint, target_viewpoint
+
+    begin("resolution")
+    pr = sum(features.resolution(points) for points in clouds) / 2
+    begin("normals")
+    normals = [
+        features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint)
+        for points, viewpoint in zip(clouds, views, strict=True)
+    ]
+    begin("keypoints")
+    found = [_detect(points, detector, keypoints, pr) for points in clouds]
+    begin("frames")
+    frames = [
+        features.shot_lrf(points, chosen, radius=SUPPORT * pr)
+        for points, chosen in zip(clouds, found, strict=True)
+    ]
+    begin("descriptors")
+    described = [
+        _describe(*cloud, descriptor=descriptor, pr=pr)
+        for cloud in zip(clouds, normals, found, frames, strict=True)
+    ]
+    begin("matching")
+    (source_points, source_lrf, source_values), (target_points, target_lrf, target_values) = described
+    matches = features.match(source_values, target_values)
+    rows, partners = matches.source_indices, matches.target_indices
+    return Correspondences(
+        source_points[rows],
+        target_points[partners],
+        similarity=matches.similarity,
+        ratio=matches.ratio,
+        source_lrf=source_lrf[rows],
+        target_lrf=target_lrf[partners],
+        resolution=pr,
+        source_centroid=clouds[0].mean(axis=0),
+    )
+
+
+def _cloud_points(name: str, cloud: PointCloud | ArrayLike) -> FloatArray:
+    points = as_points(name, cloud.points if isinstance(cloud, PointCloud) else cloud)
+    if len(points) <= NORMAL_NEIGHBORS:
+        message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
+        raise InputError(message)
+    return points
+
+
+def _detect(points: FloatArray, detector: Detector, count: int | None, pr: float) -> IndexArray:
+    """Find the keypoints that have enough of the surface around them."""
+    detect = features.harris3d if detector == "h3d" else features.iss
+    found = detect(points, resolution=pr, count=count)
+    return features.drop_isolated(points, found, radius=SUPPORT * pr, min_points=MIN_SUPPORT_POINTS)
+
+
+def _describe(
+    points: FloatArray,
+    normals: FloatArray,
+    keypoints: IndexArray,
+    frames: FloatArray,
+    *,
+    descriptor: Descriptor,
+    pr: float,
+) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
+    """Points, frames and descriptors of the keypoints that have a descriptor."""
+    radius = SUPPORT * pr
+    if descriptor == "shot":
+        values = features.shot(points, normals, keypoints, radius=radius, lrf=frames)
+    elif descriptor == "lfsh":
+        values = features.lfsh(points, normals, keypoints, radius=radius)
+    else:
+        values = features.rcs(points, keypoints, radius=radius)
+    valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
+    return points[keypoints[valid]], frames[valid], values[valid]
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        message = f"{name}: got {value!r}; choose one of {', '.join(choices)}"
+        raise InputError(message)
+
+
+class _Clock:
+    """Takes the time of stages and passes on their names."""
+
+    def __init__(self, progress: Callable[[str], Any] | None) -> None:
+        self.seconds: dict[str, float] = {}
+        self._progress = progress
+        self._stage: str | None = None
+        self._since = 0.0
+
+    def start(self, stage: str) -> None:
+        self.stop()
+        if self._progress is not None:
+            self._progress(stage)
+        self._stage, self._since = stage, time.perf_counter()
+
+    def stop(self) -> None:
+        if self._stage is not None:
+            self.seconds[self._stage] = time.perf_counter() - self._since
+        self._stage = None

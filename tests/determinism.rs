@@ -1,0 +1,49 @@
+//! The same input, options and seed give the same bits on any number of threads and in any memory.
+
+mod common;
+
+use cgroup::{Execution, Grouping, Result};
+use common::{methods, problem};
+use rayon::ThreadPoolBuilder;
+
+fn group_all(threads: usize, max_memory: usize, n: usize) -> Result<Vec<Grouping>> {
+    let input = problem(11, n, 0.2, 0.5).correspondences()?;
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|error| cgroup::Error::invalid("threads", threads, error.to_string()))?;
+    let group = |(_, method): &(_, Box<dyn cgroup::GroupingMethod + Send + Sync>)| {
+        method.group(&input, &Execution::new(max_memory))
+    };
+    pool.install(|| methods().iter().map(group).collect())
+}
+
+#[test]
+fn threads_change_nothing() -> Result<()> {
+    let one = group_all(1, usize::MAX, 700)?;
+    for threads in [2, 3] {
+        assert_eq!(one, group_all(threads, usize::MAX, 700)?);
+    }
+    Ok(())
+}
+
+#[test]
+fn memory_changes_nothing() -> Result<()> {
+    // 4,100 correspondences are past the size from which pair scores are kept in f32.
+    for n in [300, 4_100] {
+        assert_eq!(group_all(2, usize::MAX, n)?, group_all(2, 0, n)?);
+    }
+    Ok(())
+}
+
+#[test]
+fn an_interrupted_run_says_so() -> Result<()> {
+    let input = problem(1, 500, 0.2, 0.5).correspondences()?;
+    for (name, method) in methods() {
+        if ["ss", "nnsr", "3dhv"].contains(&name) {
+            continue; // these take microseconds
+        }
+        let execution = Execution::default();
+        execution.interrupt();
+        assert_eq!(method.group(&input, &execution), Err(cgroup::Error::Interrupted), "{name}");
+    }
+    Ok(())
+}

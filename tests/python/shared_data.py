@@ -1,0 +1,18 @@
+"""Where the real data is that some tests use; it isn't part of the repository."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(os.environ.get("CGROUP_SHARED", Path(__file__).parents[2] / ".." / "shared"))
+
+
+def shared_file(name: str) -> Path:
+    """Path of a shared file; the test is skipped where it isn't there."""
+    path = SHARED / name
+    if not path.exists():
+        pytest.skip(f"{name} isn't in {SHARED}; set CGROUP_SHARED to the folder with the data")
+    return path

@@ -1,0 +1,195 @@
+"""Criteria against cases worked out by hand, and against brute force."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from shared_data import shared_file
+
+from cgroup.errors import InputError
+from cgroup.evaluation import (
+    GroupScore,
+    alignment_error,
+    clutter_and_occlusion,
+    correct_matches,
+    mean_scores,
+    overlap,
+    rotation_error,
+    score_group,
+    translation_error,
+    within,
+)
+from cgroup.io import read_cloud, read_transform
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(11)
+
+
+def pose(axis: tuple[float, float, float], degrees: float, shift: object = (0, 0, 0)) -> np.ndarray:
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = np.radians(degrees)
+    transform = np.eye(4)
+    transform[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    transform[:3, 3] = shift
+    return transform
+
+
+def test_scores_of_a_group() -> None:
+    correct = np.array([1, 1, 1, 1, 0, 0, 0, 0, 0, 0], dtype=bool)
+    mask = np.array([1, 1, 0, 0, 1, 0, 0, 0, 0, 0], dtype=bool)
+    score = score_group(mask, correct)
+    assert score == GroupScore(matches=10, correct=4, selected=3, selected_correct=2)
+    assert score.precision == pytest.approx(2 / 3)
+    assert score.recall == 0.5
+    assert score.f_score == pytest.approx(2 * (2 / 3) * 0.5 / (2 / 3 + 0.5))
+    assert score.inlier_ratio == 0.4
+    assert score.registered
+
+
+@pytest.mark.parametrize("counts", [(0, 0, 0, 0), (5, 2, 0, 0), (5, 0, 3, 0), (5, 2, 2, 0)])
+def test_undefined_scores_are_zero(counts: tuple[int, int, int, int]) -> None:
+    score = GroupScore(*counts)
+    assert (score.precision, score.recall, score.f_score) == (0, 0, 0)
+    assert not score.registered
+
+
+def test_registered_is_strict() -> None:
+    assert not GroupScore(100, 50, 10, 1).registered
+    assert GroupScore(100, 50, 10, 2).registered
+
+
+@pytest.mark.parametrize(
+    ("mask", "correct"),
+    [([True], [True, False]), ([1, 0], [True, False]), ([[True]], [[True]])],
+)
+def test_scores_need_two_masks(mask: object, correct: object) -> None:
+    with pytest.raises(InputError):
+        score_group(mask, correct)  # pyright: ignore[reportArgumentType]
+
+
+def test_means() -> None:
+    scores = [GroupScore(10, 4, 4, 2), GroupScore(10, 4, 0, 0), GroupScore(10, 0, 5, 0)]
+    zero = mean_scores(scores)
+    assert (zero.pairs, zero.precision, zero.recall) == (3, 0.5 / 3, 0.5 / 3)
+    assert zero.registered == pytest.approx(1 / 3)
+    assert zero.pooled == GroupScore(30, 8, 9, 2)
+    skip = mean_scores(scores, undefined="skip")
+    assert (skip.precision, skip.recall, skip.f_score) == (0.25, 0.25, 0.5)
+    assert skip.f_of_means == pytest.approx(0.25)
+    assert mean_scores(scores, min_correct=3).pairs == 2
+    assert math.isnan(mean_scores(scores[1:2], undefined="skip").precision)
+    with pytest.raises(InputError, match="no pair"):
+        mean_scores([])
+    with pytest.raises(InputError, match="choose"):
+        mean_scores(scores, undefined="ignore")  # pyright: ignore[reportArgumentType]
+
+
+def test_correct_includes_the_limit() -> None:
+    source = np.zeros((4, 3))
+    target = np.array([[10.0, 0, 0], [10, 5, 0], [10, 0, 5.0001], [0, 0, 0]])
+    correct = correct_matches(source, target, pose((0, 0, 1), 90, (10, 0, 0)), tolerance=5)
+    assert correct.tolist() == [True, True, False, False]
+
+
+def test_correct_rejects_what_does_not_fit() -> None:
+    with pytest.raises(InputError, match="4x4"):
+        correct_matches(np.zeros((2, 3)), np.zeros((2, 3)), np.eye(3), tolerance=1)
+    with pytest.raises(InputError, match="`source` has 2"):
+        correct_matches(np.zeros((2, 3)), np.zeros((3, 3)), np.eye(4), tolerance=1)
+    with pytest.raises(InputError, match=r"give \(n,3\)"):
+        correct_matches(np.zeros((3, 2)), np.zeros((3, 2)), np.eye(4), tolerance=1)
+    for tolerance in (0, -1, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="tolerance"):
+            correct_matches(np.zeros((2, 3)), np.zeros((2, 3)), np.eye(4), tolerance=tolerance)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-7, 0.5, 45, 120, 179.9999, 180])
+def test_rotation_error(degrees: float, rng: np.random.Generator) -> None:
+    start = pose((1, 2, 3), 77, rng.normal(size=3))
+    turned = start @ pose((3, -1, 0.5), degrees)
+    assert rotation_error(turned, start) == pytest.approx(degrees, abs=1e-6)
+    assert rotation_error(start, turned) == pytest.approx(degrees, abs=1e-6)
+    assert translation_error(turned, start) == pytest.approx(0, abs=1e-12)
+
+
+def test_translation_error() -> None:
+    assert translation_error(pose((1, 0, 0), 30, (1, 2, 3)), pose((0, 1, 0), 9, (1, 5, 7))) == 5
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.3, 5.0])
+def test_within_is_brute_force(radius: float, rng: np.random.Generator) -> None:
+    points, others = rng.normal(size=(300, 3)), rng.normal(size=(200, 3)) + 0.5
+    distances = np.linalg.norm(points[:, None] - others, axis=2).min(axis=1)
+    np.testing.assert_array_equal(within(points, others, radius), distances <= radius)
+    assert not within(points, np.empty((0, 3)), radius).any()
+
+
+def test_within_bounds_its_cells() -> None:
+    far = np.array([[0.0, 0, 0], [1e9, 1e9, 1e9]])
+    assert within(far, far, 1e-9).all()
+    assert not within(far, far + 1, 1e-9).any()
+
+
+def test_overlap_of_two_halves(rng: np.random.Generator) -> None:
+    cloud = rng.uniform(size=(1000, 3)) * (10, 1, 1)
+    left, right = cloud[cloud[:, 0] < 6], cloud[cloud[:, 0] > 4]
+    motion = pose((1, 1, 0), 40, (3, 2, 1))
+    moved = left @ motion[:3, :3].T + motion[:3, 3]
+    common = ((cloud[:, 0] > 4) & (cloud[:, 0] < 6)).sum()
+    share = overlap(moved, right, np.linalg.inv(motion), tolerance=1e-6)
+    assert share == pytest.approx(common / min(len(left), len(right)))
+    assert overlap(right, moved, motion, tolerance=1e-6) == share
+    with pytest.raises(InputError, match="no points"):
+        overlap(left, np.empty((0, 3)), motion, tolerance=1)
+
+
+def test_alignment_error(rng: np.random.Generator) -> None:
+    cloud = rng.normal(size=(50, 3))
+    true = pose((0, 1, 1), 30, (1, 0, 0))
+    target = cloud @ true[:3, :3].T + true[:3, 3]
+    shifted = true.copy()
+    shifted[:3, 3] += (0.3, 0, 0.4)
+    assert alignment_error(cloud, target, shifted, true, tolerance=0.1) == pytest.approx(0.5)
+    assert math.isnan(alignment_error(cloud, target + 100, shifted, true, tolerance=0.1))
+
+
+def test_clutter_and_occlusion() -> None:
+    # A model of two unit squares; the scene shows one of them and three other squares.
+    def strip(squares: int) -> tuple[np.ndarray, np.ndarray]:
+        x = np.arange(squares + 1.0)
+        vertices = np.concatenate([np.c_[x, x * 0, x * 0], np.c_[x, x * 0 + 1, x * 0]])
+        i, up = np.arange(squares), squares + 1
+        return vertices, np.concatenate([np.c_[i, i + 1, i + up], np.c_[i + 1, i + 1 + up, i + up]])
+
+    model, model_faces = strip(2)
+    scene, scene_faces = strip(4)
+    away = pose((0, 0, 1), 0, (3, 0, 0))  # the model covers the scene's last square only
+    clutter, occlusion = clutter_and_occlusion(model, model_faces, scene, scene_faces, away, tolerance=0.01)
+    assert (clutter, occlusion) == (pytest.approx(0.75), pytest.approx(0.5))
+    with pytest.raises(InputError, match="no area"):
+        clutter_and_occlusion(model, [], scene, scene_faces, away, tolerance=0.01)
+
+
+def test_published_pose_has_the_published_overlap() -> None:
+    manifest = json.loads(shared_file("data/manifest.json").read_text())
+    pair = manifest["stanford_views"]["pairs"][0]
+    source, target = (
+        read_cloud(shared_file(f"data/stanford_views/{pair['set']}/{pair[side]}")).points
+        for side in ("src", "tgt")
+    )
+    # 4 pr; the resolution of these views is 0.6 mm.
+    share = overlap(source, target, pair["T_src_to_tgt"], tolerance=4 * 0.0006)
+    assert share == pytest.approx(pair["overlap"], abs=0.05)
+
+
+def test_published_noise_keeps_every_vertex_in_place() -> None:
+    model = read_cloud(shared_file("data/b3r/models/bunny.ply")).points
+    scene = read_cloud(shared_file("data/b3r/scenes/Scene0_0.1.ply")).points
+    truth = read_transform(shared_file("data/b3r/gt/Scene0-rs0.xf"))
+    assert correct_matches(model, scene, truth, tolerance=0.002).all()

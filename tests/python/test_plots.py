@@ -1,0 +1,157 @@
+"""Figures are drawn without a display, show what they should, and survive degenerate input."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from cgroup import METHODS, Correspondences, Grouping
+from cgroup.benchmark import MethodResult
+from cgroup.evaluation import score_group
+from cgroup.plots import comparison_figure, precision_recall_figure, registration_figure
+from cgroup.plots.shading import broadside, overlaid, shaded
+from cgroup.plots.style import CORRECT, METHOD_STYLES, WRONG, method_style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+POSE = np.array([[0.0, -1, 0, 5], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(5)
+
+
+def patch(rng: np.random.Generator, count: int = 2000) -> np.ndarray:
+    """A wavy surface that faces +z."""
+    x, y = rng.uniform(-1, 1, size=(2, count))
+    return np.stack([x, y, 0.1 * np.sin(4 * x)], axis=1)
+
+
+def result(method: str, mask: np.ndarray, correct: np.ndarray) -> MethodResult:
+    grouping = Grouping(mask, None, None, None, {})
+    return MethodResult(method, grouping, score_group(mask, correct), None, np.nan, np.nan, 0.001)
+
+
+def drawn(figure: Figure) -> bytes:
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png", dpi=40)
+    return buffer.getvalue()
+
+
+@pytest.fixture
+def scene(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, Correspondences, np.ndarray]:
+    source = patch(rng)
+    target = source @ POSE[:3, :3].T + POSE[:3, 3]
+    rows = np.arange(400)
+    partners = np.where(rows < 250, rows, rng.integers(0, 2000, size=400))
+    return source, target, Correspondences(source[rows], target[partners]), rows == partners
+
+
+def test_one_style_per_method() -> None:
+    assert list(METHOD_STYLES) == list(METHODS)
+    assert len({style.color for style in METHOD_STYLES.values()}) == len(METHODS)
+    assert len({style.marker for style in METHOD_STYLES.values()}) == len(METHODS)
+    assert method_style("mac").label == "MAC"
+
+
+def test_comparison_has_a_panel_per_method_and_two_colors(scene: tuple) -> None:
+    source, target, matches, correct = scene
+    mask = np.ones(len(matches), dtype=bool)
+    results = [result(method, mask, correct) for method in METHODS]
+    figure = comparison_figure(
+        source, target, matches, correct=correct, results=results, T_target_source=POSE, title="two patches"
+    )
+    panels = [axes for axes in figure.axes if axes.get_title("left")]
+    assert [axes.get_title("left") for axes in panels] == [method.upper() for method in METHODS]
+    for axes in panels:
+        wrong, right = axes.collections[0], axes.collections[2]
+        assert [to_hex(lines.get_color()[0]).upper() for lines in (wrong, right)] == [WRONG, CORRECT]
+        shown = len(wrong.get_segments()) + len(right.get_segments())
+        assert shown <= 151
+        assert f"{shown} of 400 shown" in axes.get_title("right")
+        # Subsampling keeps the share of correct matches.
+        assert len(right.get_segments()) / shown == pytest.approx(correct.mean(), abs=0.02)
+        # Under the true pose the lines of correct matches run parallel.
+        steps = np.array([end - start for start, end in right.get_segments()])
+        np.testing.assert_allclose(steps, steps[:1].repeat(len(steps), axis=0), atol=1e-9)
+    assert drawn(figure).startswith(b"\x89PNG")
+
+
+def test_figures_of_an_empty_group(scene: tuple) -> None:
+    source, target, matches, correct = scene
+    none = np.zeros(len(matches), dtype=bool)
+    results = [result("gtm", none, correct)]
+    assert drawn(
+        comparison_figure(
+            source, target, matches, correct=correct, results=results, T_target_source=POSE, title=""
+        )
+    )
+    assert drawn(registration_figure(source, target, matches, mask=none, T_target_source=POSE, title=""))
+    assert drawn(precision_recall_figure(results, title=""))
+
+
+def test_registration_figure(scene: tuple) -> None:
+    source, target, matches, correct = scene
+    figure = registration_figure(
+        source, target, matches, mask=correct, T_target_source=POSE, title="patch on patch"
+    )
+    assert figure.get_suptitle() == "patch on patch"
+    assert drawn(figure)
+
+
+def test_precision_recall_figure(rng: np.random.Generator) -> None:
+    correct = rng.uniform(size=100) < 0.4
+    results = [result(method, rng.uniform(size=100) < 0.5, correct) for method in METHODS]
+    figure = precision_recall_figure(results, title="all nine")
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == [method.upper() for method in METHODS]
+    assert drawn(figure)
+
+
+def test_broadside_faces_the_scanner(rng: np.random.Generator) -> None:
+    in_front = patch(rng) - (0, 0, 10)  # seen by a scanner at the origin along -z, y up
+    axes = broadside(in_front).axes
+    np.testing.assert_allclose(axes, np.eye(3), atol=0.1)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1)
+    floor = patch(rng)[:, [0, 2, 1]] - (0, 10, 0)  # y points at the viewer: z goes up instead
+    assert np.linalg.det(broadside(floor).axes) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    "cloud",
+    [
+        np.zeros((1, 3)),
+        np.zeros((5, 3)),
+        np.arange(30.0).reshape(10, 3),
+        np.eye(3) * 1e-300,
+        np.eye(3) * 1e12,
+    ],
+    ids=["point", "same", "line", "tiny", "huge"],
+)
+def test_shading_survives_degenerate_clouds(cloud: np.ndarray) -> None:
+    picture = shaded(broadside(cloud).project(cloud), (1, 1, 1))
+    assert np.isfinite(picture.rgba).all()
+    assert picture.rgba[..., 3].any()
+
+
+def test_front_cloud_hides_the_other(rng: np.random.Generator) -> None:
+    back, front = patch(rng), patch(rng) + np.array([0, 0, 5])
+    for pair in ((front, back), (back, front)):
+        picture = overlaid(*pair, ((1, 0, 0), (0, 0, 1)))
+        ahead = 0 if pair[0] is front else 2
+        opaque = picture.rgba[picture.rgba[..., 3] > 0]
+        assert (opaque[:, ahead] > opaque[:, 2 - ahead]).mean() > 0.9
+
+
+def test_global_matplotlib_state_is_left_alone() -> None:
+    code = "import sys, cgroup.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

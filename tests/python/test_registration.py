@@ -1,0 +1,154 @@
+"""The pipeline on pairs whose pose is known."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from shared_data import shared_file
+
+import cgroup
+from cgroup import features
+from cgroup.benchmark import compare, table, write_table
+from cgroup.datasets import MatchingPair, standin_pair
+from cgroup.errors import InputError, NoConsensusError
+from cgroup.evaluation import correct_matches, rotation_error, translation_error
+from cgroup.io import read_cloud
+from cgroup.registration import correspond, register
+
+STAGES = ["resolution", "normals", "keypoints", "frames", "descriptors", "matching"]
+
+
+@pytest.fixture(scope="module")
+def pair() -> MatchingPair:
+    return standin_pair(pixels=100)
+
+
+@pytest.fixture(scope="module")
+def matches(pair: MatchingPair) -> cgroup.Correspondences:
+    return correspond(pair.source, pair.target)
+
+
+def test_registers_the_generated_pair(pair: MatchingPair) -> None:
+    stages: list[str] = []
+    done = register(pair.source, pair.target, method="ransac", progress=stages.append)
+    assert stages == [*STAGES, "grouping", "pose"]
+    assert list(done.seconds) == stages
+    assert done.grouping.size >= 3
+    assert rotation_error(done.T_target_source, pair.T_target_source) < 3
+    assert translation_error(done.T_target_source, pair.T_target_source) < 10 * done.resolution
+
+
+def test_correspondences_have_every_field(pair: MatchingPair, matches: cgroup.Correspondences) -> None:
+    mean = (features.resolution(pair.source.points) + features.resolution(pair.target.points)) / 2
+    assert matches.resolution == mean
+    np.testing.assert_allclose(matches.source_centroid, pair.source.points.mean(axis=0))
+    source = {tuple(point) for point in pair.source.points}
+    assert all(tuple(point) in source for point in matches.source)
+    assert len({tuple(point) for point in matches.source}) == len(matches)  # one match per keypoint
+    assert matches.similarity is not None
+    assert matches.ratio is not None
+    assert ((matches.ratio >= 0) & (matches.ratio <= 1)).all()
+    for frames in (matches.source_lrf, matches.target_lrf):
+        assert frames is not None
+        identity = frames @ frames.transpose(0, 2, 1)
+        np.testing.assert_allclose(identity, np.tile(np.eye(3), (len(matches), 1, 1)), atol=1e-6)
+
+
+def test_arrays_and_clouds_are_the_same(pair: MatchingPair, matches: cgroup.Correspondences) -> None:
+    again = correspond(pair.source.points, pair.target.points)
+    np.testing.assert_array_equal(again.source, matches.source)
+    np.testing.assert_array_equal(again.ratio, matches.ratio)
+
+
+def test_a_moved_copy_matches_itself(pair: MatchingPair) -> None:
+    moved = pair.source.transformed(pair.T_target_source)
+    scanner = pair.T_target_source[:3, 3]  # the scanner moves along, so normals point the same way
+    matches = correspond(pair.source, moved, target_viewpoint=tuple(scanner))
+    assert matches.resolution is not None
+    tolerance = 0.1 * matches.resolution
+    correct = correct_matches(matches.source, matches.target, pair.T_target_source, tolerance=tolerance)
+    assert correct.mean() > 0.95
+
+
+@pytest.mark.parametrize("descriptor", ["shot", "lfsh", "rcs"])
+@pytest.mark.parametrize("detector", ["h3d", "iss"])
+def test_every_combination_finds_correct_matches(detector: str, descriptor: str, pair: MatchingPair) -> None:
+    matches = correspond(pair.source, pair.target, detector=detector, descriptor=descriptor)
+    assert matches.resolution is not None
+    assert matches.source_lrf is not None
+    tolerance = 5 * matches.resolution
+    correct = correct_matches(matches.source, matches.target, pair.T_target_source, tolerance=tolerance)
+    chance = (10 * matches.resolution / np.ptp(pair.target.points, axis=0).max()) ** 2
+    assert correct.mean() > 2 * chance
+
+
+def test_number_of_keypoints_can_be_aimed_at(pair: MatchingPair, matches: cgroup.Correspondences) -> None:
+    few = correspond(pair.source, pair.target, keypoints=100)
+    assert 70 <= len(few) <= 130 < len(matches)
+
+
+def test_compare_runs_all_methods(
+    pair: MatchingPair, matches: cgroup.Correspondences, tmp_path: object
+) -> None:
+    results = list(compare(matches, pair.T_target_source))
+    assert [result.method for result in results] == list(cgroup.METHODS)
+    by_name = {result.method: result for result in results}
+    assert by_name["ransac"].score.precision > 0.8
+    assert by_name["ransac"].rotation_error < 3
+    rows = table(results)
+    assert [row["method"] for row in rows] == list(cgroup.METHODS)
+    assert all(row["matches"] == len(matches) for row in rows)
+    write_table(f"{tmp_path}/table.csv", results)
+
+
+def test_compare_without_resolution_needs_a_tolerance(matches: cgroup.Correspondences) -> None:
+    bare = cgroup.Correspondences(matches.source, matches.target)
+    with pytest.raises(InputError, match="tolerance"):
+        list(compare(bare, np.eye(4), methods=["gtm"]))
+    (only,) = compare(bare, np.eye(4), methods=["gtm"], tolerance=1.0)
+    assert only.method == "gtm"
+
+
+def test_no_consensus_is_no_pose(pair: MatchingPair) -> None:
+    with pytest.raises(NoConsensusError):
+        register(pair.source, pair.target, method="ransac", tolerance=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"detector": "sift"}, "detector: got 'sift'; choose one of h3d, iss"),
+        ({"descriptor": "fpfh3"}, "descriptor: got 'fpfh3'"),
+        ({"keypoints": 0}, "count"),
+    ],
+)
+def test_bad_options(arguments: dict, says: str, pair: MatchingPair) -> None:
+    with pytest.raises(InputError, match=says):
+        correspond(pair.source, pair.target, **arguments)
+
+
+def test_bad_clouds(pair: MatchingPair) -> None:
+    with pytest.raises(InputError, match="target: got 5 points"):
+        correspond(pair.source, pair.target.points[:5])
+    with pytest.raises(InputError, match=r"source: got shape \(3,"):
+        correspond(pair.source.points.T, pair.target)
+    with pytest.raises(InputError):
+        correspond(np.zeros((100, 3)), pair.target)
+    with pytest.raises(InputError):
+        correspond(np.full((100, 3), np.nan), pair.target)
+    with pytest.raises(InputError, match="frobnicate"):
+        register(pair.source, pair.target, frobnicate=True)
+
+
+def test_registers_a_published_pair() -> None:
+    manifest = json.loads(shared_file("data/manifest.json").read_text())
+    published = manifest["stanford_views"]["pairs"][0]
+    source, target = (
+        read_cloud(shared_file(f"data/stanford_views/{published['set']}/{published[side]}"))
+        for side in ("src", "tgt")
+    )
+    done = register(source, target, method="ransac")
+    assert rotation_error(done.T_target_source, published["T_src_to_tgt"]) < 2
+    assert translation_error(done.T_target_source, published["T_src_to_tgt"]) < 5 * done.resolution
