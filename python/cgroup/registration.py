@@ -20,7 +20,7 @@ from cgroup.methods import group
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import ArrayLike
 
@@ -29,15 +29,20 @@ if TYPE_CHECKING:
 Detector: TypeAlias = Literal["h3d", "iss"]
 Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs"]
 
+Normals: TypeAlias = Literal["pca", "mesh"]
+
 DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
 DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs")
+NORMALS: tuple[Normals, ...] = ("pca", "mesh")
 
 SUPPORT = 15.0
 """Radius of descriptors and local reference frames, in pr."""
 
 NORMAL_NEIGHBORS = 20
 MIN_SUPPORT_POINTS = 10
-ORIGIN = (0.0, 0.0, 0.0)
+
+Viewpoint: TypeAlias = tuple[float, float, float]
+ORIGIN: Viewpoint = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +82,9 @@ def register(
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
     keypoints: int | None = None,
-    source_viewpoint: Sequence[float] = ORIGIN,
-    target_viewpoint: Sequence[float] = ORIGIN,
+    normals: Normals = "pca",
+    source_viewpoint: Viewpoint = ORIGIN,
+    target_viewpoint: Viewpoint = ORIGIN,
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> Registration:
@@ -90,7 +96,7 @@ def register(
         Whole clouds, in the same unit.
     method : str
         Grouping method, one of `cgroup.METHODS`.
-    detector, descriptor, keypoints, source_viewpoint, target_viewpoint
+    detector, descriptor, keypoints, normals, source_viewpoint, target_viewpoint
         See `correspond`.
     progress : callable, optional
         Called with the name of each stage as it begins.
@@ -116,6 +122,7 @@ def register(
         detector=detector,
         descriptor=descriptor,
         keypoints=keypoints,
+        normals=normals,
         source_viewpoint=source_viewpoint,
         target_viewpoint=target_viewpoint,
         progress=clock.start,
@@ -135,8 +142,9 @@ def correspond(
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
     keypoints: int | None = None,
-    source_viewpoint: Sequence[float] = ORIGIN,
-    target_viewpoint: Sequence[float] = ORIGIN,
+    normals: Normals = "pca",
+    source_viewpoint: Viewpoint = ORIGIN,
+    target_viewpoint: Viewpoint = ORIGIN,
     progress: Callable[[str], Any] | None = None,
 ) -> Correspondences:
     """Match keypoints of two clouds by their descriptors.
@@ -154,8 +162,12 @@ def correspond(
         Descriptor; the frames are always those of SHOT.
     keypoints : int, optional
         How many to aim at in each cloud; by default what the detector finds at its usual radius.
-    source_viewpoint, target_viewpoint : (3,) sequence of float
-        Where the scanners stood, in their clouds' frames; normals are turned towards them.
+    normals : {"pca", "mesh"}
+        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for clouds
+        that have faces. SHOT and LFSH need normals on the same side of the surface in both clouds, so for
+        a whole model in a scan take "mesh".
+    source_viewpoint, target_viewpoint : (float, float, float)
+        Where the scanners stood, in their clouds' frames.
     progress : callable, optional
         Called with the name of each stage as it begins.
 
@@ -171,17 +183,16 @@ def correspond(
     """
     _check_choice("detector", detector, DETECTORS)
     _check_choice("descriptor", descriptor, DESCRIPTORS)
-    begin = progress or (lambda _stage: None)
+    _check_choice("normals", normals, NORMALS)
+    begin = progress or _ignore
     clouds = _cloud_points("source", source), _cloud_points("target", target)
+    faces = _mesh_faces(source, target) if normals == "mesh" else (None, None)
     views = source_viewpoint, target_viewpoint
 
     begin("resolution")
     pr = sum(features.resolution(points) for points in clouds) / 2
     begin("normals")
-    normals = [
-        features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint)
-        for points, viewpoint in zip(clouds, views, strict=True)
-    ]
+    directions = [_normals(*cloud) for cloud in zip(clouds, faces, views, strict=True)]
     begin("keypoints")
     found = [_detect(points, detector, keypoints, pr) for points in clouds]
     begin("frames")
@@ -192,7 +203,7 @@ def correspond(
     begin("descriptors")
     described = [
         _describe(*cloud, descriptor=descriptor, pr=pr)
-        for cloud in zip(clouds, normals, found, frames, strict=True)
+        for cloud in zip(clouds, directions, found, frames, strict=True)
     ]
     begin("matching")
     (source_points, source_lrf, source_values), (target_points, target_lrf, target_values) = described
@@ -216,6 +227,24 @@ def _cloud_points(name: str, cloud: PointCloud | ArrayLike) -> FloatArray:
         message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
         raise InputError(message)
     return points
+
+
+def _mesh_faces(
+    source: PointCloud | ArrayLike, target: PointCloud | ArrayLike
+) -> tuple[IndexArray | None, IndexArray | None]:
+    source_faces, target_faces = (
+        cloud.faces if isinstance(cloud, PointCloud) else None for cloud in (source, target)
+    )
+    if source_faces is None and target_faces is None:
+        message = "normals: got 'mesh', but neither cloud has faces; choose 'pca'"
+        raise InputError(message)
+    return source_faces, target_faces
+
+
+def _normals(points: FloatArray, faces: IndexArray | None, viewpoint: Viewpoint) -> FloatArray:
+    if faces is not None:
+        return features.mesh_normals(points, faces)
+    return features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint)
 
 
 def _detect(points: FloatArray, detector: Detector, count: int | None, pr: float) -> IndexArray:
@@ -244,6 +273,10 @@ def _describe(
         values = features.rcs(points, keypoints, radius=radius)
     valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
     return points[keypoints[valid]], frames[valid], values[valid]
+
+
+def _ignore(_stage: str) -> None:
+    """Stands in for a progress callback."""
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

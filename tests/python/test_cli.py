@@ -149,7 +149,7 @@ WRONG = [
     ("register {folder}/nan.npy {target}", "nan.npy: none of its 30 points is finite"),
     ("register {folder}/few.npy {target}", "source: got 4 points"),
     ("register {source} {target} --method icp", "method: got 'icp'; choose one of ss, nnsr"),
-    ("register {source} {target} --detector sift", "detector: got 'sift'"),
+    ("register {source} {target} --detector sift", "--detector': 'sift'"),
     ("register {source} {target} --descriptor fpfh3", "descriptor: got 'fpfh3'"),
     ("register {source} {target} --keypoints 1", "keypoints"),
     ("register {source} {target} --keypoints many", "keypoints"),
