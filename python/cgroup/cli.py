@@ -20,7 +20,7 @@ except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
     raise SystemExit(2) from None
 
-from cgroup import io
+from cgroup import __version__, io
 from cgroup.benchmark import compare, write_table
 from cgroup.errors import CgroupError, InputError
 from cgroup.evaluation import correct_matches
@@ -47,7 +47,6 @@ _PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
 app = typer.Typer(
     name="cgroup",
     help="3D correspondence grouping: find the right matches between two scans among mostly wrong ones.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -80,6 +79,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if status == INTERRUPTED:
         _fail("interrupted", INTERRUPTED)
     raise SystemExit(status or 0)
+
+
+@app.callback(invoke_without_command=True)
+def _without_command(
+    context: typer.Context,
+    *,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    if version:
+        _print(f"cgroup {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        sys.stdout.write(context.get_help())
 
 
 @app.command("register")

@@ -22,7 +22,7 @@ from cgroup.types import Correspondences
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from cgroup.types import FloatArray, Grouping, IndexArray
 
@@ -40,6 +40,9 @@ SUPPORT = 15.0
 
 NORMAL_NEIGHBORS = 20
 MIN_SUPPORT_POINTS = 10
+
+MAX_RESOLUTION_RATIO = 20.0
+"""Clouds that differ more than this are taken to be in different units; descriptors would be useless."""
 
 Viewpoint: TypeAlias = tuple[float, float, float]
 ORIGIN: Viewpoint = (0.0, 0.0, 0.0)
@@ -179,7 +182,7 @@ def correspond(
     Raises
     ------
     InputError
-        If a cloud is too small or an option is unknown.
+        If a cloud is too small or not finite, the clouds are in different units, or an option is unknown.
     """
     _check_choice("detector", detector, DETECTORS)
     _check_choice("descriptor", descriptor, DESCRIPTORS)
@@ -190,7 +193,7 @@ def correspond(
     views = source_viewpoint, target_viewpoint
 
     begin("resolution")
-    pr = sum(features.resolution(points) for points in clouds) / 2
+    pr = _common_resolution(*clouds)
     begin("normals")
     directions = [_normals(*cloud) for cloud in zip(clouds, faces, views, strict=True)]
     begin("keypoints")
@@ -226,7 +229,27 @@ def _cloud_points(name: str, cloud: PointCloud | ArrayLike) -> FloatArray:
     if len(points) <= NORMAL_NEIGHBORS:
         message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
         raise InputError(message)
+    if not np.isfinite(points).all():
+        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+        message = f"{name}: row {row} isn't finite; drop such rows first"
+        raise InputError(message)
     return points
+
+
+def _common_resolution(source: FloatArray, target: FloatArray) -> float:
+    """Average the resolutions of two clouds that are in the same unit."""
+    resolutions = features.resolution(source), features.resolution(target)
+    for name, resolution in zip(("source", "target"), resolutions, strict=True):
+        if resolution <= 0:
+            message = f"{name}: all its points coincide with others"
+            raise InputError(message)
+    if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):
+        message = (
+            f"source, target: their points lie {resolutions[0]:.3g} and {resolutions[1]:.3g} apart; "
+            "scale them to the same unit"
+        )
+        raise InputError(message)
+    return sum(resolutions) / 2
 
 
 def _mesh_faces(
@@ -262,7 +285,7 @@ def _describe(
     *,
     descriptor: Descriptor,
     pr: float,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
     """Points, frames and descriptors of the keypoints that have a descriptor."""
     radius = SUPPORT * pr
     if descriptor == "shot":
