@@ -12,6 +12,9 @@ TRUTH ?=
 RUST_SOURCES := $(shell find rust -name '*.rs') Cargo.toml Cargo.lock rust/py/Cargo.toml
 MATURIN := env -u CONDA_PREFIX VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin
 
+# Runs a command whose output matters only where it fails.
+quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
+
 .PHONY: help setup demo test test-rust test-python fmt lint types bench docs clean
 
 help: ## show this list
@@ -76,9 +79,10 @@ $(VENV)/.created:
 
 $(VENV)/.ready-scans: $(VENV)/.created $(RUST_SOURCES) pyproject.toml | check-tools
 	@echo "Building cgroup (a few minutes the first time) ..."
-	@$(MATURIN) develop --release --locked --quiet --extras scans
+	@$(call quietly,$(MATURIN) develop --release --locked --extras scans)
 	@touch $@
 
 $(VENV)/.ready-dev: $(VENV)/.created $(RUST_SOURCES) pyproject.toml | check-tools
-	$(MATURIN) develop --release --locked --quiet --extras dev
+	@echo "Building cgroup and installing its development tools (a few minutes the first time) ..."
+	@$(call quietly,$(MATURIN) develop --release --locked --extras dev)
 	@touch $@ $(VENV)/.ready-scans

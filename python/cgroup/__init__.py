@@ -59,7 +59,7 @@ __all__ = [
 
 if _core.DEBUG_BUILD:
     _warnings.warn(
-        "cgroup was built without optimisation and is many times slower; rebuild with `maturin develop --release`",
+        "cgroup was built without optimisation, many times slower; rebuild with `maturin develop --release`",
         RuntimeWarning,
         stacklevel=2,
     )

@@ -19,7 +19,9 @@ def as_floats(name: str, value: ArrayLike) -> FloatArray:
     try:
         array = np.asarray(value)
     except (ValueError, TypeError) as error:
-        message = f"{name}: got {type(value).__name__}, which is no array: {error}; give a numpy array of numbers"
+        message = (
+            f"{name}: got {type(value).__name__}, which is no array: {error}; give a numpy array of numbers"
+        )
         raise InputError(message) from error
     if array.dtype.kind not in "fiub":
         message = f"{name}: got an array of {array.dtype}; give real numbers"

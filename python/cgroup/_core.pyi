@@ -1,24 +1,104 @@
-"""Types of the compiled core."""
-
 from collections.abc import Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray, RunOptions
+from cgroup.types import Correspondences, FloatArray, IndexArray, RawGrouping, RunOptions
 
-DescriptorArray: TypeAlias = NDArray[np.float32]
-RawGrouping: TypeAlias = tuple[BoolArray, FloatArray | None, float | None, FloatArray | None, dict[str, float]]
+_DescriptorArray: TypeAlias = NDArray[np.float32]
+_Threshold: TypeAlias = float | Literal["otsu"]
 
+__all__: list[str]
 __version__: str
 DEBUG_BUILD: bool
 
-def ss(
-    similarity: FloatArray, threshold: float | Literal["otsu"], otsu: str, bins: int
-) -> RawGrouping: ...
+def ss(similarity: FloatArray, threshold: _Threshold, otsu: str, bins: int) -> RawGrouping: ...
 def nnsr(ratio: FloatArray, max_ratio: float) -> RawGrouping: ...
-def si(fields: Correspondences, run_options: RunOptions, **options: Any) -> RawGrouping: ...
+def si(
+    fields: Correspondences,
+    run_options: RunOptions,
+    *,
+    tolerance: float | None,
+    neighbors: int,
+    min_distance_ratio: float,
+    lowe_ratio: float,
+    global_rank: str,
+    threshold: _Threshold,
+    otsu: str,
+) -> RawGrouping: ...
+def cv(
+    fields: Correspondences,
+    run_options: RunOptions,
+    *,
+    distance_scale: float | None,
+    angle_scale: float,
+    voters: int,
+    exclude_self: bool,
+    threshold: _Threshold,
+    otsu: str,
+) -> RawGrouping: ...
+def ransac(
+    fields: Correspondences,
+    run_options: RunOptions,
+    *,
+    tolerance: float | None,
+    iterations: int,
+    seed: int,
+    refine: bool,
+    edge_ratio: float | None,
+    confidence: float | None,
+) -> RawGrouping: ...
+def st(
+    fields: Correspondences,
+    run_options: RunOptions,
+    *,
+    min_distance_ratio: float,
+    affinity: str,
+    diagonal: str,
+    conflict: str,
+    eigensolver: str,
+    recompute: bool,
+) -> RawGrouping: ...
+def gc(
+    fields: Correspondences,
+    run_options: RunOptions,
+    *,
+    tolerance: float | None,
+    variant: str,
+    ties: str,
+    min_cluster_size: int,
+    iterations: int,
+    seed: int,
+) -> RawGrouping: ...
+def hough3d(
+    fields: Correspondences,
+    run_options: RunOptions,
+    *,
+    variant: str,
+    bins: int,
+    bin_size: float | None,
+    neighbors: int,
+    interpolation: bool,
+    distance_weight: bool,
+    vote_threshold: float,
+    iterations: int,
+    seed: int,
+) -> RawGrouping: ...
+def gtm(
+    fields: Correspondences,
+    run_options: RunOptions,
+    *,
+    iterations: int,
+    threshold: _Threshold,
+    otsu: str,
+    payoff: str,
+    tolerance: float | None,
+    one_to_one: bool,
+    convergence_tolerance: float | None,
+    dynamics: str,
+) -> RawGrouping: ...
+def rigid_fit(source: FloatArray, target: FloatArray) -> FloatArray: ...
 def resolution(points: FloatArray, run_options: RunOptions, ignore_zero: bool) -> float: ...
 def normals(
     points: FloatArray,
@@ -29,9 +109,30 @@ def normals(
 ) -> FloatArray: ...
 def mesh_normals(points: FloatArray, faces: IndexArray) -> FloatArray: ...
 def harris3d(
-    points: FloatArray, normals: FloatArray | None, run_options: RunOptions, **options: Any
+    points: FloatArray,
+    normals: FloatArray | None,
+    run_options: RunOptions,
+    *,
+    radius: float,
+    response: str,
+    threshold: float,
+    nms_radius: float,
+    break_ties: bool,
+    count: int | None,
 ) -> IndexArray: ...
-def iss(points: FloatArray, run_options: RunOptions, **options: Any) -> IndexArray: ...
+def iss(
+    points: FloatArray,
+    run_options: RunOptions,
+    *,
+    salient_radius: float,
+    nms_radius: float,
+    gamma_21: float,
+    gamma_32: float,
+    min_neighbors: int,
+    density_weight: bool,
+    covariance: str,
+    count: int | None,
+) -> IndexArray: ...
 def drop_isolated(
     points: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float, min_points: int
 ) -> IndexArray: ...
@@ -42,14 +143,21 @@ def toldi_lrf(
     points: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float
 ) -> FloatArray: ...
 def shot(
-    points: FloatArray, normals: FloatArray, keypoints: IndexArray, run_options: RunOptions, **options: Any
-) -> DescriptorArray: ...
+    points: FloatArray,
+    normals: FloatArray,
+    keypoints: IndexArray,
+    run_options: RunOptions,
+    *,
+    radius: float,
+    lrf: FloatArray | None,
+    pcl_compat: bool,
+) -> _DescriptorArray: ...
 def lfsh(
     points: FloatArray, normals: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float
-) -> DescriptorArray: ...
+) -> _DescriptorArray: ...
 def rcs(
     points: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float
-) -> DescriptorArray: ...
+) -> _DescriptorArray: ...
 def match_descriptors(
     source: FloatArray, target: FloatArray, run_options: RunOptions, mutual: bool, max_distance: float | None
 ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]: ...

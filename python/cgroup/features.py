@@ -217,7 +217,9 @@ def mesh_normals(points: ArrayLike, faces: ArrayLike) -> FloatArray:
     if array.size == 0:
         array = np.empty((0, 3), dtype=np.int64)
     if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] != 3:
-        message = f"faces: got shape {array.shape} of {array.dtype}; give (F,3) whole numbers, rows of `points`"
+        message = (
+            f"faces: got shape {array.shape} of {array.dtype}; give (F,3) whole numbers, rows of `points`"
+        )
         raise InputError(message)
     return _core.mesh_normals(as_points("points", points), array.astype(np.int64, copy=False))
 
@@ -669,7 +671,11 @@ def match(
     [1, 0]
     """
     fields = _core.match_descriptors(
-        _as_descriptors("source", source), _as_descriptors("target", target), _run(threads), mutual, max_distance
+        _as_descriptors("source", source),
+        _as_descriptors("target", target),
+        _run(threads),
+        mutual,
+        max_distance,
     )
     return Matches(*fields)
 
@@ -723,7 +729,9 @@ def _as_indices(name: str, value: ArrayLike) -> IndexArray:
     if array.size == 0 and array.ndim <= 1:
         return np.empty(0, dtype=np.int64)
     if array.dtype.kind not in "iu" or array.ndim != 1:
-        message = f"{name}: got shape {array.shape} of {array.dtype}; give (m,) whole numbers, rows of `points`"
+        message = (
+            f"{name}: got shape {array.shape} of {array.dtype}; give (m,) whole numbers, rows of `points`"
+        )
         raise InputError(message)
     if (array < 0).any():
         row = int(np.argmax(array < 0))

@@ -26,7 +26,7 @@ from cgroup import _core
 from cgroup._arrays import as_vector
 from cgroup._memory import default_max_memory
 from cgroup.errors import InputError
-from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray, Grouping, RunOptions
+from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray, Grouping, RawGrouping, RunOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -613,7 +613,11 @@ each method as its own author's code has it, PCL's, and the evaluation group's l
 
 
 def group(
-    correspondences: Correspondences, method: str, *, preset: str = "paper", **options: Any
+    correspondences: Correspondences,
+    method: str,
+    *,
+    preset: str = "paper",
+    **options: Any,  # noqa: ANN401 - those of the method
 ) -> Grouping:
     """Group correspondences by any of `METHODS`.
 
@@ -658,7 +662,7 @@ def group_many(
     *,
     preset: str = "paper",
     threads: int | None = None,
-    **options: Any,
+    **options: Any,  # noqa: ANN401 - those of the method
 ) -> list[Grouping]:
     """Group many problems at once, one thread each, on all cores.
 
@@ -719,7 +723,7 @@ def _run_options(threads: int | None, max_memory: int | None, progress: Progress
     return RunOptions(threads, default_max_memory() if max_memory is None else max_memory, progress)
 
 
-def _grouping(raw: _core.RawGrouping, fields: Correspondences | None = None) -> Grouping:
+def _grouping(raw: RawGrouping, fields: Correspondences | None = None) -> Grouping:
     mask, scores, threshold, model, diagnostics = raw
     positions = None if fields is None else (fields.source, fields.target)
     return Grouping(mask, scores, threshold, model, diagnostics, positions)

@@ -21,6 +21,11 @@ FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IndexArray: TypeAlias = NDArray[np.int64]
 
+RawGrouping: TypeAlias = tuple[
+    BoolArray, FloatArray | None, float | None, FloatArray | None, dict[str, float]
+]
+"""Mask, scores, threshold, model and diagnostics, as the compiled core returns them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:

@@ -1,0 +1,440 @@
+"""The public face of the methods: what it accepts, what it refuses, and what it promises."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import cgroup
+from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusError, group, group_many
+from strategies import make_problem
+
+PROBLEM = make_problem(np.random.default_rng(3), 120, inlier_ratio=0.4)
+OPTIONS = {"3dhv": {"bin_size": 5.0}}
+
+
+def correspondences(n: int | None = None) -> Correspondences:
+    rows = slice(n)
+    return Correspondences(
+        PROBLEM.source[rows],
+        PROBLEM.target[rows],
+        similarity=PROBLEM.similarity[rows],
+        ratio=PROBLEM.ratio[rows],
+        source_lrf=PROBLEM.source_lrf[rows],
+        target_lrf=PROBLEM.target_lrf[rows],
+        resolution=PROBLEM.resolution,
+        source_centroid=PROBLEM.source_centroid,
+    )
+
+
+# --- what is accepted --------------------------------------------------------------------------
+
+
+def non_contiguous(array: np.ndarray) -> np.ndarray:
+    return np.repeat(array, 2, axis=0)[::2]
+
+
+def reversed_twice(array: np.ndarray) -> np.ndarray:
+    return array[::-1].copy()[::-1]
+
+
+def fortran(array: np.ndarray) -> np.ndarray:
+    return np.asfortranarray(array)
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    copy = array.copy()
+    copy.flags.writeable = False
+    return copy
+
+
+def swapped_bytes(array: np.ndarray) -> np.ndarray:
+    return array.astype(array.dtype.newbyteorder())
+
+
+def nested_lists(array: np.ndarray) -> list:
+    return array.tolist()
+
+
+class Wrapped:
+    """Anything with ``__array__``."""
+
+    def __init__(self, array: np.ndarray) -> None:
+        self.array = array
+
+    def __array__(self, dtype: object = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self.array, dtype=dtype, copy=copy)
+
+
+LAYOUTS = [non_contiguous, reversed_twice, fortran, read_only, swapped_bytes, nested_lists, Wrapped]
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("method", METHODS)
+def test_layout_changes_nothing(method, layout):
+    plain = correspondences()
+    other = Correspondences(
+        layout(plain.source),
+        layout(plain.target),
+        similarity=layout(plain.similarity),
+        ratio=layout(plain.ratio),
+        source_lrf=layout(plain.source_lrf),
+        target_lrf=layout(plain.target_lrf),
+        resolution=plain.resolution,
+        source_centroid=layout(plain.source_centroid),
+    )
+    expected, got = group(plain, method), group(other, method)
+    np.testing.assert_array_equal(got.mask, expected.mask)
+    np.testing.assert_array_equal(got.scores, expected.scores)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_float32_means_the_same_numbers(method):
+    single = {name: getattr(PROBLEM, name).astype(np.float32) for name in ("source", "target")}
+    double = {name: values.astype(np.float64) for name, values in single.items()}
+    fields = {
+        "similarity": PROBLEM.similarity,
+        "ratio": PROBLEM.ratio,
+        "source_lrf": PROBLEM.source_lrf,
+        "target_lrf": PROBLEM.target_lrf,
+        "resolution": 1.0,
+    }
+    got, expected = (group(Correspondences(**points, **fields), method) for points in (single, double))
+    np.testing.assert_array_equal(got.mask, expected.mask)
+
+
+def test_memory_mapped_points(tmp_path):
+    for name in ("source", "target"):
+        np.save(tmp_path / f"{name}.npy", getattr(PROBLEM, name))
+    mapped = [np.load(tmp_path / f"{name}.npy", mmap_mode="r") for name in ("source", "target")]
+    np.testing.assert_array_equal(cgroup.gtm(*mapped).mask, cgroup.gtm(PROBLEM.source, PROBLEM.target).mask)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_input_is_never_modified(method):
+    given = correspondences()
+    before = [np.copy(getattr(given, name)) for name in ("source", "target", "ratio", "source_lrf")]
+    group(given, method)
+    for name, expected in zip(("source", "target", "ratio", "source_lrf"), before, strict=True):
+        np.testing.assert_array_equal(getattr(given, name), expected)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("n", [0, 1, 2, 3])
+def test_tiny_input(method, n):
+    result = group(correspondences(n), method)
+    assert result.mask.shape == (n,)
+    assert result.mask.dtype == bool
+    if result.scores is not None:
+        assert result.scores.shape == (n,)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("points", [np.zeros((30, 3)), np.outer(np.arange(30.0), [1.0, 2.0, 3.0])])
+def test_coincident_and_collinear_points(method, points):
+    fields = {
+        name: getattr(PROBLEM, name)[:30] for name in ("similarity", "ratio", "source_lrf", "target_lrf")
+    }
+    result = group(Correspondences(points, points, resolution=1.0, **fields), method)
+    assert result.mask.shape == (30,)
+    assert result.scores is None or not np.isnan(result.scores).any()
+
+
+def test_far_from_the_origin():
+    near, far = (cgroup.gtm(PROBLEM.source + shift, PROBLEM.target - shift) for shift in (0.0, 1e7))
+    np.testing.assert_array_equal(near.mask, far.mask)
+
+
+# --- what is refused ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"source": PROBLEM.source.T}, "source.*transpose"),
+        ({"source": PROBLEM.source[:, :2]}, r"source.*\(120,2\).*\(n,3\)"),
+        ({"target": PROBLEM.target[:-1]}, "target.*119"),
+        ({"source": "abc"}, "source"),
+        ({"source": PROBLEM.source.astype(complex)}, "source.*complex"),
+        ({"source": [[1, 2, 3], [1, 2]]}, "source"),
+        ({"ratio": PROBLEM.ratio[:5]}, r"ratio.*\(5\).*\(120,\)"),
+        ({"ratio": PROBLEM.ratio + 1.0}, "ratio.*row 0.*between 0 and 1"),
+        ({"similarity": np.full(120, np.nan)}, "similarity.*row 0"),
+        ({"source_lrf": PROBLEM.source_lrf * 2.0}, "source_lrf.*row .*orthonormal"),
+        ({"source_lrf": PROBLEM.source_lrf[:, ::-1]}, "source_lrf.*right-handed"),
+        ({"source_lrf": PROBLEM.source_lrf.reshape(120, 9)}, r"source_lrf.*\(120,3,3\)"),
+        ({"target_lrf": None}, "target_lrf.*both sides"),
+        ({"resolution": 0.0}, "resolution.*greater than 0"),
+        ({"resolution": np.nan}, "resolution.*greater than 0"),
+        ({"source_centroid": [0.0, np.inf, 0.0]}, "source_centroid.*finite"),
+        ({"source": np.full((120, 3), 1e200)}, "source.*1e150"),
+    ],
+)
+def test_bad_fields(change, words):
+    method = {"similarity": "ss", "source_centroid": "3dhv"}.get(next(iter(change)), "cv")
+    fields = {name: getattr(PROBLEM, name) for name in cgroup.types.OPTIONAL_FIELDS}
+    fields = {"source": PROBLEM.source, "target": PROBLEM.target, **fields, **change}
+    with pytest.raises(InputError, match=f"(?s){words}"):
+        group(Correspondences(**fields), method)
+
+
+@pytest.mark.parametrize("name", ["source", "target"])
+def test_first_bad_row_is_named(name):
+    points = {"source": PROBLEM.source.copy(), "target": PROBLEM.target.copy()}
+    points[name][[7, 9], 1] = np.nan, np.inf
+    with pytest.raises(InputError, match=f"{name}.*row 7"):
+        cgroup.gtm(**points)
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "words"),
+    [
+        ("ss", {"threshold": "best"}, "threshold.*otsu"),
+        ("ss", {"otsu": "median"}, "otsu.*minmax"),
+        ("ss", {"bins": 0}, "bins.*at least 1"),
+        ("nnsr", {"max_ratio": 1.5}, "max_ratio.*between 0 and 1"),
+        ("si", {"neighbors": 0}, "neighbors.*at least 1"),
+        ("si", {"global_rank": "best"}, "global_rank.*local_score"),
+        ("cv", {"angle_scale": 0.0}, "angle_scale.*greater than 0"),
+        ("cv", {"distance_scale": -1.0}, "distance_scale.*greater than 0"),
+        ("cv", {"threshold": np.nan}, "threshold"),
+        ("ransac", {"iterations": 0}, "iterations.*at least 1"),
+        ("ransac", {"tolerance": np.inf}, "tolerance.*finite"),
+        ("ransac", {"confidence": 1.0}, "confidence.*below 1"),
+        ("ransac", {"edge_ratio": 2.0}, "edge_ratio.*between 0 and 1"),
+        ("ransac", {"threads": 0}, "threads.*at least 1"),
+        ("st", {"min_distance_ratio": -0.1}, "min_distance_ratio"),
+        ("st", {"eigensolver": "dense", "max_memory": 1000}, "eigensolver.*MiB.*power"),
+        ("gc", {"variant": "ring"}, "variant.*star.*clique"),
+        ("3dhv", {"neighbors": 5}, "neighbors.*0, 6 or 26"),
+        ("3dhv", {"variant": "pcl"}, "bin_size.*side"),
+        ("3dhv", {"bin_size": 1e-12}, "bin_size.*larger"),
+        ("gtm", {"payoff": "money"}, "payoff.*distance_ratio"),
+        ("gtm", {"tolerance": 1.0}, "tolerance.*distance_difference"),
+        ("gtm", {"convergence_tolerance": 0.0}, "convergence_tolerance"),
+        ("gtm", {"iteration": 5}, "gtm has no 'iteration'.*iterations"),
+        ("gmt", {}, "method.*'gmt'.*gtm"),
+    ],
+)
+def test_bad_options(method, options, words):
+    with pytest.raises(InputError, match=f"(?s){words}"):
+        group(correspondences(), method, **options)
+
+
+def test_negative_counts_are_refused_by_type():
+    with pytest.raises((InputError, OverflowError)):
+        cgroup.ransac(PROBLEM.source, PROBLEM.target, tolerance=1.0, iterations=-1)
+
+
+@pytest.mark.parametrize("method", ["ransac", "gc", "si", "cv"])
+def test_a_length_or_the_resolution_is_needed(method):
+    given = correspondences()
+    fields = {name: getattr(given, name) for name in ("ratio", "source_lrf", "target_lrf")}
+    without = Correspondences(given.source, given.target, **fields)
+    with pytest.raises(ValueError, match="(?s)resolution.*mean nearest-neighbour.*length"):
+        group(without, method)
+
+
+@pytest.mark.parametrize("method", ["ss", "nnsr", "si", "cv", "3dhv"])
+def test_missing_fields_are_named(method):
+    with pytest.raises(InputError, match=f"{method} needs"):
+        group(Correspondences(PROBLEM.source, PROBLEM.target, resolution=1.0), method)
+
+
+def test_unknown_preset():
+    with pytest.raises(InputError, match="preset.*literal"):
+        group(correspondences(), "gtm", preset="best")
+
+
+# --- what comes back ---------------------------------------------------------------------------
+
+
+def test_grouping_holds_together():
+    result = cgroup.gtm(PROBLEM.source, PROBLEM.target)
+    np.testing.assert_array_equal(result.indices, np.flatnonzero(result.mask))
+    assert result.size == result.mask.sum()
+    assert result.diagnostics["steps"] == 100
+    np.testing.assert_array_equal(result.mask, result.scores > result.threshold)
+    assert repr(result) == f"Grouping({result.size} of 120 selected)"
+
+
+def test_transform_maps_source_into_target():
+    result = cgroup.ransac(PROBLEM.source, PROBLEM.target, resolution=1.0)
+    T = result.transform()
+    moved = PROBLEM.source @ T[:3, :3].T + T[:3, 3]
+    assert np.median(np.linalg.norm(moved - PROBLEM.target, axis=1)[PROBLEM.inlier_mask]) < 5.0
+    np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-12)
+    assert result.model is not None
+    np.testing.assert_allclose(T, PROBLEM.T_target_source, atol=2.0)
+
+
+def test_no_consensus_is_an_empty_mask_and_no_pose():
+    rng = np.random.default_rng(0)
+    result = cgroup.ransac(rng.normal(size=(2, 3)), rng.normal(size=(2, 3)), tolerance=1e-9)
+    assert not result.mask.any()
+    with pytest.raises(NoConsensusError, match="needs 3"):
+        result.transform()
+
+
+def test_a_group_made_without_points_has_no_pose():
+    with pytest.raises(InputError, match="cgroup.group"):
+        cgroup.ss(PROBLEM.similarity).transform()
+    assert group(correspondences(), "ss").transform().shape == (4, 4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_threads_and_repetition_change_nothing(method):
+    results = [group(correspondences(), method)]
+    if "threads" in inspect.signature(METHODS[method]).parameters:
+        results += [group(correspondences(), method, threads=threads) for threads in (1, 2, 3)]
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0].mask, other.mask)
+        np.testing.assert_array_equal(results[0].scores, other.scores)
+
+
+@pytest.mark.parametrize("method", ["st", "gtm"])
+def test_memory_bound_changes_nothing(method):
+    plain, tight = (group(correspondences(), method, max_memory=bound) for bound in (1 << 30, 0))
+    np.testing.assert_array_equal(plain.scores, tight.scores)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("method", METHODS)
+def test_presets_run(preset, method):
+    options = OPTIONS.get(method, {}) if preset == "pcl" else {}
+    assert group(correspondences(), method, preset=preset, **options).mask.shape == (120,)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_group_many_equals_group(method):
+    problems = [correspondences(n) for n in (0, 5, 40, 120)]
+    for one, many in zip(problems, group_many(problems, method), strict=True):
+        np.testing.assert_array_equal(group(one, method).mask, many.mask)
+
+
+def test_group_many_raises_the_first_error():
+    bad = Correspondences(PROBLEM.source, PROBLEM.target)
+    with pytest.raises(InputError, match="resolution"):
+        group_many([correspondences(), bad], "gc")
+
+
+def test_signatures_share_one_style():
+    for method in METHODS.values():
+        for name, parameter in inspect.signature(method).parameters.items():
+            positional = name in ("source", "target") or (
+                method in (cgroup.ss, cgroup.nnsr) and name in ("similarity", "ratio")
+            )
+            assert parameter.kind is (
+                inspect.Parameter.POSITIONAL_OR_KEYWORD if positional else inspect.Parameter.KEYWORD_ONLY
+            )
+
+
+# --- how it runs -------------------------------------------------------------------------------
+
+
+def big_problem(n: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    return rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
+
+
+def test_other_threads_run_meanwhile():
+    ticks: list[float] = []
+    done = threading.Event()
+
+    def tick() -> None:
+        while not done.is_set():
+            ticks.append(time.perf_counter())
+            time.sleep(0.001)
+
+    ticker = threading.Thread(target=tick)
+    ticker.start()
+    start = time.perf_counter()
+    cgroup.ransac(*big_problem(5000), tolerance=0.1, threads=1)
+    end = time.perf_counter()
+    done.set()
+    ticker.join()
+    assert sum(start < moment < end for moment in ticks) >= 5
+
+
+def test_progress_is_reported():
+    shares: list[float] = []
+    cgroup.gtm(*big_problem(3000), threads=1, progress=shares.append)
+    assert shares == sorted(shares)
+    assert all(0.0 <= share <= 1.0 for share in shares)
+
+
+def test_an_error_in_the_progress_callback_ends_the_run():
+    def fail(_share: float) -> None:
+        raise LookupError
+
+    with pytest.raises(LookupError):
+        cgroup.gtm(*big_problem(6000), iterations=1_000_000, progress=fail)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+@pytest.mark.parametrize(
+    "call",
+    [
+        "cgroup.gtm(a, b, iterations=10**9)",
+        "cgroup.gtm(a, b, iterations=10**9, max_memory=0)",
+        "cgroup.ransac(a, b, tolerance=0.1, iterations=10**9)",
+        "cgroup.st(a, b, recompute=True)",
+        "cgroup.st(a, b, eigensolver='dense', max_memory=1 << 33)",
+        "cgroup.gc(a, b, tolerance=9.0, variant='clique', iterations=10**9)",
+    ],
+)
+def test_ctrl_c_is_heard(call):
+    script = textwrap.dedent(f"""
+        import numpy as np, cgroup, sys, time
+        rng = np.random.default_rng(0)
+        a, b = rng.normal(size=(4000, 3)), rng.normal(size=(4000, 3))
+        print("ready", flush=True)
+        try:
+            {call}
+        except KeyboardInterrupt:
+            print("interrupted", time.time(), flush=True)
+            sys.exit(3)
+    """)
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.7)
+        sent = time.time()
+        process.send_signal(signal.SIGINT)
+        word, _, moment = process.stdout.readline().partition(" ")
+        assert word == "interrupted"
+        assert float(moment) - sent < 5.0  # a second on an idle machine; tests may share theirs
+        assert process.wait(timeout=60) == 3
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_a_forked_process_computes_too():
+    expected = cgroup.gtm(PROBLEM.source, PROBLEM.target).mask
+    child = os.fork()
+    if child == 0:
+        same = np.array_equal(cgroup.gtm(PROBLEM.source, PROBLEM.target).mask, expected)
+        os._exit(0 if same else 1)
+    deadline = time.time() + 60
+    while time.time() < deadline:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            assert os.waitstatus_to_exitcode(status) == 0
+            return
+        time.sleep(0.05)
+    os.kill(child, signal.SIGKILL)
+    pytest.fail("the forked process hangs")
+
+
+def test_importing_needs_numpy_alone():
+    script = "import sys, cgroup; print(sorted({'matplotlib', 'rich', 'typer', 'scipy', 'trimesh'} & set(sys.modules)))"
+    assert subprocess.check_output([sys.executable, "-c", script], text=True).strip() == "[]"
