@@ -38,30 +38,32 @@ pub fn local_maxima(
 ) -> Result<Vec<usize>> {
     let search = BallSearch::new(points, rule.radius)?;
     let sorted = search.reorder(scores);
-    let beats = |rival: u32, own: f64, index: usize| {
-        let score = sorted[rival as usize];
-        score > own
-            || (rule.break_ties && score.to_bits() == own.to_bits() && (search.index(rival) as usize) < index)
+    let beats = |rival: u32, position: u32| {
+        let (score, own) = (sorted[rival as usize], sorted[position as usize]);
+        score > own || (rule.break_ties && score >= own && search.index(rival) < search.index(position))
     };
-    let is_maximum = |ball: &mut Ball, i: usize| {
-        let (own, center) = (scores[i], points.get(i));
-        if own.is_nan() || !is_candidate(own) || search.any_within(&center, |rival| beats(rival, own, i)) {
+    let is_maximum = |ball: &mut Ball, position: u32| {
+        let own = sorted[position as usize];
+        if own.is_nan() || !is_candidate(own) || search.any_near(position, |rival| beats(rival, position)) {
             return false;
         }
         if rule.min_neighbors > 1 {
-            search.within(&center, ball);
+            search.within(&points.get(search.index(position) as usize), ball);
         }
         rule.min_neighbors <= 1 || ball.len() >= rule.min_neighbors
     };
-    let indices: Vec<usize> = (0..points.len()).collect();
-    let survivors = indices
+    let positions: Vec<u32> = (0..points.len() as u32).collect();
+    let survivors = positions
         .par_chunks(QUERIES_PER_TASK)
         .map_init(Ball::default, |ball, chunk| {
             execution.check()?;
-            Ok(chunk.iter().copied().filter(|&i| is_maximum(ball, i)).collect())
+            let kept = chunk.iter().filter(|&&position| is_maximum(ball, position));
+            Ok(kept.map(|&position| search.index(position) as usize).collect())
         })
         .collect::<Result<Vec<Vec<usize>>>>()?;
-    Ok(survivors.concat())
+    let mut indices = survivors.concat();
+    indices.sort_unstable();
+    Ok(indices)
 }
 
 /// About `count` maxima: bisects the radius, starting from the rule's, and keeps the closest count (of

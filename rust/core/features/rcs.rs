@@ -1,14 +1,16 @@
 //! RCS-72, rotational contour signatures (Yang, Zhang, Xian, Xiao, Cao, CVIU 2017): the outline of the
 //! local surface, seen from six directions. Cost O(m k).
 
-use std::f64::consts::{FRAC_PI_6, PI};
+use std::f64::consts::FRAC_PI_6;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
+use pulp::Arch;
 
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::features::keypoints::locations;
 use crate::features::toldi_lrf::{Recipe, frame};
+use crate::geometry::angle::atan2;
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::points::Points;
 
@@ -16,6 +18,8 @@ use crate::points::Points;
 pub const LENGTH: usize = VIEWS * CONTOUR_POINTS;
 const VIEWS: usize = 6;
 const CONTOUR_POINTS: usize = 12;
+/// Points whose angles are computed at once.
+const LANES: usize = 16;
 /// Angle from one view to the next, and from one contour point to the next.
 const STEP: f64 = FRAC_PI_6;
 /// Part of a contour point's sector that counts: 16 degrees of 30, as whole degrees up to 15 do.
@@ -52,19 +56,42 @@ impl Rcs {
 
     fn contours(self, ball: &Ball, axes: &Matrix3<f64>) -> [f32; LENGTH] {
         let mut squares = [0.0; LENGTH];
-        for (view, contour) in squares.chunks_exact_mut(CONTOUR_POINTS).enumerate() {
-            let turned = rotation(STEP * view as f64) * axes;
-            for &offset in ball.offsets() {
-                let seen = turned * Vector3::from(offset);
-                // 0 to 12, one unit per contour point.
-                let angle = (seen.y.atan2(seen.x) + if seen.y < 0.0 { 2.0 * PI } else { 0.0 }) / STEP;
-                let sector = (angle as usize).min(CONTOUR_POINTS - 1);
-                if angle - (sector as f64) < WINDOW {
-                    contour[sector] = f64::max(contour[sector], seen.x * seen.x + seen.y * seen.y);
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (view, contour) in squares.chunks_exact_mut(CONTOUR_POINTS).enumerate() {
+                    let turned = rotation(STEP * view as f64) * axes;
+                    for offsets in ball.offsets().chunks(LANES) {
+                        extend(contour, offsets, &turned);
+                    }
                 }
-            }
-        }
+            },
+        );
         squares.map(|square: f64| (square.sqrt() / self.radius) as f32)
+    }
+}
+
+/// Extends the contour, as squared distances, to up to [`LANES`] points seen along the third axis.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must take on the vector features of its caller")]
+fn extend(contour: &mut [f64], offsets: &[[f64; 3]], axes: &Matrix3<f64>) {
+    let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+    for (lane, &offset) in offsets.iter().enumerate() {
+        let along = |k: usize| axes[(k, 0)] * offset[0] + axes[(k, 1)] * offset[1] + axes[(k, 2)] * offset[2];
+        (x[lane], y[lane]) = (along(0), along(1));
+    }
+    // One unit per contour point, from 0 to 12.
+    let mut angles = [0.0; LANES];
+    for lane in 0..LANES {
+        let angle = atan2(y[lane], x[lane]) / STEP;
+        angles[lane] = if angle < 0.0 { angle + CONTOUR_POINTS as f64 } else { angle };
+    }
+    for lane in 0..offsets.len() {
+        let sector = (angles[lane] as u32).min(CONTOUR_POINTS as u32 - 1);
+        let square = x[lane] * x[lane] + y[lane] * y[lane];
+        let counts = angles[lane] - f64::from(sector) < WINDOW;
+        let farthest = &mut contour[sector as usize];
+        *farthest = f64::max(*farthest, if counts { square } else { 0.0 });
     }
 }
 
@@ -87,7 +114,7 @@ fn rotation(angle: f64) -> Matrix3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Rotation3;
+    use nalgebra::{Rotation3, Vector3};
 
     fn bumpy() -> Vec<[f64; 3]> {
         let mut rows = vec![[0.0; 3]];

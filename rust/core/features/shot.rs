@@ -8,6 +8,7 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use nalgebra::{Matrix3, Vector3};
+use pulp::Arch;
 
 use crate::correspondences::Frame;
 use crate::error::{Error, Result};
@@ -15,6 +16,7 @@ use crate::execution::Execution;
 use crate::features::harris3d::check_normals;
 use crate::features::keypoints::locations;
 use crate::features::shot_lrf::frame;
+use crate::geometry::angle::atan2;
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::points::Points;
 
@@ -27,6 +29,8 @@ const LAST_STEP: usize = STEPS - 1;
 const SECTOR: usize = 4;
 const SHELL: usize = 2;
 const VOLUMES: usize = 32;
+/// Neighbours whose angles are computed at once.
+const LANES: usize = 16;
 /// Fewer points than this in the ball, the keypoint included, make no descriptor.
 const MIN_POINTS: usize = 5;
 
@@ -76,55 +80,53 @@ impl Shot {
 
     fn histogram(&self, ball: &Ball, axes: &Matrix3<f64>, normals: &[Vector3<f64>]) -> [f32; LENGTH] {
         let mut bins = [0.0; LENGTH];
-        for (i, &position) in ball.positions().iter().enumerate() {
-            let normal = &normals[position as usize];
-            let distance = ball.squared_distances()[i].sqrt();
-            if distance > 0.0 && normal.iter().all(|value| value.is_finite()) {
-                let cosine = axes.row(2).tr_dot(normal).clamp(-1.0, 1.0);
-                self.vote(&mut bins, &(axes * ball.vector(i)), distance, cosine);
-            }
-        }
+        let z_axis = axes.row(2).transpose();
+        let neighbors = ball.offsets().chunks(LANES).zip(ball.positions().chunks(LANES));
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (offsets, positions) in neighbors {
+                    let places = places(offsets, axes);
+                    for (place, &position) in places.iter().zip(positions) {
+                        let cosine = z_axis.dot(&normals[position as usize]);
+                        if place.distance > 0.0 && cosine.is_finite() {
+                            self.vote(&mut bins, place, cosine.clamp(-1.0, 1.0));
+                        }
+                    }
+                }
+            },
+        );
         normalized(&bins)
     }
 
     /// Adds one neighbour: a home bin, and one adjacent bin per dimension.
-    fn vote(&self, bins: &mut [f64; LENGTH], local: &Vector3<f64>, distance: f64, cosine: f64) {
-        let is_outer = distance > 0.5 * self.radius;
-        let is_upper = local.z > 0.0;
-        let azimuth = local.y.atan2(local.x);
-        let sector = (((azimuth + PI) / FRAC_PI_4) as usize).min(7);
-        let volume = SECTOR * sector + SHELL * usize::from(is_outer) + usize::from(is_upper);
+    fn vote(&self, bins: &mut [f64; LENGTH], place: &Place, cosine: f64) {
+        let is_outer = place.distance > 0.5 * self.radius;
+        let sector = (place.azimuth as u32).min(7);
+        let is_upper = place.z > 0.0;
+        let volume = SECTOR * sector as usize + SHELL * usize::from(is_outer) + usize::from(is_upper);
         let scaled = 5.0 * (1.0 + cosine);
-        let step = (scaled + 0.5).floor() as usize;
+        let step = (scaled + 0.5) as u32;
+        let row = step as usize;
 
-        let mut home = 0.0;
         // Cosine.
-        let u = scaled - step as f64;
-        home += 1.0 - u.abs();
-        bins[volume * STEPS + self.adjacent_step(step, u > 0.0)] += u.abs();
+        let u = scaled - f64::from(step);
+        bins[volume * STEPS + self.adjacent_step(row, u > 0.0)] += u.abs();
         // Radius: the other shell takes part where it is the nearer neighbour.
         let middle = if is_outer { 0.75 } else { 0.25 };
-        let g = 2.0 * distance / self.radius - 2.0 * middle;
-        home += 1.0 - g.abs();
-        if is_outer == (g < 0.0) {
-            bins[(volume ^ SHELL) * STEPS + step] += g.abs();
-        }
+        let g = 2.0 * place.distance / self.radius - 2.0 * middle;
+        bins[(volume ^ SHELL) * STEPS + row] += if is_outer == (g < 0.0) { g.abs() } else { 0.0 };
         // Elevation, likewise.
-        let inclination = (local.z / distance).clamp(-1.0, 1.0).acos();
         let middle = if is_upper { FRAC_PI_4 } else { 3.0 * FRAC_PI_4 };
-        let e = (inclination - middle) / FRAC_PI_2;
-        home += 1.0 - e.abs();
-        if is_upper == (e > 0.0) {
-            bins[(volume ^ 1) * STEPS + step] += e.abs();
-        }
+        let e = (place.inclination - middle) / FRAC_PI_2;
+        bins[(volume ^ 1) * STEPS + row] += if is_upper == (e > 0.0) { e.abs() } else { 0.0 };
         // Azimuth, undefined on the z axis.
-        if local.x != 0.0 || local.y != 0.0 {
-            let a = ((azimuth + PI) / FRAC_PI_4 - sector as f64 - 0.5).clamp(-0.5, 0.5);
-            home += 1.0 - a.abs();
-            let turn = if a > 0.0 { SECTOR } else { VOLUMES - SECTOR };
-            bins[(volume + turn) % VOLUMES * STEPS + step] += a.abs();
-        }
-        bins[volume * STEPS + step] += home;
+        let a = (place.azimuth - f64::from(sector) - 0.5).clamp(-0.5, 0.5).abs();
+        let (home_share, shared) = if place.from_axis == 0.0 { (0.0, 0.0) } else { (1.0 - a, a) };
+        let turn = if place.azimuth - f64::from(sector) > 0.5 { SECTOR } else { VOLUMES - SECTOR };
+        bins[(volume + turn) % VOLUMES * STEPS + row] += shared;
+
+        bins[volume * STEPS + row] += (1.0 - u.abs()) + (1.0 - g.abs()) + (1.0 - e.abs()) + home_share;
     }
 
     fn adjacent_step(&self, step: usize, is_above: bool) -> usize {
@@ -135,6 +137,47 @@ impl Shot {
             (false, _) => step.saturating_sub(1),
         }
     }
+}
+
+/// Where a neighbour lies in the frame.
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    distance: f64,
+    /// Coordinate along the z axis, and distance from it.
+    z: f64,
+    from_axis: f64,
+    /// Angle about the z axis from the negative x axis, in sectors: 0 to 8.
+    azimuth: f64,
+    /// Angle from the z axis, in radians.
+    inclination: f64,
+}
+
+/// Places of up to [`LANES`] neighbours; the angles, which cost most, are computed side by side.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must take on the vector features of its caller")]
+fn places(offsets: &[[f64; 3]], axes: &Matrix3<f64>) -> [Place; LANES] {
+    let mut places = [Place::default(); LANES];
+    let (mut azimuths, mut inclinations) = ([0.0; LANES], [0.0; LANES]);
+    let (mut x, mut y, mut z, mut from_axis) = ([0.0; LANES], [0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    for (lane, &offset) in offsets.iter().enumerate() {
+        let along = |k: usize| axes[(k, 0)] * offset[0] + axes[(k, 1)] * offset[1] + axes[(k, 2)] * offset[2];
+        (x[lane], y[lane], z[lane]) = (along(0), along(1), along(2));
+    }
+    for lane in 0..LANES {
+        from_axis[lane] = (x[lane] * x[lane] + y[lane] * y[lane]).sqrt();
+        azimuths[lane] = (atan2(y[lane], x[lane]) + PI) / FRAC_PI_4;
+        inclinations[lane] = atan2(from_axis[lane], z[lane]);
+    }
+    for (lane, (place, &offset)) in places.iter_mut().zip(offsets).enumerate() {
+        *place = Place {
+            distance: Vector3::from(offset).norm(),
+            z: z[lane],
+            from_axis: from_axis[lane],
+            azimuth: azimuths[lane],
+            inclination: inclinations[lane],
+        };
+    }
+    places
 }
 
 /// Divides by the Euclidean norm, which PCL takes instead of the ECCV paper's sum; zero stays zero.
@@ -160,8 +203,8 @@ mod tests {
 
     fn single_vote(local: [f64; 3], cosine: f64, pcl_compat: bool) -> Vec<(usize, f64)> {
         let mut bins = [0.0; LENGTH];
-        let local = Vector3::from(local);
-        Shot { radius: 4.0, pcl_compat }.vote(&mut bins, &local, local.norm(), cosine);
+        let place = places(&[local], &Matrix3::identity())[0];
+        Shot { radius: 4.0, pcl_compat }.vote(&mut bins, &place, cosine);
         bins.iter().copied().enumerate().filter(|&(_, value)| value > 1e-12).collect()
     }
 

@@ -19,6 +19,8 @@ const MAX_CELLS_PER_AXIS: f64 = (1 << 21) as f64;
 const DENSE_CELLS_PER_POINT: u64 = 8;
 /// Queries that one task takes.
 const QUERIES_PER_TASK: usize = 128;
+/// Positions to either side that a search for any one point tries first.
+const LOOK_AROUND: usize = 6;
 
 /// Finds all points nearer than a radius fixed in advance.
 #[derive(Debug, Clone)]
@@ -159,7 +161,7 @@ impl BallSearch {
         let center = [center.x, center.y, center.z];
         let limit = self.radius * self.radius;
         ball.len = 0;
-        self.for_each_run(center, |start, end| {
+        self.visit_runs(center, |start, end| {
             ball.reserve(end - start);
             let mut found = ball.len;
             for (point, position) in self.points[start..end].iter().zip(start as u32..) {
@@ -172,24 +174,26 @@ impl BallSearch {
                 found += usize::from(square < limit);
             }
             ball.len = found;
+            None::<()>
         });
     }
 
-    /// Whether any point nearer than the radius satisfies `test`, which is given its position.
-    pub fn any_within(&self, center: &Point3<f64>, test: impl Fn(u32) -> bool) -> bool {
-        let center = [center.x, center.y, center.z];
+    /// Whether any point nearer than the radius to the one at `position` satisfies `test`, which is given
+    /// the positions of such points.
+    pub fn any_near(&self, position: u32, test: impl Fn(u32) -> bool) -> bool {
+        let center = self.points[position as usize];
         let limit = self.radius * self.radius;
-        let mut any = false;
-        self.for_each_run(center, |start, end| {
-            any = any
-                || (start..end).any(|position| {
-                    let point = self.points[position];
-                    let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
-                    let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
-                    square < limit && test(position as u32)
-                });
-        });
-        any
+        let is_hit = |other: usize| {
+            let point = &self.points[other];
+            let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
+            let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
+            square < limit && test(other as u32)
+        };
+        // Neighbours in grid order are mostly neighbours in space, and often settle the question.
+        let own = position as usize;
+        let around = own.saturating_sub(LOOK_AROUND)..(own + LOOK_AROUND + 1).min(self.len());
+        around.into_iter().any(is_hit)
+            || self.visit_runs(center, |start, end| (start..end).any(is_hit).then_some(())).is_some()
     }
 
     /// Calls `f(position, ball)` for every point of the cloud, on all threads; one result per point, in
@@ -238,19 +242,23 @@ impl BallSearch {
         (0..centers.len()).into_par_iter().with_min_len(4).map_init(Ball::default, query).collect()
     }
 
-    /// Calls `f` with every non-empty run of points that may lie within the radius.
-    fn for_each_run(&self, center: [f64; 3], mut f: impl FnMut(usize, usize)) {
+    /// Calls `f` with every non-empty run of points that may lie within the radius, until it returns
+    /// something.
+    fn visit_runs<R>(&self, center: [f64; 3], mut f: impl FnMut(usize, usize) -> Option<R>) -> Option<R> {
         let low: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] - self.radius, k));
         let high: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] + self.radius, k));
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {
                 let row = (z * self.cells[1] + y) * self.cells[0];
                 let (start, end) = (self.start_of(row + low[0]), self.start_of(row + high[0] + 1));
-                if start < end {
-                    f(start, end);
+                if start < end
+                    && let Some(result) = f(start, end)
+                {
+                    return Some(result);
                 }
             }
         }
+        None
     }
 
     /// Cell of a coordinate along axis `k`; places outside the box belong to its outermost cells.

@@ -1,5 +1,6 @@
 //! Rigid motions, neighbour search, point-cloud resolution.
 
+pub mod angle;
 pub mod ball_search;
 pub mod neighbors;
 pub mod resolution;

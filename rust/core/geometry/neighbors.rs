@@ -36,7 +36,9 @@ impl PartialOrd for Neighbor {
 
 impl Ord for Neighbor {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.squared_distance.total_cmp(&other.squared_distance).then(self.index.cmp(&other.index))
+        // Squares are not negative, so their bits are in order too, which is faster.
+        let key = |neighbor: &Self| (neighbor.squared_distance.to_bits(), neighbor.index);
+        key(self).cmp(&key(other))
     }
 }
 
