@@ -20,13 +20,13 @@ except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
     raise SystemExit(2) from None
 
-from cgroup import io
+from cgroup import __version__, io
 from cgroup.benchmark import compare, write_table
 from cgroup.errors import CgroupError, InputError
 from cgroup.evaluation import correct_matches
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.methods import METHODS, group
-from cgroup.registration import Descriptor, Detector, Registration, correspond, register
+from cgroup.registration import Descriptor, Detector, Normals, Registration, correspond, register
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 INPUT_ERROR = 2
 INTERRUPTED = 130
 
-_PLAIN_WIDTH = 110  # of tables where the output isn't a terminal
+_COMPARISON_FILES = ("comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz")
+_PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
 
 app = typer.Typer(
     name="cgroup",
     help="3D correspondence grouping: find the right matches between two scans among mostly wrong ones.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -56,6 +56,10 @@ TargetArgument = Annotated[Path, typer.Argument(help="Cloud that it is moved to,
 MethodOption = Annotated[str, typer.Option(help=f"Grouping method: {', '.join(METHODS)}.")]
 DetectorOption = Annotated[Detector, typer.Option(help="Keypoint detector.")]
 DescriptorOption = Annotated[Descriptor, typer.Option(help="Descriptor.")]
+NormalsOption = Annotated[
+    Normals,
+    typer.Option(help="Fitted planes that face the origin, or those of the mesh (for whole models)."),
+]
 KeypointsOption = Annotated[
     int | None,
     typer.Option(min=3, help="How many keypoints to aim at in each cloud.", show_default="all found"),
@@ -77,6 +81,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     raise SystemExit(status or 0)
 
 
+@app.callback(invoke_without_command=True)
+def _without_command(
+    context: typer.Context,
+    *,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    if version:
+        _print(f"cgroup {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        sys.stdout.write(context.get_help())
+
+
 @app.command("register")
 def register_command(
     source: SourceArgument,
@@ -85,6 +102,7 @@ def register_command(
     method: MethodOption = "gtm",
     detector: DetectorOption = "h3d",
     descriptor: DescriptorOption = "shot",
+    normals: NormalsOption = "pca",
     keypoints: KeypointsOption = None,
     out: OutOption = Path("out"),
 ) -> None:
@@ -98,6 +116,7 @@ def register_command(
             method=method,
             detector=detector,
             descriptor=descriptor,
+            normals=normals,
             keypoints=keypoints,
             progress=begin,
         )
@@ -130,23 +149,19 @@ def compare_command(
     ],
     detector: DetectorOption = "h3d",
     descriptor: DescriptorOption = "shot",
+    normals: NormalsOption = "pca",
     keypoints: KeypointsOption = None,
     out: OutOption = Path("out"),
 ) -> None:
     """Run all nine methods on a pair whose pose is known, and judge what each selects."""
     true_pose = io.read_transform(truth)
     clouds = _read_both(source, target)
-    _print_clouds((source, target), clouds)
+    front = {"detector": detector, "descriptor": descriptor, "normals": normals, "keypoints": keypoints}
     title = f"{source.name} to {target.name}"
-    _compare(
-        clouds,
-        true_pose,
-        title=title,
-        detector=detector,
-        descriptor=descriptor,
-        keypoints=keypoints,
-        out=out,
-    )
+    matches, results = _compare(clouds, true_pose, title=title, folder=_folder(out), **front)
+    _print_clouds((source, target), clouds)
+    _print_comparison(matches, results, true_pose)
+    _print_written(out, *_COMPARISON_FILES)
 
 
 @app.command("demo")
@@ -165,16 +180,10 @@ def demo_command(
         io.write_cloud(folder / f"{name}.ply", cloud)
     io.write_transform(folder / "truth.txt", pair.T_target_source)
     clouds = (pair.source, pair.target)
+    matches, results = _compare(clouds, pair.T_target_source, title="Generated pair", folder=folder)
     _print_clouds((folder / "source.ply", folder / "target.ply"), clouds)
-    _compare(
-        clouds,
-        pair.T_target_source,
-        title="Generated pair",
-        detector="h3d",
-        descriptor="shot",
-        keypoints=None,
-        out=out,
-    )
+    _print_comparison(matches, results, pair.T_target_source)
+    _print_written(out, "source.ply", "target.ply", "truth.txt", *_COMPARISON_FILES)
 
 
 @app.command("group")
@@ -227,28 +236,21 @@ def _compare(
     true_pose: FloatArray,
     *,
     title: str,
-    detector: Detector,
-    descriptor: Descriptor,
-    keypoints: int | None,
-    out: Path,
-) -> None:
+    folder: Path,
+    **front: Any,  # noqa: ANN401 - options of `correspond`
+) -> tuple[Correspondences, list[MethodResult]]:
+    """Match, group by every method, and write `_COMPARISON_FILES`."""
     from cgroup.plots import comparison_figure, precision_recall_figure  # noqa: PLC0415 - slow to load
 
-    folder = _folder(out)
     with _progress() as begin:
-        matches = correspond(
-            *clouds, detector=detector, descriptor=descriptor, keypoints=keypoints, progress=begin
-        )
-        correct = _correct(matches, true_pose)
+        matches = correspond(*clouds, progress=begin, **front)
         results: list[MethodResult] = []
         for method in METHODS:
             begin(f"grouping by {method.upper()}")
             results.extend(compare(matches, true_pose, methods=[method]))
         begin("figures")
-        write_table(folder / "comparison.csv", results)
-        io.write_correspondences(folder / "correspondences.npz", matches)
-        share = 100 * correct.mean() if len(correct) else 0.0
-        title = f"{title}: {len(matches)} matches, {int(correct.sum())} correct ({share:.1f} %)"
+        correct = _correct(matches, true_pose)
+        title = f"{title}: {_share(correct)}"
         panels = comparison_figure(
             clouds[0].points,
             clouds[1].points,
@@ -260,18 +262,24 @@ def _compare(
         )
         _save(panels, folder / "comparison.png")
         _save(precision_recall_figure(results, title=title), folder / "precision_recall.png")
-    pr = matches.resolution or np.nan
+        write_table(folder / "comparison.csv", results)
+        io.write_correspondences(folder / "correspondences.npz", matches)
+    return matches, results
+
+
+def _print_comparison(matches: Correspondences, results: list[MethodResult], true_pose: FloatArray) -> None:
+    correct = _correct(matches, true_pose)
     _print_facts(
-        ("resolution", f"{pr:.4g} (mean point spacing, in the files' unit; 1 pr)"),
-        (
-            "matches",
-            f"{len(matches)}, {int(correct.sum())} correct within {CORRECT_WITHIN:g} pr ({share:.1f} %)",
-        ),
+        ("resolution", f"{matches.resolution:.4g} (mean point spacing, in the files' unit; 1 pr)"),
+        ("matching", f"{_share(correct)}, that is within {CORRECT_WITHIN:g} pr of the true place"),
     )
-    _print_results(results, pr)
+    _print_results(results, matches.resolution or np.nan)
     _warn_of_inverse(matches, correct, true_pose)
-    names = ("comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz")
-    _print_written(folder, *names)
+
+
+def _share(correct: BoolArray) -> str:
+    right = int(np.count_nonzero(correct))
+    return f"{len(correct)} matches, {right} correct ({100 * right / max(len(correct), 1):.1f} %)"
 
 
 def _print_results(results: list[MethodResult], pr: float) -> None:

@@ -29,15 +29,23 @@ if TYPE_CHECKING:
 Detector: TypeAlias = Literal["h3d", "iss"]
 Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs"]
 
+Normals: TypeAlias = Literal["pca", "mesh"]
+
 DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
 DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs")
+NORMALS: tuple[Normals, ...] = ("pca", "mesh")
 
 SUPPORT = 15.0
 """Radius of descriptors and local reference frames, in pr."""
 
 NORMAL_NEIGHBORS = 20
 MIN_SUPPORT_POINTS = 10
-ORIGIN = (0.0, 0.0, 0.0)
+
+MAX_RESOLUTION_RATIO = 20.0
+"""Clouds that differ more than this are taken to be in different units; descriptors would be useless."""
+
+Viewpoint: TypeAlias = tuple[float, float, float]
+ORIGIN: Viewpoint = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +85,9 @@ def register(
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
     keypoints: int | None = None,
-    source_viewpoint: tuple[float, float, float] = ORIGIN,
-    target_viewpoint: tuple[float, float, float] = ORIGIN,
+    normals: Normals = "pca",
+    source_viewpoint: Viewpoint = ORIGIN,
+    target_viewpoint: Viewpoint = ORIGIN,
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> Registration:
@@ -90,7 +99,7 @@ def register(
         Whole clouds, in the same unit.
     method : str
         Grouping method, one of `cgroup.METHODS`.
-    detector, descriptor, keypoints, source_viewpoint, target_viewpoint
+    detector, descriptor, keypoints, normals, source_viewpoint, target_viewpoint
         See `correspond`.
     progress : callable, optional
         Called with the name of each stage as it begins.
@@ -116,6 +125,7 @@ def register(
         detector=detector,
         descriptor=descriptor,
         keypoints=keypoints,
+        normals=normals,
         source_viewpoint=source_viewpoint,
         target_viewpoint=target_viewpoint,
         progress=clock.start,
@@ -135,8 +145,9 @@ def correspond(
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
     keypoints: int | None = None,
-    source_viewpoint: tuple[float, float, float] = ORIGIN,
-    target_viewpoint: tuple[float, float, float] = ORIGIN,
+    normals: Normals = "pca",
+    source_viewpoint: Viewpoint = ORIGIN,
+    target_viewpoint: Viewpoint = ORIGIN,
     progress: Callable[[str], Any] | None = None,
 ) -> Correspondences:
     """Match keypoints of two clouds by their descriptors.
@@ -154,8 +165,12 @@ def correspond(
         Descriptor; the frames are always those of SHOT.
     keypoints : int, optional
         How many to aim at in each cloud; by default what the detector finds at its usual radius.
-    source_viewpoint, target_viewpoint : tuple of three floats
-        Where the scanners stood, in their clouds' frames; normals are turned towards them.
+    normals : {"pca", "mesh"}
+        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for clouds
+        that have faces. SHOT and LFSH need normals on the same side of the surface in both clouds, so for
+        a whole model in a scan take "mesh".
+    source_viewpoint, target_viewpoint : (float, float, float)
+        Where the scanners stood, in their clouds' frames.
     progress : callable, optional
         Called with the name of each stage as it begins.
 
@@ -167,21 +182,20 @@ def correspond(
     Raises
     ------
     InputError
-        If a cloud is too small or an option is unknown.
+        If a cloud is too small or not finite, the clouds are in different units, or an option is unknown.
     """
     _check_choice("detector", detector, DETECTORS)
     _check_choice("descriptor", descriptor, DESCRIPTORS)
-    begin = progress or (lambda _stage: None)
+    _check_choice("normals", normals, NORMALS)
+    begin = progress or _ignore
     clouds = _cloud_points("source", source), _cloud_points("target", target)
+    faces = _mesh_faces(source, target) if normals == "mesh" else (None, None)
     views = source_viewpoint, target_viewpoint
 
     begin("resolution")
-    pr = sum(features.resolution(points) for points in clouds) / 2
+    pr = _common_resolution(*clouds)
     begin("normals")
-    normals = [
-        features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint)
-        for points, viewpoint in zip(clouds, views, strict=True)
-    ]
+    directions = [_normals(*cloud) for cloud in zip(clouds, faces, views, strict=True)]
     begin("keypoints")
     found = [_detect(points, detector, keypoints, pr) for points in clouds]
     begin("frames")
@@ -192,7 +206,7 @@ def correspond(
     begin("descriptors")
     described = [
         _describe(*cloud, descriptor=descriptor, pr=pr)
-        for cloud in zip(clouds, normals, found, frames, strict=True)
+        for cloud in zip(clouds, directions, found, frames, strict=True)
     ]
     begin("matching")
     (source_points, source_lrf, source_values), (target_points, target_lrf, target_values) = described
@@ -215,7 +229,45 @@ def _cloud_points(name: str, cloud: PointCloud | ArrayLike) -> FloatArray:
     if len(points) <= NORMAL_NEIGHBORS:
         message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
         raise InputError(message)
+    if not np.isfinite(points).all():
+        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+        message = f"{name}: row {row} isn't finite; drop such rows first"
+        raise InputError(message)
     return points
+
+
+def _common_resolution(source: FloatArray, target: FloatArray) -> float:
+    """Average the resolutions of two clouds that are in the same unit."""
+    resolutions = features.resolution(source), features.resolution(target)
+    for name, resolution in zip(("source", "target"), resolutions, strict=True):
+        if resolution <= 0:
+            message = f"{name}: all its points coincide with others"
+            raise InputError(message)
+    if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):
+        message = (
+            f"source, target: their points lie {resolutions[0]:.3g} and {resolutions[1]:.3g} apart; "
+            "scale them to the same unit"
+        )
+        raise InputError(message)
+    return sum(resolutions) / 2
+
+
+def _mesh_faces(
+    source: PointCloud | ArrayLike, target: PointCloud | ArrayLike
+) -> tuple[IndexArray | None, IndexArray | None]:
+    source_faces, target_faces = (
+        cloud.faces if isinstance(cloud, PointCloud) else None for cloud in (source, target)
+    )
+    if source_faces is None and target_faces is None:
+        message = "normals: got 'mesh', but neither cloud has faces; choose 'pca'"
+        raise InputError(message)
+    return source_faces, target_faces
+
+
+def _normals(points: FloatArray, faces: IndexArray | None, viewpoint: Viewpoint) -> FloatArray:
+    if faces is not None:
+        return features.mesh_normals(points, faces)
+    return features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint)
 
 
 def _detect(points: FloatArray, detector: Detector, count: int | None, pr: float) -> IndexArray:
@@ -244,6 +296,10 @@ def _describe(
         values = features.rcs(points, keypoints, radius=radius)
     valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
     return points[keypoints[valid]], frames[valid], values[valid]
+
+
+def _ignore(_stage: str) -> None:
+    """Stands in for a progress callback."""
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

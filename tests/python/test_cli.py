@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+import cgroup
 from cgroup import METHODS, Correspondences, group
 from cgroup.cli import main
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.io import (
+    PointCloud,
     read_cloud,
     read_correspondences,
     read_transform,
@@ -50,6 +52,7 @@ def folder(pair: MatchingPair, tmp_path_factory: pytest.TempPathFactory) -> Path
     np.savetxt(path / "some.txt", np.hstack([source, target]))
     np.save(path / "nan.npy", np.full((30, 3), np.nan))
     np.save(path / "few.npy", rng.uniform(size=(4, 3)))
+    write_cloud(path / "metres.ply", PointCloud(1e-3 * pair.source.points))
     (path / "empty.ply").write_bytes(b"")
     (path / "garbage.pcd").write_bytes(b"not a cloud\n" * 10)
     (path / "cut.ply").write_bytes((path / "source.ply").read_bytes()[:5000])
@@ -91,7 +94,7 @@ def test_compare(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
     status, out, err = run(capsys, "compare", *arguments)
     assert (status, err) == (0, "")
-    rows = list(csv.DictReader((tmp_path / "out" / "comparison.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "out" / "comparison.csv").read_text().splitlines()))
     assert [row["method"] for row in rows] == list(METHODS)
     for row in rows:
         assert row["method"].upper() in out
@@ -149,8 +152,10 @@ WRONG = [
     ("register {folder}/nan.npy {target}", "nan.npy: none of its 30 points is finite"),
     ("register {folder}/few.npy {target}", "source: got 4 points"),
     ("register {source} {target} --method icp", "method: got 'icp'; choose one of ss, nnsr"),
-    ("register {source} {target} --detector sift", "detector: got 'sift'"),
-    ("register {source} {target} --descriptor fpfh3", "descriptor: got 'fpfh3'"),
+    ("register {source} {target} --detector sift", "--detector"),
+    ("register {source} {target} --descriptor fpfh3", "--descriptor"),
+    ("register {source} {target} --normals mesh", "neither cloud has faces"),
+    ("register {folder}/metres.ply {target}", "scale them to the same unit"),
     ("register {source} {target} --keypoints 1", "keypoints"),
     ("register {source} {target} --keypoints many", "keypoints"),
     ("register {source} {target} --out {source}", "can't be made a folder"),
@@ -186,11 +191,16 @@ def test_wrong_input_is_one_line_and_status_2(
     assert says in err
 
 
-def test_help_names_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = run(capsys, "--help")
-    assert status == 0
+@pytest.mark.parametrize("arguments", [(), ("--help",)])
+def test_help_names_the_commands(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, *arguments)
+    assert (status, err) == (0, "")
     for command in ("register", "compare", "group", "demo"):
         assert command in out
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "--version") == (0, f"cgroup {cgroup.__version__}\n", "")
 
 
 # --- as a process of its own ---------------------------------------------------------------------

@@ -75,7 +75,7 @@ def test_comparison_has_a_panel_per_method_and_two_colors(scene: tuple) -> None:
         wrong, right = axes.collections[0], axes.collections[2]
         assert [to_hex(lines.get_color()[0]).upper() for lines in (wrong, right)] == [WRONG, CORRECT]
         shown = len(wrong.get_segments()) + len(right.get_segments())
-        assert shown <= 151
+        assert shown == 150
         assert f"{shown} of 400 shown" in axes.get_title("right")
         # Subsampling keeps the share of correct matches.
         assert len(right.get_segments()) / shown == pytest.approx(correct.mean(), abs=0.02)

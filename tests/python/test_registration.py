@@ -14,7 +14,7 @@ from cgroup.benchmark import compare, table, write_table
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import correct_matches, rotation_error, translation_error
-from cgroup.io import read_cloud
+from cgroup.io import PointCloud, read_cloud, read_transform
 from cgroup.registration import correspond, register
 
 STAGES = ["resolution", "normals", "keypoints", "frames", "descriptors", "matching"]
@@ -116,11 +116,27 @@ def test_no_consensus_is_no_pose(pair: MatchingPair) -> None:
         register(pair.source, pair.target, method="ransac", tolerance=1e-12)
 
 
+def test_a_model_in_a_scan_needs_the_normals_of_its_mesh() -> None:
+    model = read_cloud(shared_file("data/u3or/models/trex_small.ply"))
+    model = PointCloud(model.points + np.array([18.28188, -50.54808, -608.03780]), faces=model.faces)
+    scan = read_cloud(shared_file("data/u3or/pcl/rs1.pcd")).points[::4] * 1000
+    scan = scan @ np.array([[0, -1, 0], [-1, 0, 0], [0, 0, -1]]).T  # into the frame of the published poses
+    pose = read_transform(shared_file("data/u3or/gt/T-rex-rs1.xf"))
+    found = {}
+    for normals in ("pca", "mesh"):
+        matches = correspond(model, scan, normals=normals)
+        assert matches.resolution is not None
+        tolerance = 5 * matches.resolution
+        found[normals] = correct_matches(matches.source, matches.target, pose, tolerance=tolerance).sum()
+    assert found["mesh"] > 10 * found["pca"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
         ({"detector": "sift"}, "detector: got 'sift'; choose one of h3d, iss"),
         ({"descriptor": "fpfh3"}, "descriptor: got 'fpfh3'"),
+        ({"normals": "stored"}, "normals: got 'stored'"),
         ({"keypoints": 0}, "count"),
     ],
 )
@@ -134,10 +150,14 @@ def test_bad_clouds(pair: MatchingPair) -> None:
         correspond(pair.source, pair.target.points[:5])
     with pytest.raises(InputError, match=r"source: got shape \(3,"):
         correspond(pair.source.points.T, pair.target)
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match="source: all its points coincide"):
         correspond(np.zeros((100, 3)), pair.target)
-    with pytest.raises(InputError):
-        correspond(np.full((100, 3), np.nan), pair.target)
+    with pytest.raises(InputError, match="target: row 0 isn't finite"):
+        correspond(pair.source, np.full((100, 3), np.nan))
+    with pytest.raises(InputError, match="scale them to the same unit"):
+        correspond(pair.source, 1e-3 * pair.target.points)
+    with pytest.raises(InputError, match="neither cloud has faces"):
+        correspond(pair.source, pair.target, normals="mesh")
     with pytest.raises(InputError, match="frobnicate"):
         register(pair.source, pair.target, frobnicate=True)
 

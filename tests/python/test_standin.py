@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cgroup import features
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import check_rigid
 
 SMALL = 60  # pixels
@@ -42,13 +44,11 @@ def test_pose_lays_the_views_on_each_other(seed: int) -> None:
 
 def test_demo_pair_is_partial() -> None:
     pair = standin_pair()
+    pr = features.resolution(pair.source.points)
     share = overlap(
-        pair.source.points,
-        pair.target.points,
-        pair.T_target_source,
-        tolerance=4 * spacing(pair.source.points),
+        pair.source.points, pair.target.points, pair.T_target_source, tolerance=OVERLAP_WITHIN * pr
     )
-    assert 0.5 < share < 0.85
+    assert 0.6 < share < 0.95
     for cloud in (pair.source, pair.target):
         assert 9_000 < len(cloud) < 25_000
         assert (cloud.points[:, 2] < 0).all()  # the scanner looks along -z

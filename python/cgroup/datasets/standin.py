@@ -1,7 +1,7 @@
 """A pair of range scans that needs no download: two views of a generated closed shape.
 
-The shape is a ball deformed by bumps, dents and creases at several scales, strewn at random: rich
-in local detail and without symmetry. Each view is what a range scanner sees of it: one point per
+The shape is a stone: a ball cut by planes, with bumps and dents at two scales, all strewn at random:
+rich in local detail and without symmetry. Each view is what a range scanner sees of it: one point per
 pixel, none where the surface hides itself or is seen too obliquely, noise along the line of sight.
 """
 
@@ -29,9 +29,10 @@ _GRID_PER_PIXEL = 1.2  # mesh vertices along each edge of the cube that is blown
 _DISTANCES = (5.0, 5.6)  # of the two scanners from the centre, in radii
 _MAX_INCIDENCE = 75.0  # degrees between line of sight and normal beyond which nothing returns
 
-# (how many, sharpness, height): a bump falls to 1/e at an angle of about sqrt(2 / sharpness).
-_BUMPS = ((12, 4.0, 0.20), (120, 40.0, 0.09), (500, 250.0, 0.04))
-_CREASES = (40, 0.03, 0.04)  # how many, half width, height
+_FACETS, _CUT = 150, 0.15  # planes that cut the ball, and the depth of the deepest cut in radii
+_TALLEST = 1.1  # radii, of what no plane cuts off
+# Bumps and dents: (how many, sharpness, height in radii); down to 1/e at an angle of sqrt(2 / sharpness).
+_BUMPS = ((150, 60.0, 0.06), (500, 300.0, 0.03))
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class _Mesh:
     faces: IndexArray
 
 
-def standin_pair(*, seed: int = 0, turn: float = 50.0, noise: float = 0.2, pixels: int = 150) -> MatchingPair:
+def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixels: int = 170) -> MatchingPair:
     """Two partial, noisy views of a generated closed shape, with their pose.
 
     Parameters
@@ -52,14 +53,14 @@ def standin_pair(*, seed: int = 0, turn: float = 50.0, noise: float = 0.2, pixel
     noise : float
         Standard deviation of the noise along the line of sight, in units of the point spacing.
     pixels : int
-        Pixels along the larger side of the shape, at least 16; a view has about half the square
-        of that in points.
+        Pixels along the larger side of the shape, at least 16; a view has about two thirds of the
+        square of that in points.
 
     Returns
     -------
     MatchingPair
-        Unit mm. Each view is in its scanner's frame: scanner at the origin, looking along -z,
-        y up.
+        Unit mm. Each view is in its scanner's frame: scanner at the origin, looking along -z, y up.
+        With the default arguments some 8 % of the matches of Harris keypoints by SHOT are correct.
 
     Raises
     ------
@@ -90,7 +91,10 @@ def _check(*, turn: float, noise: float, pixels: int) -> None:
 
 def _shape(rng: np.random.Generator, grid: int) -> _Mesh:
     directions, faces = _ball(grid)
-    height = np.ones(len(directions), dtype=np.float32)
+    height = np.full(len(directions), _TALLEST, dtype=np.float32)
+    for normal in _random_directions(rng, _FACETS):
+        distance = np.float32(1 - _CUT * rng.uniform())
+        height = np.minimum(height, distance / np.maximum(directions @ normal, np.float32(0.01)))
     for count, sharpness, amplitude in _BUMPS:
         centers = _random_directions(rng, count)
         heights = amplitude * rng.uniform(0.5, 1, size=count) * rng.choice((-1, 1), size=count)
@@ -98,12 +102,6 @@ def _shape(rng: np.random.Generator, grid: int) -> _Mesh:
             cosines = directions @ center
             near = np.flatnonzero(cosines > 1 - 10 / sharpness)  # elsewhere it is below bump / 20000
             height[near] += bump * np.exp(sharpness * (cosines[near] - 1))
-    count, width, amplitude = _CREASES
-    for normal, middle in zip(*np.split(_random_directions(rng, 2 * count), 2), strict=True):
-        # A ridge or groove along a small circle, fading out away from its middle.
-        along = np.exp(6.0 * (directions @ middle - 1))
-        across = np.maximum(0, 1 - np.abs(directions @ normal - middle @ normal) / width)
-        height += float(rng.choice((-1, 1))) * amplitude * along * across
     return _Mesh(RADIUS * height[:, None].astype(np.float64) * directions * _AXES, faces)
 
 

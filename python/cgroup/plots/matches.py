@@ -121,7 +121,7 @@ def comparison_figure(
         drawn = 0
         for chosen, color in ((mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)):
             rows_of_color = np.flatnonzero(chosen)
-            limit = int(np.ceil(share * len(rows_of_color)))
+            limit = round(share * len(rows_of_color))
             drawn += scene.draw_lines(axes, correspondences, rows_of_color, color, limit)
         score = result.score
         numbers = f"P {score.precision:.2f}   R {score.recall:.2f}   F {score.f_score:.2f}"

@@ -52,7 +52,7 @@ def precision_recall_figure(results: Sequence[MethodResult], *, title: str) -> F
             label=look.label,
             color=look.color,
             marker=look.marker,
-            s=80,
+            s=140 if look.marker == "*" else 80,  # a star looks smaller
             edgecolors="white",
             linewidths=0.6,
             zorder=3,
@@ -60,6 +60,6 @@ def precision_recall_figure(results: Sequence[MethodResult], *, title: str) -> F
         )
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="recall", ylabel="precision", aspect="equal")
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(title, color=style.TEXT)
+    figure.suptitle(title, color=style.TEXT, fontsize=11)
     figure.legend(loc="outside right upper", frameon=False)
     return figure
