@@ -1,8 +1,8 @@
 //! All points within a fixed radius: a uniform grid whose cells own contiguous runs of points.
 //!
 //! Cells are numbered along x first, so that the cells a ball touches in one row form a single run of
-//! memory. Where the box around the cloud holds far more cells than points, only occupied cells are
-//! stored; memory stays linear in the number of points.
+//! memory. Only occupied cells are stored; rows are found through a table where there are few of them, as
+//! on surfaces, and by bisection otherwise. Memory is linear in the number of points.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -13,10 +13,10 @@ use crate::points::Points;
 
 /// Cells per radius: smaller cells fit the ball better, larger ones need fewer look-ups.
 const CELLS_PER_RADIUS: f64 = 2.0;
-/// Cells along an axis; three of these make a number below 2^63.
-const MAX_CELLS_PER_AXIS: f64 = (1 << 21) as f64;
-/// Cells of the dense table per point of the cloud.
-const DENSE_CELLS_PER_POINT: u64 = 8;
+/// Cells along an axis; the number of a row stays below 2^62.
+const MAX_CELLS_PER_AXIS: f64 = (1_u64 << 31) as f64;
+/// Rows of the table per point of the cloud.
+const ROWS_PER_POINT: u64 = 4;
 /// Queries that one task takes.
 const QUERIES_PER_TASK: usize = 128;
 /// Positions to either side that a search for any one point tries first.
@@ -29,18 +29,63 @@ pub struct BallSearch {
     cell_size: f64,
     low: [f64; 3],
     cells: [u64; 3],
-    starts: CellStarts,
+    rows: Rows,
+    /// Cell along x of every occupied cell, row after row.
+    columns: Vec<u32>,
+    /// Where the points of each of them begin, and at last their number.
+    starts: Vec<u32>,
     /// Coordinates in grid order.
     points: Vec<[f64; 3]>,
     /// Index of each of them in the cloud.
     order: Vec<u32>,
 }
 
-/// For every cell, where its points begin in grid order.
+/// For every row of cells, where its occupied cells begin.
 #[derive(Debug, Clone)]
-enum CellStarts {
-    Dense(Vec<u32>),
-    Sparse { cells: Vec<u64>, starts: Vec<u32> },
+enum Rows {
+    /// One entry per row, and one more.
+    Table(Vec<u32>),
+    /// One entry per occupied row, and one more in `first`.
+    Occupied { rows: Vec<u64>, first: Vec<u32> },
+}
+
+impl Rows {
+    fn new(occupied: &[u64], total: u64, points: usize) -> Self {
+        let runs = occupied.chunk_by(|a, b| a == b);
+        if total > ROWS_PER_POINT * points as u64 + 1024 {
+            let rows = runs.clone().map(|run| run[0]).collect();
+            let lengths = runs.map(|run| run.len() as u32);
+            return Self::Occupied { rows, first: running_total(lengths) };
+        }
+        let mut lengths = vec![0; total as usize];
+        for &row in occupied {
+            lengths[row as usize] += 1;
+        }
+        Self::Table(running_total(lengths.into_iter()))
+    }
+
+    /// Range of occupied cells of a row.
+    #[inline]
+    fn get(&self, row: u64) -> (usize, usize) {
+        match self {
+            Self::Table(first) => (first[row as usize] as usize, first[row as usize + 1] as usize),
+            Self::Occupied { rows, first } => match rows.binary_search(&row) {
+                Ok(place) => (first[place] as usize, first[place + 1] as usize),
+                Err(_) => (0, 0),
+            },
+        }
+    }
+}
+
+/// 0, a, a + b, ...
+fn running_total(lengths: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut total = 0;
+    let mut result = vec![0];
+    result.extend(lengths.map(|length| {
+        total += length;
+        total
+    }));
+    result
 }
 
 /// What one query found. Order: that of the grid, the same for any number of threads.
@@ -121,7 +166,9 @@ impl BallSearch {
             cell_size,
             low,
             cells,
-            starts: CellStarts::Dense(Vec::new()),
+            rows: Rows::Table(Vec::new()),
+            columns: Vec::new(),
+            starts: Vec::new(),
             points: Vec::new(),
             order: Vec::new(),
         };
@@ -249,10 +296,12 @@ impl BallSearch {
         let high: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] + self.radius, k));
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {
-                let row = (z * self.cells[1] + y) * self.cells[0];
-                let (start, end) = (self.start_of(row + low[0]), self.start_of(row + high[0] + 1));
-                if start < end
-                    && let Some(result) = f(start, end)
+                let (first, end) = self.rows.get(z * self.cells[1] + y);
+                let columns = &self.columns[first..end];
+                let from = first + columns.partition_point(|&x| u64::from(x) < low[0]);
+                let to = first + columns.partition_point(|&x| u64::from(x) <= high[0]);
+                if from < to
+                    && let Some(result) = f(self.starts[from] as usize, self.starts[to] as usize)
                 {
                     return Some(result);
                 }
@@ -268,56 +317,22 @@ impl BallSearch {
         cell.min(self.cells[k] - 1)
     }
 
-    /// Position of the first point in this or a later cell.
-    #[inline]
-    fn start_of(&self, cell: u64) -> usize {
-        match &self.starts {
-            CellStarts::Dense(starts) => starts[cell as usize] as usize,
-            CellStarts::Sparse { cells, starts } => {
-                starts[cells.partition_point(|&occupied| occupied < cell)] as usize
-            }
-        }
-    }
-
-    fn fill(&mut self, rows: &[[f64; 3]]) {
-        let cell_of = |row: &[f64; 3]| {
-            let [x, y, z] = [0, 1, 2].map(|k| self.cell(row[k], k));
-            (z * self.cells[1] + y) * self.cells[0] + x
+    fn fill(&mut self, points: &[[f64; 3]]) {
+        let cell_of = |point: &[f64; 3], index: u32| {
+            let [x, y, z] = [0, 1, 2].map(|k| self.cell(point[k], k));
+            (z * self.cells[1] + y, x as u32, index)
         };
-        let mut keyed: Vec<(u64, u32)> = rows.iter().map(cell_of).zip(0..).collect();
+        let mut keyed: Vec<(u64, u32, u32)> =
+            points.iter().zip(0..).map(|(point, index)| cell_of(point, index)).collect();
         keyed.par_sort_unstable();
-        self.order = keyed.iter().map(|&(_, index)| index).collect();
-        self.points = self.reorder(rows);
-        let total = self.cells.iter().product::<u64>();
-        self.starts = if total <= DENSE_CELLS_PER_POINT * rows.len() as u64 + 1024 {
-            dense_starts(&keyed, total as usize)
-        } else {
-            sparse_starts(&keyed)
-        };
+        let occupied = keyed.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
+        let rows: Vec<u64> = occupied.clone().map(|cell| cell[0].0).collect();
+        self.columns = occupied.clone().map(|cell| cell[0].1).collect();
+        self.starts = running_total(occupied.map(|cell| cell.len() as u32));
+        self.rows = Rows::new(&rows, self.cells[1] * self.cells[2], points.len());
+        self.order = keyed.iter().map(|&(_, _, index)| index).collect();
+        self.points = self.reorder(points);
     }
-}
-
-fn dense_starts(keyed: &[(u64, u32)], total: usize) -> CellStarts {
-    let mut starts = vec![0_u32; total + 1];
-    for &(cell, _) in keyed {
-        starts[cell as usize + 1] += 1;
-    }
-    for cell in 0..total {
-        starts[cell + 1] += starts[cell];
-    }
-    CellStarts::Dense(starts)
-}
-
-fn sparse_starts(keyed: &[(u64, u32)]) -> CellStarts {
-    let (mut cells, mut starts) = (Vec::new(), Vec::new());
-    for (&(cell, _), position) in keyed.iter().zip(0_u32..) {
-        if cells.last() != Some(&cell) {
-            cells.push(cell);
-            starts.push(position);
-        }
-    }
-    starts.push(keyed.len() as u32);
-    CellStarts::Sparse { cells, starts }
 }
 
 fn bounding_box(cloud: &Points) -> ([f64; 3], [f64; 3]) {
@@ -367,12 +382,12 @@ mod tests {
     }
 
     #[test]
-    fn a_far_outlier_needs_no_more_memory() -> Result<()> {
+    fn a_far_outlier_needs_no_table() -> Result<()> {
         let mut rows = scattered(300, 1.0);
         rows.push([1e9, -1e9, 1e9]);
         check(&rows, 0.3)?;
         let search = BallSearch::new(&Points::from_rows("points", &rows)?, 0.3)?;
-        assert!(matches!(search.starts, CellStarts::Sparse { ref cells, .. } if cells.len() <= rows.len()));
+        assert!(matches!(search.rows, Rows::Occupied { .. }));
         Ok(())
     }
 
