@@ -9,7 +9,33 @@ from cgroup.types import Correspondences, FloatArray, IndexArray, RawGrouping, R
 _DescriptorArray: TypeAlias = NDArray[np.float32]
 _Threshold: TypeAlias = float | Literal["otsu"]
 
-__all__: list[str]
+__all__ = [
+    "DEBUG_BUILD",
+    "__version__",
+    "cv",
+    "drop_isolated",
+    "gc",
+    "gtm",
+    "harris3d",
+    "hough3d",
+    "iss",
+    "lfsh",
+    "match_descriptors",
+    "mesh_normals",
+    "nnsr",
+    "normals",
+    "ransac",
+    "rcs",
+    "resolution",
+    "rigid_fit",
+    "shot",
+    "shot_lrf",
+    "si",
+    "ss",
+    "st",
+    "toldi_lrf",
+]
+
 __version__: str
 DEBUG_BUILD: bool
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from cgroup import features
 
 SHARED = Path(os.environ.get("CGROUP_SHARED", Path(__file__).parents[2] / ".." / "shared"))

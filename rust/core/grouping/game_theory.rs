@@ -92,7 +92,7 @@ impl GroupingMethod for GameTheory {
             Dynamics::Replicator => self.replicate(&payoff, execution)?,
             Dynamics::InfectionImmunisation => self.infect_and_immunise(&payoff, execution)?,
         };
-        let Cut { mask, threshold } = self.select(&population.shares); // x_i > t_gtm
+        let Cut { mask, threshold } = self.select(&population); // x_i > t_gtm
         let grouping = Grouping { mask, scores: Some(population.shares), threshold, ..Grouping::default() };
         Ok(grouping.with("steps", population.steps as f64).with("mean_payoff", population.mean_payoff))
     }
@@ -181,7 +181,11 @@ impl GameTheory {
         Ok(Population { shares, mean_payoff, steps: self.iterations })
     }
 
-    fn select(&self, shares: &[f64]) -> Cut {
+    fn select(&self, population: &Population) -> Cut {
+        let shares = &population.shares;
+        if population.mean_payoff <= NO_PAYOFF {
+            return Cut { mask: vec![false; shares.len()], threshold: None };
+        }
         match (self.dynamics, self.threshold) {
             (Dynamics::InfectionImmunisation, Threshold::Otsu(_)) => Threshold::Fixed(SURVIVES).above(shares),
             _ => self.threshold.above(shares),

@@ -170,24 +170,27 @@ fn accept_greedily(v: &[f64], conflicts: &Conflicts, execution: &Execution) -> R
 /// Which correspondences exclude a given one.
 struct Conflicts {
     positions: PairPositions<f64>,
-    /// Two correspondences conflict where their distance ratio is below this, or not above 0.
-    least: f64,
+    rule: Conflict,
+    min_distance_ratio: f64,
 }
 
 impl Conflicts {
     fn new(options: &Spectral, source: &Points, target: &Points) -> Self {
-        // A shared point is a zero-length edge, whose ratio is 0: it conflicts under every rule.
-        let least = match options.conflict {
-            Conflict::OneToOne => 0.0,
-            Conflict::Rigidity | Conflict::Both => options.min_distance_ratio,
-        };
-        Self { positions: PairPositions::new(source, target), least }
+        let positions = PairPositions::new(source, target);
+        Self { positions, rule: options.conflict, min_distance_ratio: options.min_distance_ratio }
     }
 
     fn with(&self, i: usize) -> Vec<bool> {
         let mut ratios = vec![0.0; self.positions.len()];
         self.positions.fill_row(PairScore::DistanceRatio, i, &mut ratios);
-        ratios.iter().map(|&rho| rho < self.least || rho <= 0.0).collect()
+        let not_rigid = |rho: f64| rho < self.min_distance_ratio;
+        let share_a_point = |rho: f64| rho <= 0.0; // a zero-length edge
+        let conflict = |&rho: &f64| match self.rule {
+            Conflict::Rigidity => not_rigid(rho),
+            Conflict::OneToOne => share_a_point(rho),
+            Conflict::Both => not_rigid(rho) || share_a_point(rho),
+        };
+        ratios.iter().map(conflict).collect()
     }
 }
 

@@ -46,21 +46,26 @@ pub fn principal_eigenvector(
     solver: Eigensolver,
     execution: &Execution,
 ) -> Result<Eigenpair> {
+    let mean_row_sum = matrix.mean_row_sum(execution)?;
+    if mean_row_sum <= 0.0 {
+        // Every vector is one of the zero matrix.
+        return Ok(Eigenpair { vector: uniform(matrix.len()), value: 0.0, steps: 0 });
+    }
     match solver {
-        Eigensolver::Power => power_iteration(matrix, execution),
+        Eigensolver::Power => power_iteration(matrix, SHIFT * mean_row_sum, execution),
         Eigensolver::Dense => dense(matrix, execution),
     }
 }
 
-fn power_iteration(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
-    let n = matrix.len();
-    let shift = SHIFT * matrix.mean_row_sum(execution)?;
-    let mut vector = vec![1.0 / (n.max(1) as f64).sqrt(); n];
+/// Unit vector of equal entries.
+fn uniform(n: usize) -> Vec<f64> {
+    vec![1.0 / (n.max(1) as f64).sqrt(); n]
+}
+
+fn power_iteration(matrix: &PairMatrix, shift: f64, execution: &Execution) -> Result<Eigenpair> {
+    let mut vector = uniform(matrix.len());
     let mut value = 0.0;
     let mut steps = 0;
-    if shift <= 0.0 {
-        return Ok(Eigenpair { vector, value, steps });
-    }
     while steps < MAX_STEPS {
         steps += 1;
         let mut next = matrix.multiply(&vector, execution)?;
@@ -93,9 +98,9 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
     execution.check()?;
     let failed = |_| Error::invalid("eigensolver", "\"dense\"", "it did not converge; use \"power\"");
     let decomposition = full.self_adjoint_eigen(Side::Lower).map_err(failed)?;
-    let last = n.saturating_sub(1);
+    let last = n - 1; // a matrix with a positive entry has a row
     let mut vector: Vec<f64> = (0..n).map(|i| decomposition.U()[(i, last)]).collect();
-    let value = if n == 0 { 0.0 } else { decomposition.S()[last] };
+    let value = decomposition.S()[last];
     // Perron: the principal eigenvector of a non-negative matrix can be chosen non-negative.
     let sign = if sum(&vector) < 0.0 { -1.0 } else { 1.0 };
     vector.iter_mut().for_each(|entry| *entry = (*entry * sign).max(0.0));

@@ -1,0 +1,96 @@
+"""Hypothesis profiles and the table that the oracle tests print at the end.
+
+HYPOTHESIS_PROFILE=thorough pytest ... runs many more examples.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+TOO_MUCH = [HealthCheck.too_slow, HealthCheck.data_too_large]
+settings.register_profile("default", max_examples=60, deadline=None, suppress_health_check=TOO_MUCH)
+settings.register_profile("thorough", max_examples=1000, deadline=None, suppress_health_check=TOO_MUCH)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+
+@dataclass
+class Tally:
+    """What the comparisons of one method amounted to."""
+
+    examples: int = 0
+    rows: int = 0
+    selected: int = 0
+    ambiguous_rows: int = 0
+    unequal_masks: int = 0
+    score_difference: float = 0.0
+
+
+@dataclass
+class OracleReport:
+    """Tallies of all comparisons with the reference, by method."""
+
+    tallies: defaultdict[str, Tally] = field(default_factory=lambda: defaultdict(Tally))
+
+    def record(
+        self,
+        method: str,
+        *,
+        rows: int,
+        selected: int,
+        ambiguous_rows: int,
+        masks_equal: bool,
+        score_difference: float,
+    ) -> None:
+        """Add one comparison."""
+        tally = self.tallies[method]
+        tally.examples += 1
+        tally.rows += rows
+        tally.selected += selected
+        tally.ambiguous_rows += ambiguous_rows
+        tally.unequal_masks += not masks_equal
+        tally.score_difference = max(tally.score_difference, score_difference)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the table, one method per line."""
+        yield (
+            f"{'method':<10}{'examples':>10}{'rows':>10}{'selected':>10}"
+            f"{'ambiguous':>11}{'masks unequal':>15}{'score difference':>18}"
+        )
+        for method, tally in sorted(self.tallies.items()):
+            yield (
+                f"{method:<10}{tally.examples:>10}{tally.rows:>10}{tally.selected:>10}"
+                f"{tally.ambiguous_rows:>11}{tally.unequal_masks:>15}"
+                f"{tally.score_difference:>18.2e}"
+            )
+
+
+REPORT = pytest.StashKey[OracleReport]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Start an empty report."""
+    config.stash[REPORT] = OracleReport()
+
+
+@pytest.fixture(scope="session")
+def oracle(request: pytest.FixtureRequest) -> OracleReport:
+    """Return the report that is printed at the end of the session."""
+    return request.config.stash[REPORT]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Print the oracle table when there is anything in it."""
+    report = config.stash[REPORT]
+    if report.tallies:
+        terminalreporter.section("comparison with the NumPy reference")
+        for line in report.lines():
+            terminalreporter.write_line(line)

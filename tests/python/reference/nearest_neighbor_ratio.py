@@ -1,0 +1,26 @@
+"""NNSR: Lowe's ratio test (paper 3.1, Eq. 2).
+
+Decisions where the paper is open
+---------------------------------
+* The test is done on the ratio itself (ratio <= max_ratio), not on 1 - ratio, which
+  would move the border by rounding.
+* The reported threshold belongs to the scores: 1 - max_ratio.
+* A NaN ratio is never selected.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .result import ReferenceGrouping, as_vector
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8) -> ReferenceGrouping:
+    """Group by the ratio of nearest to second nearest descriptor distance."""
+    distances_ratio = as_vector(ratio)
+    scores = 1.0 - distances_ratio  # Eq. 2, left side
+    mask = distances_ratio <= max_ratio  # Eq. 2 solved for the ratio
+    return ReferenceGrouping(mask, scores, 1.0 - max_ratio)

@@ -1,0 +1,66 @@
+"""What every reference method returns, and the two argument rules they share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ReferenceGrouping:
+    """Result of a reference method.
+
+    Attributes
+    ----------
+    mask
+        (n,) True where the correspondence belongs to the group; input order.
+    scores
+        (n,) one number per correspondence, higher is better, or None.
+    threshold
+        The cut on `scores` really used; None when the method cuts no scores or
+        when Otsu's method found nothing to cut (constant scores).
+    details
+        Intermediate quantities, for tests and for reading along.
+    """
+
+    mask: BoolArray
+    scores: FloatArray | None
+    threshold: float | None
+    details: dict[str, Any] = field(default_factory=dict)
+
+
+def as_points(points: ArrayLike) -> FloatArray:
+    """(n,3) float64 copy of `points`."""
+    return np.array(points, dtype=np.float64).reshape(-1, 3)
+
+
+def as_vector(values: ArrayLike) -> FloatArray:
+    """(n,) float64 copy of `values`."""
+    return np.array(values, dtype=np.float64).reshape(-1)
+
+
+def as_frames(frames: ArrayLike) -> FloatArray:
+    """(n,3,3) float64 copy of `frames`; rows of each block are the x, y, z axes."""
+    return np.array(frames, dtype=np.float64).reshape(-1, 3, 3)
+
+
+def has_frame(source_lrf: FloatArray, target_lrf: FloatArray) -> BoolArray:
+    """(n,) True where both frames of a correspondence are free of NaN."""
+    return np.isfinite(source_lrf).all(axis=(1, 2)) & np.isfinite(target_lrf).all(axis=(1, 2))
+
+
+def length(value: float | None, resolution: float | None, multiple: float, name: str) -> float:
+    """Return `value`, or `multiple` times `resolution` when it is not given."""
+    if value is not None:
+        return float(value)
+    if resolution is not None:
+        return multiple * float(resolution)
+    message = f"give {name} (a length) or resolution ({name} = {multiple:g} resolution)"
+    raise ValueError(message)

@@ -1,0 +1,580 @@
+"""Every method and option of cgroup against the NumPy reference, on random problems.
+
+Scores must agree to the accuracy in `SCORE_TOLERANCE`, masks must be equal. The only
+rows left out are the ambiguous ones, where the exact answer hangs on rounding:
+
+* the reference itself decides otherwise when the points are deformed by 1e-12 of their
+  extent (this finds every distance that lies on a bound, every vote on the border of a
+  bin, every tie that is none), or
+* the score lies within 1e-7 (relative) of the threshold.
+
+Where a method cuts its scores, the cut is also repeated on the scores that cgroup
+returned; nothing is ambiguous then and the masks must be equal without exception.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as hst
+
+import cgroup
+import reference
+from reference.otsu import select_above
+from reference.spectral import greedy
+from strategies import BoolArray, FloatArray, Problem, make_problem, problems
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from conftest import OracleReport
+    from numpy.typing import NDArray
+
+    from reference.result import ReferenceGrouping
+
+NUDGE = 1e-12
+NEAR_THRESHOLD = 1e-7
+NEAR_TIE = 1e-9
+COSINE_ERROR = 4e-15
+PER_OPTION = settings(max_examples=max(10, settings().max_examples // 3))
+
+# Largest difference of a score, relative to the greatest score; 0 means the same bits.
+# CV is compared score by score instead, see `score_margin`.
+SCORE_TOLERANCE = {
+    "ss": 0.0,
+    "nnsr": 0.0,
+    "si": 0.0,
+    "cv": 1e-9,
+    "st": 1e-6,
+    "gc": 0.0,
+    "gtm": 1e-6,
+}
+
+Options = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Pr:
+    """A length as a multiple of the problem's resolution."""
+
+    multiple: float
+
+    def __repr__(self) -> str:
+        """Return the length as one would write it."""
+        return f"{self.multiple:g}pr"
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of the problem."""
+
+    name: str
+
+    def __repr__(self) -> str:
+        """Return the name of the field."""
+        return self.name
+
+
+SIMILARITY = Field("similarity")
+OTSU_MODES: list[Options] = [{"otsu": mode} for mode in ("exact", "covis", "legacy")]
+
+# What each method takes from a problem, and the options it is tried with.
+POSITIONAL = {"ss": ("similarity",), "nnsr": ("ratio",)}
+FIELDS: dict[str, tuple[str, ...]] = {
+    "si": ("ratio", "source_lrf", "target_lrf", "resolution"),
+    "cv": ("ratio", "source_lrf", "target_lrf", "resolution"),
+    "ransac": ("resolution",),
+    "gc": ("resolution",),
+    "hough3d": ("source_lrf", "target_lrf", "source_centroid"),
+}
+OPTIONS: dict[str, list[Options]] = {
+    "ss": [
+        {},
+        {"bins": 7},
+        {"threshold": 0.5},
+        {"threshold": -1.0},
+        {"bins": 12, "otsu": "legacy"},
+        *OTSU_MODES,
+    ],
+    "nnsr": [{}, {"max_ratio": 0.5}, {"max_ratio": 0.0}, {"max_ratio": 1.0}],
+    "si": [
+        {},
+        {"neighbors": 1},
+        {"neighbors": 10},
+        {"neighbors": 10, "global_rank": "local_score"},
+        {"neighbors": 50, "global_rank": "local_score", "otsu": "covis"},
+        {"tolerance": Pr(20.0)},
+        {"tolerance": Pr(20.0), "resolution": None},
+        {"min_distance_ratio": 0.97},
+        {"lowe_ratio": 0.6},
+        {"threshold": 0.25},
+        *OTSU_MODES,
+    ],
+    "cv": [
+        {},
+        {"voters": 1},
+        {"voters": 20},
+        {"voters": 20, "exclude_self": True},
+        {"exclude_self": True},
+        {"distance_scale": Pr(3.0)},
+        {"distance_scale": Pr(30.0), "resolution": None},
+        {"angle_scale": 3.0},
+        {"angle_scale": 40.0},
+        {"threshold": 1.5},
+        *OTSU_MODES,
+    ],
+    "ransac": [
+        {},
+        {"iterations": 300},
+        {"iterations": 300, "seed": 7},
+        {"iterations": 300, "seed": 2**64 - 1},
+        {"iterations": 300, "tolerance": Pr(2.0)},
+        {"iterations": 300, "tolerance": Pr(20.0), "resolution": None},
+        {"iterations": 300, "refine": True},
+        {"iterations": 600, "edge_ratio": 0.9},
+        {"iterations": 2000, "confidence": 0.9},
+        {"iterations": 1000, "confidence": 0.99, "refine": True, "edge_ratio": 0.8},
+        {"iterations": 1},
+    ],
+    "st": [
+        {},
+        {"min_distance_ratio": 0.9},
+        {"affinity": "threshold"},
+        {"affinity": "binary"},
+        {"affinity": "threshold", "min_distance_ratio": 0.95},
+        {"affinity": "binary", "min_distance_ratio": 0.95},
+        {"diagonal": "one"},
+        {"diagonal": "score", "similarity": SIMILARITY},
+        {"diagonal": "score", "similarity": SIMILARITY, "affinity": "binary"},
+        {"recompute": True},
+        {"recompute": True, "diagonal": "one", "min_distance_ratio": 0.9},
+        {"eigensolver": "dense"},
+        {"eigensolver": "dense", "affinity": "threshold"},
+        {"eigensolver": "dense", "recompute": True},
+        {"eigensolver": "dense", "diagonal": "score", "similarity": SIMILARITY},
+        {"conflict": "one_to_one"},
+        {"conflict": "both"},
+        {"conflict": "both", "min_distance_ratio": 0.0},
+        {"conflict": "one_to_one", "affinity": "threshold", "recompute": True},
+    ],
+    "gc": [
+        {},
+        {"ties": "union"},
+        {"tolerance": Pr(0.5)},
+        {"tolerance": Pr(20.0), "resolution": None},
+        {"tolerance": Pr(0.5), "ties": "union"},
+        {"variant": "clique", "iterations": 100},
+        {"variant": "clique", "iterations": 100, "similarity": SIMILARITY},
+        {"variant": "clique", "iterations": 100, "min_cluster_size": 0},
+        {"variant": "clique", "iterations": 30, "min_cluster_size": 10, "seed": 3},
+        {"variant": "clique", "iterations": 100, "tolerance": Pr(10.0)},
+    ],
+    "hough3d": [
+        {},
+        {"source_centroid": None},
+        {"bins": 1},
+        {"bins": 4},
+        {"bins": 40, "neighbors": 26},
+        {"neighbors": 0},
+        {"neighbors": 26},
+        {"bin_size": Pr(10.0)},
+        {"bin_size": Pr(50.0), "neighbors": 0},
+        {"variant": "pcl", "bin_size": Pr(10.0), "iterations": 100},
+        {"variant": "pcl", "bin_size": Pr(40.0), "iterations": 100, "seed": 5},
+        {
+            "variant": "pcl",
+            "bin_size": Pr(20.0),
+            "interpolation": False,
+            "iterations": 100,
+        },
+        {
+            "variant": "pcl",
+            "bin_size": Pr(20.0),
+            "vote_threshold": -0.5,
+            "iterations": 50,
+        },
+        {
+            "variant": "pcl",
+            "bin_size": Pr(20.0),
+            "vote_threshold": 2.0,
+            "interpolation": False,
+            "iterations": 50,
+        },
+        {
+            "variant": "pcl",
+            "bin_size": Pr(20.0),
+            "distance_weight": True,
+            "similarity": SIMILARITY,
+            "iterations": 100,
+        },
+        {
+            "variant": "pcl",
+            "bin_size": Pr(20.0),
+            "distance_weight": True,
+            "similarity": SIMILARITY,
+            "interpolation": False,
+            "iterations": 100,
+        },
+    ],
+    "gtm": [
+        {},
+        {"iterations": 1},
+        {"iterations": 500},
+        {"threshold": 0.02},
+        {"one_to_one": True},
+        {"convergence_tolerance": 1e-2},
+        {"payoff": "distance_difference", "resolution": Field("resolution")},
+        {"payoff": "distance_difference", "tolerance": Pr(10.0)},
+        {
+            "payoff": "distance_difference",
+            "tolerance": Pr(10.0),
+            "one_to_one": True,
+            "iterations": 20,
+        },
+        {"dynamics": "infection_immunisation"},
+        {"dynamics": "infection_immunisation", "iterations": 1000},
+        {
+            "dynamics": "infection_immunisation",
+            "iterations": 1000,
+            "convergence_tolerance": 1e-3,
+        },
+        {"dynamics": "infection_immunisation", "threshold": 0.02},
+        {
+            "dynamics": "infection_immunisation",
+            "payoff": "distance_difference",
+            "tolerance": Pr(5.0),
+            "one_to_one": True,
+        },
+        *OTSU_MODES,
+    ],
+}
+CASES = [(method, options) for method, sets in OPTIONS.items() for options in sets]
+
+
+def name_of(value: object) -> str:
+    """Return the name of a test parameter."""
+    if isinstance(value, dict):
+        return ",".join(f"{key}={entry}" for key, entry in value.items()) or "defaults"
+    return str(value)
+
+
+def call(package: Any, method: str, problem: Problem, options: Options) -> Any:
+    """Call a method of cgroup or of the reference on a problem."""
+    inputs = POSITIONAL.get(method, ("source", "target"))
+    arguments: Options = {name: Field(name) for name in FIELDS.get(method, ())}
+    arguments |= options
+    resolved = {name: resolve(value, problem) for name, value in arguments.items()}
+    return getattr(package, method)(*(getattr(problem, x) for x in inputs), **resolved)
+
+
+def resolve(value: object, problem: Problem) -> object:
+    """Replace a length in pr or a field by its value in the problem."""
+    if isinstance(value, Pr):
+        return value.multiple * problem.resolution
+    if isinstance(value, Field):
+        return getattr(problem, value.name)
+    return value
+
+
+def compare(oracle: OracleReport, method: str, problem: Problem, options: Options) -> None:
+    """Compare cgroup with the reference on one problem and record the outcome."""
+    expected = call(reference, method, problem, options)
+    nudged = [call(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+    got = call(cgroup, method, problem, options)
+
+    margin = score_margin(method, expected, options)
+    shaky = ambiguous_scores(expected, nudged, margin)
+    difference = assert_same_scores(got, expected, shaky, margin)
+    ambiguous = ambiguous_rows(method, options, expected, nudged, shaky)
+    masks_equal = assert_same_group(got, expected, ambiguous)
+    assert_same_threshold(got, expected, ambiguous)
+    assert_mask_follows_scores(method, got, expected, nudged, options)
+    oracle.record(
+        method,
+        rows=len(problem),
+        selected=int(expected.mask.sum()),
+        ambiguous_rows=int(ambiguous.sum()),
+        masks_equal=masks_equal,
+        score_difference=difference,
+    )
+
+
+# --- What is ambiguous --------------------------------------------------------------
+
+
+def nudge(problem: Problem, size: float) -> Problem:
+    """Deform both clouds by `size` of their extent; equal points stay equal."""
+    rng = np.random.default_rng(0)
+
+    def deformed(points: FloatArray) -> FloatArray:
+        centre = points.mean(axis=0) if len(points) else np.zeros(3)
+        strain = size * rng.normal(size=(3, 3))
+        local = points - centre
+        return points + sum(local[:, [k]] * strain[k] for k in range(3))
+
+    return replace(problem, source=deformed(problem.source), target=deformed(problem.target))
+
+
+def score_margin(method: str, expected: ReferenceGrouping, options: Options) -> FloatArray:
+    """(n,) difference that is allowed between the scores.
+
+    CV: 1e-9 of each score plus what the arc cosine of Eq. 9 makes of a rounding error
+    in its argument; it is infinitely sensitive at 0 and 180 degrees.
+    """
+    if expected.scores is None:
+        return np.zeros(len(expected.mask))
+    finite = np.abs(expected.scores[np.isfinite(expected.scores)])
+    margin = np.full(len(expected.scores), SCORE_TOLERANCE[method] * finite.max(initial=0.0))
+    if method == "cv":
+        d = expected.details
+        with np.errstate(divide="ignore"):
+            angle_error = np.degrees(
+                sum(
+                    np.minimum(
+                        COSINE_ERROR / np.abs(np.sin(np.radians(angle))),
+                        np.sqrt(2.0 * COSINE_ERROR),
+                    )
+                    for angle in (d["angle_source"], d["angle_target"])
+                )
+            )
+        affinity = np.abs(d["angle_source"] - d["angle_target"])
+        scale = options.get("angle_scale", 10.0)
+        sensitivity = d["compatibility"] * (2.0 * affinity + angle_error) / scale**2
+        wobble = np.where(d["compatibility"] > 0.0, sensitivity * angle_error, 0.0)
+        relative = SCORE_TOLERANCE[method] * expected.scores
+        margin = relative + wobble[:, d["voters"]].sum(axis=1)
+    return margin
+
+
+def ambiguous_scores(
+    expected: ReferenceGrouping, nudged: list[ReferenceGrouping], margin: FloatArray
+) -> BoolArray:
+    """(n,) True where the deformation moves the score itself by more than rounding."""
+    shaky = np.zeros(len(expected.mask), dtype=bool)
+    if expected.scores is None:
+        return shaky
+    finite = np.isfinite(expected.scores)
+    for other in nudged:
+        change = np.abs(other.scores[finite] - expected.scores[finite])
+        shaky[finite] |= change > margin[finite]
+    return shaky
+
+
+def ambiguous_rows(
+    method: str,
+    options: Options,
+    expected: ReferenceGrouping,
+    nudged: list[ReferenceGrouping],
+    shaky: BoolArray,
+) -> BoolArray:
+    """(n,) True where rounding may decide whether the row is selected."""
+    ambiguous = np.zeros(len(expected.mask), dtype=bool)
+    for other in nudged:
+        ambiguous |= other.mask != expected.mask
+    if method in {"si", "cv", "gtm"}:
+        ambiguous |= shaky
+    if method in {"cv", "gtm"} and expected.threshold is not None:
+        distance = np.abs(expected.scores - expected.threshold)
+        ambiguous |= distance < NEAR_THRESHOLD * abs(expected.threshold)
+    if method == "st":
+        ambiguous |= shaky.any() | near_ties(expected, options)
+    return ambiguous
+
+
+def near_ties(expected: ReferenceGrouping, options: Options) -> BoolArray:
+    """(n,) True for rows that depend on which of two equally strong rows ST takes first.
+
+    Between conflicting rows of almost equal strength rounding decides, and everything
+    after depends on it. Twins, rows with the same affinities to all others, only stand in
+    for each other. Their row sums have the same terms in the same order, so that the
+    strengths are the same bits and the lowest index has to win; not so with entries on
+    the diagonal or with the dense solver.
+    """
+    v, matrix = expected.scores, expected.details["matrix"]
+    ambiguous = np.zeros(len(v), dtype=bool)
+    if len(v) == 0:
+        return ambiguous
+    near = np.abs(v[:, None] - v[None, :]) <= NEAR_TIE * v.max()
+    for i, j in np.argwhere(np.triu(near & expected.details["conflicts"], 1)):
+        others = np.delete(np.arange(len(v)), [i, j])
+        if (matrix[i, others] != matrix[j, others]).any() or matrix[i, i] != matrix[j, j]:
+            ambiguous[:] = True
+        elif options.get("eigensolver") == "dense" or matrix[i, i] != 0.0:
+            ambiguous[[i, j]] = True
+    return ambiguous
+
+
+# --- What must be equal -------------------------------------------------------------
+
+
+def assert_same_scores(
+    rust: Any, reference: ReferenceGrouping, shaky: BoolArray, margin: FloatArray
+) -> float:
+    """Compare the scores; returns the greatest difference relative to the maximum."""
+    if reference.scores is None:
+        assert rust.scores is None
+        return 0.0
+    assert rust.scores.dtype == np.float64
+    assert rust.scores.shape == reference.scores.shape
+    finite = np.isfinite(reference.scores)
+    np.testing.assert_array_equal(rust.scores[~finite], reference.scores[~finite])
+    difference = np.abs(rust.scores[finite] - reference.scores[finite])
+    firm = ~shaky[finite]
+    too_far = np.flatnonzero(firm & ~(difference <= margin[finite]))
+    assert len(too_far) == 0, (
+        f"scores differ in rows {np.flatnonzero(finite)[too_far]} by "
+        f"{difference[too_far]}, allowed {margin[finite][too_far]}"
+    )
+    greatest = np.abs(reference.scores[finite]).max(initial=0.0)
+    return float(difference[firm].max(initial=0.0) / greatest) if greatest else 0.0
+
+
+def assert_same_group(rust: Any, reference: ReferenceGrouping, ambiguous_rows: BoolArray) -> bool:
+    """Compare the masks except in ambiguous rows; returns whether all are equal."""
+    assert rust.mask.dtype == np.bool_
+    assert rust.mask.shape == reference.mask.shape
+    unequal = rust.mask != reference.mask
+    wrong: NDArray[np.intp] = np.flatnonzero(unequal & ~ambiguous_rows)
+    assert len(wrong) == 0, f"rows {wrong}: cgroup {rust.mask[wrong]}, reference {reference.mask[wrong]}"
+    return not unequal.any()
+
+
+def assert_same_threshold(rust: Any, reference: ReferenceGrouping, ambiguous_rows: BoolArray) -> None:
+    """Compare the thresholds, unless ambiguous rows may have moved them."""
+    if ambiguous_rows.any():
+        return
+    if reference.threshold is None:
+        assert rust.threshold is None
+    else:
+        assert rust.threshold == pytest.approx(reference.threshold, rel=1e-6, abs=1e-12)
+
+
+def assert_mask_follows_scores(
+    method: str,
+    rust: Any,
+    reference: ReferenceGrouping,
+    nudged: list[ReferenceGrouping],
+    options: Options,
+) -> None:
+    """Repeat the last step of the method on the scores that cgroup returned."""
+    if method == "gtm" and not (reference.details["payoff"] > 0.0).any():
+        assert not rust.mask.any()  # nobody agrees with anybody
+        return
+    cuts = {"si", "cv", "gtm"}
+    if method in cuts and options.get("dynamics") != "infection_immunisation":
+        mask, threshold = select_above(
+            rust.scores, options.get("threshold", "otsu"), options.get("otsu", "minmax")
+        )
+        np.testing.assert_array_equal(rust.mask, mask)
+        if threshold is None:
+            assert rust.threshold is None
+        else:
+            assert rust.threshold == pytest.approx(threshold, rel=1e-12)
+    if method == "gtm" and options.get("dynamics") == "infection_immunisation":
+        cut = options.get("threshold", 1e-9)
+        np.testing.assert_array_equal(rust.mask, rust.scores > cut)
+        assert rust.threshold == cut
+    if method == "st" and not options.get("recompute"):
+        conflicts = reference.details["conflicts"]
+        settled = all((g.details["conflicts"] == conflicts).all() for g in nudged)
+        supported = (reference.details["matrix"] > 0.0).any() and len(rust.scores) > 1
+        if settled and supported:
+            np.testing.assert_array_equal(rust.mask, greedy(rust.scores, conflicts))
+
+
+# --- The tests ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@given(data=hst.data())
+@PER_OPTION
+def test_random_problems(oracle: OracleReport, method: str, options: Options, data: hst.DataObject) -> None:
+    problem = data.draw(problems(max_size=largest(method, options)), label="problem")
+    compare(oracle, method, problem, options)
+
+
+def largest(method: str, options: Options) -> int:
+    """Return the size up to which the reference is quick enough."""
+    if options.get("recompute") or (method == "ransac" and "iterations" not in options):
+        return 50
+    return 150
+
+
+@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+def test_tiny_problems(oracle: OracleReport, method: str, options: Options) -> None:
+    for n in range(5):
+        for seed in range(3):
+            rng = np.random.default_rng(seed)
+            compare(oracle, method, make_problem(rng, n, inlier_ratio=0.8), options)
+
+
+def coincident(points: FloatArray) -> FloatArray:
+    """Return equal points."""
+    return np.ones_like(points)
+
+
+def collinear(points: FloatArray) -> FloatArray:
+    """Return points on a line, every third one twice."""
+    steps = np.arange(len(points), dtype=np.float64)
+    steps[2::3] = steps[1 : len(steps) - 1 : 3] if len(steps) > 2 else steps[2::3]
+    return steps[:, None] * [1.0, 2.0, 4.0]
+
+
+@pytest.mark.parametrize("shape", [coincident, collinear], ids=["point", "line"])
+@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+def test_degenerate_shapes(
+    oracle: OracleReport,
+    method: str,
+    options: Options,
+    shape: Callable[[FloatArray], FloatArray],
+) -> None:
+    problem = make_problem(np.random.default_rng(0), 12, missing_frames=0.2)
+    one_side = replace(problem, target=shape(problem.target))
+    both = replace(one_side, source=shape(problem.source))
+    for degenerate in (one_side, both):
+        compare(oracle, method, degenerate, options)
+
+
+@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+def test_few_rows_are_ambiguous(method: str, options: Options) -> None:
+    rows = ambiguous = 0
+    for seed in range(3):
+        problem = make_problem(np.random.default_rng(seed), 60, missing_frames=0.1)
+        expected = call(reference, method, problem, options)
+        nudged = [call(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+        margin = score_margin(method, expected, options)
+        shaky = ambiguous_scores(expected, nudged, margin)
+        rows += len(problem)
+        ambiguous += ambiguous_rows(method, options, expected, nudged, shaky).sum()
+    assert ambiguous <= 0.02 * rows
+
+
+@pytest.mark.parametrize("first", [0, 4])
+def test_equal_neighbouring_maxima_of_hough_voting(oracle: OracleReport, first: int) -> None:
+    # Two motions, four votes each in adjacent bins: both are maxima, the lower bin wins.
+    plain = make_problem(np.random.default_rng(0), 8)
+    source, same = np.round(plain.source), np.tile(np.eye(3), (8, 1, 1))
+    target = source.copy()
+    target[first : first + 4] += np.array([-10.0, 0.0, 0.0])
+    problem = replace(plain, source=source, target=target, source_lrf=same, target_lrf=same)
+    options = {"variant": "pcl", "bin_size": 6.0, "interpolation": False, "iterations": 100}
+    compare(oracle, "hough3d", problem, options)
+    group = call(cgroup, "hough3d", problem, options)
+    assert np.flatnonzero(group.mask).tolist() == list(range(first, first + 4))
+
+
+@pytest.mark.parametrize("recompute", [False, True])
+@pytest.mark.parametrize("eigensolver", ["power", "dense"])
+def test_st_takes_the_lowest_index_without_affinities(
+    oracle: OracleReport, eigensolver: str, recompute: bool
+) -> None:
+    # Row 0 is the strongest; what is left then is a zero matrix of two rivals.
+    plain = make_problem(np.random.default_rng(0), 3)
+    source = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    target = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.01, 0.0, 0.0]])
+    options = {"eigensolver": eigensolver, "recompute": recompute}
+    compare(oracle, "st", replace(plain, source=source, target=target), options)

@@ -1,0 +1,42 @@
+"""The README says what is true: its examples run, its commands exist."""
+
+from __future__ import annotations
+
+import doctest
+import re
+from pathlib import Path
+
+import pytest
+
+import cgroup
+import cgroup.features
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_python_blocks_run_one_after_another(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+    assert len(blocks) >= 3
+    namespace: dict[str, object] = {}
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), namespace)
+    assert "ransac Grouping(200 of 1000 selected)" in capsys.readouterr().out
+
+
+def test_make_targets_exist():
+    targets = set(
+        re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    )
+    assert set(re.findall(r"^ +make ([a-z]+)", README, flags=re.MULTILINE)) <= targets
+
+
+def test_method_table_is_complete():
+    assert re.findall(r"^\| `(\w+)` \|", README, flags=re.MULTILINE) == [
+        function.__name__ for function in cgroup.METHODS.values()
+    ]
+
+
+@pytest.mark.parametrize("module", [cgroup, cgroup.features])
+def test_documented_examples(module):
+    assert doctest.testmod(module).failed == 0

@@ -1,0 +1,880 @@
+"""The reference itself: hand-computed cases and the properties of each method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as hst
+
+import reference
+from reference.otsu import otsu_split
+from reference.pairwise import distance_difference, distance_ratio
+from reference.ransac import enough, sample_triples
+from reference.result import ReferenceGrouping
+from reference.rigid import apply, determines_rotation, kabsch
+from strategies import Problem, make_problem, problems, random_motion, random_rotations
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+Method = Callable[[Problem], ReferenceGrouping]
+SEEDS = range(4)
+
+
+def frames(problem: Problem) -> dict[str, Any]:
+    """Return the frames of a problem as keyword arguments."""
+    return {"source_lrf": problem.source_lrf, "target_lrf": problem.target_lrf}
+
+
+METHODS: dict[str, Method] = {
+    "ss": lambda p: reference.ss(p.similarity),
+    "nnsr": lambda p: reference.nnsr(p.ratio),
+    "si": lambda p: reference.si(
+        p.source,
+        p.target,
+        ratio=p.ratio,
+        resolution=p.resolution,
+        neighbors=20,
+        **frames(p),
+    ),
+    "cv": lambda p: reference.cv(
+        p.source,
+        p.target,
+        ratio=p.ratio,
+        resolution=p.resolution,
+        voters=30,
+        **frames(p),
+    ),
+    "ransac": lambda p: reference.ransac(p.source, p.target, resolution=p.resolution, iterations=500),
+    "st": lambda p: reference.st(p.source, p.target),
+    "gc": lambda p: reference.gc(p.source, p.target, resolution=p.resolution, ties="union"),
+    "hough3d": lambda p: reference.hough3d(
+        p.source, p.target, source_centroid=p.source_centroid, **frames(p)
+    ),
+    "gtm": lambda p: reference.gtm(p.source, p.target),
+}
+OPTION_SETS: dict[str, list[dict[str, Any]]] = {
+    "ss": [{"otsu": mode} for mode in ("minmax", "exact", "covis", "legacy")] + [{"threshold": 0.5}],
+    "nnsr": [{"max_ratio": 0.5}],
+    "si": [{"global_rank": "local_score"}, {"threshold": 0.2}, {"otsu": "covis"}],
+    "cv": [{"exclude_self": True}, {"threshold": 0.2}, {"otsu": "legacy"}],
+    "ransac": [{"refine": True}, {"edge_ratio": 0.9}, {"confidence": 0.99}],
+    "st": [
+        {"affinity": affinity, "diagonal": diagonal, "eigensolver": solver}
+        for affinity in ("raw", "threshold", "binary")
+        for diagonal in ("zero", "one", "score")
+        for solver in ("power", "dense")
+    ]
+    + [{"recompute": True}, {"conflict": "one_to_one"}, {"conflict": "both"}],
+    "gc": [{"ties": "union"}, {"variant": "clique", "min_cluster_size": 0}],
+    "hough3d": [
+        {"neighbors": 26},
+        {"bin_size": 1.0},
+        {"variant": "pcl", "bin_size": 1.0},
+        {"variant": "pcl", "bin_size": 1.0, "interpolation": False},
+        {"variant": "pcl", "bin_size": 1.0, "distance_weight": True},
+    ],
+    "gtm": [
+        {"payoff": payoff, "dynamics": dynamics, "one_to_one": one_to_one}
+        for payoff in ("distance_ratio", "distance_difference")
+        for dynamics in ("replicator", "infection_immunisation")
+        for one_to_one in (False, True)
+    ],
+}
+INPUTS: dict[str, tuple[str, ...]] = {
+    "ss": ("similarity",),
+    "nnsr": ("ratio",),
+    "si": ("source", "target"),
+    "cv": ("source", "target"),
+    "ransac": ("source", "target"),
+    "st": ("source", "target"),
+    "gc": ("source", "target"),
+    "hough3d": ("source", "target"),
+    "gtm": ("source", "target"),
+}
+FIELDS: dict[str, tuple[str, ...]] = {
+    "si": ("ratio", "source_lrf", "target_lrf", "resolution"),
+    "cv": ("ratio", "source_lrf", "target_lrf", "resolution"),
+    "ransac": ("resolution",),
+    "st": ("similarity",),
+    "gc": ("resolution", "similarity"),
+    "hough3d": ("source_lrf", "target_lrf", "similarity"),
+    "gtm": ("resolution",),
+}
+
+
+def call(method: str, problem: Problem, **options: Any) -> ReferenceGrouping:
+    """Call a reference method with the fields it takes."""
+    inputs = [getattr(problem, name) for name in INPUTS[method]]
+    fields = {name: getattr(problem, name) for name in FIELDS.get(method, ())}
+    return getattr(reference, method)(*inputs, **fields, **options)
+
+
+def noiseless(n: int, seed: int = 0) -> Problem:
+    """Only exact inliers, with exact frames and ratios below 0.8."""
+    problem = make_problem(
+        np.random.default_rng(seed),
+        n,
+        inlier_ratio=1.0,
+        noise=0.0,
+        frame_error=0.0,
+        random_frames=0.0,
+    )
+    problem.ratio[:] *= 0.79
+    return problem
+
+
+# --- Otsu ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["minmax", "exact"])
+def test_otsu_cuts_in_the_middle_of_the_gap(mode: Any) -> None:
+    mask, threshold = otsu_split(np.array([0.9, 0.1, 0.0, 1.0]), mode)
+    assert threshold == 0.5
+    assert mask.tolist() == [True, False, False, True]
+
+
+@pytest.mark.parametrize("mode", ["minmax", "exact"])
+def test_otsu_takes_the_lowest_of_equally_good_cuts(mode: Any) -> None:
+    mask, threshold = otsu_split(np.array([0.0, 0.5, 1.0]), mode)
+    assert threshold == 0.25  # J = 1 * 2 * 0.75^2 for both cuts
+    assert mask.tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("mode", ["minmax", "exact", "covis", "legacy"])
+@pytest.mark.parametrize(("value", "selected"), [(0.3, True), (1e-7, True), (0.0, False), (-0.3, False)])
+def test_otsu_of_constant_scores(mode: Any, value: float, selected: bool) -> None:
+    wobble = np.array([1.0, 1.0 + 1e-12, 1.0 - 1e-12])
+    mask, threshold = otsu_split(value * wobble, mode)
+    assert threshold is None
+    assert (mask == selected).all()
+    assert otsu_split(np.zeros(0), mode)[0].shape == (0,)
+
+
+def test_otsu_covis_by_hand() -> None:
+    # Four scores: B = 2 bins, the only cut is k = 0, so t = 0 selects all but zero.
+    mask, threshold = otsu_split(np.array([0.0, 0.2, 0.8, 0.9]), "covis")
+    assert threshold == 0.0
+    assert mask.tolist() == [False, True, True, True]
+    # Nine scores: B = 3; J(0) = 1*8*1.5^2 = 18, J(1) = 5*4*(2 - 0.8)^2 = 28.8, t = 1/2.
+    scores = np.array([0.1, 0.4, 0.4, 0.4, 0.4, 0.9, 0.9, 1.0, 7.0])
+    mask, threshold = otsu_split(scores, "covis")
+    assert threshold == 0.5
+    assert mask.tolist() == [False] * 5 + [True] * 4
+    # One occupied bin: t = 0.
+    assert otsu_split(np.array([0.01, 0.02, 0.03, 0.04]), "covis")[1] == 0.0
+
+
+def test_otsu_legacy_by_hand() -> None:
+    # Minimum at 0: step 0.01, best k = 10, lower edge of that bin.
+    mask, threshold = otsu_split(np.array([0.0, 0.1, 0.9, 1.0]), "legacy")
+    assert threshold == pytest.approx(0.1)
+    assert mask.tolist() == [False, False, True, True]
+    # Minimum far above 0: everything in the last bin, accept all.
+    mask, threshold = otsu_split(np.array([0.60, 0.61, 0.79, 0.80]), "legacy")
+    assert threshold == pytest.approx(0.1)
+    assert mask.all()
+
+
+@given(
+    seed=hst.integers(0, 2**32 - 1),
+    n=hst.integers(2, 200),
+    mode=hst.sampled_from(["minmax", "exact"]),
+)
+@settings(max_examples=40)
+def test_otsu_invariances(seed: int, n: int, mode: Any) -> None:
+    rng = np.random.default_rng(seed)
+    scores = rng.beta(2.0, 5.0, n)
+    mask, _ = otsu_split(scores, mode)
+    assert mask.any()
+    assert not mask.all()
+    order = rng.permutation(n)
+    assert (otsu_split(scores[order], mode)[0] == mask[order]).all()
+    if mode == "exact" or n > 10:  # binning of few values is sensitive to rounding
+        assert (otsu_split(0.25 * scores + 4.0, mode)[0] == mask).mean() > 0.98
+
+
+def test_otsu_modes_agree_on_a_wide_gap() -> None:
+    rng = np.random.default_rng(1)
+    scores = np.concatenate([rng.uniform(0.0, 0.3, 50), rng.uniform(0.7, 1.0, 20)])
+    expected = np.arange(70) >= 50
+    for mode in ("minmax", "exact"):
+        assert (otsu_split(scores, mode)[0] == expected).all()
+
+
+# --- Geometry -----------------------------------------------------------------------
+
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
+
+
+def test_pairwise_terms_of_a_doubled_triangle() -> None:
+    off_diagonal = ~np.eye(3, dtype=bool)
+    assert (distance_ratio(TRIANGLE, 2 * TRIANGLE)[off_diagonal] == 0.5).all()
+    difference = distance_difference(TRIANGLE, 2 * TRIANGLE)
+    expected = [[0.0, 3.0, 4.0], [3.0, 0.0, 5.0], [4.0, 5.0, 0.0]]
+    assert difference == pytest.approx(np.array(expected))
+
+
+def test_zero_edges_have_ratio_zero() -> None:
+    source = TRIANGLE + 1e4
+    target = source[[0, 1, 1]]
+    rho = distance_ratio(source, target)
+    assert rho[1, 2] == rho[2, 1] == 0.0
+    assert rho[0, 1] == 1.0
+    assert (np.diag(rho) == 0.0).all()
+    assert (distance_ratio(np.ones((3, 3)), np.ones((3, 3))) == 0.0).all()
+
+
+def test_kabsch_recovers_a_motion_and_never_mirrors() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(5, 10, 3))
+    true_rotation, true_translation = random_rotations(rng, 5), rng.normal(size=(5, 3))
+    moved = points @ np.swapaxes(true_rotation, 1, 2) + true_translation[:, None]
+    rotation, translation = kabsch(points, moved)
+    assert rotation == pytest.approx(true_rotation)
+    assert translation == pytest.approx(true_translation)
+    assert apply(rotation[0], translation[0], points[0]) == pytest.approx(moved[0])
+    mirrored, _ = kabsch(points, points * [1.0, 1.0, -1.0])
+    assert np.linalg.det(mirrored) == pytest.approx(np.ones(5))
+
+
+def test_rank_of_pairs() -> None:
+    assert determines_rotation(TRIANGLE, TRIANGLE)
+    line = np.outer(np.arange(4.0), [1.0, 2.0, 3.0])
+    assert not determines_rotation(line, line)
+    assert not determines_rotation(TRIANGLE[[0, 1, 1]], TRIANGLE)
+
+
+# --- Sampling of RANSAC -------------------------------------------------------------
+
+
+def philox4x64(counter: int, key: int) -> list[int]:
+    """One block of Philox4x64-10 in plain integers (Salmon et al. 2011)."""
+    low = 2**64 - 1
+    x = [(counter >> 64 * word) & low for word in range(4)]
+    k = [key & low, (key >> 64) & low]
+    for _ in range(10):
+        high = [0xD2E7470EE14C6C93 * x[0], 0xCA5A826395121157 * x[2]]
+        x = [
+            (high[1] >> 64) ^ x[1] ^ k[0],
+            high[1] & low,
+            (high[0] >> 64) ^ x[3] ^ k[1],
+            high[0] & low,
+        ]
+        k = [(k[0] + 0x9E3779B97F4A7C15) & low, (k[1] + 0xBB67AE8584CAA73B) & low]
+    return x
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2**64 - 1])
+@pytest.mark.parametrize("iteration", [0, 1, 9999])
+def test_numpy_raises_the_counter_before_the_first_block(seed: int, iteration: int) -> None:
+    words = np.random.Philox(counter=iteration, key=seed).random_raw(4).tolist()
+    assert words == philox4x64(iteration + 1, seed)
+
+
+def test_samples_follow_their_definition() -> None:
+    n, seed = 7, 42
+    triples = sample_triples(n, 5, 30_000, seed)
+    for row in (0, 1, 29_999):
+        words = np.random.Philox(counter=5 + row, key=seed).random_raw(3).tolist()
+        left = list(range(n))  # drawing without replacement, spelled out
+        expected = [left.pop((w * len(left)) >> 64) for w in words]
+        assert triples[row].tolist() == expected
+    assert (np.sort(triples, axis=1)[:, :-1] < np.sort(triples, axis=1)[:, 1:]).all()
+    share = np.bincount(triples.ravel(), minlength=n) / len(triples)
+    assert share == pytest.approx(np.full(n, 3 / n), abs=0.015)  # five sigma
+
+
+def test_first_samples_are_pinned() -> None:
+    assert sample_triples(100, 0, 3, 0).tolist() == [
+        [1, 24, 11],
+        [50, 27, 94],
+        [25, 19, 71],
+    ]
+
+
+# --- Individual methods, by hand ----------------------------------------------------
+
+
+def test_ss_ignores_zero_descriptors() -> None:
+    similarity = np.array([-np.inf, 0.1, 0.9, 0.0, 1.0, -np.inf])
+    group = reference.ss(similarity)
+    assert group.threshold == 0.5
+    assert np.flatnonzero(group.mask).tolist() == [2, 4]
+    assert np.flatnonzero(reference.ss(similarity, threshold=0.9).mask).tolist() == [
+        2,
+        4,
+    ]
+    assert not reference.ss(np.full(3, -np.inf)).mask.any()
+    assert not reference.ss(np.full(3, -np.inf), threshold=-np.inf).mask.any()
+
+
+def test_nnsr_border_belongs_to_the_group() -> None:
+    ratio = np.array([0.8, np.nextafter(0.8, 1.0), 0.0, 1.0])
+    group = reference.nnsr(ratio)
+    assert group.mask.tolist() == [True, False, True, False]
+    assert group.scores == pytest.approx(1.0 - ratio)
+
+
+def square_with_outlier() -> dict[str, Any]:
+    """Return four exact correspondences and one wrong one, all frames equal."""
+    source = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [10, 10, 0], [5, 5, 3.0]])
+    target = source + np.array([100.0, 0.0, 0.0])
+    target[4] = [105.0, 5.0, 40.0]
+    same = np.tile(np.eye(3), (5, 1, 1))
+    return {
+        "source": source,
+        "target": target,
+        "ratio": np.full(5, 0.5),
+        "source_lrf": same.copy(),
+        "target_lrf": same.copy(),
+    }
+
+
+def test_si_by_hand() -> None:
+    data = square_with_outlier()
+    # 4 local and 4 global voters each; the outlier agrees with nobody.
+    group = reference.si(**data, tolerance=1.0)
+    assert group.scores == pytest.approx(np.array([0.75, 0.75, 0.75, 0.75, 0.0]))
+    assert group.mask.tolist() == [True] * 4 + [False]
+    # Without frame only the local half of the votes is left.
+    data["target_lrf"][1] = np.nan
+    group = reference.si(**data, tolerance=1.0)
+    assert group.scores == pytest.approx(np.array([0.75, 3 / 8, 0.75, 0.75, 0.0]))
+    # Only row 0 passes Lowe's test and leads the ranking: one voter for all but row 0.
+    data["ratio"] = np.array([0.5, 0.8, 0.9, 0.9, 0.9])
+    group = reference.si(**data, tolerance=1.0, neighbors=1)
+    # Nearest other point: 4 for all corners, 0 for row 4 (tie of four, lowest index).
+    # Row 0: C_L = {}, C_G = {}; row 4: C_L = C_G = {0}, both disagree.
+    assert group.scores == pytest.approx(np.array([0.0, 0.0, 1.0, 1.0, 0.0]))
+
+
+def test_cv_by_hand() -> None:
+    source = np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
+    target = np.array([[0.0, 0.0, 0.0], [30.0, 0.0, 0.0]])
+    angle = np.radians(10.0)
+    turn = np.array(
+        [
+            [np.cos(angle), -np.sin(angle), 0.0],
+            [np.sin(angle), np.cos(angle), 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    given_data = {
+        "source": source,
+        "target": target,
+        "ratio": np.array([0.1, 0.2]),
+        "source_lrf": np.array([np.eye(3), np.eye(3)]),
+        "target_lrf": np.array([np.eye(3), turn]),
+        "distance_scale": 10.0,
+    }
+    # delta = 10 and L = 10 degrees: D = exp(-1 - 1).
+    group = reference.cv(**given_data, voters=1)
+    assert group.scores == pytest.approx(np.array([1.0, np.exp(-2.0)]))
+    group = reference.cv(**given_data, angle_scale=20.0, exclude_self=True)
+    assert group.scores == pytest.approx(np.full(2, np.exp(-1.25)))
+    assert group.mask.all()  # constant positive scores
+    given_data["source_lrf"][0] = np.nan
+    assert reference.cv(**given_data).scores == pytest.approx(np.array([0.0, 1.0]))
+
+
+# --- Group methods, by hand ---------------------------------------------------------
+
+
+def test_ransac_options() -> None:
+    problem = make_problem(np.random.default_rng(3), 80, inlier_ratio=0.4, noise=1.0)
+    points = problem.source, problem.target
+    plain = reference.ransac(*points, resolution=1.0, iterations=1000)
+    assert plain.details["best_count"] == plain.mask.sum()
+    assert reference.quality(plain.mask, problem.inlier_mask).precision > 0.95
+    refined = reference.ransac(*points, resolution=1.0, iterations=1000, refine=True)
+    rotation, translation = kabsch(problem.source[plain.mask], problem.target[plain.mask])
+    error = np.linalg.norm(apply(rotation, translation, problem.source) - problem.target, axis=1)
+    assert (refined.mask == (error < 5.0)).all()
+    transform = refined.details["transform"]
+    assert transform == pytest.approx(problem.T_target_source, rel=0.1, abs=1.0)
+    stopped = reference.ransac(*points, resolution=1.0, confidence=0.99)
+    assert stopped.details["iterations"] < 10_000
+    assert stopped.details["iterations"] % 256 == 0
+    picky = reference.ransac(*points, resolution=1.0, iterations=50, edge_ratio=0.999)
+    assert picky.details["best_count"] == 0
+    assert not picky.mask.any()
+
+
+def test_early_stop_rule() -> None:
+    assert enough(256, 1.0, 0.5)
+    assert not enough(255, 1.0, 0.5)
+    assert not enough(256, 0.0, 0.5)
+    # log(0.01) / log(1 - 0.2^3) = 573.4: the third check.
+    assert [enough(256 * k, 0.2, 0.99) for k in (1, 2, 3)] == [False, False, True]
+
+
+def test_ransac_needs_three_points_that_are_not_in_line() -> None:
+    line = np.outer(np.arange(6.0), [1.0, 2.0, 3.0])
+    assert not reference.ransac(line, line, tolerance=1.0, iterations=100).mask.any()
+    assert reference.ransac(TRIANGLE, TRIANGLE, tolerance=1.0, iterations=1).mask.all()
+
+
+def test_st_of_two() -> None:
+    source = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    for stretch, expected in ((1.5, [True, True]), (2.0, [True, False])):
+        group = reference.st(source, source * stretch)
+        assert group.mask.tolist() == expected
+        assert group.scores == pytest.approx(np.full(2, np.sqrt(0.5)))
+    assert not reference.st(source, source * 0.0).mask.any()
+    assert not reference.st(source[:1], source[:1], diagonal="one").mask.any()
+
+
+def test_st_eigenvector_and_conflicts() -> None:
+    problem = make_problem(np.random.default_rng(5), 60, noise=1.0)
+    for affinity in ("raw", "threshold", "binary"):
+        power = reference.st(problem.source, problem.target, affinity=affinity)
+        dense = reference.st(problem.source, problem.target, affinity=affinity, eigensolver="dense")
+        assert power.scores == pytest.approx(dense.scores, abs=1e-8)
+        matrix, v = power.details["matrix"], power.scores
+        assert matrix @ v == pytest.approx((v @ matrix @ v) * v, abs=1e-6)
+        inside = np.ix_(power.mask, power.mask)
+        np.fill_diagonal(power.details["conflicts"], val=False)
+        assert not power.details["conflicts"][inside].any()
+    recomputed = reference.st(problem.source, problem.target, recompute=True)
+    assert reference.quality(recomputed.mask, problem.inlier_mask).f_score > 0.8
+    all_in = noiseless(12)
+    assert reference.st(all_in.source, all_in.target, recompute=True).mask.all()
+
+
+def on_a_line(positions: list[float]) -> np.ndarray:
+    """Return points on the x axis."""
+    return np.array([[x, 0.0, 0.0] for x in positions])
+
+
+def test_gc_star_by_hand() -> None:
+    source, target = on_a_line([0, 1, 2, 3]), on_a_line([0, 1, 2, 10])
+    group = reference.gc(source, target, tolerance=0.5)
+    assert group.scores.tolist() == [3.0, 3.0, 3.0, 1.0]
+    assert group.mask.tolist() == [True, True, True, False]
+    # Strict: 0 and 3 differ by exactly 7.
+    assert reference.gc(source, target, tolerance=7.0).scores.tolist() == [3, 3, 3, 1]
+    # Two clusters of two, all four at different scales.
+    target = on_a_line([0, 1, 102, 103])
+    lowest = reference.gc(source, target, tolerance=0.5)
+    union = reference.gc(source, target, tolerance=0.5, ties="union")
+    assert lowest.mask.tolist() == [True, True, False, False]
+    assert union.mask.all()
+
+
+def test_gc_clique_takes_the_largest_filtered_set() -> None:
+    rng = np.random.default_rng(0)
+    source = rng.normal(size=(12, 3)) * 10.0
+    target = source.copy()
+    target[8:] = source[8:] + np.array([0.0, 0.0, 50.0])
+    group = reference.gc(source, target, tolerance=1e-3, variant="clique", iterations=50)
+    assert [members.tolist() for members in group.details["sets"]] == [
+        list(range(8)),
+        list(range(8, 12)),
+    ]
+    assert np.flatnonzero(group.mask).tolist() == list(range(8))
+    similarity = (np.arange(12) >= 8).astype(float)
+    group = reference.gc(
+        source,
+        target,
+        tolerance=1e-3,
+        variant="clique",
+        iterations=50,
+        similarity=similarity,
+    )
+    assert [members.tolist() for members in group.details["sets"]] == [
+        list(range(8, 12)),
+        list(range(8)),
+    ]
+    assert not reference.gc(source, target, tolerance=1e-3, variant="clique", min_cluster_size=8).mask.any()
+
+
+def hough_line(target_x: list[float]) -> dict[str, Any]:
+    """Return correspondences from the origin whose votes are the target points."""
+    n = len(target_x)
+    same = np.tile(np.eye(3), (n, 1, 1))
+    return {
+        "source": np.zeros((n, 3)),
+        "target": on_a_line(target_x),
+        "source_lrf": same,
+        "target_lrf": same.copy(),
+        "source_centroid": np.zeros(3),
+    }
+
+
+def test_hough_grid_by_hand() -> None:
+    # 15 bins of side 1 on x: bins 0, 0, 1, 2, 14; y and z are flat.
+    data = hough_line([0.0, 0.5, 1.5, 2.5, 15.0])
+    group = reference.hough3d(**data)
+    assert group.details["cells"][:, 0].tolist() == [0, 0, 1, 2, 14]
+    assert group.mask.tolist() == [True, True, True, False, False]
+    assert reference.hough3d(**data, neighbors=0).mask.tolist() == [*[True, True, False, False, False]]
+    # Three bins of side 5: 0, 0, 0, 0, 2; the border belongs to the last bin.
+    assert reference.hough3d(**data, bins=3).details["cells"][:, 0].tolist() == [*[0, 0, 0, 0, 2]]
+    # Cubes of side 5: floor(15/5) + 1 = 4 bins.
+    assert reference.hough3d(**data, bin_size=5.0).details["cells"][:, 0].tolist() == [*[0, 0, 0, 0, 3]]
+    data["source_lrf"][0] = np.nan
+    assert not reference.hough3d(**data).mask[0]
+
+
+def test_hough_votes_undo_the_frames() -> None:
+    problem = noiseless(20)
+    group = reference.hough3d(
+        problem.source,
+        problem.target,
+        source_centroid=problem.source_centroid,
+        **frames(problem),
+    )
+    transform = problem.T_target_source
+    moved = transform[:3, :3] @ problem.source_centroid + transform[:3, 3]
+    votes = group.details["votes"] + problem.target.mean(axis=0)
+    assert votes == pytest.approx(np.tile(moved, (20, 1)))
+    assert group.mask.all()
+
+
+def test_hough_pcl_by_hand() -> None:
+    data = hough_line([0.0, 0.2, 0.4, 2.5, 3.5])
+    group = reference.hough3d(**data, variant="pcl", bin_size=1.0, interpolation=False)
+    space = group.details["space"]
+    # ceil(3.5) = 4 bins on x, one on the flat axes.
+    assert {cell: set(voters) for cell, voters in space.items()} == {
+        (0, 0, 0): {0, 1, 2},
+        (2, 0, 0): {3},
+        (3, 0, 0): {4},
+    }
+    assert not group.mask.any()  # coincident source points fix no motion
+    # Flat axes: position 0 is half a bin below the first centre, so half the weight is
+    # lost on y and z each. Row 3 at 2.5 is the centre of bin 2: one bin gets all.
+    space = reference.hough3d(**data, variant="pcl", bin_size=1.0).details["space"]
+    assert space[2, 0, 0] == {3: 0.25}
+    assert space[0, 0, 0] == pytest.approx({0: 0.125, 1: 0.7 / 4, 2: 0.9 / 4})
+    # Range an exact multiple of the side: the upper border is outside.
+    data = hough_line([0.0, 2.0])
+    for interpolation in (True, False):
+        space = reference.hough3d(**data, variant="pcl", bin_size=1.0, interpolation=interpolation).details[
+            "space"
+        ]
+        assert 1 not in set().union(*space.values())
+
+
+def test_hough_pcl_finds_the_exact_inliers() -> None:
+    problem = noiseless(30)
+    problem.target[20:] = np.random.default_rng(1).normal(size=(10, 3)) * 100.0
+    similarity = np.linspace(0.9, 0.1, 30)
+    for options in (
+        {},
+        {"interpolation": False},
+        {"vote_threshold": -0.5},
+        {"distance_weight": True, "similarity": similarity},
+    ):
+        group = reference.hough3d(
+            problem.source,
+            problem.target,
+            source_centroid=problem.source_centroid,
+            variant="pcl",
+            bin_size=5.0,
+            iterations=200,
+            **frames(problem),
+            **options,
+        )
+        assert np.flatnonzero(group.mask).tolist() == list(range(20))
+
+
+def isosceles(third: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return triangles with rho_01 = 1 and rho_02 = rho_12 = 1 / third."""
+    height = np.sqrt(0.75)
+    source = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, height, 0.0]])
+    target = source.copy()
+    target[2] = [0.5, np.sqrt(third**2 - 0.25), 0.0]
+    return source, target
+
+
+def test_gtm_one_step_by_hand() -> None:
+    # Pi x = (1.5, 1.5, 1) / 3, x' Pi x = 4/9, so x becomes (3/8, 3/8, 1/4).
+    group = reference.gtm(*isosceles(2.0), iterations=1)
+    assert group.scores == pytest.approx(np.array([0.375, 0.375, 0.25]))
+    assert group.threshold == pytest.approx(0.3125)
+    assert group.mask.tolist() == [True, True, False]
+
+
+def test_gtm_payoffs() -> None:
+    source, target = isosceles(2.0)
+    pi = reference.gtm(source, target, payoff="distance_difference", tolerance=0.5).details["payoff"]
+    assert pi.tolist() == [[0, 1, 0], [1, 0, 0], [0, 0, 0]]
+    target[1] = target[0]
+    for one_to_one, expected in ((False, 1.0), (True, 0.0)):
+        pi = reference.gtm(
+            source,
+            target,
+            payoff="distance_difference",
+            tolerance=1.0,
+            one_to_one=one_to_one,
+        ).details["payoff"]
+        assert pi[0, 1] == expected
+
+
+def test_infection_immunisation_finds_the_equilibrium() -> None:
+    # {0, 1} play 1/2 each and earn 1/2; strategy 2 earns 0.4 against them.
+    group = reference.gtm(*isosceles(2.5), dynamics="infection_immunisation")
+    assert group.scores == pytest.approx(np.array([0.5, 0.5, 0.0]), abs=1e-7)
+    assert group.mask.tolist() == [True, True, False]
+    problem = make_problem(np.random.default_rng(2), 60, inlier_ratio=0.5, noise=1.0)
+    group = reference.gtm(
+        problem.source,
+        problem.target,
+        dynamics="infection_immunisation",
+        iterations=20_000,
+    )
+    x, pi = group.scores, group.details["payoff"]
+    mean = x @ pi @ x
+    assert group.details["iterations"] < 20_000
+    assert x.sum() == pytest.approx(1.0)
+    assert (pi @ x)[x > 1e-9] == pytest.approx(mean, rel=1e-6)  # Nash: all earn the same
+    assert ((pi @ x) <= mean * (1.0 + 1e-6)).all()  # and nobody could earn more
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_gtm_population_and_payoff(seed: int) -> None:
+    problem = make_problem(np.random.default_rng(seed), 50)
+    earlier = 0.0
+    for iterations in (0, 1, 2, 5, 20, 100):
+        group = reference.gtm(problem.source, problem.target, iterations=iterations)
+        x = group.scores
+        assert x.sum() == pytest.approx(1.0)
+        assert (x >= 0.0).all()
+        payoff = x @ group.details["payoff"] @ x
+        assert payoff >= earlier * (1.0 - 1e-12)
+        earlier = payoff
+    loose = reference.gtm(problem.source, problem.target, convergence_tolerance=0.1)
+    assert 0 < loose.details["iterations"] < 100
+
+
+# --- Metrics ------------------------------------------------------------------------
+
+
+def test_metrics_by_hand() -> None:
+    correct = np.array([True, True, True, True, False, False])
+    mask = np.array([True, True, False, False, True, False])
+    q = reference.quality(mask, correct)
+    assert (q.precision, q.recall) == (2 / 3, 2 / 4)
+    assert q.f_score == pytest.approx(4 / 7)
+    assert q.registered
+    nothing = reference.quality(np.zeros(6, dtype=bool), correct)
+    assert (nothing.precision, nothing.recall, nothing.f_score) == (0.0, 0.0, 0.0)
+    assert reference.quality(mask, np.zeros(6, dtype=bool)).recall == 0.0
+
+
+def test_correct_border_is_inside() -> None:
+    source = np.zeros((3, 3))
+    target = on_a_line([5.0, 5.1, 0.0])
+    mask = reference.correct_correspondences(source, target, np.eye(4), 5.0)
+    assert mask.tolist() == [True, False, True]
+
+
+@given(problem=problems())
+@settings(max_examples=25)
+def test_correct_count_grows_with_the_tolerance(problem: Problem) -> None:
+    counts = [
+        reference.correct_correspondences(
+            problem.source,
+            problem.target,
+            problem.T_target_source,
+            factor * problem.resolution,
+        ).sum()
+        for factor in (1.0, 2.0, 5.0, 10.0)
+    ]
+    assert counts == sorted(counts)
+
+
+# --- Properties of all methods ------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("method", sorted(set(METHODS) - {"ransac", "hough3d"}))
+def test_permutation_equivariance(method: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem = make_problem(rng, 60, repeated_targets=0.0, missing_frames=0.1)
+    order = rng.permutation(60)
+    group, permuted = METHODS[method](problem), METHODS[method](problem.subset(order))
+    assert permuted.scores == pytest.approx(group.scores[order], rel=1e-8, abs=1e-9)
+    assert (permuted.mask == group.mask[order]).all()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("method", sorted(METHODS))
+def test_rigid_motion_invariance(method: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem = make_problem(rng, 60, missing_frames=0.1)
+    source_motion, target_motion = random_motion(rng, 500.0), random_motion(rng, 500.0)
+    if method == "hough3d":  # its grid is aligned with the axes of the target
+        target_motion[:3, :3] = np.eye(3)
+    group = METHODS[method](problem)
+    moved = METHODS[method](problem.moved(source_motion, target_motion))
+    assert (moved.mask == group.mask).all()
+    if group.scores is not None:
+        assert moved.scores == pytest.approx(group.scores, rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("method", sorted(METHODS))
+def test_scale_invariance(method: str, factor: float) -> None:
+    problem = make_problem(np.random.default_rng(11), 60)
+    group, scaled = METHODS[method](problem), METHODS[method](problem.scaled(factor))
+    assert (scaled.mask == group.mask).all()
+
+
+@pytest.mark.parametrize("method", ["si", "ransac", "st", "gc", "hough3d", "gtm"])
+def test_exact_inliers_are_all_selected(method: str) -> None:
+    assert METHODS[method](noiseless(40)).mask.all()
+
+
+def test_cv_is_symmetric_in_the_sides() -> None:
+    p = make_problem(np.random.default_rng(4), 50, missing_frames=0.2)
+    forth = reference.cv(p.source, p.target, ratio=p.ratio, resolution=1.0, **frames(p))
+    back = reference.cv(
+        p.target,
+        p.source,
+        ratio=p.ratio,
+        resolution=1.0,
+        source_lrf=p.target_lrf,
+        target_lrf=p.source_lrf,
+    )
+    assert back.scores == pytest.approx(forth.scores, rel=1e-12)
+
+
+def shapes(n: int) -> dict[str, np.ndarray]:
+    """Return degenerate point sets of n points."""
+    steps = np.arange(float(n))[:, None]
+    return {
+        "coincident": np.ones((n, 3)),
+        "collinear": steps * [1.0, 2.0, 3.0],
+        "coplanar": np.hstack([steps, steps**2, 0.0 * steps]),
+    }
+
+
+@pytest.mark.parametrize("method", sorted(METHODS))
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 7])
+def test_degenerate_input_never_raises(method: str, n: int) -> None:
+    plain = make_problem(np.random.default_rng(n), n, missing_frames=0.3)
+    variants = [plain]
+    for source in shapes(n).values():
+        for target in shapes(n).values():
+            arrays = {"source": source, "target": target}
+            variants.append(Problem(**{**vars(plain), **arrays}))
+    for problem in variants:
+        for options in [{}, *OPTION_SETS[method]]:
+            group = call(method, problem, **options)
+            assert group.mask.shape == (n,)
+            assert group.mask.dtype == bool
+            if group.scores is not None:
+                assert group.scores.shape == (n,)
+                assert not np.isnan(group.scores).any()
+
+
+@pytest.mark.parametrize("method", sorted(METHODS))
+def test_input_is_not_modified(method: str) -> None:
+    problem = make_problem(np.random.default_rng(0), 12, missing_frames=0.3)
+    for value in vars(problem).values():
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+    for options in [{}, *OPTION_SETS[method]]:
+        call(method, problem, **options)
+
+
+def test_missing_lengths_are_explained() -> None:
+    for method in ("ransac", "gc"):
+        with pytest.raises(ValueError, match="resolution"):
+            getattr(reference, method)(TRIANGLE, TRIANGLE)
+    with pytest.raises(ValueError, match="bin_size"):
+        reference.hough3d(**hough_line([0.0]), variant="pcl")
+    with pytest.raises(ValueError, match="similarity"):
+        reference.st(TRIANGLE, TRIANGLE, diagonal="score")
+
+
+# --- The strategies -----------------------------------------------------------------
+
+
+@given(problem=problems())
+@settings(max_examples=30)
+def test_problems_are_what_they_promise(problem: Problem) -> None:
+    n = len(problem)
+    assert 0 <= n <= 150
+    for side in (problem.source, problem.target):
+        assert np.isfinite(side).all()
+    for blocks in (problem.source_lrf, problem.target_lrf):
+        assert blocks.shape == (n, 3, 3)
+        valid = blocks[np.isfinite(blocks).all(axis=(1, 2))]
+        product = valid @ np.swapaxes(valid, 1, 2)
+        assert product == pytest.approx(np.tile(np.eye(3), (len(valid), 1, 1)))
+    assert ((problem.ratio >= 0.0) & (problem.ratio <= 1.0)).all()
+    error = np.linalg.norm(
+        problem.source @ problem.T_target_source[:3, :3].T + problem.T_target_source[:3, 3] - problem.target,
+        axis=1,
+    )
+    assert (error[problem.inlier_mask] <= 5.0 * problem.resolution).all()
+
+
+@pytest.fixture(scope="module")
+def large() -> dict[float, Problem]:
+    """Return a problem of 1000 correspondences for each inlier ratio of the table."""
+    return {
+        share: make_problem(
+            np.random.default_rng(0),
+            1000,
+            inlier_ratio=share,
+            noise=1.75,
+            clutter=clutter,
+        )
+        for share, clutter in ((0.5, 0.0), (0.23, 0.0), (0.08, 0.0), (0.03, 0.7))
+    }
+
+
+@pytest.mark.parametrize(
+    ("method", "share", "at_least"),
+    [
+        ("nnsr", 0.5, (0.7, 0.6)),
+        ("nnsr", 0.23, (0.4, 0.6)),
+        ("gtm", 0.5, (0.95, 0.75)),
+        ("gtm", 0.23, (0.9, 0.75)),
+        ("gtm", 0.08, (0.9, 0.75)),
+        ("gtm", 0.03, (0.8, 0.75)),
+        ("st", 0.5, (0.9, 0.85)),
+        ("st", 0.23, (0.85, 0.85)),
+        ("gc", 0.5, (0.85, 0.85)),
+        ("gc", 0.03, (0.3, 0.8)),
+        ("cv", 0.5, (0.9, 0.5)),
+        ("cv", 0.23, (0.85, 0.5)),
+        ("si", 0.5, (0.9, 0.6)),
+        ("si", 0.23, (0.85, 0.6)),
+        ("hough3d", 0.5, (0.85, 0.4)),
+        ("ransac", 0.5, (0.95, 0.9)),
+        ("ransac", 0.23, (0.95, 0.8)),
+    ],
+)
+def test_table_of_section_13(
+    large: dict[float, Problem], method: str, share: float, at_least: tuple[float, float]
+) -> None:
+    problem = large[share]
+    options = {"iterations": 1500} if method == "ransac" else {}
+    group = call(method, problem, **options)
+    q = reference.quality(group.mask, problem.inlier_mask)
+    assert (q.precision >= at_least[0], q.recall >= at_least[1]) == (True, True)
+
+
+def test_readings_that_section_13_tells_apart(large: dict[float, Problem]) -> None:
+    problem = large[0.5]
+    points = problem.source, problem.target
+
+    def recall(group: ReferenceGrouping) -> float:
+        return reference.quality(group.mask, problem.inlier_mask).recall
+
+    assert recall(reference.nnsr(problem.ratio, max_ratio=0.2)) < 0.02
+    assert recall(reference.gtm(*points, iterations=500)) < 0.6
+    assert reference.st(*points, conflict="one_to_one").mask.mean() > 0.85
+    assert recall(reference.gc(*points, resolution=1.0)) > 0.85
+    narrow = {"resolution": 1.0, "variant": "clique", "iterations": 500}
+    assert recall(reference.gc(*points, **narrow)) < 0.5
+    assert recall(reference.hough3d(*points, bin_size=10.0, **frames(problem))) < 0.4
