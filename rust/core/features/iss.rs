@@ -14,6 +14,9 @@ use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::geometry::symmetric::eigen;
 use crate::points::Points;
 
+/// Below this share of the largest eigenvalue the smallest is a rounding error: points on a plane.
+const FLAT: f64 = 1e-13;
+
 /// What a neighbourhood's scatter is taken about.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Covariance {
@@ -106,7 +109,7 @@ impl Iss {
         let values = eigen(&self.scatter(ball, weights)).values;
         let [third, second, first] = values;
         let passes = second / first < self.gamma_21 && third / second < self.gamma_32;
-        if passes && third > 0.0 { third } else { 0.0 }
+        if passes && third > FLAT * first { third } else { 0.0 }
     }
 
     fn scatter(&self, ball: &Ball, weights: Option<&[f64]>) -> Matrix3<f64> {

@@ -1,0 +1,42 @@
+"""Nearest and second-nearest descriptors by a full table of distances."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .neighborhood import FloatArray
+
+
+def match(
+    source: FloatArray, target: FloatArray, *, mutual: bool = False, max_distance: float | None = None
+) -> list[tuple[int, int, float, float, float, float]]:
+    """Rows (source, target, distance, second distance, similarity, ratio)."""
+    valid_source = np.flatnonzero(np.isfinite(source).all(axis=1))
+    valid_target = np.flatnonzero(np.isfinite(target).all(axis=1))
+    if len(valid_target) == 0:
+        return []
+    table = np.linalg.norm(source[valid_source][:, None] - target[valid_target], axis=2)
+    result = []
+    for i, distances in enumerate(table):
+        order = np.argsort(distances, kind="stable")
+        j = order[0]
+        distance = distances[j]
+        second = distances[order[1]] if len(order) > 1 else np.inf
+        if mutual and np.argmin(table[:, j]) != i:
+            continue
+        if max_distance is not None and distance > max_distance:
+            continue
+        row, other = valid_source[i], valid_target[j]
+        ratio = 1.0 if not np.isfinite(second) or second**2 <= 1e-7 else distance / second
+        result.append((row, other, distance, second, similarity(source[row], target[other]), ratio))
+    return result
+
+
+def similarity(f: FloatArray, g: FloatArray) -> float:
+    """1 - |f_norm - g_norm|, -inf for a zero vector."""
+    if not f.any() or not g.any():
+        return -np.inf
+    return float(1 - np.linalg.norm(f / np.linalg.norm(f) - g / np.linalg.norm(g)))

@@ -1,0 +1,472 @@
+"""The front end against the NumPy reference, under rigid motions, and on input that is hardly any."""
+
+from __future__ import annotations
+
+import doctest
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cgroup import CgroupError, InputError, features
+from reference import harris3d as reference_harris3d
+from reference import iss as reference_iss
+from reference import lfsh as reference_lfsh
+from reference import matching as reference_matching
+from reference import normals as reference_normals
+from reference import rcs as reference_rcs
+from reference import shot as reference_shot
+from reference import shot_lrf as reference_lrf
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def surface(seed, count=160):
+    """Points at random places of a bumpy patch of about 10 x 10; resolution about 0.4."""
+    rng = np.random.default_rng(seed)
+    u, v = rng.uniform(-5, 5, size=(2, count))
+    a, b, c, d = rng.uniform(0.3, 1.2, size=4)
+    return np.column_stack([u, v, a * np.sin(b * u + v) + c * np.cos(d * v)])
+
+
+def motion(seed):
+    """A random rotation and shift."""
+    rng = np.random.default_rng(seed)
+    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
+    q *= np.sign(np.diag(r))
+    q[:, 0] *= np.linalg.det(q)
+    return q, rng.normal(scale=100, size=3)
+
+
+def far_from_radius(points, keypoints, radii, margin=1e-7):
+    """Those keypoints around which no point lies on the edge of a radius."""
+    distances = np.linalg.norm(points[keypoints][:, None] - points, axis=2)
+    edge = np.zeros(len(keypoints), dtype=bool)
+    for radius in radii:
+        edge |= np.any(np.abs(distances - radius) < margin * radius, axis=1)
+    return keypoints[~edge]
+
+
+class TestAgainstReference:
+    @given(seed=seeds, ignore_zero=st.booleans())
+    def test_resolution(self, seed, ignore_zero):
+        points = surface(seed, 50)
+        points[7] = points[3]
+        distances = np.linalg.norm(points[:, None] - points, axis=2)
+        np.fill_diagonal(distances, np.inf)
+        nearest = distances.min(axis=1)
+        expected = nearest[nearest > 0].mean() if ignore_zero else nearest.mean()
+        assert features.resolution(points, ignore_zero=ignore_zero) == pytest.approx(expected, rel=1e-12)
+
+    @given(seed=seeds, neighbors=st.integers(3, 40), radius=st.none() | st.floats(0.5, 20))
+    def test_normals(self, seed, neighbors, radius):
+        points = surface(seed)
+        viewpoint = tuple(np.random.default_rng(seed).normal(scale=9, size=3))
+        options = {"neighbors": neighbors, "radius": radius, "viewpoint": viewpoint}
+        ours = features.normals(points, **options)
+        np.testing.assert_allclose(ours, reference_normals.normals(points, **options), atol=1e-6)
+
+    @given(
+        seed=seeds,
+        radius=st.floats(0.6, 3),
+        nms=st.none() | st.floats(0.5, 4),
+        response=st.sampled_from(["harris", "noble", "lowe", "tomasi", "curvature"]),
+        threshold=st.sampled_from([0.0, 1e-6, 1e-3]),
+        break_ties=st.booleans(),
+        given_normals=st.booleans(),
+    )
+    def test_harris3d(self, seed, radius, nms, response, threshold, break_ties, given_normals):
+        points = surface(seed)
+        normals = features.normals(points) if given_normals else None
+        if given_normals:
+            normals[::17] = np.nan
+        options = {
+            "radius": radius,
+            "nms_radius": nms,
+            "response": response,
+            "break_ties": break_ties,
+            "normals": normals,
+        }
+        # Off the grid that responses are rounded to, and far above rounding errors.
+        ours = features.harris3d(points, threshold=threshold + 1.3e-9, **options)
+        theirs = reference_harris3d.harris3d(points, threshold=threshold + 1.3e-9, **options)
+        scores = reference_harris3d.responses(points, radius=radius, response=response, normals=normals)
+        assert not [
+            i
+            for i in np.setxor1d(ours, theirs).astype(int)
+            if not is_tie(points, scores, i, nms or radius, 1.1 * 2**-28)
+        ]
+
+    @given(
+        seed=seeds,
+        salient=st.floats(0.8, 3),
+        nms=st.floats(0.5, 3),
+        gamma=st.tuples(st.floats(0.3, 1.2), st.floats(0.3, 1.2)),
+        min_neighbors=st.integers(1, 12),
+        density_weight=st.booleans(),
+        covariance=st.sampled_from(["point", "mean"]),
+    )
+    def test_iss(self, seed, salient, nms, gamma, min_neighbors, density_weight, covariance):
+        points = surface(seed)
+        options = {
+            "salient_radius": salient,
+            "nms_radius": nms,
+            "gamma_21": gamma[0],
+            "gamma_32": gamma[1],
+            "min_neighbors": min_neighbors,
+            "density_weight": density_weight,
+            "covariance": covariance,
+        }
+        ours, theirs = features.iss(points, **options), reference_iss.iss(points, **options)
+        del options["nms_radius"]
+        scores = reference_iss.saliencies(points, **options)
+        assert not [i for i in np.setxor1d(ours, theirs).astype(int) if not is_tie(points, scores, i, nms)]
+
+    @given(seed=seeds, radius=st.floats(0.5, 15))
+    def test_frames(self, seed, radius):
+        points = surface(seed)
+        keypoints = np.arange(0, len(points), 9)
+        ours = features.shot_lrf(points, keypoints, radius=radius)
+        theirs = [reference_lrf.shot_lrf(points, i, radius=radius) for i in keypoints]
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+        ours = features.toldi_lrf(points, keypoints, radius=radius)
+        theirs = [reference_lrf.toldi_lrf(points, i, radius=radius) for i in keypoints]
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+
+    @given(seed=seeds, radius=st.floats(0.5, 15), pcl_compat=st.booleans(), own_frames=st.booleans())
+    def test_shot(self, seed, radius, pcl_compat, own_frames):
+        points = surface(seed)
+        normals = features.normals(points, viewpoint=(0, 0, 50))
+        normals[::13] = np.nan
+        keypoints = np.arange(0, len(points), 23)
+        frames = None if own_frames else features.toldi_lrf(points, keypoints, radius=radius)
+        ours = features.shot(points, normals, keypoints, radius=radius, lrf=frames, pcl_compat=pcl_compat)
+        theirs = [
+            reference_shot.shot(
+                points,
+                normals,
+                i,
+                radius=radius,
+                lrf=None if own_frames else frames[row],
+                pcl_compat=pcl_compat,
+            )
+            for row, i in enumerate(keypoints)
+        ]
+        assert ours.dtype == np.float32
+        assert ours.shape == (len(keypoints), 352)
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+
+    @given(seed=seeds, radius=st.floats(0.5, 15))
+    def test_lfsh_and_rcs(self, seed, radius):
+        points = surface(seed)
+        normals = features.normals(points, viewpoint=(0, 0, 50))
+        normals[::13] = np.nan
+        keypoints = np.arange(0, len(points), 7)
+        ours = features.lfsh(points, normals, keypoints, radius=radius)
+        theirs = [reference_lfsh.lfsh(points, normals, i, radius=radius) for i in keypoints]
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+        ours = features.rcs(points, keypoints, radius=radius)
+        theirs = [reference_rcs.rcs(points, i, radius=radius) for i in keypoints]
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+
+    @given(
+        seed=seeds,
+        sizes=st.tuples(st.integers(0, 40), st.integers(0, 40), st.integers(1, 40)),
+        mutual=st.booleans(),
+        max_distance=st.none() | st.floats(0.1, 5),
+        levels=st.sampled_from([2, 5, 2**20]),
+    )
+    def test_match(self, seed, sizes, mutual, max_distance, levels):
+        rng = np.random.default_rng(seed)
+        rows, columns, length = sizes
+        source = rng.integers(levels, size=(rows, length)) * (1.0 if levels < 9 else 3 / levels)
+        target = rng.integers(levels, size=(columns, length)) * (1.0 if levels < 9 else 3 / levels)
+        source[rng.uniform(size=rows) < 0.1, 0] = np.nan
+        target[rng.uniform(size=columns) < 0.1, -1] = np.nan
+        options = {"mutual": mutual, "max_distance": max_distance}
+        ours = features.match(source, target, **options)
+        theirs = reference_matching.match(source, target, **options)
+        columns = [np.array(column) for column in zip(*theirs, strict=True)] or [np.empty(0)] * 6
+        assert ours.source_indices.tolist() == columns[0].tolist()
+        assert ours.target_indices.tolist() == columns[1].tolist()
+        for name, column in zip(
+            ("distance", "second_distance", "similarity", "ratio"), columns[2:], strict=True
+        ):
+            np.testing.assert_allclose(getattr(ours, name), column, rtol=1e-12, atol=1e-12, err_msg=name)
+
+
+def is_tie(points, scores, i, radius, step=0.0):
+    """Whether a rival's score is so near that rounding decides: cliques of points have the same ball."""
+    near = np.linalg.norm(points - points[i], axis=1) < radius
+    near[i] = False
+    rivals = scores[near]
+    return np.any(np.abs(rivals - scores[i]) <= step + 1e-9 * abs(scores[i]))
+
+
+class TestRigidMotion:
+    """A rigid motion of the cloud leaves keypoints and descriptors as they are."""
+
+    @given(seed=seeds, moved_by=seeds, radius=st.floats(1, 8))
+    def test_descriptors(self, seed, moved_by, radius):
+        points = surface(seed)
+        rotation, shift = motion(moved_by)
+        moved = points @ rotation.T + shift
+        viewpoint = np.array([0, 0, 50])
+        normals = features.normals(points, viewpoint=viewpoint)
+        moved_normals = features.normals(moved, viewpoint=rotation @ viewpoint + shift)
+        np.testing.assert_allclose(moved_normals, normals @ rotation.T, atol=1e-8)
+        inner = [radius, radius / 2, radius / 3]
+        keypoints = far_from_radius(points, np.arange(0, len(points), 9), inner)
+        for before, after in (
+            (
+                features.shot(points, normals, keypoints, radius=radius),
+                features.shot(moved, moved_normals, keypoints, radius=radius),
+            ),
+            (
+                features.lfsh(points, normals, keypoints, radius=radius),
+                features.lfsh(moved, moved_normals, keypoints, radius=radius),
+            ),
+            (
+                features.rcs(points, keypoints, radius=radius),
+                features.rcs(moved, keypoints, radius=radius),
+            ),
+        ):
+            np.testing.assert_allclose(before, after, atol=1e-5)
+        for frames in (features.shot_lrf, features.toldi_lrf):
+            before = frames(points, keypoints, radius=radius)
+            np.testing.assert_allclose(
+                frames(moved, keypoints, radius=radius), before @ rotation.T, atol=1e-5
+            )
+
+    @given(seed=seeds, moved_by=seeds, scale=st.floats(1e-3, 1e3))
+    def test_keypoints(self, seed, moved_by, scale):
+        points = surface(seed)
+        rotation, shift = motion(moved_by)
+        moved = scale * (points @ rotation.T + shift)
+        before = features.harris3d(points, radius=1.5, threshold=1e-6)
+        after = features.harris3d(moved, radius=1.5 * scale, threshold=1e-6)
+        assert before.tolist() == after.tolist()
+        before = features.iss(points, salient_radius=1.5, nms_radius=1.1)
+        after = features.iss(moved, salient_radius=1.5 * scale, nms_radius=1.1 * scale)
+        assert before.tolist() == after.tolist()
+
+
+class TestPromises:
+    def test_threads_change_nothing(self):
+        points = surface(5, 3000)
+        normals = features.normals(points)
+        keypoints = features.iss(points)
+        runs = []
+        for threads in (1, 2, 5):
+            descriptors = features.shot(points, normals, keypoints, radius=2, threads=threads)
+            runs.append(
+                (
+                    np.float64(features.resolution(points, threads=threads)),
+                    features.normals(points, radius=1, threads=threads),
+                    features.harris3d(points, threads=threads),
+                    features.iss(points, threads=threads, count=100),
+                    features.shot_lrf(points, keypoints, radius=2, threads=threads),
+                    descriptors,
+                    features.match(descriptors, descriptors[::-1], threads=threads).distance,
+                )
+            )
+        for one, other in pairwise(runs):
+            assert all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
+
+    def test_input_is_left_alone_and_any_layout_will_do(self):
+        points = surface(6)
+        expected = features.iss(points)
+        points.flags.writeable = False
+        wide = np.zeros((len(points), 6))
+        wide[:, ::2] = points
+        for same in (points, np.asfortranarray(points), wide[:, ::2], points.tolist()):
+            assert features.iss(same).tolist() == expected.tolist()
+        single = points.astype(np.float32)
+        assert features.iss(single).tolist() == features.iss(single.astype(float)).tolist()
+
+    @pytest.mark.parametrize("count", [5, 20, 60])
+    def test_count_is_met(self, count):
+        points = surface(7, 4000)
+        for found in (features.harris3d(points, count=count), features.iss(points, count=count)):
+            assert abs(len(found) - count) <= max(1, 0.1 * count)
+
+    def test_drop_isolated(self):
+        points = np.vstack([surface(8, 500), [[50.0, 0.0, 0.0], [50.1, 0.0, 0.0]]])
+        keypoints = np.array([501, 3, 77, 500])
+        kept = features.drop_isolated(points, keypoints, resolution=0.2)
+        assert kept.tolist() == [3, 77]
+        assert features.drop_isolated(points, keypoints, radius=0.5, min_points=2).tolist() == [
+            501,
+            3,
+            77,
+            500,
+        ]
+
+    def test_mesh_normals(self):
+        u, v = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9), indexing="ij")
+        points = np.column_stack([u.ravel(), v.ravel(), 0.3 * np.sin(5 * u.ravel())])
+        first = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
+        faces = np.vstack(
+            [
+                np.column_stack([first, first + 9, first + 1]),
+                np.column_stack([first + 1, first + 9, first + 10]),
+            ]
+        )
+        expected = reference_normals.mesh_normals(points, faces)
+        np.testing.assert_allclose(features.mesh_normals(points, faces), expected, atol=1e-12)
+        faces[::5] = faces[::5, ::-1]
+        np.testing.assert_allclose(features.mesh_normals(points, faces), expected, atol=1e-12)
+
+    def test_examples(self):
+        result = doctest.testmod(features)
+        assert result.attempted > 10
+        assert result.failed == 0
+
+
+GRID = np.array([[x, y, 0.0] for x in range(10) for y in range(10)])
+DEGENERATE = {
+    "coincident": np.ones((40, 3)),
+    "line": np.column_stack([np.arange(40.0), np.zeros((40, 2))]),
+    "plane": GRID,
+    "two": np.array([[0.0, 0, 0], [1, 0, 0]]),
+    "one": np.zeros((1, 3)),
+    "duplicates": np.repeat(GRID, 3, axis=0),
+    "far away": GRID + 1e8,
+    "tiny": GRID * 1e-12,
+    "outlier": np.vstack([GRID, [[1e9, 1e9, 1e9]]]),
+}
+
+
+@pytest.mark.parametrize("name", DEGENERATE)
+@pytest.mark.parametrize("reach", [0.4, 3.0, 1e3])
+def test_degenerate_clouds_have_defined_results(name, reach):
+    points = DEGENERATE[name]
+    radius = reach * (1e-12 if name == "tiny" else 1.0)
+    rows = np.arange(len(points))
+    normals = features.normals(points, radius=radius)
+    lengths = np.linalg.norm(normals, axis=1)
+    assert np.all(np.isnan(lengths) | (np.abs(lengths - 1) < 1e-12))
+    assert np.isnan(features.normals(points, neighbors=2)).all()
+    for found in (
+        features.harris3d(points, radius=radius),
+        features.iss(points, salient_radius=radius, nms_radius=radius),
+        features.drop_isolated(points, rows, radius=radius, min_points=1),
+    ):
+        assert np.all(np.diff(found) > 0)
+        assert np.isin(found, rows).all()
+    for frames in (features.shot_lrf, features.toldi_lrf):
+        axes = frames(points, rows, radius=radius)
+        valid = axes[~np.isnan(axes).any(axis=(1, 2))]
+        np.testing.assert_allclose(
+            valid @ valid.transpose(0, 2, 1), np.tile(np.eye(3), (len(valid), 1, 1)), atol=1e-9
+        )
+    up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    for table in (
+        features.shot(points, up, rows, radius=radius),
+        features.lfsh(points, up, rows, radius=radius),
+        features.rcs(points, rows, radius=radius),
+    ):
+        complete = np.isfinite(table).all(axis=1)
+        assert np.isnan(table[~complete]).all()
+        assert len(features.match(table, table)) == np.count_nonzero(complete)
+
+
+def test_no_points_and_no_keypoints():
+    nothing = np.empty((0, 3))
+    assert features.normals(nothing).shape == (0, 3)
+    assert features.mesh_normals(nothing, []).shape == (0, 3)
+    assert features.harris3d(nothing).shape == (0,)
+    assert features.iss(nothing).shape == (0,)
+    assert features.drop_isolated(nothing, []).shape == (0,)
+    points = surface(1)
+    assert features.shot_lrf(points, [], radius=1).shape == (0, 3, 3)
+    assert features.toldi_lrf(points, [], radius=1).shape == (0, 3, 3)
+    assert features.shot(points, points, [], radius=1).shape == (0, 352)
+    assert features.lfsh(points, points, [], radius=1).shape == (0, 30)
+    assert features.rcs(points, [], radius=1).shape == (0, 72)
+    assert len(features.match(np.empty((0, 5)), np.empty((0, 5)))) == 0
+    with pytest.raises(InputError, match="two points"):
+        features.resolution(nothing)
+
+
+def test_second_neighbour_is_infinitely_far_where_there_is_none():
+    matches = features.match([[1.0, 0.0]], [[0.0, 1.0]])
+    assert matches.second_distance[0] == np.inf
+    assert matches.ratio[0] == 1
+    assert matches.similarity[0] == pytest.approx(1 - np.sqrt(2))
+
+
+BAD_POINTS = surface(2)
+BAD_POINTS[5, 1] = np.nan
+GOOD_POINTS = surface(2)
+UP = np.tile([0.0, 0.0, 1.0], (len(GOOD_POINTS), 1))
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: features.resolution(BAD_POINTS), "points.*row 5"),
+        (lambda: features.normals(BAD_POINTS), "points.*row 5"),
+        (lambda: features.harris3d(BAD_POINTS, radius=1), "points.*row 5"),
+        (lambda: features.iss(BAD_POINTS, salient_radius=1, nms_radius=1), "points.*row 5"),
+        (lambda: features.shot(BAD_POINTS, UP, [0], radius=1), "points.*row 5"),
+        (lambda: features.normals(GOOD_POINTS.T), "transpose"),
+        (lambda: features.normals(GOOD_POINTS, neighbors=0), "neighbors: got 0"),
+        (lambda: features.normals(GOOD_POINTS, radius=0), "radius"),
+        (lambda: features.normals(GOOD_POINTS, viewpoint=(0, 0)), "viewpoint"),
+        (lambda: features.mesh_normals(GOOD_POINTS, [[0, 1, 160]]), "faces.*row 0"),
+        (lambda: features.mesh_normals(GOOD_POINTS, [[0, 1]]), "faces"),
+        (lambda: features.harris3d(GOOD_POINTS, radius=-1), "radius: got -1"),
+        (lambda: features.harris3d(GOOD_POINTS, response="moravec"), "response.*harris"),
+        (lambda: features.harris3d(GOOD_POINTS, normals=UP[1:]), "normals: got 159 rows"),
+        (lambda: features.harris3d(GOOD_POINTS, threshold=np.nan), "threshold"),
+        (lambda: features.harris3d(GOOD_POINTS, count=0), "count: got 0"),
+        (lambda: features.harris3d(GOOD_POINTS, resolution=0), "resolution: got 0"),
+        (lambda: features.harris3d(np.ones((9, 3))), "every point has a duplicate"),
+        (lambda: features.iss(GOOD_POINTS, gamma_21=0), "gamma_21"),
+        (lambda: features.iss(GOOD_POINTS, min_neighbors=0), "min_neighbors"),
+        (lambda: features.iss(GOOD_POINTS, covariance="median"), "covariance.*mean"),
+        (lambda: features.iss(GOOD_POINTS, backend="pcl"), "backend.*open3d"),
+        (lambda: features.iss(GOOD_POINTS, backend="open3d", count=5), "count"),
+        (lambda: features.shot(GOOD_POINTS, UP, [0, 160], radius=1), "keypoints: got index 160 in row 1"),
+        (lambda: features.shot(GOOD_POINTS, UP, [-1], radius=1), "keypoints: got index -1"),
+        (lambda: features.shot(GOOD_POINTS, UP, [0.5], radius=1), "keypoints.*whole numbers"),
+        (lambda: features.shot(GOOD_POINTS, UP[1:], [0], radius=1), "normals: got 159 rows"),
+        (lambda: features.shot(GOOD_POINTS, UP, [0], radius=np.inf), "radius"),
+        (lambda: features.shot(GOOD_POINTS, UP, [0], radius=1, lrf=np.eye(3)), "lrf"),
+        (lambda: features.shot(GOOD_POINTS, UP, [0], radius=1, threads=0), "threads"),
+        (lambda: features.fpfh(GOOD_POINTS, UP[1:], radius=1), "normals: got 159 rows"),
+        (lambda: features.fpfh(GOOD_POINTS, UP, radius=0), "radius"),
+        (lambda: features.match([[1.0]], [[1.0, 2.0]]), "target"),
+        (lambda: features.match([1.0], [[1.0]]), "source"),
+        (lambda: features.match([[1.0]], [[1.0]], max_distance=0), "max_distance"),
+    ],
+)
+def test_bad_input_is_explained(call, says):
+    with pytest.raises(InputError, match=says):
+        call()
+
+
+def test_missing_open3d_is_explained(monkeypatch):
+    monkeypatch.setitem(sys.modules, "open3d", None)
+    for call in (
+        lambda: features.fpfh(GOOD_POINTS, UP, radius=1),
+        lambda: features.iss(GOOD_POINTS, backend="open3d"),
+    ):
+        with pytest.raises(CgroupError, match=r"cgroup\[open3d\].*libegl1 libgl1 libx11-6.*libgomp1"):
+            call()
+
+
+def test_open3d():
+    pytest.importorskip("open3d", exc_type=ImportError)
+    points = surface(9, 2000)
+    table = features.fpfh(points, features.normals(points), radius=1)
+    assert table.shape == (2000, 33)
+    assert table.dtype == np.float32
+    theirs = features.iss(points, salient_radius=1, nms_radius=0.7, backend="open3d")
+    ours = features.iss(points, salient_radius=1, nms_radius=0.7, covariance="mean")
+    union = np.union1d(ours, theirs)
+    assert len(np.intersect1d(ours, theirs)) >= 0.9 * len(union)
