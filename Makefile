@@ -15,7 +15,7 @@ MATURIN := env -u CONDA_PREFIX VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin
 # Runs a command whose output matters only where it fails.
 quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 
-.PHONY: help setup demo test test-rust test-python fmt lint types bench docs clean
+.PHONY: help setup demo test test-rust test-python fmt lint types bench clean
 
 help: ## show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -26,6 +26,8 @@ demo: $(VENV)/.ready-scans ## compare the nine methods on a generated pair of sc
 ifeq ($(strip $(SOURCE)$(TARGET)$(TRUTH)),)
 	@$(BIN)/cgroup demo --out $(OUT)
 else
+	@test -n "$(SOURCE)" -a -n "$(TARGET)" -a -n "$(TRUTH)" || { \
+		echo "Give all three: make demo SOURCE=a.ply TARGET=b.ply TRUTH=T.txt"; exit 2; }
 	@$(BIN)/cgroup compare "$(SOURCE)" "$(TARGET)" --truth "$(TRUTH)" --out $(OUT)
 endif
 

@@ -405,7 +405,14 @@ def _fail(message: str, status: int) -> NoReturn:
 def _progress() -> Generator[Callable[[str], None], None, None]:
     """Show what is being done and for how long, on a terminal only; gone when it is over."""
     console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _ignore
+        return
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("", total=None)
         yield lambda stage: progress.update(task, description=stage)
+
+
+def _ignore(_stage: str) -> None:
+    """Stand in for progress where nobody watches."""

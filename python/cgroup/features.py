@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from cgroup import _core
-from cgroup._arrays import as_floats, as_frames, as_points
+from cgroup._arguments import as_floats, as_frames, as_points
 from cgroup.errors import CgroupError, InputError
 from cgroup.types import RunOptions
 

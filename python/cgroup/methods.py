@@ -18,15 +18,17 @@ from __future__ import annotations
 
 import inspect
 import os
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from cgroup import _core
-from cgroup._arrays import as_vector
+from cgroup._arguments import as_count, as_vector
 from cgroup._memory import default_max_memory
+from cgroup._options import checked, run_options
 from cgroup.errors import InputError
-from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray, Grouping, RawGrouping, RunOptions
+from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray, Grouping, RawGrouping
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -44,6 +46,7 @@ def ss(
     threshold: float | Literal["otsu"] = "otsu",
     otsu: OtsuMode = "minmax",
     bins: int = 100,
+    threads: int | None = None,
 ) -> Grouping:
     """Similarity score (SS): keep the correspondences whose descriptors are similar enough.
 
@@ -57,19 +60,24 @@ def ss(
         Least similarity that is accepted.
     otsu : {"minmax", "exact", "covis", "legacy"}
         How Otsu's cut is sought: on equal bins between least and greatest score, between any two
-        scores, as in the code of SI's author, or as in the evaluation group's later code.
+        scores, as in the code of SI's author (for scores in [0,1]), or as in the evaluation group's
+        later code.
     bins : int
         Bins of the "minmax" and "legacy" modes.
+    threads : int, optional
+        For the sake of one style; this method takes microseconds and one thread.
 
     Returns
     -------
     Grouping
         Its scores are the similarities.
     """
-    return _grouping(_core.ss(as_vector("similarity", similarity, None), threshold, otsu, bins))
+    run_options(threads, None, None)
+    options = checked({"threshold": threshold, "otsu": otsu, "bins": bins})
+    return _grouping(_core.ss(as_vector("similarity", similarity, None), **options))
 
 
-def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8) -> Grouping:
+def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8, threads: int | None = None) -> Grouping:
     """Nearest-neighbour similarity ratio (NNSR): keep the distinctive correspondences.
 
     The paper, section 3.1, after Lowe, IJCV 2004. The printed bound 0.8 on ``1 - d1/d2`` is Lowe's bound
@@ -81,13 +89,16 @@ def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8) -> Grouping:
         Nearest / second-nearest descriptor distance, in [0,1], lower is better.
     max_ratio : float
         Greatest ratio that is accepted.
+    threads : int, optional
+        For the sake of one style; this method takes microseconds and one thread.
 
     Returns
     -------
     Grouping
         Its scores are ``1 - ratio``.
     """
-    return _grouping(_core.nnsr(as_vector("ratio", ratio, None), max_ratio))
+    run_options(threads, None, None)
+    return _grouping(_core.nnsr(as_vector("ratio", ratio, None), **checked({"max_ratio": max_ratio})))
 
 
 def si(
@@ -148,21 +159,19 @@ def si(
     fields = Correspondences(
         source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
     )
-    run = _run_options(threads, None, progress)
-    return _grouping(
-        _core.si(
-            fields,
-            run,
-            tolerance=tolerance,
-            neighbors=neighbors,
-            min_distance_ratio=min_distance_ratio,
-            lowe_ratio=lowe_ratio,
-            global_rank=global_rank,
-            threshold=threshold,
-            otsu=otsu,
-        ),
-        fields,
+    run = run_options(threads, None, progress)
+    options = checked(
+        {
+            "tolerance": tolerance,
+            "neighbors": neighbors,
+            "min_distance_ratio": min_distance_ratio,
+            "lowe_ratio": lowe_ratio,
+            "global_rank": global_rank,
+            "threshold": threshold,
+            "otsu": otsu,
+        }
     )
+    return _grouping(_core.si(fields, run, **options), fields)
 
 
 def cv(
@@ -219,20 +228,18 @@ def cv(
     fields = Correspondences(
         source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
     )
-    run = _run_options(threads, None, progress)
-    return _grouping(
-        _core.cv(
-            fields,
-            run,
-            distance_scale=distance_scale,
-            angle_scale=angle_scale,
-            voters=voters,
-            exclude_self=exclude_self,
-            threshold=threshold,
-            otsu=otsu,
-        ),
-        fields,
+    run = run_options(threads, None, progress)
+    options = checked(
+        {
+            "distance_scale": distance_scale,
+            "angle_scale": angle_scale,
+            "voters": voters,
+            "exclude_self": exclude_self,
+            "threshold": threshold,
+            "otsu": otsu,
+        }
     )
+    return _grouping(_core.cv(fields, run, **options), fields)
 
 
 def ransac(
@@ -280,20 +287,18 @@ def ransac(
         Its `model` is the transform (4,4) behind the selection. Without any inlier the group is empty.
     """
     fields = Correspondences(source, target, resolution=resolution)
-    run = _run_options(threads, None, progress)
-    return _grouping(
-        _core.ransac(
-            fields,
-            run,
-            tolerance=tolerance,
-            iterations=iterations,
-            seed=seed,
-            refine=refine,
-            edge_ratio=edge_ratio,
-            confidence=confidence,
-        ),
-        fields,
+    run = run_options(threads, None, progress)
+    options = checked(
+        {
+            "tolerance": tolerance,
+            "iterations": iterations,
+            "seed": seed,
+            "refine": refine,
+            "edge_ratio": edge_ratio,
+            "confidence": confidence,
+        }
     )
+    return _grouping(_core.ransac(fields, run, **options), fields)
 
 
 def st(
@@ -343,20 +348,18 @@ def st(
         Its scores are the entries of the principal eigenvector.
     """
     fields = Correspondences(source, target, similarity=similarity)
-    run = _run_options(threads, max_memory, progress)
-    return _grouping(
-        _core.st(
-            fields,
-            run,
-            min_distance_ratio=min_distance_ratio,
-            affinity=affinity,
-            diagonal=diagonal,
-            conflict=conflict,
-            eigensolver=eigensolver,
-            recompute=recompute,
-        ),
-        fields,
+    run = run_options(threads, max_memory, progress)
+    options = checked(
+        {
+            "min_distance_ratio": min_distance_ratio,
+            "affinity": affinity,
+            "diagonal": diagonal,
+            "conflict": conflict,
+            "eigensolver": eigensolver,
+            "recompute": recompute,
+        }
     )
+    return _grouping(_core.st(fields, run, **options), fields)
 
 
 def gc(
@@ -407,20 +410,18 @@ def gc(
         Its scores are the sizes of the star clusters (star variant).
     """
     fields = Correspondences(source, target, similarity=similarity, resolution=resolution)
-    run = _run_options(threads, None, progress)
-    return _grouping(
-        _core.gc(
-            fields,
-            run,
-            tolerance=tolerance,
-            variant=variant,
-            ties=ties,
-            min_cluster_size=min_cluster_size,
-            iterations=iterations,
-            seed=seed,
-        ),
-        fields,
+    run = run_options(threads, None, progress)
+    options = checked(
+        {
+            "tolerance": tolerance,
+            "variant": variant,
+            "ties": ties,
+            "min_cluster_size": min_cluster_size,
+            "iterations": iterations,
+            "seed": seed,
+        }
     )
+    return _grouping(_core.gc(fields, run, **options), fields)
 
 
 def hough3d(
@@ -490,23 +491,21 @@ def hough3d(
         target_lrf=target_lrf,
         source_centroid=source_centroid,
     )
-    run = _run_options(threads, None, progress)
-    return _grouping(
-        _core.hough3d(
-            fields,
-            run,
-            variant=variant,
-            bins=bins,
-            bin_size=bin_size,
-            neighbors=neighbors,
-            interpolation=interpolation,
-            distance_weight=distance_weight,
-            vote_threshold=vote_threshold,
-            iterations=iterations,
-            seed=seed,
-        ),
-        fields,
+    run = run_options(threads, None, progress)
+    options = checked(
+        {
+            "variant": variant,
+            "bins": bins,
+            "bin_size": bin_size,
+            "neighbors": neighbors,
+            "interpolation": interpolation,
+            "distance_weight": distance_weight,
+            "vote_threshold": vote_threshold,
+            "iterations": iterations,
+            "seed": seed,
+        }
     )
+    return _grouping(_core.hough3d(fields, run, **options), fields)
 
 
 def gtm(
@@ -561,22 +560,20 @@ def gtm(
         Its scores are the population shares, which sum to 1.
     """
     fields = Correspondences(source, target, resolution=resolution)
-    run = _run_options(threads, max_memory, progress)
-    return _grouping(
-        _core.gtm(
-            fields,
-            run,
-            iterations=iterations,
-            threshold=threshold,
-            otsu=otsu,
-            payoff=payoff,
-            tolerance=tolerance,
-            one_to_one=one_to_one,
-            convergence_tolerance=convergence_tolerance,
-            dynamics=dynamics,
-        ),
-        fields,
+    run = run_options(threads, max_memory, progress)
+    options = checked(
+        {
+            "iterations": iterations,
+            "threshold": threshold,
+            "otsu": otsu,
+            "payoff": payoff,
+            "tolerance": tolerance,
+            "one_to_one": one_to_one,
+            "convergence_tolerance": convergence_tolerance,
+            "dynamics": dynamics,
+        }
     )
+    return _grouping(_core.gtm(fields, run, **options), fields)
 
 
 METHODS: Mapping[str, Callable[..., Grouping]] = {
@@ -591,6 +588,9 @@ METHODS: Mapping[str, Callable[..., Grouping]] = {
     "gtm": gtm,
 }
 """The nine methods by the paper's names, in its order."""
+
+ALIASES: Mapping[str, str] = {"hough3d": "3dhv"}
+"""Function names that differ from the paper's names."""
 
 PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "paper": {},
@@ -609,7 +609,8 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     },
 }
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
-each method as its own author's code has it, PCL's, and the evaluation group's later constants."""
+the options with which each method's own author differs, PCL's variants (3DHV's needs a ``bin_size`` as
+well), and the evaluation group's later constants."""
 
 
 def group(
@@ -642,6 +643,7 @@ def group(
     InputError
         For an unknown method, preset or option, or where the method needs a field that is missing.
     """
+    method = ALIASES.get(method, method)
     function = METHODS.get(method)
     if function is None:
         message = f"method: got {method!r}; choose one of {', '.join(METHODS)}"
@@ -680,13 +682,25 @@ def group_many(
     list of Grouping
         In the order of the problems.
     """
-    if METHODS.get(method) not in (ss, nnsr):
-        options = {"threads": 1, **options}
-    pool = ThreadPoolExecutor(max_workers=threads or os.cpu_count())
+    workers = os.cpu_count() or 1 if threads is None else as_count("threads", threads, 1)
+    stopped = threading.Event()
+
+    def stop_with_the_others(_share: float) -> None:
+        if stopped.is_set():
+            raise InterruptedError
+
+    options = {"threads": 1, **options}
+    parameters = inspect.signature(METHODS[method]).parameters if method in METHODS else {}
+    if "max_memory" in parameters:
+        options = {"max_memory": default_max_memory() // workers, **options}
+    if "progress" in parameters:
+        options = {"progress": stop_with_the_others, **options}
+    pool = ThreadPoolExecutor(max_workers=workers)
     try:
         return list(pool.map(lambda problem: group(problem, method, preset=preset, **options), problems))
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        stopped.set()
+        pool.shutdown(cancel_futures=True)
 
 
 def _refuse_unknown(method: str, options: Mapping[str, Any], parameters: Mapping[str, Any]) -> None:
@@ -714,13 +728,6 @@ def _fields_for(
             )
             raise InputError(message)
     return fields
-
-
-def _run_options(threads: int | None, max_memory: int | None, progress: Progress | None) -> RunOptions:
-    if threads is not None and threads < 1:
-        message = f"threads: got {threads}; give at least 1, or None for all cores"
-        raise InputError(message)
-    return RunOptions(threads, default_max_memory() if max_memory is None else max_memory, progress)
 
 
 def _grouping(raw: RawGrouping, fields: Correspondences | None = None) -> Grouping:

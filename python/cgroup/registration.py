@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cgroup import features
-from cgroup._arrays import as_points
+from cgroup._arguments import as_points
 from cgroup.errors import InputError
 from cgroup.io import PointCloud
 from cgroup.methods import group

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup import _core
-from cgroup._arrays import as_frames, as_points, as_vector
+from cgroup._arguments import as_floats, as_frames, as_number, as_points, as_vector
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -79,17 +79,28 @@ class Correspondences:
             missing = "source_lrf" if source_lrf is None else "target_lrf"
             message = f"{missing}: missing; frames are needed on both sides or on neither"
             raise InputError(message)
+        partners = as_points("target", target)
+        if len(partners) != n:
+            message = (
+                f"target: got {len(partners)} rows, but source has {n}; "
+                "row i of one matches row i of the other"
+            )
+            raise InputError(message)
         self._set("source", points)
-        self._set("target", as_points("target", target))
+        self._set("target", partners)
         self._set("similarity", None if similarity is None else as_vector("similarity", similarity, n))
         self._set("ratio", None if ratio is None else as_vector("ratio", ratio, n))
         self._set("source_lrf", None if source_lrf is None else as_frames("source_lrf", source_lrf, n))
         self._set("target_lrf", None if target_lrf is None else as_frames("target_lrf", target_lrf, n))
-        self._set("resolution", None if resolution is None else float(resolution))
-        centroid = None if source_centroid is None else as_vector("source_centroid", source_centroid, 3)
-        self._set("source_centroid", centroid)
+        self._set("resolution", None if resolution is None else as_number("resolution", resolution))
+        self._set("source_centroid", None if source_centroid is None else _centroid(source_centroid))
 
     def _set(self, name: str, value: object) -> None:
+        if isinstance(value, np.ndarray):
+            # A copy of one's own: the caller's buffer may hold the next frame by the time of transform().
+            copy: FloatArray = value.copy()
+            copy.flags.writeable = False
+            value = copy
         object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -98,6 +109,14 @@ class Correspondences:
     def __repr__(self) -> str:
         given = [name for name in OPTIONAL_FIELDS if getattr(self, name) is not None]
         return f"Correspondences(n={len(self)}, fields={['source', 'target', *given]})"
+
+
+def _centroid(value: ArrayLike) -> FloatArray:
+    array = as_floats("source_centroid", value)
+    if array.shape != (3,):
+        message = f"source_centroid: got shape {array.shape}; give the three coordinates of one point"
+        raise InputError(message)
+    return array
 
 
 OPTIONAL_FIELDS = ("similarity", "ratio", "source_lrf", "target_lrf", "resolution", "source_centroid")

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point3};
 
 use crate::error::{Error, Result, positive};
-use crate::points::Points;
+use crate::points::{MAX_COORDINATE, Points};
 
 /// A local reference frame: rows are the x, y and z axes. `None`: no frame could be computed.
 pub type Frame = Option<Matrix3<f64>>;
@@ -96,8 +96,8 @@ impl Correspondences {
     /// # Errors
     /// [`Error::InvalidInput`] unless it is finite.
     pub fn with_source_centroid(mut self, centroid: [f64; 3]) -> Result<Self> {
-        if centroid.iter().any(|value| !value.is_finite()) {
-            let remedy = "give three finite coordinates";
+        if centroid.iter().any(|value| !value.is_finite() || value.abs() > MAX_COORDINATE) {
+            let remedy = "give three finite coordinates of at most 1e150";
             return Err(Error::invalid("source_centroid", format!("{centroid:?}"), remedy));
         }
         self.source_centroid = Some(Point3::from(centroid));
@@ -173,10 +173,10 @@ impl Correspondences {
         }
         let Some(resolution) = self.resolution else {
             let remedy = format!(
-                "give `resolution` (mean nearest-neighbour distance of the clouds, see cgroup.resolution); \
+                "give `resolution` (mean nearest-neighbour distance of the clouds, see cgroup.features.resolution); \
                  the paper's default is {factor} times it; or give `{name}`, a length in the data's unit"
             );
-            return Err(Error::invalid(name, "neither it nor `resolution`", remedy));
+            return Err(Error::invalid(name, "nothing", remedy));
         };
         Ok(factor * resolution)
     }

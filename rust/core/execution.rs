@@ -1,6 +1,6 @@
 //! How a computation runs: it can be stopped, watched, and kept within a memory bound.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::error::{Error, Result};
 
@@ -11,8 +11,8 @@ pub const DEFAULT_MAX_MEMORY: usize = 1 << 30;
 #[derive(Debug)]
 pub struct Execution {
     interrupted: AtomicBool,
-    /// Share of the work done, as the bits of an `f64` in 0..=1.
-    progress: AtomicU64,
+    done: AtomicUsize,
+    total: AtomicUsize,
     /// Bytes that a dense pairwise matrix may take; larger ones are recomputed row by row.
     pub max_memory: usize,
 }
@@ -26,7 +26,12 @@ impl Default for Execution {
 impl Execution {
     /// A run whose pairwise matrices take at most `max_memory` bytes.
     pub fn new(max_memory: usize) -> Self {
-        Self { interrupted: AtomicBool::new(false), progress: AtomicU64::new(0.0_f64.to_bits()), max_memory }
+        Self {
+            interrupted: AtomicBool::new(false),
+            done: AtomicUsize::new(0),
+            total: AtomicUsize::new(1),
+            max_memory,
+        }
     }
 
     /// Asks the computation to stop; it returns [`Error::Interrupted`] soon after.
@@ -50,13 +55,24 @@ impl Execution {
     /// # Errors
     /// [`Error::Interrupted`] once [`Self::interrupt`] was called.
     pub fn report(&self, done: usize, total: usize) -> Result<()> {
-        let share = done as f64 / total.max(1) as f64;
-        self.progress.store(share.to_bits(), Ordering::Relaxed);
+        self.total.store(total.max(1), Ordering::Relaxed);
+        self.done.store(done, Ordering::Relaxed);
+        self.check()
+    }
+
+    /// Says that one more of the steps last announced by [`Self::report`] is behind us, and checks for an
+    /// interruption; for loops whose steps end in any order.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] once [`Self::interrupt`] was called.
+    pub fn advance(&self) -> Result<()> {
+        self.done.fetch_add(1, Ordering::Relaxed);
         self.check()
     }
 
     /// Share of the work done, in 0..=1.
     pub fn progress(&self) -> f64 {
-        f64::from_bits(self.progress.load(Ordering::Relaxed))
+        let total = self.total.load(Ordering::Relaxed) as f64;
+        (self.done.load(Ordering::Relaxed) as f64 / total).min(1.0)
     }
 }

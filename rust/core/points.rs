@@ -5,7 +5,10 @@ use nalgebra::{Point3, Vector3};
 use crate::error::{Error, Result};
 
 /// Coordinates beyond this magnitude cannot be squared and summed safely.
-const MAX_COORDINATE: f64 = 1e150;
+pub const MAX_COORDINATE: f64 = 1e150;
+
+/// Squares and products of smaller extents vanish.
+const MIN_EXTENT: f64 = 1e-60;
 
 /// Edges shorter than this share of the bounding box's diagonal count as zero length.
 pub const ZERO_LENGTH: f64 = 1e-12;
@@ -30,7 +33,16 @@ impl Points {
     /// [`Error::InvalidInput`] naming the first row that is not finite, or too large to square.
     pub fn from_rows(name: &str, rows: &[[f64; 3]]) -> Result<Self> {
         validate(name, rows)?;
-        Ok(Self::centered(rows))
+        let points = Self::centered(rows);
+        let extent = [&points.x, &points.y, &points.z]
+            .into_iter()
+            .flatten()
+            .fold(0.0, |most: f64, v| most.max(v.abs()));
+        if extent > 0.0 && extent < MIN_EXTENT {
+            let remedy = "distances that small can't be squared; use a smaller unit";
+            return Err(Error::invalid(name, format!("points within {extent:e} of each other"), remedy));
+        }
+        Ok(points)
     }
 
     fn centered(rows: &[[f64; 3]]) -> Self {

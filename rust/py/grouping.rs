@@ -12,13 +12,13 @@ use cgroup::grouping::similarity_score::SimilarityScore;
 use cgroup::grouping::spectral::{Affinity, Conflict, Diagonal, Spectral};
 use cgroup::selection::eigenvector::Eigensolver;
 use cgroup::selection::otsu::DEFAULT_BINS;
-use cgroup::{Correspondences, Execution, GroupingMethod, Points};
+use cgroup::{Correspondences, GroupingMethod, Points};
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::convert::{self, Fields, PyGrouping, ThresholdOption, choose, threshold as to_threshold};
-use crate::error::{InputError, to_python};
-use crate::run::{RunOptions, run};
+use crate::error::InputError;
+use crate::run::{RunOptions, run, run_inline};
 
 fn group<'py>(
     py: Python<'py>,
@@ -62,8 +62,7 @@ fn group_inline<'py>(
     correspondences: cgroup::Result<Correspondences>,
     method: &(impl GroupingMethod + Sync),
 ) -> PyResult<PyGrouping<'py>> {
-    let group = |input: Correspondences| method.group(&input, &Execution::default());
-    let result = py.detach(|| correspondences.and_then(group)).map_err(|error| to_python(&error))?;
+    let result = run_inline(py, |execution| method.group(&correspondences?, execution))?;
     convert::grouping(py, result)
 }
 
@@ -273,10 +272,10 @@ pub fn rigid_fit<'py>(
     target: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (source, target) = (convert::points(&source), convert::points(&target));
-    let fit = py.detach(|| {
+    let fit = run_inline(py, |_| {
         let (source, target) = (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
         let all: Vec<usize> = (0..source.len()).collect();
         fit_group(&source, &target, &all)
     });
-    Ok(convert::matrix(py, &fit.map_err(|error| to_python(&error))?.to_matrix()))
+    Ok(convert::matrix(py, &fit?.to_matrix()))
 }

@@ -10,7 +10,7 @@ use cgroup::{Error, Execution};
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::error::{CgroupError, InputError, to_python};
+use crate::error::{CgroupError, to_python};
 
 /// Time between two looks for a signal.
 const POLL: Duration = Duration::from_millis(50);
@@ -18,8 +18,20 @@ const POLL: Duration = Duration::from_millis(50);
 /// Time that an interrupted computation gets to end by itself before it is left to end in the background.
 const GRACE: Duration = Duration::from_millis(500);
 
-/// Pools by process and number of threads.
-type Pools = HashMap<(u32, usize), Arc<ThreadPool>>;
+/// Pools of this process; threads do not survive a fork, so each process has its own.
+#[derive(Default)]
+struct Pools {
+    process: u32,
+    /// Pools that callers share, by number of threads.
+    shared: HashMap<usize, Arc<ThreadPool>>,
+    /// Pools of one thread that nobody uses at the moment: callers who ask for one thread run side by side.
+    single: Vec<Arc<ThreadPool>>,
+}
+
+static POOLS: Mutex<Option<Pools>> = Mutex::new(None);
+
+/// Idle pools of one thread that are kept.
+const MOST_IDLE: usize = 64;
 
 /// How the caller wants a computation to run; read from a `cgroup.types.RunOptions`.
 #[derive(FromPyObject)]
@@ -35,7 +47,7 @@ pub fn run<T: Send + 'static>(
     options: &RunOptions,
     work: impl FnOnce(&Execution) -> Result<T, Error> + Send + 'static,
 ) -> PyResult<T> {
-    let pool = pool(options.threads)?;
+    let pool = take_pool(options.threads)?;
     let execution = Arc::new(Execution::new(options.max_memory));
     let (sender, receiver) = channel();
     let shared = Arc::clone(&execution);
@@ -61,12 +73,29 @@ pub fn run<T: Send + 'static>(
         }
     });
     match outcome {
-        Ok(Ok(result)) => result.map_err(|error| to_python(&error)),
+        Ok(outcome) => {
+            give_back(pool);
+            result_of(outcome)
+        }
         Err(Some(signal)) => Err(signal),
-        Ok(Err(_)) | Err(None) => Err(CgroupError::new_err(
-            "the computation failed inside cgroup; please report this with the input",
-        )),
+        Err(None) => Err(internal_error()),
     }
+}
+
+/// Runs `work`, which takes microseconds, on the calling thread with the GIL released.
+pub fn run_inline<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(&Execution) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    result_of(py.detach(|| catch_unwind(AssertUnwindSafe(|| work(&Execution::default())))))
+}
+
+fn result_of<T>(outcome: std::thread::Result<Result<T, Error>>) -> PyResult<T> {
+    outcome.map_err(|_| internal_error())?.map_err(|error| to_python(&error))
+}
+
+fn internal_error() -> PyErr {
+    CgroupError::new_err("the computation failed inside cgroup; please report this with the input")
 }
 
 /// Raises a pending signal, and tells the caller how far the work is.
@@ -78,24 +107,41 @@ fn look_around(py: Python<'_>, options: &RunOptions, execution: &Execution) -> P
     Ok(())
 }
 
-/// The pool of that many threads; one is kept for each number, and for each process, as threads do not
-/// survive a fork.
-fn pool(threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
-    static POOLS: Mutex<Option<Pools>> = Mutex::new(None);
-    let threads = match threads {
-        Some(0) => return Err(InputError::new_err("threads: got 0; give at least 1, or None for all cores")),
-        Some(threads) => threads,
-        None => std::thread::available_parallelism().map_or(1, usize::from),
-    };
-    let mut guard = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
-    let pools = guard.get_or_insert_default();
-    let key = (std::process::id(), threads);
-    if let Some(pool) = pools.get(&key) {
-        return Ok(Arc::clone(pool));
+/// A pool of that many threads, kept from an earlier call where there is one.
+fn take_pool(threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
+    let threads = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let kept = with_pools(|pools| match threads {
+        1 => pools.single.pop(),
+        _ => pools.shared.get(&threads).map(Arc::clone),
+    });
+    if let Some(pool) = kept {
+        return Ok(pool);
     }
+    // Built outside the lock, which a fork in the meantime would leave locked for ever.
     let builder = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("cgroup-{i}"));
     let failed = |error| CgroupError::new_err(format!("threads: could not start {threads} threads: {error}"));
-    let pool = Arc::new(builder.build().map_err(failed)?);
-    pools.insert(key, Arc::clone(&pool));
-    Ok(pool)
+    Ok(Arc::new(builder.build().map_err(failed)?))
+}
+
+fn give_back(pool: Arc<ThreadPool>) {
+    let threads = pool.current_num_threads();
+    with_pools(|pools| {
+        if threads > 1 {
+            pools.shared.entry(threads).or_insert(pool);
+        } else if pools.single.len() < MOST_IDLE {
+            pools.single.push(pool);
+        }
+    });
+}
+
+fn with_pools<T>(work: impl FnOnce(&mut Pools) -> T) -> T {
+    let mut guard = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+    let pools = guard.get_or_insert_default();
+    let process = std::process::id();
+    if pools.process != process {
+        // The threads of a parent's pools are not here; joining them would wait for ever.
+        std::mem::forget(std::mem::take(pools));
+        pools.process = process;
+    }
+    work(pools)
 }

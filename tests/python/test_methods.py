@@ -10,6 +10,7 @@ import sys
 import textwrap
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,7 +76,22 @@ class Wrapped:
         return np.array(self.array, dtype=dtype, copy=copy)
 
 
-LAYOUTS = [non_contiguous, reversed_twice, fortran, read_only, swapped_bytes, nested_lists, Wrapped]
+def packed_record(array: np.ndarray) -> np.ndarray:
+    record = np.zeros(len(array), dtype=[("tag", "u1"), ("values", array.dtype, array.shape[1:])])
+    record["values"] = array
+    return record["values"]
+
+
+LAYOUTS = [
+    packed_record,
+    non_contiguous,
+    reversed_twice,
+    fortran,
+    read_only,
+    swapped_bytes,
+    nested_lists,
+    Wrapped,
+]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -230,9 +246,45 @@ def test_bad_options(method, options, words):
         group(correspondences(), method, **options)
 
 
-def test_negative_counts_are_refused_by_type():
-    with pytest.raises((InputError, OverflowError)):
-        cgroup.ransac(PROBLEM.source, PROBLEM.target, tolerance=1.0, iterations=-1)
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"seed": -1}, "seed.*-1.*whole number"),
+        ({"seed": 2**64}, "seed"),
+        ({"iterations": 10.0}, "iterations.*10.0.*whole number"),
+        ({"iterations": True}, "iterations"),
+        ({"tolerance": "5"}, "tolerance.*'5'.*number"),
+        ({"tolerance": [1.0, 2.0]}, "tolerance"),
+        ({"resolution": "a"}, "resolution.*number"),
+        ({"threads": 2.5}, "threads.*whole number"),
+        ({"threads": 10**6}, "threads.*at most"),
+    ],
+)
+def test_options_of_the_wrong_kind(options, words):
+    with pytest.raises(InputError, match=words):
+        cgroup.ransac(PROBLEM.source, PROBLEM.target, **{"resolution": 1.0, **options})
+
+
+def test_memory_bound_is_a_count():
+    with pytest.raises(InputError, match="max_memory"):
+        cgroup.gtm(PROBLEM.source, PROBLEM.target, max_memory=-1)
+
+
+def test_too_many_bins():
+    with pytest.raises(InputError, match="bins.*1,000,000"):
+        cgroup.ss(PROBLEM.similarity, bins=2**60)
+
+
+def test_masked_rows_are_not_used_by_mistake():
+    masked = np.ma.masked_array(PROBLEM.source, mask=np.zeros((120, 3), bool))
+    masked.mask[3] = True
+    with pytest.raises(InputError, match="masked"):
+        cgroup.gtm(masked, PROBLEM.target)
+
+
+def test_extents_too_small_to_square():
+    with pytest.raises(InputError, match="smaller unit"):
+        cgroup.gtm(PROBLEM.source * 1e-100, PROBLEM.target * 1e-100)
 
 
 @pytest.mark.parametrize("method", ["ransac", "gc", "si", "cv"])
@@ -275,6 +327,23 @@ def test_transform_maps_source_into_target():
     np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-12)
     assert result.model is not None
     np.testing.assert_allclose(T, PROBLEM.T_target_source, atol=2.0)
+
+
+def test_pose_is_that_of_the_points_grouped():
+    source, target = PROBLEM.source.copy(), PROBLEM.target.copy()
+    result = cgroup.gtm(source, target)
+    expected = result.transform()
+    source[:] = 0.0  # the buffer gets the next frame
+    np.testing.assert_array_equal(result.transform(), expected)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_line_fixes_no_pose(seed):
+    rng = np.random.default_rng(seed)
+    line = rng.normal(size=3) + np.outer(rng.normal(size=20), rng.normal(size=3)) * 10.0 ** rng.uniform(-9, 9)
+    result = cgroup.gc(line, line, tolerance=1.0)
+    with pytest.raises(NoConsensusError, match="line"):
+        result.transform()
 
 
 def test_no_consensus_is_an_empty_mask_and_no_pose():
@@ -365,11 +434,30 @@ def test_other_threads_run_meanwhile():
     assert sum(start < moment < end for moment in ticks) >= 5
 
 
-def test_progress_is_reported():
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [("gtm", {"iterations": 3000}), ("ransac", {"tolerance": 0.1, "iterations": 300_000})],
+)
+def test_progress_is_reported(method, options):
     shares: list[float] = []
-    cgroup.gtm(*big_problem(3000), threads=1, progress=shares.append)
+    METHODS[method](*big_problem(3000), threads=1, progress=shares.append, **options)
     assert shares == sorted(shares)
     assert all(0.0 <= share <= 1.0 for share in shares)
+    assert len(set(shares)) > 1
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads through /proc")
+def test_group_many_computes_side_by_side():
+    script = textwrap.dedent("""
+        from pathlib import Path
+        import numpy as np, cgroup
+        points = np.random.default_rng(0).normal(size=(2000, 3))
+        problems = [cgroup.Correspondences(points, points[::-1], resolution=0.1)] * 8
+        cgroup.group_many(problems, "ransac", threads=4)
+        names = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
+        print(names.count("cgroup-0"))
+    """)
+    assert int(subprocess.check_output([sys.executable, "-c", script], text=True)) >= 2
 
 
 def test_an_error_in_the_progress_callback_ends_the_run():
@@ -387,7 +475,7 @@ def test_an_error_in_the_progress_callback_ends_the_run():
         "cgroup.gtm(a, b, iterations=10**9)",
         "cgroup.gtm(a, b, iterations=10**9, max_memory=0)",
         "cgroup.ransac(a, b, tolerance=0.1, iterations=10**9)",
-        "cgroup.st(a, b, recompute=True)",
+        "cgroup.st(a, b, recompute=True, min_distance_ratio=0.01)",
         "cgroup.st(a, b, eigensolver='dense', max_memory=1 << 33)",
         "cgroup.gc(a, b, tolerance=9.0, variant='clique', iterations=10**9)",
     ],

@@ -60,7 +60,8 @@ def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixel
     -------
     MatchingPair
         Unit mm. Each view is in its scanner's frame: scanner at the origin, looking along -z, y up.
-        With the default arguments some 8 % of the matches of Harris keypoints by SHOT are correct.
+        With the default arguments the views share 0.8 to 0.95 of their points (within 4 pr), and 5 to 14 %
+        of the matches of Harris keypoints by SHOT are correct, depending on the seed.
 
     Raises
     ------

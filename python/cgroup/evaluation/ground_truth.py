@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._arrays import as_points
+from cgroup._arguments import as_points
 from cgroup.errors import InputError
 from cgroup.io import check_rigid
 

@@ -29,6 +29,7 @@ MAX_LINES = 150
 
 _GAP = 0.35  # between the two clouds, in widths of the wider one
 _COLUMNS = 3
+_WIDTH = 12  # inches
 
 
 def registration_figure(
@@ -60,9 +61,11 @@ def registration_figure(
     Figure
         The source is shown turned as in the pose, so that lines of right matches run parallel.
     """
-    figure = Figure(figsize=(12, 5), dpi=style.DOTS_PER_INCH, layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(2.1, 1))
     scene = _Scene.of(source, target, T_target_source)
+    widths, height = scene.widths, scene.height
+    size = (_WIDTH, float(np.clip(_WIDTH * height / sum(widths), 2.5, 9)) + 0.9)
+    figure = Figure(figsize=size, dpi=style.DOTS_PER_INCH, layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=widths)
     scene.draw_clouds(left)
     drawn = scene.draw_lines(left, correspondences, np.flatnonzero(mask), style.GROUPED)
     _caption(left, "Grouped matches", _shown(drawn, int(mask.sum())))
@@ -111,8 +114,8 @@ def comparison_figure(
     """
     rows = -(-len(results) // _COLUMNS)
     scene = _Scene.of(source, target, T_target_source)
-    height = 11.6 / _COLUMNS * scene.aspect + 0.3
-    figure = Figure(figsize=(12, rows * height + 0.75), dpi=style.DOTS_PER_INCH, layout="constrained")
+    height = float(np.clip(0.97 * _WIDTH / _COLUMNS * scene.height / scene.widths[0], 1.2, 6)) + 0.3
+    figure = Figure(figsize=(_WIDTH, rows * height + 0.75), dpi=style.DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).reshape(-1)
     for axes, result in zip(panels, results, strict=False):
         scene.draw_clouds(axes)
@@ -171,11 +174,15 @@ class _Scene:
         return left + self.shift[0], right + self.shift[0], bottom, top
 
     @property
-    def aspect(self) -> float:
-        """Height over width."""
-        left, _, *vertical = self.pictures[0].extent
-        _, right, *more = self.target_extent
-        return (max(vertical[1], more[1]) - min(vertical[0], more[0])) / (right - left)
+    def widths(self) -> tuple[float, float]:
+        """Of the two clouds side by side, and of the two on each other."""
+        left, right, *_ = self.overlay.extent
+        return self.target_extent[1] - self.pictures[0].extent[0], right - left
+
+    @property
+    def height(self) -> float:
+        bottom, top = self.overlay.extent[2:]
+        return top - bottom
 
     def draw_clouds(self, axes: Axes) -> None:
         source, target = self.pictures
@@ -217,7 +224,7 @@ def _fit(axes: Axes, *extents: tuple[float, float, float, float]) -> None:
     margin = 0.02 * (max(right) - min(left))
     axes.set_xlim(min(left) - margin, max(right) + margin)
     axes.set_ylim(min(bottom) - margin, max(top) + margin)
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", anchor="N")
     axes.set_axis_off()
 
 

@@ -10,13 +10,15 @@ import numpy as np
 if TYPE_CHECKING:
     from typing import TypeAlias
 
-    from cgroup.types import FloatArray
+    from cgroup.types import BoolArray, FloatArray
 
     Tint: TypeAlias = tuple[float, float, float]
 
 _LIGHT = np.array([-0.45, 0.55, 0.70])  # towards the light: upper left, in front
 _AMBIENT = 0.35
 _CELLS = 240  # along the larger side of a picture, at most
+_STRAYS = 0.01  # share of the points beyond each side that may be left out ...
+_MARGIN = 0.3  # ... if they are farther off than this share of the width of the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,7 @@ def shaded(projected: FloatArray, tint: Tint) -> Picture:
     Picture
         In the coordinates of `projected`.
     """
+    projected = _without_strays(projected)
     grid = _Grid.over(projected)
     return grid.picture(_lit(_surface(projected, grid), grid.cell, tint))
 
@@ -106,11 +109,20 @@ def overlaid(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) ->
     Picture
         Where the clouds lie on each other, the two colours are speckled.
     """
+    first, second = _without_strays(first), _without_strays(second)
     grid = _Grid.over(np.concatenate([first, second]))
     surfaces = [_surface(cloud, grid) for cloud in (first, second)]
     lit = [_lit(depth, grid.cell, tint) for depth, tint in zip(surfaces, tints, strict=True)]
     ahead = np.nan_to_num(surfaces[0], nan=-np.inf) > np.nan_to_num(surfaces[1], nan=-np.inf)
     return grid.picture(np.where(ahead[..., None], lit[0], lit[1]))
+
+
+def _without_strays(projected: FloatArray) -> FloatArray:
+    """Leave out the few points far off, as laser scans have, that would make the rest small."""
+    low, high = np.quantile(projected[:, :2], (_STRAYS, 1 - _STRAYS), axis=0)
+    margin = _MARGIN * (high - low)
+    inside = (projected[:, :2] >= low - margin) & (projected[:, :2] <= high + margin)
+    return projected[inside.all(axis=1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,16 +183,20 @@ def _shifted(image: FloatArray, steps: tuple[int, int]) -> FloatArray:
 
 
 def _smoothed(depth: FloatArray, jump: float) -> FloatArray:
-    """Mean over a cell and those around it on the same surface; fills holes of one cell."""
-    around = [_shifted(depth, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    stack = np.stack(around)
-    seen = np.isfinite(stack).sum(axis=0)
-    hole = np.isnan(depth) & (seen >= 5)  # most of the eight cells around
-    filled = np.where(np.isnan(stack), 0, stack).sum(axis=0) / np.maximum(seen, 1)
-    center = np.where(hole, filled, depth)
-    same = np.abs(stack - center) <= jump
-    mean = np.where(same, stack, 0).sum(axis=0) / np.maximum(same.sum(axis=0), 1)
-    return np.where(same.any(axis=0), mean, center)
+    """Mean over a cell and those around it on the same surface; fills holes of one cell.
+
+    A hole is a cell without a point, or one where only the far side of the shape was hit.
+    """
+    around = np.stack([_shifted(depth, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+    nearer = around > np.nan_to_num(depth, nan=-np.inf) + jump
+    hole = nearer.sum(axis=0) >= 5  # most of the eight cells around
+    center = np.where(hole, _mean_where(around, nearer), depth)
+    same = np.abs(around - center) <= jump
+    return np.where(same.any(axis=0), _mean_where(around, same), center)
+
+
+def _mean_where(stack: FloatArray, chosen: BoolArray) -> FloatArray:
+    return np.where(chosen, stack, 0).sum(axis=0) / np.maximum(chosen.sum(axis=0), 1)
 
 
 def _slope(depth: FloatArray, axis: int) -> FloatArray:

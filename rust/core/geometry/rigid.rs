@@ -5,6 +5,10 @@ use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 use crate::error::{Error, Result};
 use crate::points::Points;
 
+/// Points whose second principal variance is below this share of the first lie on a line: rounding makes
+/// about as much of points that do so exactly.
+const LINE_FLATNESS: f64 = 1e-14;
+
 /// A rigid transform `q = R p + t` on column vectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rigid {
@@ -62,11 +66,16 @@ pub fn fit_group(source: &Points, target: &Points, indices: &[usize]) -> Result<
     }
     let p: Vec<_> = indices.iter().map(|&i| source.get(i)).collect();
     let q: Vec<_> = indices.iter().map(|&i| target.get(i)).collect();
-    if is_collinear(&p) || is_collinear(&q) {
+    if !fixes_rotation(&p, &q) {
         let reason = "the group's points lie on one line; they leave a rotation open".to_owned();
         return Err(Error::NoConsensus { reason });
     }
     Ok(fit_rigid(&p, &q).uncentered(source, target))
+}
+
+/// Whether matched points fix a rotation: three or more, not on a line on either side.
+pub fn fixes_rotation(source: &[Point3<f64>], target: &[Point3<f64>]) -> bool {
+    source.len() >= 3 && !is_collinear(source) && !is_collinear(target)
 }
 
 fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64> {
@@ -88,11 +97,15 @@ fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64> {
 
 fn is_collinear(points: &[Point3<f64>]) -> bool {
     let mean = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / points.len() as f64;
-    let scatter: Matrix3<f64> =
-        points.iter().map(|p| (p.coords - mean) * (p.coords - mean).transpose()).sum();
+    let extent = points.iter().map(|p| (p.coords - mean).amax()).fold(0.0, f64::max);
+    if extent == 0.0 {
+        return true;
+    }
+    let offsets = points.iter().map(|p| (p.coords - mean) / extent);
+    let scatter: Matrix3<f64> = offsets.map(|offset| offset * offset.transpose()).sum();
     let mut eigenvalues = scatter.symmetric_eigenvalues();
     eigenvalues.as_mut_slice().sort_by(f64::total_cmp);
-    eigenvalues[1] <= 1e-18 * eigenvalues[2] || eigenvalues[2] == 0.0
+    eigenvalues[1] <= LINE_FLATNESS * eigenvalues[2]
 }
 
 #[cfg(test)]
@@ -124,10 +137,15 @@ mod tests {
 
     #[test]
     fn refuses_a_line() -> Result<()> {
-        let rows: Vec<[f64; 3]> = (0..5).map(|i| [f64::from(i), 2.0 * f64::from(i), 0.0]).collect();
-        let points = Points::from_rows("source", &rows)?;
-        let fit = fit_group(&points, &points, &[0, 1, 2, 3]);
-        assert!(matches!(fit, Err(Error::NoConsensus { .. })));
+        for k in 0..200 {
+            let f = f64::from(k);
+            let (direction, scale) = ([f.sin(), (1.7 * f).cos(), (2.3 * f).sin()], 10_f64.powi(k % 50 - 25));
+            let rows: Vec<[f64; 3]> =
+                (0..5).map(|i| direction.map(|axis| (axis * f64::from(i) + 0.3) * scale)).collect();
+            let points = Points::from_rows("source", &rows)?;
+            let fit = fit_group(&points, &points, &[0, 1, 2, 3]);
+            assert!(matches!(fit, Err(Error::NoConsensus { .. })), "{direction:?}");
+        }
         Ok(())
     }
 

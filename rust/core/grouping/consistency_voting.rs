@@ -65,11 +65,12 @@ impl GroupingMethod for ConsistencyVoting {
 
 impl ConsistencyVoting {
     fn count_votes(&self, pairs: &Pairs, voters: &[usize], execution: &Execution) -> Result<Vec<f64>> {
+        execution.report(0, pairs.source.len())?;
         (0..pairs.source.len())
             .into_par_iter()
             .with_min_len(16)
             .map(|i| {
-                execution.check()?;
+                execution.advance()?;
                 let others = voters.iter().filter(|&&j| !(self.exclude_self && j == i));
                 Ok(others.map(|&j| pairs.vote(i, j)).sum())
             })

@@ -156,11 +156,12 @@ fn cluster_sizes(
 ) -> Result<Vec<usize>> {
     let side = |p: &Points| Side { x: p.x.clone(), y: p.y.clone(), z: p.z.clone(), zero_squared: 0.0 };
     let (source, target) = (side(source), side(target));
+    execution.report(0, source.x.len())?;
     (0..source.x.len())
         .into_par_iter()
         .with_min_len(16)
         .map(|i| {
-            execution.check()?;
+            execution.advance()?;
             Ok(1 + dispatch(|| count_within(&source, &target, i, tolerance)))
         })
         .collect()

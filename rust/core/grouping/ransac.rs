@@ -5,7 +5,7 @@
 
 use super::GroupingMethod;
 use crate::error::{Error, at_least_one, fraction};
-use crate::geometry::rigid::{Rigid, fit_rigid};
+use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
 use crate::selection::sample_consensus::{Consensus, SampleConsensus};
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
@@ -44,7 +44,7 @@ impl GroupingMethod for Ransac {
         let (source, target) = correspondences.positions("ransac")?;
         let engine = self.engine(correspondences)?;
         let Some(best) = engine.run(source, target, execution)? else {
-            return Ok(Grouping::empty(source.len()));
+            return Ok(Grouping::empty(source.len()).with("iterations", self.iterations as f64));
         };
         let (model, mask) = if self.refine {
             refit(&best.model, &engine, source, target)
@@ -75,12 +75,17 @@ impl Ransac {
     }
 }
 
+/// The transform fitted to all inliers and what agrees with it; the model itself where they fix none.
 fn refit(model: &Rigid, engine: &SampleConsensus, source: &Points, target: &Points) -> (Rigid, Vec<bool>) {
     let inliers = engine.inlier_mask(model, source, target);
     let selected = |points: &Points| {
         (0..points.len()).filter(|&i| inliers[i]).map(|i| points.get(i)).collect::<Vec<_>>()
     };
-    let refined = fit_rigid(&selected(source), &selected(target));
+    let (p, q) = (selected(source), selected(target));
+    if !fixes_rotation(&p, &q) {
+        return (*model, inliers);
+    }
+    let refined = fit_rigid(&p, &q);
     (refined, engine.inlier_mask(&refined, source, target))
 }
 

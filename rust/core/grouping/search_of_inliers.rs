@@ -131,8 +131,9 @@ impl Ballot<'_> {
 
     /// Global voters must agree with the pose of `i` as well.
     fn global_votes(&self, voters: &[usize], execution: &Execution) -> Result<Vec<Votes>> {
+        execution.report(0, self.source.len())?;
         let votes_on = |i: usize| {
-            execution.check()?;
+            execution.advance()?;
             let pose = pose_of(i, self.source, self.target, &self.source_frames[i], &self.target_frames[i]);
             let others = voters.iter().copied().filter(|&j| j != i);
             Ok(count(others, |j| {

@@ -13,6 +13,9 @@ const MAX_STEPS: usize = 1000;
 /// Greatest change of an entry at which the iteration has converged.
 const CONVERGED: f64 = 1e-10;
 
+/// Progress is told in steps of one percent.
+const PERCENT: usize = 100;
+
 /// Share of the mean row sum added to the diagonal: same eigenvectors, but `-lambda` can't oscillate.
 const SHIFT: f64 = 0.05;
 
@@ -75,6 +78,9 @@ fn power_iteration(matrix: &PairMatrix, shift: f64, execution: &Execution) -> Re
         next.iter_mut().for_each(|entry| *entry /= length);
         let change = next.iter().zip(&vector).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         vector = next;
+        // The change falls geometrically to the bound.
+        let share = change.max(CONVERGED).log10() / CONVERGED.log10();
+        execution.report((share.max(0.0) * PERCENT as f64) as usize, PERCENT)?;
         if change < CONVERGED {
             break;
         }

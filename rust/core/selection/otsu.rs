@@ -8,6 +8,9 @@ use crate::error::{Error, Result, at_least_one};
 /// Bins of the paper's own routine.
 pub const DEFAULT_BINS: usize = 100;
 
+/// More bins tell no more scores apart.
+const MAX_BINS: usize = 1_000_000;
+
 /// Scores whose spread is below this share of their magnitude are all equal.
 const EQUAL_SCORES: f64 = 1e-9;
 
@@ -74,7 +77,10 @@ impl Threshold {
                 Err(Error::invalid("threshold", value, "give a number or \"otsu\""))
             }
             Self::Otsu(OtsuMode::MinMax { bins } | OtsuMode::Legacy { bins }) => {
-                at_least_one("bins", bins).map(drop)
+                if at_least_one("bins", bins)? > MAX_BINS {
+                    return Err(Error::invalid("bins", bins, "give at most 1,000,000"));
+                }
+                Ok(())
             }
             _ => Ok(()),
         }

@@ -57,8 +57,9 @@ impl SampleConsensus {
         }
         let sides = (side(source), side(target));
         let blocks = self.iterations.div_ceil(BLOCK);
+        execution.report(0, blocks)?;
         let run_block = |block: usize| {
-            execution.check()?;
+            execution.advance()?;
             Ok(self.best_of_block(block, source, target, &sides))
         };
         let Some(confidence) = self.confidence else {
@@ -71,7 +72,7 @@ impl SampleConsensus {
         for block in 0..blocks {
             best = better(best, run_block(block)?);
             spent = self.iterations.min((block + 1) * BLOCK);
-            execution.report(spent, self.iterations)?;
+
             if best.is_some_and(|found| spent as f64 >= needed(confidence, found.inliers, source.len())) {
                 break;
             }
@@ -152,7 +153,8 @@ fn needed(confidence: f64, inliers: usize, n: usize) -> f64 {
     if share >= 1.0 {
         return 0.0;
     }
-    (1.0 - confidence).ln() / (1.0 - share.powi(3)).ln()
+    // ln(1 - x) that is still below 0 where 1 - x rounds to 1.
+    (-confidence).ln_1p() / (-share.powi(3)).ln_1p()
 }
 
 fn better(a: Option<Consensus>, b: Option<Consensus>) -> Option<Consensus> {

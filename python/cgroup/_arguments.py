@@ -1,7 +1,8 @@
-"""Turns whatever the user passes into float64 arrays of the right shape, or says what is wrong."""
+"""Turns whatever the user passes into arrays and numbers of the right kind, or says what is wrong."""
 
 from __future__ import annotations
 
+import operator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,12 +14,17 @@ if TYPE_CHECKING:
 
     from cgroup.types import FloatArray
 
+LARGEST_COUNT = 2**63 - 1
+
 
 def as_floats(name: str, value: ArrayLike) -> FloatArray:
-    """Return `value` as a float64 array; it is not copied where it is one already."""
+    """Return `value` as a contiguous, aligned float64 array; not copied where it is one already."""
+    if np.ma.is_masked(value):
+        message = f"{name}: got a masked array; drop its masked rows first"
+        raise InputError(message)
     try:
         array = np.asarray(value)
-    except (ValueError, TypeError) as error:
+    except Exception as error:  # whatever the object's own conversion raises
         message = (
             f"{name}: got {type(value).__name__}, which is no array: {error}; give a numpy array of numbers"
         )
@@ -26,13 +32,14 @@ def as_floats(name: str, value: ArrayLike) -> FloatArray:
     if array.dtype.kind not in "fiub":
         message = f"{name}: got an array of {array.dtype}; give real numbers"
         raise InputError(message)
-    return array.astype(np.float64, copy=False)
+    # Fields of packed records are neither aligned nor a whole number of elements apart.
+    return np.require(array, np.float64, ["C_CONTIGUOUS", "ALIGNED"])
 
 
 def as_points(name: str, value: ArrayLike) -> FloatArray:
     """Return `value` as (n,3) float64."""
     array = as_floats(name, value)
-    if array.size == 0 and array.ndim <= 2:
+    if array.shape == (0,):
         return array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
         hint = "transpose it" if array.ndim == 2 and array.shape[0] == 3 else "one row of x, y, z per point"
@@ -67,3 +74,27 @@ def as_frames(name: str, value: ArrayLike, rows: int) -> FloatArray:
 
 def _shape(array: FloatArray) -> str:
     return "(" + ",".join(map(str, array.shape)) + ")"
+
+
+def as_count(name: str, value: object, least: int) -> int:
+    """Return a whole number of at least `least`."""
+    try:
+        number = operator.index(value)  # type: ignore[arg-type] # pyright: ignore[reportArgumentType]
+    except TypeError:
+        number = least - 1
+    if isinstance(value, bool) or not least <= number <= LARGEST_COUNT:
+        message = f"{name}: got {value!r}; give a whole number of at least {least}"
+        raise InputError(message)
+    return number
+
+
+def as_number(name: str, value: object) -> float:
+    """Return a real number."""
+    if isinstance(value, (bool, str)) or np.ndim(value) != 0:  # pyright: ignore[reportArgumentType]
+        message = f"{name}: got {value!r}; give a number"
+        raise InputError(message)
+    try:
+        return float(value)  # type: ignore[arg-type] # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError) as error:
+        message = f"{name}: got {value!r}; give a number"
+        raise InputError(message) from error
