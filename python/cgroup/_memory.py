@@ -14,17 +14,34 @@ SHARE_OF_FREE = 4
 UNKNOWN_FREE = 4 << 30
 """Taken to be free where the system does not tell."""
 
+MEMINFO = Path("/proc/meminfo")
+CONTAINER = Path("/sys/fs/cgroup")
+
 
 def default_max_memory() -> int:
     """Bytes that a pairwise matrix may take: a quarter of what is free, at most 2 GiB."""
-    return min(MOST, _free() // SHARE_OF_FREE)
+    return min(MOST, max(min(_free_on_machine(), _free_in_container()), 0) // SHARE_OF_FREE)
 
 
-def _free() -> int:
+def _free_on_machine() -> int:
     try:
-        for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
+        for line in MEMINFO.read_text(encoding="ascii").splitlines():
             if line.startswith("MemAvailable:"):
                 return int(line.split()[1]) << 10
+    except (OSError, ValueError):
+        pass
+    try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
     except (OSError, ValueError, AttributeError):
         return UNKNOWN_FREE
+
+
+def _free_in_container() -> int:
+    """Bytes up to the limit that a container sets, if it does."""
+    try:
+        limit, used = (
+            (CONTAINER / name).read_text(encoding="ascii") for name in ("memory.max", "memory.current")
+        )
+        return int(limit) - int(used)
+    except (OSError, ValueError):
+        return MOST * SHARE_OF_FREE

@@ -336,7 +336,7 @@ def st(
         An accepted correspondence removes those below `min_distance_ratio`, those that share a point
         with it, or both.
     eigensolver : {"power", "dense"}
-        Power iteration, or a full O(n^3) decomposition (about ``32 n^2`` bytes).
+        Power iteration, or a full O(n^3) decomposition (about ``40 n^2`` bytes).
     recompute : bool
         Compute the eigenvector of what is left after each acceptance.
     threads, max_memory, progress

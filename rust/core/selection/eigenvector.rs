@@ -90,8 +90,8 @@ fn power_iteration(matrix: &PairMatrix, shift: f64, execution: &Execution) -> Re
 
 fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
     let n = matrix.len();
-    // The matrix, its eigenvectors, and about as much again of working space.
-    let bytes = n.saturating_mul(n).saturating_mul(4 * size_of::<f64>());
+    // The pair scores, the matrix, its eigenvectors, and about as much again of working space.
+    let bytes = n.saturating_mul(n).saturating_mul(5 * size_of::<f64>());
     if bytes > execution.max_memory {
         let remedy = format!(
             "the dense solver needs about {} MiB at n = {n}; use eigensolver=\"power\" or raise `max_memory`",
@@ -99,9 +99,13 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
         );
         return Err(Error::invalid("eigensolver", "\"dense\"", remedy));
     }
-    let rows: Vec<Vec<f64>> = (0..n).map(|i| matrix.row(i)).collect();
-    let full = Mat::from_fn(n, n, |i, j| rows[i][j]);
-    execution.check()?;
+    let mut full = Mat::zeros(n, n);
+    for i in 0..n {
+        for (j, entry) in matrix.row(i).into_iter().enumerate() {
+            full[(i, j)] = entry;
+        }
+        execution.check()?;
+    }
     let failed = |_| Error::invalid("eigensolver", "\"dense\"", "it did not converge; use \"power\"");
     let decomposition = full.self_adjoint_eigen(Side::Lower).map_err(failed)?;
     let last = n - 1; // a matrix with a positive entry has a row
