@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from cgroup.types import FloatArray
 
-LARGEST_COUNT = 2**63 - 1
+LARGEST_COUNT = 2**64 - 1
 
 
 def as_floats(name: str, value: ArrayLike) -> FloatArray:
