@@ -84,36 +84,48 @@ impl<T: Element> PairPositions<T> {
         let (source, target, zero) = (&self.source, &self.target, T::default());
         let rho = |ds: T, dt: T| T::ratio(ds, dt).sqrt();
         match score {
-            PairScore::DistanceRatio => dispatch(|| fill_row(source, target, i, row, rho)),
+            PairScore::DistanceRatio => dispatch(
+                #[inline(always)]
+                || fill_row(source, target, i, row, rho),
+            ),
             PairScore::DistanceRatioFrom(least) => {
                 let least = T::from_f64(least);
-                dispatch(|| {
-                    fill_row(source, target, i, row, |ds, dt| {
-                        let value = rho(ds, dt);
-                        if value >= least { value } else { zero }
-                    });
-                });
+                dispatch(
+                    #[inline(always)]
+                    || {
+                        fill_row(source, target, i, row, |ds, dt| {
+                            let value = rho(ds, dt);
+                            if value >= least { value } else { zero }
+                        });
+                    },
+                );
             }
             PairScore::DistanceRatioIndicator(least) => {
                 let least = T::from_f64(least);
-                dispatch(|| {
-                    fill_row(
-                        source,
-                        target,
-                        i,
-                        row,
-                        |ds, dt| if rho(ds, dt) >= least { T::ONE } else { zero },
-                    );
-                });
+                dispatch(
+                    #[inline(always)]
+                    || {
+                        fill_row(
+                            source,
+                            target,
+                            i,
+                            row,
+                            |ds, dt| if rho(ds, dt) >= least { T::ONE } else { zero },
+                        );
+                    },
+                );
             }
             PairScore::DistanceDifferenceIndicator { tolerance, .. } => {
                 let tolerance = T::from_f64(tolerance * self.scale);
-                dispatch(|| {
-                    fill_row(source, target, i, row, |ds, dt| {
-                        let difference = T::absolute_difference(ds.sqrt(), dt.sqrt());
-                        if difference <= tolerance { T::ONE } else { zero }
-                    });
-                });
+                dispatch(
+                    #[inline(always)]
+                    || {
+                        fill_row(source, target, i, row, |ds, dt| {
+                            let difference = T::absolute_difference(ds.sqrt(), dt.sqrt());
+                            if difference <= tolerance { T::ONE } else { zero }
+                        });
+                    },
+                );
             }
         }
         row[i] = zero;
@@ -194,8 +206,18 @@ impl PairMatrix {
     /// [`crate::Error::Interrupted`].
     pub fn multiply(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
         match self {
-            Self::Double(rows) => rows.map(execution, |row| dispatch(|| dot(row, x))),
-            Self::Single(rows) => rows.map(execution, |row| dispatch(|| dot(row, x))),
+            Self::Double(rows) => rows.map(execution, |row| {
+                dispatch(
+                    #[inline(always)]
+                    || dot(row, x),
+                )
+            }),
+            Self::Single(rows) => rows.map(execution, |row| {
+                dispatch(
+                    #[inline(always)]
+                    || dot(row, x),
+                )
+            }),
         }
     }
 

@@ -162,7 +162,10 @@ fn cluster_sizes(
         .with_min_len(16)
         .map(|i| {
             execution.advance()?;
-            Ok(1 + dispatch(|| count_within(&source, &target, i, tolerance)))
+            Ok(1 + dispatch(
+                #[inline(always)]
+                || count_within(&source, &target, i, tolerance),
+            ))
         })
         .collect()
 }

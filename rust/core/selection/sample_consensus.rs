@@ -124,7 +124,10 @@ impl SampleConsensus {
             let sample = sample_three(self.seed, iteration as u64, source.len());
             let Some(model) = self.hypothesis(sample, source, target) else { continue };
             let transform = flatten(&model);
-            let inliers = dispatch(|| count_inliers(&sides.0, &sides.1, &transform, squared_tolerance));
+            let inliers = dispatch(
+                #[inline(always)]
+                || count_inliers(&sides.0, &sides.1, &transform, squared_tolerance),
+            );
             best = better(best, Some(Consensus { model, inliers, iteration, iterations: 0 }));
         }
         best
