@@ -13,8 +13,8 @@ matching      `match`
 
 Points are (N,3) in any unit and finite; lengths are in that unit. Keypoints are row numbers of the cloud.
 "Within a radius" means nearer than it, as in PCL. All functions but `mesh_normals` and `fpfh` take
-``threads`` (int or None, None for all cores); results do not depend on it. Input that can't be worked with raises `InputError`, a
-`ValueError`.
+``threads`` (int or None, None for all cores); results do not depend on it. Input that can't be worked with
+raises `InputError`, a `ValueError`.
 
 >>> import numpy as np
 >>> from cgroup import features
