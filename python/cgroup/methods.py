@@ -72,7 +72,7 @@ def ss(
     Grouping
         Its scores are the similarities.
     """
-    run_options(threads, None, None)
+    run_options(threads, 0, None)
     options = checked({"threshold": threshold, "otsu": otsu, "bins": bins})
     return _grouping(_core.ss(as_vector("similarity", similarity, None), **options))
 
@@ -97,7 +97,7 @@ def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8, threads: int | None = None
     Grouping
         Its scores are ``1 - ratio``.
     """
-    run_options(threads, None, None)
+    run_options(threads, 0, None)
     return _grouping(_core.nnsr(as_vector("ratio", ratio, None), **checked({"max_ratio": max_ratio})))
 
 
@@ -159,7 +159,7 @@ def si(
     fields = Correspondences(
         source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
     )
-    run = run_options(threads, None, progress)
+    run = run_options(threads, 0, progress)
     options = checked(
         {
             "tolerance": tolerance,
@@ -228,7 +228,7 @@ def cv(
     fields = Correspondences(
         source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
     )
-    run = run_options(threads, None, progress)
+    run = run_options(threads, 0, progress)
     options = checked(
         {
             "distance_scale": distance_scale,
@@ -287,7 +287,7 @@ def ransac(
         Its `model` is the transform (4,4) behind the selection. Without any inlier the group is empty.
     """
     fields = Correspondences(source, target, resolution=resolution)
-    run = run_options(threads, None, progress)
+    run = run_options(threads, 0, progress)
     options = checked(
         {
             "tolerance": tolerance,
@@ -410,7 +410,7 @@ def gc(
         Its scores are the sizes of the star clusters (star variant).
     """
     fields = Correspondences(source, target, similarity=similarity, resolution=resolution)
-    run = run_options(threads, None, progress)
+    run = run_options(threads, 0, progress)
     options = checked(
         {
             "tolerance": tolerance,
@@ -491,7 +491,7 @@ def hough3d(
         target_lrf=target_lrf,
         source_centroid=source_centroid,
     )
-    run = run_options(threads, None, progress)
+    run = run_options(threads, 0, progress)
     options = checked(
         {
             "variant": variant,
