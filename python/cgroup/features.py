@@ -39,9 +39,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from cgroup import _core
-from cgroup._arguments import as_floats, as_frames, as_points
+from cgroup._arguments import as_count, as_floats, as_frames, as_points
+from cgroup._options import run_options
 from cgroup.errors import CgroupError, InputError
-from cgroup.types import RunOptions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -140,7 +140,7 @@ def resolution(points: ArrayLike, *, ignore_zero: bool = False, threads: int | N
     >>> resolution([[0, 0, 0], [1, 0, 0], [3, 0, 0]])
     1.3333333333333333
     """
-    return _core.resolution(as_points("points", points), _run(threads), ignore_zero)
+    return _core.resolution(as_points("points", points), run_options(threads, 0, None), ignore_zero)
 
 
 def normals(
@@ -185,8 +185,10 @@ def normals(
     if place.shape != (3,) or not np.isfinite(place).all():
         message = f"viewpoint: got {viewpoint!r}; give three finite coordinates"
         raise InputError(message)
-    _whole("neighbors", neighbors)
-    return _core.normals(as_points("points", points), _run(threads), neighbors, radius, place.tolist())
+    as_count("neighbors", neighbors, 1)
+    return _core.normals(
+        as_points("points", points), run_options(threads, 0, None), neighbors, radius, place.tolist()
+    )
 
 
 def mesh_normals(points: ArrayLike, faces: ArrayLike) -> FloatArray:
@@ -280,13 +282,13 @@ def harris3d(
     return _core.harris3d(
         cloud,
         None if normals is None else as_points("normals", normals),
-        _run(threads),
+        run_options(threads, 0, None),
         radius=size,
         response=response,
         threshold=threshold,
         nms_radius=size if nms_radius is None else nms_radius,
         break_ties=break_ties,
-        count=None if count is None else _whole("count", count),
+        count=None if count is None else as_count("count", count, 1),
     )
 
 
@@ -346,7 +348,7 @@ def iss(
         Where Open3D is asked for and can't be imported.
     """
     cloud = as_points("points", points)
-    _whole("min_neighbors", min_neighbors)
+    as_count("min_neighbors", min_neighbors, 1)
     if backend not in ("cgroup", "open3d"):
         message = f"backend: got {backend!r}; choose one of 'cgroup', 'open3d'"
         raise InputError(message)
@@ -361,7 +363,7 @@ def iss(
         return _open3d_iss(cloud, salient, nms, gamma_21, gamma_32, min_neighbors)
     return _core.iss(
         cloud,
-        _run(threads),
+        run_options(threads, 0, None),
         salient_radius=salient,
         nms_radius=nms,
         gamma_21=gamma_21,
@@ -369,7 +371,7 @@ def iss(
         min_neighbors=min_neighbors,
         density_weight=density_weight,
         covariance=covariance,
-        count=None if count is None else _whole("count", count),
+        count=None if count is None else as_count("count", count, 1),
     )
 
 
@@ -412,7 +414,9 @@ def drop_isolated(
     if len(rows) == 0:
         return rows
     size = _length("radius", radius, SUPPORT_RADIUS, cloud, resolution, threads)
-    return _core.drop_isolated(cloud, rows, _run(threads), size, _whole("min_points", min_points))
+    return _core.drop_isolated(
+        cloud, rows, run_options(threads, 0, None), size, as_count("min_points", min_points, 1)
+    )
 
 
 def shot_lrf(
@@ -439,7 +443,10 @@ def shot_lrf(
         Rows are the x, y and z axes, right-handed; a NaN block where fewer than 5 neighbours make no frame.
     """
     return _core.shot_lrf(
-        as_points("points", points), _as_indices("keypoints", keypoints), _run(threads), radius
+        as_points("points", points),
+        _as_indices("keypoints", keypoints),
+        run_options(threads, 0, None),
+        radius,
     )
 
 
@@ -468,7 +475,10 @@ def toldi_lrf(
         ball or 11 in the larger, and on planes.
     """
     return _core.toldi_lrf(
-        as_points("points", points), _as_indices("keypoints", keypoints), _run(threads), radius
+        as_points("points", points),
+        _as_indices("keypoints", keypoints),
+        run_options(threads, 0, None),
+        radius,
     )
 
 
@@ -514,7 +524,7 @@ def shot(
         as_points("points", points),
         as_points("normals", normals),
         rows,
-        _run(threads),
+        run_options(threads, 0, None),
         radius=radius,
         lrf=frames,
         pcl_compat=pcl_compat,
@@ -556,7 +566,7 @@ def lfsh(
         as_points("points", points),
         as_points("normals", normals),
         _as_indices("keypoints", keypoints),
-        _run(threads),
+        run_options(threads, 0, None),
         radius,
     )
 
@@ -584,7 +594,12 @@ def rcs(
     (m,72) array of float32
         Values in [0,1]; zero rows where too few points, or a plane, make no frame.
     """
-    return _core.rcs(as_points("points", points), _as_indices("keypoints", keypoints), _run(threads), radius)
+    return _core.rcs(
+        as_points("points", points),
+        _as_indices("keypoints", keypoints),
+        run_options(threads, 0, None),
+        radius,
+    )
 
 
 def fpfh(
@@ -627,7 +642,7 @@ def fpfh(
         return np.empty((0, 33), dtype=np.float32)
     parameters = open3d.geometry.KDTreeSearchParamRadius(radius)
     if max_neighbors is not None:
-        limit = _whole("max_neighbors", max_neighbors)
+        limit = as_count("max_neighbors", max_neighbors, 1)
         parameters = open3d.geometry.KDTreeSearchParamHybrid(radius, limit)
     feature = open3d.pipelines.registration.compute_fpfh_feature(
         _open3d_cloud(open3d, cloud, directions), parameters
@@ -673,24 +688,11 @@ def match(
     fields = _core.match_descriptors(
         _as_descriptors("source", source),
         _as_descriptors("target", target),
-        _run(threads),
+        run_options(threads, 0, None),
         mutual,
         max_distance,
     )
     return Matches(*fields)
-
-
-def _run(threads: int | None) -> RunOptions:
-    if threads is not None:
-        _whole("threads", threads)
-    return RunOptions(threads, 0, None)
-
-
-def _whole(name: str, value: int) -> int:
-    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
-        message = f"{name}: got {value!r}; give a whole number of at least 1"
-        raise InputError(message)
-    return int(value)
 
 
 def _positive(name: str, value: float) -> float:

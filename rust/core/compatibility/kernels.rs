@@ -8,6 +8,8 @@
 
 use pulp::Arch;
 
+use crate::points::Points;
+
 /// Runs `work` compiled for the best instruction set of this machine. Mark the closure
 /// `#[inline(always)]`: one that is not inlined is compiled for the least common denominator.
 #[inline(always)]
@@ -83,6 +85,13 @@ pub struct Side<T> {
     pub z: Vec<T>,
     /// Square of the length below which an edge counts as zero.
     pub zero_squared: T,
+}
+
+impl From<&Points> for Side<f64> {
+    /// The points as they are; no edge counts as zero.
+    fn from(points: &Points) -> Self {
+        Self { x: points.x.clone(), y: points.y.clone(), z: points.z.clone(), zero_squared: 0.0 }
+    }
 }
 
 impl<T: Element> Side<T> {

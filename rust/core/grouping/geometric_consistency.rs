@@ -154,8 +154,7 @@ fn cluster_sizes(
     tolerance: f64,
     execution: &Execution,
 ) -> Result<Vec<usize>> {
-    let side = |p: &Points| Side { x: p.x.clone(), y: p.y.clone(), z: p.z.clone(), zero_squared: 0.0 };
-    let (source, target) = (side(source), side(target));
+    let (source, target) = (Side::from(source), Side::from(target));
     execution.report(0, source.x.len())?;
     (0..source.x.len())
         .into_par_iter()

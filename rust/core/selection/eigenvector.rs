@@ -2,7 +2,7 @@
 
 use faer::{Mat, Side};
 
-use crate::compatibility::kernels::sum;
+use crate::compatibility::kernels::{dot, sum};
 use crate::compatibility::matrix::PairMatrix;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
@@ -115,10 +115,6 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
     let sign = if sum(&vector) < 0.0 { -1.0 } else { 1.0 };
     vector.iter_mut().for_each(|entry| *entry = (*entry * sign).max(0.0));
     Ok(Eigenpair { vector, value, steps: 0 })
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    crate::compatibility::kernels::dot(a, b)
 }
 
 #[cfg(test)]

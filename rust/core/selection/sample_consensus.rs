@@ -55,7 +55,7 @@ impl SampleConsensus {
         if source.len() < 3 {
             return Ok(None);
         }
-        let sides = (side(source), side(target));
+        let sides = (Side::from(source), Side::from(target));
         let blocks = self.iterations.div_ceil(BLOCK);
         execution.report(0, blocks)?;
         let run_block = |block: usize| {
@@ -212,10 +212,6 @@ fn plane_basis(triangle: &[Point3<f64>; 3]) -> [Vector3<f64>; 3] {
     let x = (triangle[1] - triangle[0]).normalize();
     let z = x.cross(&(triangle[2] - triangle[0])).normalize();
     [x, z.cross(&x), z]
-}
-
-fn side(points: &Points) -> Side<f64> {
-    Side { x: points.x.clone(), y: points.y.clone(), z: points.z.clone(), zero_squared: 0.0 }
 }
 
 fn flatten(model: &Rigid) -> [f64; 12] {
