@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from cgroup.types import FloatArray, Grouping, IndexArray
 
 Detector: TypeAlias = Literal["h3d", "iss"]
-Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs"]
+Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]
 
 Normals: TypeAlias = Literal["pca", "mesh"]
 
 DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
-DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs")
+DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs", "fpfh")
 NORMALS: tuple[Normals, ...] = ("pca", "mesh")
 
 SUPPORT = 15.0
@@ -85,9 +85,11 @@ def register(
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
     keypoints: int | None = None,
+    nms_radius: float | None = None,
     normals: Normals = "pca",
     source_viewpoint: Viewpoint = ORIGIN,
     target_viewpoint: Viewpoint = ORIGIN,
+    threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> Registration:
@@ -99,7 +101,7 @@ def register(
         Whole clouds, in the same unit.
     method : str
         Grouping method, one of `cgroup.METHODS`.
-    detector, descriptor, keypoints, normals, source_viewpoint, target_viewpoint
+    detector, descriptor, keypoints, nms_radius, normals, source_viewpoint, target_viewpoint, threads
         See `correspond`.
     progress : callable, optional
         Called with the name of each stage as it begins.
@@ -125,13 +127,15 @@ def register(
         detector=detector,
         descriptor=descriptor,
         keypoints=keypoints,
+        nms_radius=nms_radius,
         normals=normals,
         source_viewpoint=source_viewpoint,
         target_viewpoint=target_viewpoint,
+        threads=threads,
         progress=clock.start,
     )
     clock.start("grouping")
-    grouping = group(correspondences, method, **options)
+    grouping = group(correspondences, method, threads=threads, **options)
     clock.start("pose")
     pose = grouping.transform()
     clock.stop()
@@ -145,30 +149,27 @@ def correspond(
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
     keypoints: int | None = None,
+    nms_radius: float | None = None,
     normals: Normals = "pca",
     source_viewpoint: Viewpoint = ORIGIN,
     target_viewpoint: Viewpoint = ORIGIN,
+    threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Correspondences:
     """Match keypoints of two clouds by their descriptors.
 
     The front end of the paper's evaluation: every source keypoint is matched to the target keypoint with
-    the nearest descriptor, right or wrong.
+    the nearest descriptor, right or wrong. To match one cloud with many, `describe` each once, at the same
+    resolution, and `match_described` them.
 
     Parameters
     ----------
     source, target : PointCloud or (N,3) array_like of float
         Whole clouds, in the same unit.
-    detector : {"h3d", "iss"}
-        Keypoint detector: Harris 3D or intrinsic shape signatures.
-    descriptor : {"shot", "lfsh", "rcs"}
-        Descriptor; the frames are always those of SHOT.
-    keypoints : int, optional
-        How many to aim at in each cloud; by default what the detector finds at its usual radius.
+    detector, descriptor, keypoints, nms_radius, threads
+        See `describe`.
     normals : {"pca", "mesh"}
-        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for clouds
-        that have faces. SHOT and LFSH need normals on the same side of the surface in both clouds, so for
-        a whole model in a scan take "mesh".
+        As in `describe`; a cloud without faces gets "pca" beside one that has them.
     source_viewpoint, target_viewpoint : (float, float, float)
         Where the scanners stood, in their clouds' frames.
     progress : callable, optional
@@ -184,43 +185,222 @@ def correspond(
     InputError
         If a cloud is too small or not finite, the clouds are in different units, or an option is unknown.
     """
+    _check_choice("normals", normals, NORMALS)
+    begin = progress or _ignore
+    begin("resolution")
+    pr = _common_resolution(_cloud_points("source", source), _cloud_points("target", target), threads)
+    source_has_faces, target_has_faces = (_faces(cloud) is not None for cloud in (source, target))
+    if normals == "mesh" and not (source_has_faces or target_has_faces):
+        message = "normals: got 'mesh', but neither cloud has faces; choose 'pca'"
+        raise InputError(message)
+    described = [
+        describe(
+            cloud,
+            resolution=pr,
+            detector=detector,
+            descriptor=descriptor,
+            keypoints=keypoints,
+            nms_radius=nms_radius,
+            normals=normals if has_faces else "pca",
+            viewpoint=viewpoint,
+            threads=threads,
+            progress=lambda stage, role=role: begin(f"{role} {stage}"),
+        )
+        for role, cloud, has_faces, viewpoint in (
+            ("source", source, source_has_faces, source_viewpoint),
+            ("target", target, target_has_faces, target_viewpoint),
+        )
+    ]
+    begin("matching")
+    return match_described(described[0], described[1], threads=threads)
+
+
+@dataclass(frozen=True, eq=False)
+class DescribedCloud:
+    """Keypoints of a cloud, ready to be matched with those of another; row i of each array is one keypoint.
+
+    Attributes
+    ----------
+    indices : (m,) array of int64
+        Rows of the cloud, ascending.
+    points : (m,3) array of float64
+        Positions.
+    lrf : (m,3,3) array of float64
+        SHOT's local reference frames, rows are the axes; NaN where there is none.
+    descriptors : (m,d) array of float32
+        All finite, none zero.
+    resolution : float
+        The unit pr that the radii were multiples of.
+    centroid : (3,) array of float64
+        Of the whole cloud.
+    """
+
+    indices: IndexArray
+    points: FloatArray
+    lrf: FloatArray
+    descriptors: NDArray[np.float32]
+    resolution: float
+    centroid: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def __repr__(self) -> str:
+        return f"DescribedCloud(m={len(self)}, dimensions={self.descriptors.shape[1]})"
+
+
+def detect(
+    cloud: PointCloud | ArrayLike,
+    *,
+    resolution: float | None = None,
+    detector: Detector = "h3d",
+    keypoints: int | None = None,
+    nms_radius: float | None = None,
+    threads: int | None = None,
+) -> IndexArray:
+    """Find the keypoints that have enough of the surface around them to be described.
+
+    Parameters
+    ----------
+    cloud : PointCloud or (N,3) array_like of float
+        Whole cloud.
+    resolution : float, optional
+        The unit pr; that of the cloud by default. Clouds to be matched need the same.
+    detector : {"h3d", "iss"}
+        Keypoint detector: Harris 3D or intrinsic shape signatures.
+    keypoints : int, optional
+        How many to aim at; by default what the detector finds at its usual radius.
+    nms_radius : float, optional
+        Radius of the non-maximum suppression in pr; the detector's own by default (2.7 for Harris 3D, 1.8
+        for ISS).
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    (m,) array of int64
+        Rows of the cloud, ascending.
+
+    Raises
+    ------
+    InputError
+        If the cloud is too small or not finite, or an option is unknown or out of range.
+    """
+    _check_choice("detector", detector, DETECTORS)
+    points = _cloud_points("cloud", cloud)
+    pr = _resolution("cloud", points, threads) if resolution is None else _unit(resolution)
+    find = features.harris3d if detector == "h3d" else features.iss
+    suppression = None if nms_radius is None else nms_radius * pr
+    found = find(points, resolution=pr, nms_radius=suppression, count=keypoints, threads=threads)
+    return features.drop_isolated(
+        points, found, radius=SUPPORT * pr, min_points=MIN_SUPPORT_POINTS, threads=threads
+    )
+
+
+def describe(
+    cloud: PointCloud | ArrayLike,
+    *,
+    resolution: float | None = None,
+    detector: Detector = "h3d",
+    descriptor: Descriptor = "shot",
+    keypoints: int | None = None,
+    nms_radius: float | None = None,
+    normals: Normals = "pca",
+    viewpoint: Viewpoint = ORIGIN,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> DescribedCloud:
+    """Detect keypoints, and give each a frame and a descriptor.
+
+    Parameters
+    ----------
+    cloud : PointCloud or (N,3) array_like of float
+        Whole cloud.
+    resolution, detector, keypoints, nms_radius, threads
+        See `detect`.
+    descriptor : {"shot", "lfsh", "rcs", "fpfh"}
+        Descriptor; the frames are always those of SHOT. FPFH needs the extra ``open3d``.
+    normals : {"pca", "mesh"}
+        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
+        that has faces. All descriptors but RCS need normals on the same side of the surface in both clouds,
+        so for a whole model in a scan take "mesh".
+    viewpoint : (float, float, float)
+        Where the scanner stood, in the cloud's frame.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    DescribedCloud
+        The keypoints that have a descriptor.
+
+    Raises
+    ------
+    InputError
+        If the cloud is too small or not finite, has no faces for "mesh", or an option is unknown.
+    """
     _check_choice("detector", detector, DETECTORS)
     _check_choice("descriptor", descriptor, DESCRIPTORS)
     _check_choice("normals", normals, NORMALS)
     begin = progress or _ignore
-    clouds = _cloud_points("source", source), _cloud_points("target", target)
-    faces = _mesh_faces(source, target) if normals == "mesh" else (None, None)
-    views = source_viewpoint, target_viewpoint
-
-    begin("resolution")
-    pr = _common_resolution(*clouds)
+    points, faces = _cloud_points("cloud", cloud), _faces(cloud)
+    if normals == "mesh" and faces is None:
+        message = "normals: got 'mesh', but the cloud has no faces; choose 'pca'"
+        raise InputError(message)
+    pr = _resolution("cloud", points, threads) if resolution is None else _unit(resolution)
     begin("normals")
-    directions = [_normals(*cloud) for cloud in zip(clouds, faces, views, strict=True)]
+    directions = _normals(points, faces if normals == "mesh" else None, viewpoint, threads)
     begin("keypoints")
-    found = [_detect(points, detector, keypoints, pr) for points in clouds]
+    found = detect(
+        points,
+        resolution=pr,
+        detector=detector,
+        keypoints=keypoints,
+        nms_radius=nms_radius,
+        threads=threads,
+    )
     begin("frames")
-    frames = [
-        features.shot_lrf(points, chosen, radius=SUPPORT * pr)
-        for points, chosen in zip(clouds, found, strict=True)
-    ]
+    frames = features.shot_lrf(points, found, radius=SUPPORT * pr, threads=threads)
     begin("descriptors")
-    described = [
-        _describe(*cloud, descriptor=descriptor, pr=pr)
-        for cloud in zip(clouds, directions, found, frames, strict=True)
-    ]
-    begin("matching")
-    (source_points, source_lrf, source_values), (target_points, target_lrf, target_values) = described
-    matches = features.match(source_values, target_values)
+    values = _descriptors(points, directions, found, frames, descriptor, SUPPORT * pr, threads)
+    valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
+    kept = found[valid]
+    return DescribedCloud(kept, points[kept], frames[valid], values[valid], pr, points.mean(axis=0))
+
+
+def match_described(
+    source: DescribedCloud, target: DescribedCloud, *, threads: int | None = None
+) -> Correspondences:
+    """Match every source keypoint with the target keypoint whose descriptor is nearest.
+
+    Parameters
+    ----------
+    source, target : DescribedCloud
+        Described alike; the resolution of the matches is the mean of theirs.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    Correspondences
+        With every field that a method may need.
+
+    Raises
+    ------
+    InputError
+        If the descriptors are not of the same kind.
+    """
+    matches = features.match(source.descriptors, target.descriptors, threads=threads)
     rows, partners = matches.source_indices, matches.target_indices
     return Correspondences(
-        source_points[rows],
-        target_points[partners],
+        source.points[rows],
+        target.points[partners],
         similarity=matches.similarity,
         ratio=matches.ratio,
-        source_lrf=source_lrf[rows],
-        target_lrf=target_lrf[partners],
-        resolution=pr,
-        source_centroid=clouds[0].mean(axis=0),
+        source_lrf=source.lrf[rows],
+        target_lrf=target.lrf[partners],
+        resolution=(source.resolution + target.resolution) / 2,
+        source_centroid=source.centroid,
     )
 
 
@@ -236,13 +416,24 @@ def _cloud_points(name: str, cloud: PointCloud | ArrayLike) -> FloatArray:
     return points
 
 
-def _common_resolution(source: FloatArray, target: FloatArray) -> float:
+def _resolution(name: str, points: FloatArray, threads: int | None) -> float:
+    resolution = features.resolution(points, threads=threads)
+    if resolution <= 0:
+        message = f"{name}: all its points coincide with others"
+        raise InputError(message)
+    return resolution
+
+
+def _unit(resolution: float) -> float:
+    if not 0 < resolution < np.inf:
+        message = f"resolution: got {resolution}; give a finite length greater than 0"
+        raise InputError(message)
+    return resolution
+
+
+def _common_resolution(source: FloatArray, target: FloatArray, threads: int | None) -> float:
     """Average the resolutions of two clouds that are in the same unit."""
-    resolutions = features.resolution(source), features.resolution(target)
-    for name, resolution in zip(("source", "target"), resolutions, strict=True):
-        if resolution <= 0:
-            message = f"{name}: all its points coincide with others"
-            raise InputError(message)
+    resolutions = _resolution("source", source, threads), _resolution("target", target, threads)
     if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):
         message = (
             f"source, target: their points lie {resolutions[0]:.3g} and {resolutions[1]:.3g} apart; "
@@ -252,50 +443,36 @@ def _common_resolution(source: FloatArray, target: FloatArray) -> float:
     return sum(resolutions) / 2
 
 
-def _mesh_faces(
-    source: PointCloud | ArrayLike, target: PointCloud | ArrayLike
-) -> tuple[IndexArray | None, IndexArray | None]:
-    source_faces, target_faces = (
-        cloud.faces if isinstance(cloud, PointCloud) else None for cloud in (source, target)
-    )
-    if source_faces is None and target_faces is None:
-        message = "normals: got 'mesh', but neither cloud has faces; choose 'pca'"
-        raise InputError(message)
-    return source_faces, target_faces
+def _faces(cloud: PointCloud | ArrayLike) -> IndexArray | None:
+    return cloud.faces if isinstance(cloud, PointCloud) else None
 
 
-def _normals(points: FloatArray, faces: IndexArray | None, viewpoint: Viewpoint) -> FloatArray:
+def _normals(
+    points: FloatArray, faces: IndexArray | None, viewpoint: Viewpoint, threads: int | None
+) -> FloatArray:
     if faces is not None:
         return features.mesh_normals(points, faces)
-    return features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint)
+    return features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint, threads=threads)
 
 
-def _detect(points: FloatArray, detector: Detector, count: int | None, pr: float) -> IndexArray:
-    """Find the keypoints that have enough of the surface around them."""
-    detect = features.harris3d if detector == "h3d" else features.iss
-    found = detect(points, resolution=pr, count=count)
-    return features.drop_isolated(points, found, radius=SUPPORT * pr, min_points=MIN_SUPPORT_POINTS)
-
-
-def _describe(
+def _descriptors(
     points: FloatArray,
     normals: FloatArray,
     keypoints: IndexArray,
     frames: FloatArray,
-    *,
     descriptor: Descriptor,
-    pr: float,
-) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
-    """Points, frames and descriptors of the keypoints that have a descriptor."""
-    radius = SUPPORT * pr
-    if descriptor == "shot":
-        values = features.shot(points, normals, keypoints, radius=radius, lrf=frames)
-    elif descriptor == "lfsh":
-        values = features.lfsh(points, normals, keypoints, radius=radius)
-    else:
-        values = features.rcs(points, keypoints, radius=radius)
-    valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
-    return points[keypoints[valid]], frames[valid], values[valid]
+    radius: float,
+    threads: int | None,
+) -> NDArray[np.float32]:
+    match descriptor:
+        case "shot":
+            return features.shot(points, normals, keypoints, radius=radius, lrf=frames, threads=threads)
+        case "lfsh":
+            return features.lfsh(points, normals, keypoints, radius=radius, threads=threads)
+        case "rcs":
+            return features.rcs(points, keypoints, radius=radius, threads=threads)
+        case "fpfh":
+            return features.fpfh(points, normals, radius=radius)[keypoints]
 
 
 def _ignore(_stage: str) -> None:

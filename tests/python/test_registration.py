@@ -17,7 +17,15 @@ from cgroup.evaluation import correct_matches, rotation_error, translation_error
 from cgroup.io import PointCloud, read_cloud, read_transform
 from cgroup.registration import correspond, register
 
-STAGES = ["resolution", "normals", "keypoints", "frames", "descriptors", "matching"]
+STAGES = [
+    "resolution",
+    *(
+        f"{role} {stage}"
+        for role in ("source", "target")
+        for stage in ("normals", "keypoints", "frames", "descriptors")
+    ),
+    "matching",
+]
 
 
 @pytest.fixture(scope="module")
