@@ -19,7 +19,8 @@ use cgroup::geometry::ball_search::BallSearch;
 use cgroup::geometry::neighbors::NearestNeighbors;
 use cgroup::geometry::resolution::resolution;
 use cgroup::{Execution, Points, Result};
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -125,20 +126,44 @@ fn clouds(criterion: &mut Criterion) {
     });
 }
 
+/// Descriptors of neighbouring keypoints, as two scans of one surface have them: the crate's blocked
+/// products beside a kd-tree, for the lengths of LFSH, RCS and SHOT.
 fn matching(criterion: &mut Criterion) {
+    let Ok(scene) = scene() else { return };
     let execution = Execution::default();
+    let beside: Vec<usize> = scene.keypoints.iter().map(|i| i + 1).collect();
+    let Scene { points, normals, keypoints } = &scene;
+    let lfsh = |rows: &[usize]| Lfsh { radius: SUPPORT_RADIUS }.describe(points, normals, rows, &execution);
+    let rcs = |rows: &[usize]| Rcs { radius: SUPPORT_RADIUS }.describe(points, rows, &execution);
+    let shot = |rows: &[usize]| Shot::new(SUPPORT_RADIUS).describe(points, normals, rows, None, &execution);
     let mut group = criterion.benchmark_group("match_5000x5000");
     group.sample_size(10);
-    for length in [30, 72, 352] {
-        let table = |seed: f64| {
-            let values: Vec<f64> = (0..KEYPOINTS * length).map(|i| (i as f64 * seed).sin().powi(2)).collect();
-            Descriptors::new("descriptors", &values, length)
-        };
-        let (Ok(source), Ok(target)) = (table(0.7391), table(0.5127)) else { return };
-        group.bench_function(format!("{length}"), |b| {
-            b.iter(|| black_box(Matching::default().run(&source, &target, &execution)));
-        });
-    }
+    match_both::<30>(&mut group, lfsh(keypoints), lfsh(&beside), &execution);
+    match_both::<72>(&mut group, rcs(keypoints), rcs(&beside), &execution);
+    match_both::<352>(&mut group, shot(keypoints), shot(&beside), &execution);
+}
+
+fn match_both<const LENGTH: usize>(
+    group: &mut BenchmarkGroup<'_, WallTime>,
+    source: Result<Vec<[f32; LENGTH]>>,
+    target: Result<Vec<[f32; LENGTH]>>,
+    execution: &Execution,
+) {
+    let (Ok(source), Ok(target)) = (source, target) else { return };
+    let widened = |rows: Vec<[f32; LENGTH]>| rows.iter().map(|row| row.map(f64::from)).collect::<Vec<_>>();
+    let (source, target) = (widened(source), widened(target));
+    let tables = [&source, &target].map(|rows| Descriptors::new("descriptors", rows.as_flattened(), LENGTH));
+    let [Ok(source_table), Ok(target_table)] = tables else { return };
+    group.bench_function(format!("products/{LENGTH}"), |b| {
+        b.iter(|| black_box(Matching::default().run(&source_table, &target_table, execution)));
+    });
+    let Ok(tree) = ImmutableKdTree::<f64, LENGTH>::new_from_slice(&target) else { return };
+    let two = NonZero::new(2).unwrap_or(NonZero::<usize>::MIN);
+    group.bench_function(format!("kiddo/{LENGTH}"), |b| {
+        let count =
+            |row: &[f64; LENGTH]| tree.query(row).nearest_n::<SquaredEuclidean<f64>>(two).execute().len();
+        b.iter(|| source.par_iter().map(count).sum::<usize>());
+    });
 }
 
 criterion_group!(features, neighbors, clouds, matching);

@@ -26,7 +26,16 @@ from cgroup.errors import CgroupError, InputError
 from cgroup.evaluation import correct_matches
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.methods import METHODS, group
-from cgroup.registration import Descriptor, Detector, Normals, Registration, correspond, register
+from cgroup.registration import (
+    Descriptor,
+    Detector,
+    Normals,
+    Registration,
+    correspond,
+    describe,
+    detect,
+    register,
+)
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
@@ -36,12 +45,14 @@ if TYPE_CHECKING:
 
     from cgroup.benchmark import MethodResult
     from cgroup.io import PointCloud
-    from cgroup.types import BoolArray, FloatArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray
 
 INPUT_ERROR = 2
 INTERRUPTED = 130
 
 _COMPARISON_FILES = ("comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz")
+_KEYPOINT_PICTURES = ("keypoints.ply", "keypoints.png")
+_DETECTOR_NAMES: dict[Detector, str] = {"h3d": "Harris 3D", "iss": "ISS"}
 _PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
 
 app = typer.Typer(
@@ -64,6 +75,21 @@ KeypointsOption = Annotated[
     int | None,
     typer.Option(min=3, help="How many keypoints to aim at in each cloud.", show_default="all found"),
 ]
+NmsRadiusOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Radius of the non-maximum suppression in pr: the larger, the fewer keypoints.",
+        show_default="2.7 for h3d, 1.8 for iss",
+    ),
+]
+ResolutionOption = Annotated[
+    float | None,
+    typer.Option(
+        help="The unit pr, in the file's unit; clouds to be matched need the same.",
+        show_default="mean point spacing of the cloud",
+    ),
+]
+CloudArgument = Annotated[Path, typer.Argument(help="Cloud or mesh: PLY, PCD, XYZ, OBJ, STL, OFF.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for the results; made if need be.")]
 
 
@@ -104,6 +130,7 @@ def register_command(
     descriptor: DescriptorOption = "shot",
     normals: NormalsOption = "pca",
     keypoints: KeypointsOption = None,
+    nms_radius: NmsRadiusOption = None,
     out: OutOption = Path("out"),
 ) -> None:
     """Place one scan on another: matches, the group that agrees, and the pose it fixes."""
@@ -118,6 +145,7 @@ def register_command(
             descriptor=descriptor,
             normals=normals,
             keypoints=keypoints,
+            nms_radius=nms_radius,
             progress=begin,
         )
         begin("figures")
@@ -151,14 +179,24 @@ def compare_command(
     descriptor: DescriptorOption = "shot",
     normals: NormalsOption = "pca",
     keypoints: KeypointsOption = None,
+    nms_radius: NmsRadiusOption = None,
     out: OutOption = Path("out"),
 ) -> None:
     """Run all nine methods on a pair whose pose is known, and judge what each selects."""
     true_pose = io.read_transform(truth)
     clouds = _read_both(source, target)
-    front = {"detector": detector, "descriptor": descriptor, "normals": normals, "keypoints": keypoints}
     title = f"{source.name} to {target.name}"
-    matches, results = _compare(clouds, true_pose, title=title, folder=_folder(out), **front)
+    matches, results = _compare(
+        clouds,
+        true_pose,
+        title=title,
+        folder=_folder(out),
+        detector=detector,
+        descriptor=descriptor,
+        normals=normals,
+        keypoints=keypoints,
+        nms_radius=nms_radius,
+    )
     _print_clouds((source, target), clouds)
     _print_comparison(matches, results, true_pose)
     _print_written(out, *_COMPARISON_FILES)
@@ -184,6 +222,73 @@ def demo_command(
     _print_clouds((folder / "source.ply", folder / "target.ply"), clouds)
     _print_comparison(matches, results, pair.T_target_source)
     _print_written(out, "source.ply", "target.ply", "truth.txt", *_COMPARISON_FILES)
+
+
+@app.command("detect")
+def detect_command(
+    cloud: CloudArgument,
+    *,
+    detector: DetectorOption = "h3d",
+    keypoints: KeypointsOption = None,
+    nms_radius: NmsRadiusOption = None,
+    resolution: ResolutionOption = None,
+    out: OutOption = Path("out"),
+) -> None:
+    """Find the keypoints of one cloud."""
+    with _progress() as begin:
+        begin(f"reading {cloud.name}")
+        points = io.read_cloud(cloud)
+        begin("keypoints")
+        found = detect(
+            points, detector=detector, keypoints=keypoints, nms_radius=nms_radius, resolution=resolution
+        )
+        folder = _folder(out)
+        begin("figure")
+        io.write_keypoints(folder / "keypoints.npz", points, found)
+        _write_keypoint_pictures(folder, points, found, f"{cloud.name}, {_DETECTOR_NAMES[detector]}")
+    _print_cloud("cloud", cloud, points)
+    _print_facts(("keypoints", f"{len(found)} by {_DETECTOR_NAMES[detector]}"))
+    _print_written(folder, "keypoints.npz", *_KEYPOINT_PICTURES)
+
+
+@app.command("describe")
+def describe_command(
+    cloud: CloudArgument,
+    *,
+    detector: DetectorOption = "h3d",
+    descriptor: DescriptorOption = "shot",
+    normals: NormalsOption = "pca",
+    keypoints: KeypointsOption = None,
+    nms_radius: NmsRadiusOption = None,
+    resolution: ResolutionOption = None,
+    out: OutOption = Path("out"),
+) -> None:
+    """Find the keypoints of one cloud, and give each a frame and a descriptor."""
+    with _progress() as begin:
+        begin(f"reading {cloud.name}")
+        points = io.read_cloud(cloud)
+        described = describe(
+            points,
+            detector=detector,
+            descriptor=descriptor,
+            normals=normals,
+            keypoints=keypoints,
+            nms_radius=nms_radius,
+            resolution=resolution,
+            progress=begin,
+        )
+        folder = _folder(out)
+        begin("figure")
+        io.write_descriptors(folder / "descriptors.npz", described)
+        title = f"{cloud.name}, {_DETECTOR_NAMES[detector]}"
+        _write_keypoint_pictures(folder, points, described.indices, title)
+    _print_cloud("cloud", cloud, points)
+    _print_facts(
+        ("resolution", f"{described.resolution:.4g} (1 pr, in the file's unit)"),
+        ("keypoints", f"{len(described)} by {_DETECTOR_NAMES[detector]}"),
+        ("descriptors", f"{descriptor.upper()}, {described.descriptors.shape[1]} numbers each"),
+    )
+    _print_written(folder, "descriptors.npz", *_KEYPOINT_PICTURES)
 
 
 @app.command("group")
@@ -265,6 +370,14 @@ def _compare(
         write_table(folder / "comparison.csv", results)
         io.write_correspondences(folder / "correspondences.npz", matches)
     return matches, results
+
+
+def _write_keypoint_pictures(folder: Path, cloud: PointCloud, found: IndexArray, title: str) -> None:
+    """Write `_KEYPOINT_PICTURES`."""
+    from cgroup.plots import keypoints_figure  # noqa: PLC0415 - slow to load
+
+    io.write_keypoints(folder / "keypoints.ply", cloud, found)
+    _save(keypoints_figure(cloud.points, {"Keypoints": found}, title=title), folder / "keypoints.png")
 
 
 def _print_comparison(matches: Correspondences, results: list[MethodResult], true_pose: FloatArray) -> None:
@@ -388,8 +501,12 @@ def _print_facts(*facts: tuple[str, str]) -> None:
 
 def _print_clouds(names: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud]) -> None:
     for role, name, cloud in zip(("source", "target"), names, clouds, strict=True):
-        dropped = f", {cloud.dropped} more without finite coordinates left out" if cloud.dropped else ""
-        _print_facts((role, f"{name}: {len(cloud)} points{dropped}"))
+        _print_cloud(role, name, cloud)
+
+
+def _print_cloud(role: str, name: Path, cloud: PointCloud) -> None:
+    dropped = f", {cloud.dropped} more without finite coordinates left out" if cloud.dropped else ""
+    _print_facts((role, f"{name}: {len(cloud)} points{dropped}"))
 
 
 def _print_written(folder: Path, *names: str) -> None:

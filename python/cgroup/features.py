@@ -274,6 +274,15 @@ def harris3d(
     -------
     (m,) array of int64
         Ascending row numbers.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = resolution(points)
+    >>> usual, sparse = harris3d(points, resolution=pr), harris3d(points, resolution=pr, count=50)
+    >>> len(usual) > len(sparse) > 30
+    True
     """
     cloud = as_points("points", points)
     if len(cloud) == 0:
@@ -346,6 +355,15 @@ def iss(
     ------
     CgroupError
         Where Open3D is asked for and can't be imported.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = resolution(points)
+    >>> usual, sparse = iss(points, resolution=pr), iss(points, resolution=pr, nms_radius=6 * pr)
+    >>> len(usual) > 3 * len(sparse)
+    True
     """
     cloud = as_points("points", points)
     as_count("min_neighbors", min_neighbors, 1)
@@ -441,6 +459,15 @@ def shot_lrf(
     -------
     (m,3,3) array of float64
         Rows are the x, y and z axes, right-handed; a NaN block where fewer than 5 neighbours make no frame.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = resolution(points)
+    >>> frames = shot_lrf(points, [0, 500], radius=15 * pr)
+    >>> frames.shape, bool(np.allclose(np.cross(frames[0, 0], frames[0, 1]), frames[0, 2]))
+    ((2, 3, 3), True)
     """
     return _core.shot_lrf(
         as_points("points", points),
@@ -473,6 +500,14 @@ def toldi_lrf(
     (m,3,3) array of float64
         Rows are the x, y and z axes, right-handed; a NaN block with fewer than 4 points in the smaller
         ball or 11 in the larger, and on planes.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = resolution(points)
+    >>> toldi_lrf(points, [0, 500], radius=15 * pr).shape
+    (2, 3, 3)
     """
     return _core.toldi_lrf(
         as_points("points", points),
@@ -517,6 +552,15 @@ def shot(
     -------
     (m,352) array of float32
         Rows of unit length; NaN rows without a frame or with fewer than 5 points in the ball.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = resolution(points)
+    >>> descriptors = shot(points, normals(points), [0, 500], radius=15 * pr)
+    >>> descriptors.shape, np.linalg.norm(descriptors, axis=1).round(3).tolist()
+    ((2, 352), [1.0, 1.0])
     """
     rows = _as_indices("keypoints", keypoints)
     frames = None if lrf is None else as_frames("lrf", lrf, len(rows))
@@ -561,6 +605,15 @@ def lfsh(
     (m,30) array of float32
         Three histograms, each of sum 1; zero rows with fewer than 6 points in the ball, NaN rows where the
         keypoint has no normal.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = resolution(points)
+    >>> descriptors = lfsh(points, normals(points), [0, 500], radius=15 * pr)
+    >>> descriptors.shape, descriptors[0, :10].sum().round(3).item()
+    ((2, 30), 1.0)
     """
     return _core.lfsh(
         as_points("points", points),
@@ -593,6 +646,14 @@ def rcs(
     -------
     (m,72) array of float32
         Values in [0,1]; zero rows where too few points, or a plane, make no frame.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = resolution(points)
+    >>> rcs(points, [0, 500], radius=15 * pr).shape
+    (2, 72)
     """
     return _core.rcs(
         as_points("points", points),
@@ -631,6 +692,14 @@ def fpfh(
     ------
     CgroupError
         Where Open3D can't be imported; the message names what to install.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = resolution(points)
+    >>> fpfh(points, normals(points), radius=15 * pr).shape  # doctest: +SKIP
+    (2287, 33)
     """
     cloud, directions = as_points("points", points), as_points("normals", normals)
     if len(directions) != len(cloud):

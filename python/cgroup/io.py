@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from cgroup._cloud_formats import PARSERS, CloudContent, load_npy, load_numbers
 from cgroup.errors import InputError
-from cgroup.types import OPTIONAL_FIELDS, Correspondences
+from cgroup.types import OPTIONAL_FIELDS, Correspondences, DescribedCloud
 
 if TYPE_CHECKING:
     import os
@@ -32,6 +32,11 @@ RIGID_TOLERANCE = 1e-3
 """Largest deviation of R^T R from the identity in a transform file; such files carry few digits."""
 
 _CORRESPONDENCE_COLUMNS = 6
+
+_DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
+
+_CLOUD_COLOR = (190, 190, 190)
+_KEYPOINT_COLOR = (213, 94, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,10 +272,10 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     """
     path = Path(path)
     if path.suffix.lower() == ".npz":
-        fields = _parsed(path, _load_npz)
-        missing = [name for name in ("source", "target") if name not in fields]
+        arrays = _parsed(path, _load_npz)
+        missing = [name for name in ("source", "target") if name not in arrays]
         if missing:
-            found = ", ".join(sorted(fields)) or "nothing"
+            found = ", ".join(sorted(arrays)) or "nothing"
             message = f"{path}: has no array {missing[0]!r}; it holds {found}"
             raise InputError(message)
     else:
@@ -281,12 +286,12 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
                 "x y z of the source, x y z of the target"
             )
             raise InputError(message)
-        fields = {"source": table[:, :3], "target": table[:, 3:]}
-    optional: dict[str, Any] = {name: fields[name] for name in OPTIONAL_FIELDS if name in fields}
+        arrays = {"source": table[:, :3], "target": table[:, 3:]}
+    optional: dict[str, Any] = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
     if "resolution" in optional:
         optional["resolution"] = _number(path, optional["resolution"])
     try:
-        return Correspondences(fields["source"], fields["target"], **optional)
+        return Correspondences(arrays["source"], arrays["target"], **optional)
     except InputError as error:
         message = f"{path}: {error}"
         raise InputError(message) from error
@@ -313,9 +318,89 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
         raise InputError(message)
     names = ("source", "target", *OPTIONAL_FIELDS)
     values = {name: getattr(correspondences, name) for name in names}
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **{k: v for k, v in values.items() if v is not None})
-    write_file(path, buffer.getvalue())
+    write_file(path, _npz_bytes(**{name: value for name, value in values.items() if value is not None}))
+
+
+def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: ArrayLike) -> None:
+    """Write the keypoints of a cloud.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.npz`` with the arrays ``indices`` and ``points``, or ``.ply``: the whole cloud in grey, its
+        keypoints in vermilion.
+    cloud : PointCloud
+        The whole cloud.
+    indices : (m,) array_like of int
+        Rows of the cloud.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file can't be written.
+    """
+    path, rows = Path(path), np.asarray(indices, dtype=np.int64)
+    if path.suffix.lower() == ".npz":
+        write_file(path, _npz_bytes(indices=rows, points=cloud.points[rows]))
+        return
+    colors = np.full((len(cloud), 3), _CLOUD_COLOR, dtype=np.uint8)
+    colors[rows] = _KEYPOINT_COLOR
+    write_cloud(path, PointCloud(cloud.points, cloud.normals, cloud.faces, colors))
+
+
+def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -> None:
+    """Write described keypoints.
+
+    Parameters
+    ----------
+    path : path-like
+        Must end in ``.npz``; the arrays are named as the fields of `DescribedCloud`.
+    described : DescribedCloud
+        What to write.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file can't be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        message = f"{path}: descriptors are written as NPZ; use a name that ends in .npz"
+        raise InputError(message)
+    write_file(path, _npz_bytes(**{name: getattr(described, name) for name in _DESCRIBED_FIELDS}))
+
+
+def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
+    """Read described keypoints, as written by `write_descriptors`.
+
+    Parameters
+    ----------
+    path : path-like
+        NPZ.
+
+    Returns
+    -------
+    DescribedCloud
+        Exactly what was written.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or unreadable, or lacks an array.
+    """
+    path = Path(path)
+    arrays = _parsed(path, _load_npz)
+    missing = [name for name in _DESCRIBED_FIELDS if name not in arrays]
+    if missing:
+        found = ", ".join(sorted(arrays)) or "nothing"
+        message = f"{path}: has no array {missing[0]!r}; it holds {found}"
+        raise InputError(message)
+    rows = {name: len(arrays[name]) for name in _DESCRIBED_FIELDS[:4]}
+    if len(set(rows.values())) > 1:
+        message = f"{path}: its arrays differ in length: {rows}"
+        raise InputError(message)
+    indices, points, lrf, descriptors, resolution, centroid = (arrays[name] for name in _DESCRIBED_FIELDS)
+    return DescribedCloud(indices, points, lrf, descriptors, _number(path, resolution), centroid)
 
 
 def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
@@ -420,6 +505,12 @@ def _number(path: Path, value: ArrayLike) -> float:
 def _npy_bytes(array: NDArray[Any]) -> bytes:
     buffer = io.BytesIO()
     np.save(buffer, array, allow_pickle=False)
+    return buffer.getvalue()
+
+
+def _npz_bytes(**arrays: ArrayLike) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
     return buffer.getvalue()
 
 

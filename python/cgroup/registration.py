@@ -17,7 +17,7 @@ from cgroup._arguments import as_points
 from cgroup.errors import InputError
 from cgroup.io import PointCloud
 from cgroup.methods import group
-from cgroup.types import Correspondences
+from cgroup.types import Correspondences, DescribedCloud
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -215,40 +215,6 @@ def correspond(
     return match_described(described[0], described[1], threads=threads)
 
 
-@dataclass(frozen=True, eq=False)
-class DescribedCloud:
-    """Keypoints of a cloud, ready to be matched with those of another; row i of each array is one keypoint.
-
-    Attributes
-    ----------
-    indices : (m,) array of int64
-        Rows of the cloud, ascending.
-    points : (m,3) array of float64
-        Positions.
-    lrf : (m,3,3) array of float64
-        SHOT's local reference frames, rows are the axes; NaN where there is none.
-    descriptors : (m,d) array of float32
-        All finite, none zero.
-    resolution : float
-        The unit pr that the radii were multiples of.
-    centroid : (3,) array of float64
-        Of the whole cloud.
-    """
-
-    indices: IndexArray
-    points: FloatArray
-    lrf: FloatArray
-    descriptors: NDArray[np.float32]
-    resolution: float
-    centroid: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.indices)
-
-    def __repr__(self) -> str:
-        return f"DescribedCloud(m={len(self)}, dimensions={self.descriptors.shape[1]})"
-
-
 def detect(
     cloud: PointCloud | ArrayLike,
     *,
@@ -288,9 +254,9 @@ def detect(
     """
     _check_choice("detector", detector, DETECTORS)
     points = _cloud_points("cloud", cloud)
-    pr = _resolution("cloud", points, threads) if resolution is None else _unit(resolution)
+    pr = _unit(points, resolution, threads)
     find = features.harris3d if detector == "h3d" else features.iss
-    suppression = None if nms_radius is None else nms_radius * pr
+    suppression = None if nms_radius is None else _length("nms_radius", nms_radius) * pr
     found = find(points, resolution=pr, nms_radius=suppression, count=keypoints, threads=threads)
     return features.drop_isolated(
         points, found, radius=SUPPORT * pr, min_points=MIN_SUPPORT_POINTS, threads=threads
@@ -347,7 +313,7 @@ def describe(
     if normals == "mesh" and faces is None:
         message = "normals: got 'mesh', but the cloud has no faces; choose 'pca'"
         raise InputError(message)
-    pr = _resolution("cloud", points, threads) if resolution is None else _unit(resolution)
+    pr = _unit(points, resolution, threads)
     begin("normals")
     directions = _normals(points, faces if normals == "mesh" else None, viewpoint, threads)
     begin("keypoints")
@@ -424,11 +390,24 @@ def _resolution(name: str, points: FloatArray, threads: int | None) -> float:
     return resolution
 
 
-def _unit(resolution: float) -> float:
-    if not 0 < resolution < np.inf:
-        message = f"resolution: got {resolution}; give a finite length greater than 0"
+def _unit(points: FloatArray, given: float | None, threads: int | None) -> float:
+    """Return the unit pr: the one given, or that of the cloud."""
+    if given is None:
+        return _resolution("cloud", points, threads)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if _length("resolution", given) > size:
+        message = (
+            f"resolution: got {given}, but the whole cloud is {size:.3g} across; give it in the cloud's unit"
+        )
         raise InputError(message)
-    return resolution
+    return given
+
+
+def _length(name: str, length: float) -> float:
+    if not 0 < length < np.inf:
+        message = f"{name}: got {length}; give a finite length greater than 0"
+        raise InputError(message)
+    return length
 
 
 def _common_resolution(source: FloatArray, target: FloatArray, threads: int | None) -> float:

@@ -21,11 +21,13 @@ from cgroup.io import (
     PointCloud,
     read_cloud,
     read_correspondences,
+    read_descriptors,
     read_transform,
     write_cloud,
     write_correspondences,
     write_transform,
 )
+from cgroup.registration import describe
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -204,6 +206,48 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 # --- as a process of its own ---------------------------------------------------------------------
+
+
+def test_detect(folder: Path, pair: MatchingPair, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = (folder / "source.ply", "--detector", "iss", "--keypoints", 100, "--out", "kp")
+    status, out, err = run(capsys, "detect", *arguments)
+    assert (status, err) == (0, "")
+    found = np.load(tmp_path / "kp/keypoints.npz")
+    assert np.array_equal(found["points"], pair.source.points[found["indices"]])
+    assert 80 <= len(found["indices"]) <= 120
+    assert f"keypoints   {len(found['indices'])} by ISS" in out
+    colors = read_cloud(tmp_path / "kp/keypoints.ply").colors
+    assert colors is not None
+    assert np.array_equal(np.flatnonzero(colors[:, 0] != colors[:, 1]), found["indices"])
+    assert (tmp_path / "kp/keypoints.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_describe(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = (folder / "source.ply", "--descriptor", "rcs", "--nms-radius", 4, "--out", "kp")
+    status, out, err = run(capsys, "describe", *arguments)
+    assert (status, err) == (0, "")
+    written = read_descriptors(tmp_path / "kp/descriptors.npz")
+    expected = describe(read_cloud(folder / "source.ply"), descriptor="rcs", nms_radius=4)
+    for name in ("indices", "points", "lrf", "descriptors", "centroid"):
+        assert np.array_equal(getattr(written, name), getattr(expected, name))
+    assert written.resolution == expected.resolution
+    assert "RCS, 72 numbers each" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--resolution", 0), "resolution: got 0"),
+        (("--resolution", 500), "the whole cloud is"),
+        (("--nms-radius", -1), "nms_radius: got -1"),
+    ],
+)
+def test_detect_says_what_is_wrong(
+    arguments: tuple, says: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = run(capsys, "detect", folder / "source.ply", *arguments)
+    assert (status, out) == (2, "")
+    assert says in err
 
 
 def process(*arguments: object, **options: object) -> subprocess.Popen[str]:

@@ -15,13 +15,15 @@ from cgroup.io import (
     check_rigid,
     read_cloud,
     read_correspondences,
+    read_descriptors,
     read_transform,
     write_cloud,
     write_correspondences,
+    write_descriptors,
     write_mask,
     write_transform,
 )
-from cgroup.types import Correspondences
+from cgroup.types import Correspondences, DescribedCloud
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -354,6 +356,27 @@ def test_wrong_correspondence_files(tmp_path: Path) -> None:
         read_correspondences(tmp_path / "c.npz")
     with pytest.raises(InputError, match=r"ends in \.npz"):
         write_correspondences(tmp_path / "c.csv", Correspondences(np.zeros((1, 3)), np.zeros((1, 3))))
+
+
+def test_descriptors_are_checked(tmp_path: Path) -> None:
+    described = DescribedCloud(
+        np.arange(2), np.zeros((2, 3)), np.zeros((2, 3, 3)), np.ones((2, 5), np.float32), 0.5, np.zeros(3)
+    )
+    write_descriptors(tmp_path / "d.npz", described)
+    read = read_descriptors(tmp_path / "d.npz")
+    assert read.descriptors.dtype == np.float32
+    assert (len(read), read.resolution, repr(read)) == (2, 0.5, "DescribedCloud(m=2, dimensions=5)")
+    arrays = dict(np.load(tmp_path / "d.npz"))
+    np.savez(tmp_path / "short.npz", **{**arrays, "points": np.zeros((1, 3))})
+    np.savez(tmp_path / "without.npz", **{name: arrays[name] for name in ("indices", "points")})
+    for name, says in (
+        ("short", "differ in length"),
+        ("without", "has no array 'lrf'; it holds indices, points"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_descriptors(tmp_path / f"{name}.npz")
+    with pytest.raises(InputError, match="ends in .npz"):
+        write_descriptors(tmp_path / "d.txt", described)
 
 
 def test_write_mask(tmp_path: Path) -> None:

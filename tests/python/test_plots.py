@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex
 from cgroup import METHODS, Correspondences, Grouping
 from cgroup.benchmark import MethodResult
 from cgroup.evaluation import score_group
-from cgroup.plots import comparison_figure, precision_recall_figure, registration_figure
+from cgroup.plots import comparison_figure, keypoints_figure, precision_recall_figure, registration_figure
 from cgroup.plots.shading import broadside, overlaid, shaded
 from cgroup.plots.style import CORRECT, METHOD_STYLES, WRONG, method_style
 
@@ -105,6 +105,16 @@ def test_registration_figure(scene: tuple) -> None:
     )
     assert figure.get_suptitle() == "patch on patch"
     assert drawn(figure)
+
+
+def test_keypoints_figure_leaves_out_the_far_side(rng: np.random.Generator) -> None:
+    ball = rng.normal(size=(20_000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    figure = keypoints_figure(ball, {"all": np.arange(20_000), "none": np.arange(0)}, title="t")
+    every, none = figure.axes
+    assert 8_000 < len(every.collections[0].get_offsets()) < 13_000
+    assert len(none.collections[0].get_offsets()) == 0
+    assert every.get_title(loc="right").startswith("20000 keypoints, ")
 
 
 def test_precision_recall_figure(rng: np.random.Generator) -> None:

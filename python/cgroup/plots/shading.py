@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from typing import TypeAlias
 
-    from cgroup.types import BoolArray, FloatArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray
 
     Tint: TypeAlias = tuple[float, float, float]
 
@@ -117,6 +117,22 @@ def overlaid(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) ->
     return grid.picture(np.where(ahead[..., None], lit[0], lit[1]))
 
 
+def in_front(projected: FloatArray) -> BoolArray:
+    """Tell the points that no nearer part of the cloud hides.
+
+    Parameters
+    ----------
+    projected : (N,3) array of float64
+        From `View.project`.
+
+    Returns
+    -------
+    (N,) array of bool
+        True for the front layer.
+    """
+    return _front_layer(projected, _Grid.over(projected))[1]
+
+
 def _without_strays(projected: FloatArray) -> FloatArray:
     """Leave out the few points far off, as laser scans have, that would make the rest small."""
     low, high = np.quantile(projected[:, :2], (_STRAYS, 1 - _STRAYS), axis=0)
@@ -165,15 +181,20 @@ def _lit(depth: FloatArray, cell: float, tint: Tint) -> FloatArray:
 
 def _range_image(projected: FloatArray, grid: _Grid) -> FloatArray:
     """Mean nearness of the front layer in each cell, NaN where there is none."""
-    column, row = np.round((projected[:, :2] - grid.low) / grid.cell).astype(int).T
-    front = np.full(grid.shape, -np.inf)
-    np.maximum.at(front, (column, row), projected[:, 2])
-    near = projected[:, 2] >= front[column, row] - 2 * grid.cell
-    total, count = np.zeros_like(front), np.zeros_like(front)
+    (column, row), near = _front_layer(projected, grid)
+    total, count = np.zeros(grid.shape), np.zeros(grid.shape)
     np.add.at(total, (column[near], row[near]), projected[near, 2])
     np.add.at(count, (column[near], row[near]), 1)
     with np.errstate(invalid="ignore"):
         return total / count
+
+
+def _front_layer(projected: FloatArray, grid: _Grid) -> tuple[IndexArray, BoolArray]:
+    """Column and row of each point's cell, and whether it is among the nearest there."""
+    column, row = cell = np.round((projected[:, :2] - grid.low) / grid.cell).astype(np.int64).T
+    front = np.full(grid.shape, -np.inf)
+    np.maximum.at(front, (column, row), projected[:, 2])
+    return cell, projected[:, 2] >= front[column, row] - 2 * grid.cell
 
 
 def _shifted(image: FloatArray, steps: tuple[int, int]) -> FloatArray:

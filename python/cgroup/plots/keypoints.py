@@ -1,0 +1,71 @@
+"""Keypoints on a shaded cloud."""
+
+# Parts of matplotlib's methods are untyped.
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from cgroup.plots import style
+from cgroup.plots.shading import broadside, in_front, shaded
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cgroup.types import FloatArray, IndexArray
+
+_COLUMNS = 2
+_PANEL = 5  # inches
+
+
+def keypoints_figure(
+    points: FloatArray,
+    keypoints: Mapping[str, IndexArray],
+    *,
+    title: str,
+    viewpoint: tuple[float, float, float] = (0, 0, 0),
+) -> Figure:
+    """Draw where detectors found keypoints, one panel each.
+
+    Parameters
+    ----------
+    points : (N,3) array of float64
+        Whole cloud.
+    keypoints : mapping of str to (m,) array of int
+        Rows of the cloud, by the name of the detector.
+    title : str
+        Shown on top.
+    viewpoint : (float, float, float)
+        Where the scanner stood; the cloud is seen from that side.
+
+    Returns
+    -------
+    Figure
+        Keypoints on the far side are left out, and counted below the panel.
+    """
+    view = broadside(points, viewpoint)
+    projected = view.project(points)
+    picture, visible = shaded(projected, style.TARGET_TINT), in_front(projected)
+    left, right, bottom, top = picture.extent
+    columns = min(_COLUMNS, len(keypoints))
+    rows = -(-len(keypoints) // columns)
+    height = float(np.clip(_PANEL * (top - bottom) / (right - left), 2, 9)) + 0.4
+    size = (columns * _PANEL, rows * height + 0.5)
+    figure = Figure(figsize=size, dpi=style.DOTS_PER_INCH, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).reshape(-1)
+    for axes in panels:
+        axes.set_axis_off()
+        axes.set_aspect("equal", anchor="N")
+    for axes, (name, found) in zip(panels, keypoints.items(), strict=False):
+        axes.imshow(picture.rgba, extent=picture.extent, origin="lower", interpolation="nearest")
+        seen = projected[found[visible[found]]]
+        axes.scatter(seen[:, 0], seen[:, 1], s=9, color=style.WRONG, edgecolors="white", linewidths=0.3)
+        axes.set_title(name, loc="left", fontsize=11, fontweight="bold", color=style.TEXT)
+        shown = f"{len(found)} keypoints, {len(seen)} on this side"
+        axes.set_title(shown, loc="right", fontsize=9, color=style.QUIET_TEXT)
+    figure.suptitle(title, color=style.TEXT)
+    return figure
