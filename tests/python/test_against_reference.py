@@ -289,7 +289,7 @@ def compare(oracle: OracleReport, method: str, problem: Problem, options: Option
     margin = score_margin(method, expected, options)
     shaky = ambiguous_scores(expected, nudged, margin)
     difference = assert_same_scores(got, expected, shaky, margin)
-    ambiguous = ambiguous_rows(method, options, expected, nudged, shaky)
+    ambiguous = ambiguous_rows(method, expected, nudged, shaky)
     masks_equal = assert_same_group(got, expected, ambiguous)
     assert_same_threshold(got, expected, ambiguous)
     assert_mask_follows_scores(method, got, expected, nudged, options)
@@ -366,7 +366,6 @@ def ambiguous_scores(
 
 def ambiguous_rows(
     method: str,
-    options: Options,
     expected: ReferenceGrouping,
     nudged: list[ReferenceGrouping],
     shaky: BoolArray,
@@ -381,18 +380,16 @@ def ambiguous_rows(
         distance = np.abs(expected.scores - expected.threshold)
         ambiguous |= distance < NEAR_THRESHOLD * abs(expected.threshold)
     if method == "st":
-        ambiguous |= shaky.any() | near_ties(expected, options)
+        ambiguous |= shaky.any() | near_ties(expected)
     return ambiguous
 
 
-def near_ties(expected: ReferenceGrouping, options: Options) -> BoolArray:
+def near_ties(expected: ReferenceGrouping) -> BoolArray:
     """(n,) True for rows that depend on which of two equally strong rows ST takes first.
 
     Between conflicting rows of almost equal strength rounding decides, and everything
-    after depends on it. Twins, rows with the same affinities to all others, only stand in
-    for each other. Their row sums have the same terms in the same order, so that the
-    strengths are the same bits and the lowest index has to win; not so with entries on
-    the diagonal or with the dense solver.
+    after depends on it. Not so with twins, rows with the same affinities to all others:
+    they tie, and the lowest index has to win.
     """
     v, matrix = expected.scores, expected.details["matrix"]
     ambiguous = np.zeros(len(v), dtype=bool)
@@ -403,8 +400,6 @@ def near_ties(expected: ReferenceGrouping, options: Options) -> BoolArray:
         others = np.delete(np.arange(len(v)), [i, j])
         if (matrix[i, others] != matrix[j, others]).any() or matrix[i, i] != matrix[j, j]:
             ambiguous[:] = True
-        elif options.get("eigensolver") == "dense" or matrix[i, i] != 0.0:
-            ambiguous[[i, j]] = True
     return ambiguous
 
 
@@ -549,7 +544,7 @@ def test_few_rows_are_ambiguous(method: str, options: Options) -> None:
         margin = score_margin(method, expected, options)
         shaky = ambiguous_scores(expected, nudged, margin)
         rows += len(problem)
-        ambiguous += ambiguous_rows(method, options, expected, nudged, shaky).sum()
+        ambiguous += ambiguous_rows(method, expected, nudged, shaky).sum()
     assert ambiguous <= 0.02 * rows
 
 

@@ -8,6 +8,7 @@
 
 use pulp::Arch;
 
+use super::lanes::{LANES as GROUP, LaneWork, Lanes};
 use crate::points::Points;
 
 /// Runs `work` compiled for the best instruction set of this machine. Mark the closure
@@ -26,6 +27,8 @@ pub trait Element: Copy + Default + Send + Sync + PartialOrd + 'static {
     fn from_f64(value: f64) -> Self;
     /// Widens to f64.
     fn to_f64(self) -> f64;
+    /// A group of entries, widened.
+    fn load<L: Lanes>(lanes: L, entries: &[Self; GROUP]) -> L::Group;
     /// Square root.
     #[must_use]
     fn sqrt(self) -> Self;
@@ -40,7 +43,7 @@ pub trait Element: Copy + Default + Send + Sync + PartialOrd + 'static {
 }
 
 macro_rules! element {
-    ($float:ty) => {
+    ($float:ty, $load:ident) => {
         impl Element for $float {
             #[inline(always)]
             fn from_f64(value: f64) -> Self {
@@ -49,6 +52,10 @@ macro_rules! element {
             #[inline(always)]
             fn to_f64(self) -> f64 {
                 f64::from(self)
+            }
+            #[inline(always)]
+            fn load<L: Lanes>(lanes: L, entries: &[Self; GROUP]) -> L::Group {
+                lanes.$load(entries)
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
@@ -71,8 +78,8 @@ macro_rules! element {
         }
     };
 }
-element!(f32);
-element!(f64);
+element!(f32, load_f32);
+element!(f64, load);
 
 /// Coordinates of one side of the correspondences, in the storage type.
 #[derive(Debug, Clone)]
@@ -101,20 +108,22 @@ impl<T: Element> Side<T> {
     }
 }
 
-/// Writes `score(ds_ij^2, dt_ij^2)` for all j into `row`; `score` sees squared lengths, and 0 where the
-/// edge counts as zero.
+/// Writes `score(ds_ij^2, dt_ij^2)` for j = first, first + 1, ... into `row`; `score` sees squared
+/// lengths. Where an edge counts as zero the score is 0.
 #[inline(always)]
 pub fn fill_row<T: Element>(
     source: &Side<T>,
     target: &Side<T>,
     i: usize,
+    first: usize,
     row: &mut [T],
     score: impl Fn(T, T) -> T,
 ) {
     let n = row.len();
     let (p, q) = (source.get(i), target.get(i));
-    let (sx, sy, sz) = (&source.x[..n], &source.y[..n], &source.z[..n]);
-    let (tx, ty, tz) = (&target.x[..n], &target.y[..n], &target.z[..n]);
+    let part = first..first + n;
+    let (sx, sy, sz) = (&source.x[part.clone()], &source.y[part.clone()], &source.z[part.clone()]);
+    let (tx, ty, tz) = (&target.x[part.clone()], &target.y[part.clone()], &target.z[part]);
     let zero = T::default();
     for j in 0..n {
         let ds = T::squared_distance(p, [sx[j], sy[j], sz[j]]);
@@ -141,6 +150,71 @@ pub fn dot<T: Element>(row: &[T], x: &[f64]) -> f64 {
         sums[lane] += a.to_f64() * b;
     }
     sum_lanes(sums)
+}
+
+/// Rows that [`RowsTimesVector`] works on at a time: their entries share the loads of `x` and `mirrored`.
+pub const ROW_GROUP: usize = 4;
+
+/// For rows of a symmetric matrix, right of its diagonal: `sum_j row_j x_j` of each, and onto
+/// `mirrored_j` what the same entries add below the diagonal, `sum_i weight_i row_ij`.
+pub struct RowsTimesVector<'a, T> {
+    /// As long as `x`, each.
+    pub rows: [&'a [T]; ROW_GROUP],
+    /// The vector at the rows' columns.
+    pub x: &'a [f64],
+    /// The vector at the rows themselves.
+    pub weights: [f64; ROW_GROUP],
+    /// The product at the rows' columns.
+    pub mirrored: &'a mut [f64],
+}
+
+impl<T: Element> LaneWork for RowsTimesVector<'_, T> {
+    type Output = [f64; ROW_GROUP];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output {
+        let rows = self.rows.map(
+            #[inline(always)]
+            |row| row[..self.x.len()].as_chunks::<GROUP>(),
+        );
+        let (x_groups, x_rest) = self.x.as_chunks::<GROUP>();
+        let (below_groups, below_rest) = self.mirrored.as_chunks_mut::<GROUP>();
+        let [w0, w1, w2, w3] = self.weights.map(
+            #[inline(always)]
+            |weight| lanes.splat(weight),
+        );
+        let [mut s0, mut s1, mut s2, mut s3] = [lanes.splat(0.0); ROW_GROUP];
+        let entries = rows[0].0.iter().zip(rows[1].0).zip(rows[2].0).zip(rows[3].0);
+        for ((x, below), (((e0, e1), e2), e3)) in x_groups.iter().zip(below_groups).zip(entries) {
+            let (factor, mut sum) = (lanes.load(x), lanes.load(below));
+            let [e0, e1, e2, e3] =
+                [T::load(lanes, e0), T::load(lanes, e1), T::load(lanes, e2), T::load(lanes, e3)];
+            s0 = lanes.multiply_add(e0, factor, s0);
+            s1 = lanes.multiply_add(e1, factor, s1);
+            s2 = lanes.multiply_add(e2, factor, s2);
+            s3 = lanes.multiply_add(e3, factor, s3);
+            sum = lanes.multiply_add(e0, w0, sum);
+            sum = lanes.multiply_add(e1, w1, sum);
+            sum = lanes.multiply_add(e2, w2, sum);
+            sum = lanes.multiply_add(e3, w3, sum);
+            lanes.store(sum, below);
+        }
+        let mut sums = [[0.0; GROUP]; ROW_GROUP];
+        for (sum, register) in sums.iter_mut().zip([s0, s1, s2, s3]) {
+            lanes.store(register, sum);
+        }
+        for (lane, (x, below)) in x_rest.iter().zip(below_rest).enumerate() {
+            for (row, sums) in sums.iter_mut().enumerate() {
+                let entry = rows[row].1[lane].to_f64();
+                sums[lane] += entry * x;
+                *below += entry * self.weights[row];
+            }
+        }
+        sums.map(
+            #[inline(always)]
+            |lanes| lanes.iter().sum(),
+        )
+    }
 }
 
 #[inline(always)]
@@ -215,6 +289,7 @@ pub fn squared_residual(transform: &[f64; 12], p: [f64; 3], q: [f64; 3]) -> f64 
 
 #[cfg(test)]
 mod tests {
+    use super::super::lanes::with_lanes;
     use super::*;
 
     #[test]
@@ -235,6 +310,27 @@ mod tests {
     }
 
     #[test]
+    fn rows_times_vector_equal_plain_sums() {
+        for n in [0, 1, 7, 8, 9, 40] {
+            let entry = |row: usize, j: usize| (row * 31 + j * 17) as f32 * 0.125;
+            let rows: [Vec<f32>; ROW_GROUP] = [0, 1, 2, 3].map(|row| (0..n).map(|j| entry(row, j)).collect());
+            let x: Vec<f64> = (0..n).map(|j| 0.25 * j as f64 - 1.0).collect();
+            let weights = [1.0, -2.0, 0.5, 4.0];
+            let mut mirrored = vec![3.0; n];
+            let rows = [&*rows[0], &*rows[1], &*rows[2], &*rows[3]];
+            let sums = with_lanes(RowsTimesVector { rows, x: &x, weights, mirrored: &mut mirrored });
+            for (row, total) in sums.iter().enumerate() {
+                let plain: f64 = (0..n).map(|j| f64::from(entry(row, j)) * x[j]).sum();
+                assert!((total - plain).abs() < 1e-9);
+            }
+            for (j, below) in mirrored.iter().enumerate() {
+                let plain: f64 = (0..ROW_GROUP).map(|row| f64::from(entry(row, j)) * weights[row]).sum();
+                assert!((below - 3.0 - plain).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
     fn coincident_points_score_zero() {
         let side =
             |x: Vec<f64>| Side { y: vec![0.0; x.len()], z: vec![0.0; x.len()], x, zero_squared: 1e-20 };
@@ -242,7 +338,7 @@ mod tests {
         let mut row = vec![0.0; 3];
         dispatch(
             #[inline(always)]
-            || fill_row(&source, &target, 0, &mut row, |a, b| f64::ratio(a, b).sqrt()),
+            || fill_row(&source, &target, 0, 0, &mut row, |a, b| f64::ratio(a, b).sqrt()),
         );
         assert_eq!(row, [0.0, 0.0, 0.5]);
     }

@@ -3,5 +3,7 @@
 pub mod consistency;
 pub mod distance;
 pub mod kernels;
+pub mod lanes;
 pub mod lrf_angle;
 pub mod matrix;
+pub mod pair_scores;

@@ -6,13 +6,20 @@
 
 use super::GroupingMethod;
 use crate::compatibility::kernels::sum;
-use crate::compatibility::matrix::{PairMatrix, PairScore};
+use crate::compatibility::matrix::PairMatrix;
+use crate::compatibility::pair_scores::PairScore;
 use crate::error::{Error, at_least_one, positive};
 use crate::selection::otsu::{Cut, Threshold};
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
 /// A population whose mean payoff is no greater has nobody left who agrees with anybody.
 const NO_PAYOFF: f64 = 1e-300;
+
+/// What the strategies that are left out as extinct can hold together, at any later step.
+const EXTINCT: f64 = 1e-12;
+
+/// The game goes on without the extinct once fewer than this part of the strategies matter.
+const WORTH_SHRINKING: f64 = 0.8;
 
 /// Strategies with a larger share have survived infection-immunisation.
 const SURVIVES: f64 = 1e-9;
@@ -83,13 +90,21 @@ struct Population {
     steps: usize,
 }
 
+impl Population {
+    fn set(&mut self, strategies: &[usize], shares: &[f64]) {
+        for (&i, &share) in strategies.iter().zip(shares) {
+            self.shares[i] = share;
+        }
+    }
+}
+
 impl GroupingMethod for GameTheory {
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         self.validate()?;
         let (source, target) = correspondences.positions("gtm")?;
         let payoff = self.payoff_matrix(correspondences, source, target, execution)?; // Pi
         let population = match self.dynamics {
-            Dynamics::Replicator => self.replicate(&payoff, execution)?,
+            Dynamics::Replicator => self.replicate(payoff, execution)?,
             Dynamics::InfectionImmunisation => self.infect_and_immunise(&payoff, execution)?,
         };
         let Cut { mask, threshold } = self.select(&population); // x_i > t_gtm
@@ -131,25 +146,37 @@ impl GameTheory {
         PairMatrix::new(source, target, score, None, execution)
     }
 
-    fn replicate(&self, payoff: &PairMatrix, execution: &Execution) -> Result<Population> {
+    fn replicate(&self, mut payoff: PairMatrix, execution: &Execution) -> Result<Population> {
         let mut shares = uniform(payoff.len());
-        let mut mean_payoff = 0.0;
-        for step in 0..self.iterations {
+        let mut alive: Vec<usize> = (0..shares.len()).collect();
+        let mut population = Population { shares: shares.clone(), mean_payoff: 0.0, steps: 0 };
+        while population.steps < self.iterations {
             let payoffs = payoff.multiply(&shares, execution)?; // y = Pi x
             let products: Vec<f64> = shares.iter().zip(&payoffs).map(|(x, y)| x * y).collect();
-            mean_payoff = sum(&products); // z = x' Pi x
-            if mean_payoff <= NO_PAYOFF {
-                return Ok(Population { shares, mean_payoff, steps: step });
+            population.mean_payoff = sum(&products); // z = x' Pi x
+            if population.mean_payoff <= NO_PAYOFF {
+                break;
             }
-            let next: Vec<f64> = products.iter().map(|share| share / mean_payoff).collect(); // x_i y_i / z
+            let next: Vec<f64> = products.iter().map(|share| share / population.mean_payoff).collect(); // x_i y_i / z
             let moved = sum(&shares.iter().zip(&next).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>());
             shares = next;
-            execution.report(step + 1, self.iterations)?;
+            population.steps += 1;
+            execution.report(population.steps, self.iterations)?;
             if self.convergence_tolerance.is_some_and(|least| moved < least) {
-                return Ok(Population { shares, mean_payoff, steps: step + 1 });
+                break;
+            }
+            let steps_left = self.iterations - population.steps;
+            let least = least_share(population.shares.len(), population.mean_payoff, steps_left);
+            let matter: Vec<usize> = (0..shares.len()).filter(|&i| shares[i] > least).collect();
+            if (matter.len() as f64) < WORTH_SHRINKING * shares.len() as f64 {
+                population.set(&alive, &shares); // the extinct keep the share that they have now
+                payoff = payoff.subset(&matter, execution)?;
+                shares = matter.iter().map(|&i| shares[i]).collect();
+                alive = matter.iter().map(|&i| alive[i]).collect();
             }
         }
-        Ok(Population { shares, mean_payoff, steps: self.iterations })
+        population.set(&alive, &shares);
+        Ok(population)
     }
 
     fn infect_and_immunise(&self, payoff: &PairMatrix, execution: &Execution) -> Result<Population> {
@@ -191,6 +218,13 @@ impl GameTheory {
             _ => self.threshold.above(shares),
         }
     }
+}
+
+/// A share that is no greater can't reach `EXTINCT / n` in the steps left: payoffs are at most 1 and the mean
+/// payoff never falls, so no share grows by more than `1 / z` in a step. Leaving all such strategies out
+/// changes no payoff by more than `EXTINCT`.
+fn least_share(n: usize, mean_payoff: f64, steps_left: usize) -> f64 {
+    EXTINCT / n as f64 * mean_payoff.powf(steps_left as f64)
 }
 
 fn uniform(n: usize) -> Vec<f64> {
@@ -284,6 +318,36 @@ mod tests {
             let mean = group.diagnostics["mean_payoff"];
             assert!(mean >= last - 1e-15);
             last = mean;
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn leaving_out_the_extinct_changes_no_share_by_more_than_rounding() -> Result<()> {
+        let place = |i: usize| {
+            let t = i as f64;
+            [(t * 1.3).sin() * 5.0, (t * 0.7).cos() * 4.0, (t * 2.1).sin() * 3.0]
+        };
+        let n = 600;
+        let source: Vec<[f64; 3]> = (0..n).map(place).collect();
+        let target: Vec<[f64; 3]> =
+            (0..n).map(|i| if i % 2 == 0 { place(i) } else { place(3 * i + 1) }).collect();
+        let input = Correspondences::new(&source, &target)?;
+        let group = GameTheory::default().group(&input, &Execution::default())?;
+        let scores = group.scores.unwrap_or_default();
+        let few = scores.iter().filter(|&&score| score > EXTINCT).count();
+        assert!((few as f64) < WORTH_SHRINKING * n as f64, "nobody has become extinct");
+        let execution = Execution::default();
+        let positions = input.positions("gtm")?;
+        let whole = PairMatrix::new(positions.0, positions.1, PairScore::DistanceRatio, None, &execution)?;
+        let mut shares = uniform(n);
+        for _ in 0..100 {
+            let payoffs = whole.multiply(&shares, &execution)?;
+            let mean: f64 = shares.iter().zip(&payoffs).map(|(x, y)| x * y).sum();
+            shares.iter_mut().zip(payoffs).for_each(|(x, y)| *x *= y / mean);
+        }
+        for (score, share) in scores.iter().zip(shares) {
+            assert!((score - share).abs() < 1e-11);
         }
         Ok(())
     }

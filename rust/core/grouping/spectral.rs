@@ -5,7 +5,8 @@
 //! Cost O(n^2) per power step and O(n selected) for the acceptance.
 
 use super::GroupingMethod;
-use crate::compatibility::matrix::{PairMatrix, PairPositions, PairScore};
+use crate::compatibility::matrix::PairMatrix;
+use crate::compatibility::pair_scores::{PairPositions, PairScore};
 use crate::error::fraction;
 use crate::grouping_result::mask_of;
 use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvector};
@@ -14,6 +15,9 @@ use crate::{Correspondences, Execution, Grouping, Points, Result};
 
 /// Entries no greater than this share of the largest one carry no support.
 const NO_SUPPORT: f64 = 1e-12;
+
+/// Entries are compared in units of this share of the largest one: an iterated eigenvector has no more digits.
+const TIE: f64 = 1e-9;
 
 /// Pairwise affinity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -135,7 +139,7 @@ impl Spectral {
             let remaining = affinity.subset(&alive, execution)?;
             let eigenpair = principal_eigenvector(&remaining, self.eigensolver, execution)?;
             // Without any affinity left the vector is uniform, and the lowest index is next.
-            let chosen = alive[largest(&eigenpair.vector, 1)[0]];
+            let chosen = alive[by_support(&eigenpair.vector, 1)[0]];
             accepted.push(chosen);
             let conflicting = conflicts.with(chosen);
             alive.retain(|&i| i != chosen && !conflicting[i]);
@@ -145,10 +149,21 @@ impl Spectral {
     }
 }
 
+fn greatest(v: &[f64]) -> f64 {
+    v.iter().copied().fold(0.0, f64::max)
+}
+
+/// The `k` strongest entries of `v`, strongest first; of equal ones the lowest index first.
+fn by_support(v: &[f64], k: usize) -> Vec<usize> {
+    let unit = TIE * greatest(v);
+    let rounded: Vec<f64> = v.iter().map(|entry| (entry / unit).round()).collect();
+    largest(&rounded, k)
+}
+
 /// Accepts the strongest entry of `v` that is left, until none is.
 fn accept_greedily(v: &[f64], conflicts: &Conflicts, execution: &Execution) -> Result<Vec<usize>> {
-    let order = largest(v, v.len());
-    let least = NO_SUPPORT * order.first().map_or(0.0, |&i| v[i]);
+    let order = by_support(v, v.len());
+    let least = NO_SUPPORT * greatest(v);
     let mut alive = vec![true; v.len()];
     let mut accepted = Vec::new();
     for (rank, &i) in order.iter().enumerate() {

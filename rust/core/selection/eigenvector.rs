@@ -120,7 +120,7 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compatibility::matrix::PairScore;
+    use crate::compatibility::pair_scores::PairScore;
     use crate::points::Points;
 
     #[test]

@@ -3,8 +3,9 @@
 Decisions where the paper is open
 ---------------------------------
 * The shift of the power iteration is 0.05 times the mean row sum of M as built, with
-  whatever diagonal it has. Products are summed row by row in index order, so that two
-  identical rows get bit-equal entries.
+  whatever diagonal it has.
+* Entries of v are compared in units of 1e-9 of the largest: power iteration yields no more
+  digits. Equal ones are taken by lowest index.
 * The dense solver's vector is made non-negative by taking absolute values (for a
   symmetric non-negative M that is again a principal eigenvector).
 * M without a positive entry, or n < 2 whatever the diagonal: empty mask, the scores
@@ -39,6 +40,7 @@ SHIFT = 0.05
 CONVERGED = 1e-10
 MAX_STEPS = 1000
 NEGLIGIBLE = 1e-12
+TIE = 1e-9
 
 
 def st(
@@ -132,8 +134,9 @@ def principal_eigenvector(matrix: FloatArray, eigensolver: Eigensolver) -> Float
 def greedy(v: FloatArray, conflicts: BoolArray) -> BoolArray:
     """Take the strongest, drop what conflicts with it, repeat."""
     alive, selected = np.ones(len(v), dtype=bool), np.zeros(len(v), dtype=bool)
+    support = np.round(v / (TIE * v.max()))
     while alive.any():
-        strongest = int(np.argmax(np.where(alive, v, -np.inf)))  # ties: lowest index
+        strongest = int(np.argmax(np.where(alive, support, -np.inf)))  # ties: lowest index
         if v[strongest] <= NEGLIGIBLE * v.max():
             break
         selected[strongest] = True
@@ -151,7 +154,7 @@ def greedy_recomputed(matrix: FloatArray, conflicts: BoolArray, eigensolver: Eig
     while alive.any():
         rows = np.flatnonzero(alive)
         v = principal_eigenvector(matrix[np.ix_(rows, rows)], eigensolver)
-        strongest = rows[np.argmax(v)]
+        strongest = rows[np.argmax(np.round(v / (TIE * v.max())))]
         selected[strongest] = True
         alive &= ~conflicts[strongest]
         alive[strongest] = False

@@ -1,0 +1,133 @@
+//! What two correspondences score together, row by row.
+
+use super::kernels::{Element, Side, dispatch, fill_row};
+use crate::points::Points;
+
+/// What a pair of correspondences scores. Pairs with a zero-length edge score 0 unless said otherwise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PairScore {
+    /// `rho = min(ds/dt, dt/ds)`.
+    DistanceRatio,
+    /// rho where it is at least this, else 0.
+    DistanceRatioFrom(f64),
+    /// 1 where rho is at least this, else 0.
+    DistanceRatioIndicator(f64),
+    /// 1 where `|ds - dt|` is at most `tolerance`, else 0.
+    DistanceDifferenceIndicator {
+        /// Greatest difference, a length.
+        tolerance: f64,
+        /// Whether pairs that share a source or a target point score 0.
+        one_to_one: bool,
+    },
+}
+
+/// Source and target coordinates in the storage type.
+#[derive(Debug, Clone)]
+pub struct PairPositions<T> {
+    source: Side<T>,
+    target: Side<T>,
+    /// Factor from the data's unit to the stored one; f32 squares would under- or overflow without it.
+    scale: f64,
+}
+
+impl<T: Element> PairPositions<T> {
+    /// Converts the coordinates.
+    pub fn new(source: &Points, target: &Points) -> Self {
+        // A power of two, so that scaling is exact.
+        let extent = source.diagonal().max(target.diagonal());
+        let scale = if extent > 0.0 { (-extent.log2().round()).exp2() } else { 1.0 };
+        let side = |points: &Points| {
+            let convert = |axis: &[f64]| axis.iter().map(|value| T::from_f64(value * scale)).collect();
+            let zero = points.zero_length() * scale;
+            Side {
+                x: convert(&points.x),
+                y: convert(&points.y),
+                z: convert(&points.z),
+                zero_squared: T::from_f64(zero * zero),
+            }
+        };
+        Self { source: side(source), target: side(target), scale }
+    }
+
+    /// The rows `indices` alone.
+    #[must_use]
+    pub fn subset(&self, indices: &[usize]) -> Self {
+        let side = |side: &Side<T>| {
+            let pick = |axis: &[T]| indices.iter().map(|&i| axis[i]).collect();
+            Side { x: pick(&side.x), y: pick(&side.y), z: pick(&side.z), zero_squared: side.zero_squared }
+        };
+        Self { source: side(&self.source), target: side(&self.target), scale: self.scale }
+    }
+
+    /// Number of correspondences.
+    pub fn len(&self) -> usize {
+        self.source.x.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Writes the scores of correspondence `i` with all others; its score with itself is 0.
+    pub fn fill_row(&self, score: PairScore, i: usize, row: &mut [T]) {
+        self.fill_part(score, i, 0, row);
+    }
+
+    /// Writes the scores of correspondence `i` with those from `first` on, as many as `row` takes.
+    pub fn fill_part(&self, score: PairScore, i: usize, first: usize, row: &mut [T]) {
+        let (source, target, zero) = (&self.source, &self.target, T::default());
+        let rho = |ds: T, dt: T| T::ratio(ds, dt).sqrt();
+        match score {
+            PairScore::DistanceRatio => dispatch(
+                #[inline(always)]
+                || fill_row(source, target, i, first, row, rho),
+            ),
+            PairScore::DistanceRatioFrom(least) => {
+                let least = T::from_f64(least);
+                dispatch(
+                    #[inline(always)]
+                    || {
+                        fill_row(source, target, i, first, row, |ds, dt| {
+                            let value = rho(ds, dt);
+                            if value >= least { value } else { zero }
+                        });
+                    },
+                );
+            }
+            PairScore::DistanceRatioIndicator(least) => {
+                let least = T::from_f64(least);
+                dispatch(
+                    #[inline(always)]
+                    || {
+                        fill_row(source, target, i, first, row, |ds, dt| {
+                            if rho(ds, dt) >= least { T::ONE } else { zero }
+                        });
+                    },
+                );
+            }
+            PairScore::DistanceDifferenceIndicator { tolerance, .. } => {
+                let tolerance = T::from_f64(tolerance * self.scale);
+                dispatch(
+                    #[inline(always)]
+                    || {
+                        fill_row(source, target, i, first, row, |ds, dt| {
+                            let difference = T::absolute_difference(ds.sqrt(), dt.sqrt());
+                            if difference <= tolerance { T::ONE } else { zero }
+                        });
+                    },
+                );
+            }
+        }
+        if let Some(itself) = i.checked_sub(first).and_then(|at| row.get_mut(at)) {
+            *itself = zero;
+        }
+    }
+
+    /// Lets pairs with a zero-length edge score like all others.
+    pub fn allow_shared_points(&mut self) {
+        let below_any = T::from_f64(-1.0);
+        self.source.zero_squared = below_any;
+        self.target.zero_squared = below_any;
+    }
+}
