@@ -1,0 +1,246 @@
+"""The records of each experiment of the paper, by the data set of the paper that they speak for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, Bins, binned
+from cgroup.methods import METHODS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cgroup.types import FloatArray
+
+    Level: TypeAlias = float | str
+
+PAPER_EPSILON = 5.0
+"""A match is correct within this many pr, wherever the threshold isn't what is varied."""
+
+PLACES = {
+    "B3R": ("b3r-clean", "b3r", "standin-full"),
+    "U3OR": ("u3or", "standin-clutter"),
+    "U3M": ("u3m", "stanford", "standin-views"),
+}
+"""Which data sets can speak for a data set of the paper; the first one with records does."""
+
+_OF_THE_PAPER = {"b3r-clean", "b3r", "u3or", "u3m"}
+_GENERATED = "standin-"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment of the paper, section 4.3.
+
+    Attributes
+    ----------
+    id : str
+        As in configurations; several variants of one experiment are named ``id-something``.
+    letters : tuple of str
+        Subfigures of the paper, one per place.
+    title : str
+        For people.
+    column : str
+        Column of the records that is varied.
+    label : str
+        Of the axis, with the unit.
+    places : tuple of str
+        Data sets of the paper.
+    bins : Bins, optional
+        Levels that the column is sorted into.
+    """
+
+    id: str
+    letters: tuple[str, ...]
+    title: str
+    column: str
+    label: str
+    places: tuple[str, ...]
+    bins: Bins | None = None
+
+
+EXPERIMENTS = {
+    each.id: each
+    for each in (
+        Experiment("noise", ("a",), "Gaussian noise", "level", "noise σ (pr)", ("B3R",)),
+        Experiment("density", ("b",), "Point density", "level", "share of the points kept", ("B3R",)),
+        Experiment("clutter", ("c",), "Clutter", "clutter", "clutter (share)", ("U3OR",), CLUTTER),
+        Experiment("occlusion", ("d",), "Occlusion", "occlusion", "occlusion (share)", ("U3OR",), OCCLUSION),
+        Experiment("overlap", ("e",), "Partial overlap", "overlap", "overlap (share)", ("U3M",), OVERLAP),
+        Experiment("epsilon", ("f",), "Inlier threshold", "epsilon", "inlier threshold ε (pr)", ("U3OR",)),
+        Experiment(
+            "matches", ("g", "g"), "Number of matches", "nms_radius", "matches (mean n)", ("U3OR", "U3M")
+        ),
+        Experiment(
+            "combinations",
+            ("h", "i", "j"),
+            "Detector and descriptor",
+            "combination",
+            "detector and descriptor",
+            ("B3R", "U3OR", "U3M"),
+        ),
+    )
+}
+"""In the paper's order."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Records of one experiment on one data set.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        Which.
+    place : str
+        Data set of the paper that the records speak for.
+    dataset : str
+        Data set that they come from.
+    rows : DataFrame
+        Records without failed ones, with the level of each in the column ``x``.
+    """
+
+    experiment: Experiment
+    place: str
+    dataset: str
+    rows: pd.DataFrame
+
+    @cached_property
+    def levels(self) -> list[Level]:
+        """What was varied, ascending."""
+        return sorted(self.rows["x"].dropna().unique().tolist())
+
+    def by_level(self, column: str) -> pd.DataFrame:
+        """Mean over pairs: one row per level, one column per method."""
+        return self.rows.pivot_table(index="x", columns="method", values=column, aggfunc="mean", observed=True)
+
+    def overall(self, column: str) -> pd.Series:
+        """Mean over all records of each method, at all levels."""
+        return self.rows.groupby("method")[column].mean()
+
+    def matches(self, column: str) -> pd.Series:
+        """Mean over pairs of a number that no method has a part in, by level."""
+        once = self.rows.drop_duplicates(subset=["pair", "x", "epsilon"])
+        return once.groupby("x")[column].mean()
+
+    @property
+    def description(self) -> str:
+        """The data set, what it stands in for, where its pairs come from and how many there are."""
+        return described(self.rows, self.dataset, self.place)
+
+
+def described(rows: pd.DataFrame, dataset: str, place: str = "") -> str:
+    """Name a data set with what it stands in for, the origin of its pairs and their number.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Its records.
+    dataset : str
+        Its name.
+    place : str
+        Data set of the paper that it speaks for, if any.
+
+    Returns
+    -------
+    str
+        For people.
+    """
+    pairs = rows.drop_duplicates("pair")
+    counts = pairs.groupby("origin").size()
+    origins = " + ".join(f"{count} {origin}" for origin, count in counts.items())
+    noun = "pair" if len(pairs) == 1 else "pairs"
+    stands = f" in place of {place}" if place and dataset not in _OF_THE_PAPER else ""
+    kind = " stand-in" if dataset.startswith(_GENERATED) else ""
+    return f"{dataset}{stands} ({origins}{kind} {noun})"
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All records, sorted by experiment and place.
+
+    Attributes
+    ----------
+    frame : DataFrame
+        Records, one row per case, method and threshold.
+    timing : DataFrame
+        Times of the timing experiment; may have no rows.
+    methods : tuple of str
+        Methods that count; the paper's nine by default.
+    """
+
+    frame: pd.DataFrame
+    timing: pd.DataFrame
+    methods: tuple[str, ...] = tuple(METHODS)
+    _samples: dict[tuple[str, str], Sample | None] = field(default_factory=dict, repr=False)
+
+    def sample(self, experiment: str, place: str) -> Sample | None:
+        """Records of an experiment that speak for a data set of the paper.
+
+        Parameters
+        ----------
+        experiment : str
+            One of `EXPERIMENTS`.
+        place : str
+            One of `PLACES`.
+
+        Returns
+        -------
+        Sample or None
+            None where there are no records.
+        """
+        key = (experiment, place)
+        if key not in self._samples:
+            self._samples[key] = self._find(EXPERIMENTS[experiment], place)
+        return self._samples[key]
+
+    def samples(self) -> list[Sample]:
+        """All that there are, in the paper's order."""
+        found = (self.sample(each.id, place) for each in EXPERIMENTS.values() for place in each.places)
+        return [sample for sample in found if sample is not None]
+
+    @cached_property
+    def _usable(self) -> pd.DataFrame:
+        frame = self.frame
+        if frame.empty:
+            return frame
+        return frame[(frame["error"] == "") & frame["method"].isin(self.methods)]
+
+    def _find(self, experiment: Experiment, place: str) -> Sample | None:
+        rows = _of_experiment(self._usable, experiment)
+        for dataset in PLACES[place]:
+            chosen = rows[rows["dataset"] == dataset] if len(rows) else rows
+            if len(chosen):
+                chosen = chosen.assign(x=_levels(chosen, experiment))
+                return Sample(experiment, place, dataset, chosen)
+        return None
+
+
+def _of_experiment(frame: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
+    if frame.empty:
+        return frame
+    prefix = experiment.id + "-"
+    named = frame["experiments"].map(
+        lambda ids: any(each == experiment.id or each.startswith(prefix) for each in ids)
+    )
+    rows = frame[named.astype(bool)]
+    if experiment.column != "epsilon":
+        rows = rows[np.isclose(rows["epsilon"], PAPER_EPSILON)]
+    return rows[rows[experiment.column].notna()] if experiment.column == "level" else rows
+
+
+def _levels(rows: pd.DataFrame, experiment: Experiment) -> pd.Series | FloatArray:
+    """Value of what was varied, for each record; NaN outside all levels."""
+    if experiment.bins is not None:
+        return binned(rows[experiment.column].to_numpy(), experiment.bins)
+    if experiment.column == "nms_radius":  # what the radius is there for: the number of matches
+        radius = rows["nms_radius"].fillna(0.0)
+        counts = rows.drop_duplicates(["pair", "nms_radius"])["n"]
+        means = counts.groupby(radius.loc[counts.index]).mean().round()
+        return radius.map(means)
+    values = rows[experiment.column]
+    return values if experiment.column == "combination" else values.astype(float).round(6)
