@@ -1,5 +1,8 @@
 """The records of each experiment of the paper, by the data set of the paper that they speak for."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -66,7 +69,9 @@ class Experiment:
 EXPERIMENTS = {
     each.id: each
     for each in (
-        Experiment("noise", ("a",), "Gaussian noise", "level", "noise σ (pr)", ("B3R",)),
+        Experiment(
+            "noise", ("a",), "Gaussian noise", "level", "standard deviation of the noise (pr)", ("B3R",)
+        ),
         Experiment("density", ("b",), "Point density", "level", "share of the points kept", ("B3R",)),
         Experiment("clutter", ("c",), "Clutter", "clutter", "clutter (share)", ("U3OR",), CLUTTER),
         Experiment("occlusion", ("d",), "Occlusion", "occlusion", "occlusion (share)", ("U3OR",), OCCLUSION),
@@ -108,6 +113,7 @@ class Sample:
     place: str
     dataset: str
     rows: pd.DataFrame
+    _tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
 
     @cached_property
     def levels(self) -> list[Level]:
@@ -116,7 +122,11 @@ class Sample:
 
     def by_level(self, column: str) -> pd.DataFrame:
         """Mean over pairs: one row per level, one column per method."""
-        return self.rows.pivot_table(index="x", columns="method", values=column, aggfunc="mean", observed=True)
+        if column not in self._tables:
+            self._tables[column] = self.rows.pivot_table(
+                index="x", columns="method", values=column, aggfunc="mean"
+            )
+        return self._tables[column]
 
     def overall(self, column: str) -> pd.Series:
         """Mean over all records of each method, at all levels."""
@@ -179,7 +189,7 @@ class Evidence:
     _samples: dict[tuple[str, str], Sample | None] = field(default_factory=dict, repr=False)
 
     def sample(self, experiment: str, place: str) -> Sample | None:
-        """Records of an experiment that speak for a data set of the paper.
+        """Find the records of an experiment that speak for a data set of the paper.
 
         Parameters
         ----------

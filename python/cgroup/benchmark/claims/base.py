@@ -46,7 +46,8 @@ CLEAR = 0.05
 TIME_TIE = math.log(1.05)
 """Tolerances on scores, and on logarithms of times."""
 
-_SHOWN = 4  # tests quoted in the text of a verdict
+_FAILING_SHOWN, _HOLDING_SHOWN = 4, 2  # tests quoted in the text of a verdict
+_TIMING = "timing experiment"
 
 
 class Test(NamedTuple):
@@ -151,7 +152,7 @@ class Records:
     used: list[str] = field(default_factory=list)
 
     def need(self, experiment: str, place: str, *methods: str) -> Sample:
-        """Records of an experiment, with all nine methods or those named; or the claim isn't testable."""
+        """Find the records of an experiment with all nine methods, or those named."""
         sample = self.evidence.sample(experiment, place)
         if sample is None:
             wanted = ", ".join(PLACES[place])
@@ -167,13 +168,14 @@ class Records:
         return sample
 
     def need_times(self, *methods: str) -> pd.DataFrame:
-        """Mean seconds on one thread: one row per n, one column per method; or the claim isn't testable."""
+        """Find the mean seconds on one thread: one row per n, one column per method."""
         times = mean_times(self.evidence.timing)
         missing = [each for each in methods or self.evidence.methods if each not in times.columns]
         if missing:
             message = f"no times of {names(missing)}; run the timing experiment"
             raise NotTestableError(message)
-        self.used.append("timing experiment")
+        if _TIMING not in self.used:
+            self.used.append(_TIMING)
         return times
 
 
@@ -192,7 +194,7 @@ def mean_times(timing: pd.DataFrame) -> pd.DataFrame:
     """
     if timing.empty:
         return timing
-    single = timing[timing["threads"] == timing["threads"].min()]
+    single = timing[timing["threads"] == 1]
     return single.pivot_table(index="n", columns="method", values="seconds", aggfunc="mean")
 
 
@@ -246,13 +248,14 @@ def _judged(finding: Finding) -> tuple[Outcome, str]:
 def _measured(tests: list[Test], summary: str) -> str:
     failing = [test for test in tests if not test.holds]
     count = f"{len(tests) - len(failing)} of {len(tests)}"
-    if len(tests) <= _SHOWN:
+    if len(tests) <= _FAILING_SHOWN:
         quoted = "; ".join(test.text + ("" if test.holds else " [fails]") for test in tests)
         text = f"{count}: {quoted}"
     else:
-        picked = sorted(failing or tests, key=lambda test: test.margin)[:_SHOWN]
+        shown = _FAILING_SHOWN if failing else _HOLDING_SHOWN
+        picked = sorted(failing or tests, key=lambda test: test.margin)[:shown]
         more = len(failing) - len(picked)
-        label = "fails at" if failing else "tightest"
+        label = "fails at" if failing else "closest calls"
         text = f"{count}; {label}: " + "; ".join(test.text for test in picked)
         text += f"; and {more} more" if more > 0 else ""
     return f"{text}. {summary}".strip() if summary else f"{text}."

@@ -1,5 +1,8 @@
 """Point density: section 5.1, item 2."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -39,9 +42,7 @@ def _high_recall(records: Records) -> Finding:
 def _ss_beats_si_when_sparse(records: Records) -> Finding:
     sample = records.need("density", "B3R", "ss", "si")
     table = levels_where(sample.by_level("precision"), lambda share: share <= 0.3, "at or below 0.3 kept")
-    return Finding(
-        [higher(row, "ss", "si", f"{at(sample, level)}, P:") for level, row in table.iterrows()]
-    )
+    return Finding([higher(row, "ss", "si", f"{at(sample, level)}, P:") for level, row in table.iterrows()])
 
 
 def _recall_collapses(records: Records) -> Finding:

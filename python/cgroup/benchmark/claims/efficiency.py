@@ -1,5 +1,8 @@
 """Time: section 5.3."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportReturnType=false
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -7,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.benchmark.claims.base import TIME_TIE, Claim, Finding, NotTestableError, Test
-from cgroup.benchmark.claims.measures import at_most, higher, in_top, milliseconds
+from cgroup.benchmark.claims.measures import at_most, duration, higher, in_top
 from cgroup.evaluation.scaling import FIT_FROM, PAPER_COMPLEXITY, scaling_exponent
 
 if TYPE_CHECKING:
@@ -49,7 +52,7 @@ def _hough_linear(records: Records) -> Finding:
         raise NotTestableError(message)
     largest = times.index[-1]
     slow = float(times.iloc[-1])
-    fast = Test(slow < _FAST, f"{1e3 * slow:.3g} ms at n {largest}", _FAST - slow)
+    fast = Test(slow < _FAST, f"{duration(np.log(slow))} at n {largest}", _FAST - slow)
     return Finding([at_most("exponent of 3DHV", exponent, _LINEAR), fast])
 
 
@@ -59,7 +62,7 @@ def _st_slowest_when_large(records: Records) -> Finding:
         message = f"no times for n of {_LARGE_N} or more"
         raise NotTestableError(message)
     label = f"n {times.index[-1]}, slowest:"
-    return Finding([in_top(times.iloc[-1], "st", 1, label, tie=TIME_TIE, show=milliseconds)])
+    return Finding([in_top(times.iloc[-1], "st", 1, label, tie=TIME_TIE, show=duration)])
 
 
 def _log(records: Records, *methods: str) -> pd.DataFrame:
@@ -71,7 +74,7 @@ def _ranked(records: Records, methods: tuple[str, ...], k: int, order: str) -> F
     sign = 1.0 if order == "slowest" else -1.0
     return Finding(
         [
-            in_top(sign * row, method, k, f"n {n}:", tie=TIME_TIE, show=lambda x: milliseconds(sign * x))
+            in_top(sign * row, method, k, f"n {n}:", tie=TIME_TIE, show=lambda x: duration(sign * x))
             for n, row in _log(records).iterrows()
             for method in methods
         ],
@@ -82,7 +85,7 @@ def _ranked(records: Records, methods: tuple[str, ...], k: int, order: str) -> F
 def _slower(records: Records, one: str, other: str, by: float) -> Finding:
     return Finding(
         [
-            higher(row, one, other, f"n {n}:", by=by, show=milliseconds)
+            higher(row, one, other, f"n {n}:", by=by, show=duration)
             for n, row in _log(records, one, other).iterrows()
         ],
         summary=_exponents(records, (one, other)),

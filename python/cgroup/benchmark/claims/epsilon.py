@@ -1,5 +1,8 @@
 """The threshold that decides what a correct match is: section 5.1, item 5."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -27,7 +30,11 @@ def _precision_never_falls(records: Records) -> Finding:
     worst = steps.groupby(ordered["method"]).min()
     return Finding(
         [
-            Test(bool(step >= -_ROUNDING), f"{method.upper()}: smallest step of a pair {step:+.3f}", float(step))
+            Test(
+                bool(step >= -_ROUNDING),
+                f"{method.upper()}: smallest step of a pair {step:+.3f}",
+                float(step),
+            )
             for method, step in worst.items()
         ]
     )

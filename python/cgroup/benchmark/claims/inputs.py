@@ -1,5 +1,8 @@
 """How many of the initial matches are correct: end of section 4.3."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -14,7 +17,7 @@ if TYPE_CHECKING:
 def _many_inliers_at_low_noise(records: Records) -> Finding:
     sample = records.need("noise", "B3R")
     ratios = named_levels(sample.matches("inlier_ratio").to_frame("ratio"), [0.05])["ratio"]
-    return Finding([over("mean inlier ratio at σ 0.05 pr", float(ratios.iloc[0]), 0.5)])
+    return Finding([over("mean inlier ratio at noise of 0.05 pr", float(ratios.iloc[0]), 0.5)])
 
 
 def _few_inliers_in_scenes(records: Records) -> Finding:
@@ -31,7 +34,7 @@ CLAIMS = (
         "C-01",
         "4.3, inputs",
         "On B3R with the least noise, more than half of the initial matches are correct.",
-        "Mean inlier ratio > 0.5 at σ = 0.05 pr.",
+        "Mean inlier ratio > 0.5 at noise of 0.05 pr.",
         _many_inliers_at_low_noise,
     ),
     Claim(

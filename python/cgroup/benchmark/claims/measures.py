@@ -1,5 +1,8 @@
 """The few comparisons that claims are made of."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportAttributeAccessIssue=false, reportReturnType=false
+
 from __future__ import annotations
 
 import math
@@ -17,13 +20,19 @@ if TYPE_CHECKING:
 
     from cgroup.benchmark.evidence import Level, Sample
 
-_UNITS = {"noise": "σ {} pr", "density": "{} kept", "epsilon": "ε {} pr", "matches": "n {}"}
+_NAMES = {
+    "combinations": "{}",
+    "noise": "noise {} pr",
+    "density": "{} kept",
+    "epsilon": "ε {} pr",
+    "matches": "n {}",
+}
 
 
 def at(sample: Sample, level: Level) -> str:
     """Name a level of an experiment."""
     text = level if isinstance(level, str) else f"{level:g}"
-    return _UNITS.get(sample.experiment.id, sample.experiment.id + " {}").format(text)
+    return _NAMES.get(sample.experiment.id, sample.experiment.id + " {}").format(text)
 
 
 def number(value: float) -> str:
@@ -31,9 +40,10 @@ def number(value: float) -> str:
     return f"{value:.3f}" if abs(value) < 0.1 else f"{value:.2f}"
 
 
-def milliseconds(log_seconds: float) -> str:
+def duration(log_seconds: float) -> str:
     """Write a time that is given by its logarithm."""
-    return f"{1e3 * math.exp(log_seconds):.3g} ms"
+    seconds = math.exp(log_seconds)
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
 
 
 def over(label: str, value: float, bound: float) -> Test:
@@ -87,7 +97,9 @@ def in_top(
         raise NotTestableError(message)
     rival, value = rivals.index[k - 1], float(rivals.iloc[k - 1])
     margin = float(scores[method]) - value
-    nth = {1: "best other", 2: "second of the others", 3: "third of the others"}.get(k, f"number {k} of the others")
+    nth = {1: "best other", 2: "second of the others", 3: "third of the others"}.get(
+        k, f"number {k} of the others"
+    )
     text = f"{label} {method.upper()} {show(float(scores[method]))}, {nth} {str(rival).upper()} {show(value)}"
     return Test(margin >= -tie, text, margin)
 
@@ -116,7 +128,7 @@ def rising(levels: Iterable[float], values: Iterable[float]) -> float:
 
 def agreement(one: pd.Series, other: pd.Series) -> float:
     """Kendall's tau-b between two rankings of the methods; 1 where both are ties throughout."""
-    if one.nunique() == 1 and other.nunique() == 1:
+    if np.ptp(one) == 0 and np.ptp(other) == 0:
         return 1.0
     tau = float(stats.kendalltau(one.to_numpy(), other.to_numpy()).statistic)
     return 0.0 if math.isnan(tau) else tau

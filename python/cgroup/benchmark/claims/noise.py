@@ -1,5 +1,8 @@
 """Gaussian noise: section 5.1, item 1."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -53,8 +56,8 @@ def _lead_grows(records: Records) -> Finding:
     low, high = ends(table)
     leads = [lead(row, _LEADERS) for _, row in table.iterrows()]
     margin = leads[-1] - leads[0] - TIE
-    text = f"lead in F {number(leads[0])} at σ {low} pr, {number(leads[-1])} at {high} pr"
-    summary = f"Spearman of lead and σ over all levels: {rising(range(len(leads)), leads):.2f}."
+    text = f"lead in F {number(leads[0])} at noise of {low} pr, {number(leads[-1])} at {high} pr"
+    summary = f"Spearman of lead and noise over all levels: {rising(range(len(leads)), leads):.2f}."
     return Finding([Test(margin > 0, text, margin)], summary=summary)
 
 
@@ -85,7 +88,7 @@ def _si_drops_most(records: Records) -> Finding:
     table = records.need("noise", "B3R").by_level("f_score")
     low, high = ends(table)
     drops = table.loc[low] - table.loc[high]
-    return Finding([in_top(drops, "si", 1, f"drop in F from σ {low} to {high} pr:")])
+    return Finding([in_top(drops, "si", 1, f"drop in F from noise of {low} to {high} pr:")])
 
 
 CLAIMS = (

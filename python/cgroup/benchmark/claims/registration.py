@@ -1,5 +1,8 @@
 """Rigid registration: section 5.2."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -98,7 +101,9 @@ def _precision_per_pair(records: Records) -> Finding:
         [
             at_most(f"GC: share of {len(gc)} pairs with P > 0.5", float((gc > 0.5).mean()), 0.1),
             at_least("GC: share of pairs with P > 0.1", float((gc > 0.1).mean()), 1.0),
-            over(f"RANSAC: share of {len(done)} registered pairs with P > 0.5", float((done > 0.5).mean()), 0.5),
+            over(
+                f"RANSAC: share of {len(done)} registered pairs with P > 0.5", float((done > 0.5).mean()), 0.5
+            ),
             over(
                 f"RANSAC: share of {len(failed)} failed pairs with P <= {_ABOUT_ZERO}",
                 float((failed <= _ABOUT_ZERO).mean()),
@@ -196,7 +201,9 @@ def _gtm_best_on_views(records: Records) -> Finding:
     tests = [in_top(row, "gtm", 1, f"{name}, rate:") for name, row in table.iterrows()]
     peak = table["gtm"].rename(str.upper)
     tests.append(in_top(table["gtm"], "C5", 1, "rate of GTM:"))
-    return Finding(tests, summary="GTM: " + ", ".join(f"{name} {rate:.2f}" for name, rate in peak.items()) + ".")
+    return Finding(
+        tests, summary="GTM: " + ", ".join(f"{name} {rate:.2f}" for name, rate in peak.items()) + "."
+    )
 
 
 def _order(rates: pd.Series) -> str:
@@ -222,7 +229,8 @@ CLAIMS = (
     Claim(
         "C-45",
         _NOISE,
-        "All methods register all pairs while more than 30 % of the points are kept; below, SI and SS begin to fail.",
+        "All methods register all pairs while more than 30 % of the points are kept; below, SI and SS start "
+        "to fail.",
         "Rate 1 for each method at each level above 0.3; lowest rate of SI and of SS < 1 at 0.3 and below.",
         _sparse_data,
     ),
@@ -243,8 +251,8 @@ CLAIMS = (
     Claim(
         "C-48",
         _SCENES,
-        "Pair by pair on U3OR, GC is rarely above 0.5 in precision and always above 0.1; RANSAC is usually above "
-        "0.5 where it succeeds, and near 0 where it fails.",
+        "Pair by pair on U3OR, GC is rarely above 0.5 in precision and always above 0.1; RANSAC is usually "
+        "above 0.5 where it succeeds, and near 0 where it fails.",
         "GC: P > 0.5 on at most 10 % of the pairs, P > 0.1 on all. RANSAC: P > 0.5 on more than half of the "
         "registered pairs, P <= 0.05 on more than half of the others.",
         _precision_per_pair,
@@ -273,10 +281,10 @@ CLAIMS = (
     Claim(
         "C-52",
         _COUNTS,
-        "More matches raise the registration rate of most methods a little; GTM is best near 500, GC passes it "
-        "for denser sets.",
-        "Rate rises from the lowest to the highest n for more than half of the methods; GTM best at the level "
-        "nearest 500; rate of GC higher than that of GTM at each n from 1000.",
+        "More matches raise the registration rate of most methods a little; GTM is best near 500, GC passes "
+        "it for denser sets.",
+        "Rate rises from the lowest to the highest n for more than half of the methods; GTM best at the "
+        "level nearest 500; rate of GC higher than that of GTM at each n from 1000.",
         _rates_over_n,
     ),
     Claim(
@@ -289,10 +297,10 @@ CLAIMS = (
     Claim(
         "C-54",
         _COMBINATIONS,
-        "On U3OR, GC and GTM generally register most; SS is far behind with all combinations; NNSR is sometimes "
-        "competitive.",
-        "GC and GTM among the top two in more than half of the cases; SS more than 0.05 behind the next worst "
-        "with each of the six; NNSR among the top three with one at least.",
+        "On U3OR, GC and GTM generally register most; SS is far behind with all combinations; NNSR is "
+        "sometimes competitive.",
+        "GC and GTM among the top two in more than half of the cases; SS more than 0.05 behind the next "
+        "worst with each of the six; NNSR among the top three with one at least.",
         _combinations_on_scenes,
     ),
     Claim(

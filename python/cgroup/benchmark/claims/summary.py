@@ -1,5 +1,8 @@
 """Visual results and summary: sections 5.4 and 6."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -8,7 +11,7 @@ import numpy as np
 
 from cgroup.benchmark.claims.base import TIE, TIME_TIE, Claim, Finding, Test
 from cgroup.benchmark.claims.efficiency import SLOWEST
-from cgroup.benchmark.claims.measures import at_least, higher, in_top, milliseconds, number, over, under
+from cgroup.benchmark.claims.measures import at_least, duration, higher, in_top, number, under
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,7 +50,9 @@ def _groups_precise_voters_complete(records: Records) -> Finding:
     for place in _EXPERIMENT:
         precision, recall = _scores(records, place, "precision"), _scores(records, place, "recall")
         tests += [
-            _means_differ(f"{place}: mean P", precision, ("group-based", _GROUP_BASED), ("others", _INDIVIDUAL)),
+            _means_differ(
+                f"{place}: mean P", precision, ("group-based", _GROUP_BASED), ("others", _INDIVIDUAL)
+            ),
             _means_differ(f"{place}: mean R", recall, ("SI and CV", _VOTERS), ("group-based", _GROUP_BASED)),
         ]
     return Finding(tests)
@@ -69,7 +74,7 @@ def _cv_beats_si(records: Records) -> Finding:
     ]
     times = np.log(records.need_times("cv", "si"))
     tests += [
-        higher(row, "si", "cv", f"n {n}, time:", by=TIME_TIE, show=milliseconds) for n, row in times.iterrows()
+        higher(row, "si", "cv", f"n {n}, time:", by=TIME_TIE, show=duration) for n, row in times.iterrows()
     ]
     return Finding(tests)
 
@@ -106,8 +111,8 @@ CLAIMS = (
         "C-65",
         _SUMMARY,
         "Group-based methods are more precise; SI and CV recall more.",
-        "Mean P of the five group-based methods higher than that of the four others; mean R of SI and CV higher "
-        "than that of the five; on each of the three data sets.",
+        "Mean P of the five group-based methods higher than that of the four others; mean R of SI and CV "
+        "higher than that of the five; on each of the three data sets.",
         _groups_precise_voters_complete,
     ),
     Claim(
@@ -120,7 +125,8 @@ CLAIMS = (
     Claim(
         "C-67",
         _SUMMARY,
-        "Grouping by GC or GTM before the pose is estimated registers far more pairs than RANSAC on the raw matches.",
+        "Grouping by GC or GTM before the pose is estimated registers far more pairs than RANSAC on "
+        "the raw matches.",
         "Rate of GC, and of GTM, higher than that of RANSAC on U3OR and on U3M.",
         _grouping_first,
     ),

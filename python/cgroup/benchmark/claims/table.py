@@ -18,7 +18,7 @@ _COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "no
 
 
 def count_verdicts(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Number of claims by verdict, all four kinds named."""
+    """Count the claims by verdict, all four kinds named."""
     counts = Counter(verdict.verdict for verdict in verdicts)
     return {outcome: counts[outcome] for outcome in OUTCOMES}
 
