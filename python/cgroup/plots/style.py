@@ -1,7 +1,7 @@
 """Colours, markers and labels, the same in every figure.
 
 Method colours are Paul Tol's "muted" scheme, which stays distinct for colour-blind readers; the
-markers tell the methods apart in print.
+markers tell the methods apart in print, and dashes the individual-based methods from the group-based.
 """
 
 from __future__ import annotations
@@ -15,13 +15,16 @@ class MethodStyle(NamedTuple):
     label: str
     color: str
     marker: str
+    dashes: str | tuple[float, tuple[float, ...]] = "-"
 
+
+_INDIVIDUAL = (0, (4, 1.5))
 
 METHOD_STYLES = {
-    "ss": MethodStyle("SS", "#DDCC77", "o"),
-    "nnsr": MethodStyle("NNSR", "#999933", "s"),
-    "si": MethodStyle("SI", "#88CCEE", "^"),
-    "cv": MethodStyle("CV", "#44AA99", "v"),
+    "ss": MethodStyle("SS", "#DDCC77", "o", _INDIVIDUAL),
+    "nnsr": MethodStyle("NNSR", "#999933", "s", _INDIVIDUAL),
+    "si": MethodStyle("SI", "#88CCEE", "^", _INDIVIDUAL),
+    "cv": MethodStyle("CV", "#44AA99", "v", _INDIVIDUAL),
     "ransac": MethodStyle("RANSAC", "#117733", "D"),
     "st": MethodStyle("ST", "#AA4499", "P"),
     "gc": MethodStyle("GC", "#882255", "X"),
@@ -44,7 +47,10 @@ TARGET_TINT = (0.70, 0.80, 0.91)
 
 TEXT = "#222222"
 QUIET_TEXT = "#666666"
+GRID = "#e3e3e3"
 DOTS_PER_INCH = 150
+PRINT_WIDTH = 7.2
+"""Inches: both columns of a page."""
 
 
 def method_style(method: str) -> MethodStyle:
