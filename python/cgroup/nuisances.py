@@ -175,8 +175,8 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     def overlap_at(share: float) -> float:
         top, bottom = np.quantile(source_height, share), np.quantile(target_height, 1 - share)
         common = min(
-            np.count_nonzero(source_shared & (source_height >= bottom) & (source_height <= top)),
-            np.count_nonzero(target_shared & (target_height >= bottom) & (target_height <= top)),
+            np.count_nonzero(source_shared & (source_height >= bottom - tolerance) & (source_height <= top)),
+            np.count_nonzero(target_shared & (target_height >= bottom) & (target_height <= top + tolerance)),
         )
         return common / (share * min(len(source), len(target)))
 
@@ -220,7 +220,7 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
 def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
     """Put generated stones around the target until the share `level` of its points isn't the model's.
 
-    The stones are about as large and as dense as the target. The fact ``clutter`` counts points, so it is
+    The stones are about as large as the source, and as dense. The fact ``clutter`` counts points, so it is
     exact for even density only.
     """
     _check_share("clutter", level)
@@ -231,7 +231,7 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     if missing < 0:
         message = f"clutter: {pair.name} has {1 - own.mean():.2f} already; ask for more than {level}"
         raise InputError(message)
-    stones = _stones(missing, scene, pr, rng)
+    stones = _stones(missing, scene, float(np.ptp(pair.source.points, axis=0).max()), pr, rng)
     target = PointCloud(np.concatenate([scene, stones]), faces=pair.target.faces)
     return replace(pair, target=target, facts={**pair.facts, "clutter": 1 - float(own.sum() / len(target))})
 
@@ -247,17 +247,19 @@ NUISANCES: dict[str, Nuisance] = {
 """What `apply_nuisance` knows by name."""
 
 
-def _stones(count: int, scene: FloatArray, pr: float, rng: np.random.Generator) -> FloatArray:
+def _stones(
+    count: int, scene: FloatArray, size: float, spacing: float, rng: np.random.Generator
+) -> FloatArray:
     """So many points on stones that surround the scene without touching it."""
-    size = float(np.ptp(scene, axis=0).max())
+    apart = _STONE_GAP * max(size, float(np.ptp(scene, axis=0).max()))
     middle = (scene.max(axis=0) + scene.min(axis=0)) / 2
     shapes: list[FloatArray] = [np.empty((0, 3))]
     for place in _places():
         if count <= sum(len(shape) for shape in shapes):
             break
-        vertices = stone(rng, max(8, round(size / (2 * pr)))).vertices
+        vertices = stone(rng, max(8, round(size / (2 * spacing)))).vertices
         shape = vertices * (size / np.ptp(vertices, axis=0).max())
-        shapes.append(voxel_means(shape, pr) + middle + _STONE_GAP * size * place)
+        shapes.append(voxel_means(shape, spacing) + middle + apart * place)
     return np.concatenate(shapes)[:count]
 
 

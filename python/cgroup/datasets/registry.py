@@ -9,6 +9,7 @@ from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
 from cgroup.datasets.standins import StandinClutter, StandinFull, StandinViews
 from cgroup.datasets.stanford import StanfordViews
+from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
     DatasetFactory: TypeAlias = Callable[[Path | None], Dataset]
 
 DATASETS: dict[str, DatasetFactory] = {
-    kind.name: kind for kind in (B3R, B3RClean, StanfordViews, StandinFull, StandinClutter, StandinViews)
+    kind.name: kind
+    for kind in (B3R, B3RClean, U3OR, StanfordViews, StandinFull, StandinClutter, StandinViews)
 }
 """Built-in data sets; each is opened with the data root."""
 

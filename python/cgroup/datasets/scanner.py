@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from cgroup.types import BoolArray, FloatArray, IndexArray
@@ -31,6 +33,13 @@ class Mesh:
     def moved(self, transform: FloatArray) -> Mesh:
         """Apply a 4x4 transform."""
         return Mesh(self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
+
+
+def merged(meshes: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 @dataclass(frozen=True, eq=False)

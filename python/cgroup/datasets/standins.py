@@ -13,7 +13,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup.datasets.base import ORIGIN, Dataset, MatchingPair
-from cgroup.datasets.scanner import Mesh, range_image
+from cgroup.datasets.scanner import merged, range_image
 from cgroup.datasets.standin import RADIUS, random_direction, standin_pair, stone
 from cgroup.evaluation import clutter_and_occlusion, overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
@@ -30,7 +30,7 @@ _MODEL_GRID = 70  # 28,000 vertices, 0.8 mm apart
 _WANTED, _OTHERS = 4, 1  # the others are in each scene, but not looked for
 _SCENE_GRID = 90  # finer than the models, whose vertices must not come back in the scene
 _DISTANCE, _LAYER = 20.0, 2.0  # radii: to the nearest stone, from one to the next
-_SPREAD = (1.35, 1.1, 0.85)  # radii: how far the stones of each scene lie from the line of sight
+_SPREAD = (1.25, 1.05, 0.85)  # radii: how far the stones of each scene lie from the line of sight
 _STEP = 0.75e-3  # angle between two rays, which makes scenes about as dense as models
 _SCENE_NOISE = 0.1  # of the range, in units of the point spacing
 
@@ -179,11 +179,8 @@ def _scene(number: int) -> PointCloud:
     stones = [
         stone(np.random.default_rng(seed), _SCENE_GRID).moved(pose) for seed, pose in enumerate(_heap(number))
     ]
-    starts = np.cumsum([0, *(len(part.vertices) for part in stones)])
-    faces = np.concatenate([part.faces + start for part, start in zip(stones, starts[:-1], strict=True)])
-    heap = Mesh(np.concatenate([part.vertices for part in stones]), faces)
     rng = np.random.default_rng((number, 3))
-    image = range_image(heap, step=_STEP, offset=rng.uniform(1, 2, size=2))
+    image = range_image(merged(stones), step=_STEP, offset=rng.uniform(1, 2, size=2))
     ranges = image.ranges()
     noise = _SCENE_NOISE * _STEP * ranges * rng.normal(size=len(ranges))
     return PointCloud(image.rays() * (ranges + noise)[:, None], faces=image.faces())
