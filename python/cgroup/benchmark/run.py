@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     Progress: TypeAlias = Callable[[str, int, int], Any]
 
+_CASES_AT_ONCE = 4  # of one pair to a worker, which then loads it once; lost if the run is killed meanwhile
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -120,11 +122,11 @@ def run(
 
 def _correspond(store: Store, workforce: Pool, root: Path | None, report: _Report) -> None:
     folder = None if root is None else str(root)
-    tasks = [(case, folder) for case in store.pending_cases()]
+    tasks = [(cases, folder) for cases in store.pending_cases(_CASES_AT_ONCE)]
     report.begin("correspond")
-    for record in workforce.unordered(stages.match_case, tasks) if tasks else ():
-        store.add_matched(record)
-        report.add(1)
+    for records in workforce.unordered(stages.match_cases, tasks) if tasks else ():
+        store.add_matched(records)
+        report.add(len(records))
 
 
 def _group(store: Store, workforce: Pool, report: _Report) -> None:

@@ -42,7 +42,7 @@ OVERLAP_SAMPLE = 1000
 """Source points in the overlap on which the error of an estimated pose is measured, at most."""
 
 _CANDIDATES_PER_SAMPLE = 5  # source points that are tried, per point of the sample
-_PAIRS_KEPT = 4  # loaded pairs that a worker keeps: successive cases often share theirs
+_PAIRS_KEPT = 2  # loaded pairs that a worker keeps: its next task is often about one of them
 
 
 def _now() -> str:
@@ -164,21 +164,25 @@ class Scored:
 # --- correspond ----------------------------------------------------------------------------------
 
 
-def match_case(case: Case, root: str | None) -> Matched:
-    """Load a pair, disturb it, match it.
+def match_cases(cases: Sequence[Case], root: str | None) -> list[Matched]:
+    """Load pairs, disturb them, match them.
 
     Parameters
     ----------
-    case : Case
-        What to do.
+    cases : sequence of Case
+        What to do; cases of the same pair after each other load it once.
     root : str, optional
         Folder with the data, as this machine sees it.
 
     Returns
     -------
-    Matched
-        With the error where there was one.
+    list of Matched
+        One each, with the error where there was one.
     """
+    return [_match(case, root) for case in cases]
+
+
+def _match(case: Case, root: str | None) -> Matched:
     try:
         pair = _pair(case.dataset, case.pair, root)
         if isinstance(pair, CorrespondencePair):

@@ -6,6 +6,7 @@ methods and thresholds the experiments ask for, is replaced by each run; what is
 
 from __future__ import annotations
 
+import itertools
 import json
 import sqlite3
 from contextlib import closing, contextmanager
@@ -208,11 +209,16 @@ class Store:
 
     # --- what is missing -------------------------------------------------------------------------
 
-    def pending_cases(self) -> list[Case]:
-        """Cases to be matched, those of one pair after each other."""
+    def pending_cases(self, at_most: int) -> list[tuple[Case, ...]]:
+        """Cases to be matched, in parts of the same pair that are not too large."""
         fields = "dataset, pair, nuisance, level, combination, nms_radius, seed"
         rows = self.connection.execute(f"{_PENDING_CASES.format(fields)} {_CASE_ORDER}")
-        return [Case(*row) for row in rows]
+        parts: list[tuple[Case, ...]] = []
+        for _, same_pair in itertools.groupby((Case(*row) for row in rows), lambda c: (c.dataset, c.pair)):
+            cases = iter(same_pair)
+            while part := tuple(itertools.islice(cases, at_most)):
+                parts.append(part)
+        return parts
 
     def pending_groupings(self) -> list[tuple[str, int, tuple[Candidate, ...]]]:
         """Cases to be grouped: key, seed and the methods that are missing."""
@@ -296,19 +302,20 @@ class Store:
         query = "select method_key, mask, pose from groupings where case_key = ? and error = ''"
         yield from self.connection.execute(query, (case_key,))
 
-    def add_matched(self, record: Matched) -> None:
-        """Store a record of the first stage."""
-        key = record.case.key
-        row = (
-            (key, record.n, record.pr, record.facts, record.seconds, record.parameters, record.error)
-            + _origin(record.provenance)
-        )  # fmt: skip
-        arrays = (key, record.content, record.truth, record.sample)
+    def add_matched(self, records: Iterable[Matched]) -> None:
+        """Store records of the first stage, all or none."""
         with self._transaction() as connection:
-            _insert_machine(connection, record.provenance)
-            connection.execute(f"insert into correspondences values ({_marks(row)})", row)
-            if not record.error:
-                connection.execute(f"insert into arrays values ({_marks(arrays)})", arrays)
+            for record in records:
+                _insert_machine(connection, record.provenance)
+                key = record.case.key
+                row = (
+                    (key, record.n, record.pr, record.facts, record.seconds, record.parameters, record.error)
+                    + _origin(record.provenance)
+                )  # fmt: skip
+                connection.execute(f"insert into correspondences values ({_marks(row)})", row)
+                if not record.error:
+                    row = (key, record.content, record.truth, record.sample)
+                    connection.execute(f"insert into arrays values ({_marks(row)})", row)
 
     def add_grouped(self, records: Iterable[Grouped]) -> None:
         """Store records of the second stage, all or none."""
