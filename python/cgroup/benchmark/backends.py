@@ -57,7 +57,9 @@ class Pool:
             )
             raise CgroupError(message) from error
 
-    def _streamed(self, function: Callable[..., Result], tasks: Iterator[tuple[Any, ...]]) -> Iterator[Result]:
+    def _streamed(
+        self, function: Callable[..., Result], tasks: Iterator[tuple[Any, ...]]
+    ) -> Iterator[Result]:
         # One task per message: a task takes long enough, and what is under way is lost when a run is killed.
         parallel = Parallel(self._workers, return_as="generator_unordered", batch_size=1)
         results: Generator[Result, None, None] = parallel(delayed(function)(*task) for task in tasks)

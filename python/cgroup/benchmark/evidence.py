@@ -11,86 +11,17 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, Bins, binned
+from cgroup.benchmark.paper import EXPERIMENTS, GENERATED, OF_THE_PAPER, PAPER_EPSILON, PLACES, VARIANTS
+from cgroup.evaluation.bins import binned
 from cgroup.methods import METHODS
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from cgroup.benchmark.paper import Experiment
     from cgroup.types import FloatArray
 
     Level: TypeAlias = float | str
-
-PAPER_EPSILON = 5.0
-"""A match is correct within this many pr, wherever the threshold isn't what is varied."""
-
-PLACES = {
-    "B3R": ("b3r-clean", "b3r", "standin-full"),
-    "U3OR": ("u3or", "standin-clutter"),
-    "U3M": ("u3m", "stanford", "standin-views"),
-}
-"""Which data sets can speak for a data set of the paper; the first one with records does."""
-
-_OF_THE_PAPER = {"b3r-clean", "b3r", "u3or", "u3m"}
-_GENERATED = "standin-"
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """An experiment of the paper, section 4.3.
-
-    Attributes
-    ----------
-    id : str
-        As in configurations; several variants of one experiment are named ``id-something``.
-    letters : tuple of str
-        Subfigures of the paper, one per place.
-    title : str
-        For people.
-    column : str
-        Column of the records that is varied.
-    label : str
-        Of the axis, with the unit.
-    places : tuple of str
-        Data sets of the paper.
-    bins : Bins, optional
-        Levels that the column is sorted into.
-    """
-
-    id: str
-    letters: tuple[str, ...]
-    title: str
-    column: str
-    label: str
-    places: tuple[str, ...]
-    bins: Bins | None = None
-
-
-EXPERIMENTS = {
-    each.id: each
-    for each in (
-        Experiment(
-            "noise", ("a",), "Gaussian noise", "level", "standard deviation of the noise (pr)", ("B3R",)
-        ),
-        Experiment("density", ("b",), "Point density", "level", "share of the points kept", ("B3R",)),
-        Experiment("clutter", ("c",), "Clutter", "clutter", "clutter (share)", ("U3OR",), CLUTTER),
-        Experiment("occlusion", ("d",), "Occlusion", "occlusion", "occlusion (share)", ("U3OR",), OCCLUSION),
-        Experiment("overlap", ("e",), "Partial overlap", "overlap", "overlap (share)", ("U3M",), OVERLAP),
-        Experiment("epsilon", ("f",), "Inlier threshold", "epsilon", "inlier threshold ε (pr)", ("U3OR",)),
-        Experiment(
-            "matches", ("g", "g"), "Number of matches", "nms_radius", "matches (mean n)", ("U3OR", "U3M")
-        ),
-        Experiment(
-            "combinations",
-            ("h", "i", "j"),
-            "Detector and descriptor",
-            "combination",
-            "detector and descriptor",
-            ("B3R", "U3OR", "U3M"),
-        ),
-    )
-}
-"""In the paper's order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,8 +95,8 @@ def described(rows: pd.DataFrame, dataset: str, place: str = "") -> str:
     counts = pairs.groupby("origin").size()
     origins = " + ".join(f"{count} {origin}" for origin, count in counts.items())
     noun = "pair" if len(pairs) == 1 else "pairs"
-    stands = f" in place of {place}" if place and dataset not in _OF_THE_PAPER else ""
-    kind = " stand-in" if dataset.startswith(_GENERATED) else ""
+    stands = f" in place of {place}" if place and dataset not in OF_THE_PAPER else ""
+    kind = " stand-in" if dataset.startswith(GENERATED) else ""
     return f"{dataset}{stands} ({origins}{kind} {noun})"
 
 
@@ -208,6 +139,33 @@ class Evidence:
             self._samples[key] = self._find(EXPERIMENTS[experiment], place)
         return self._samples[key]
 
+    def same_cases(self, place: str, methods: tuple[str, ...]) -> Sample | None:
+        """Find the records of some methods, on the cases that all of them were run on.
+
+        Parameters
+        ----------
+        place : str
+            One of `PLACES`.
+        methods : tuple of str
+            By the names in the records; they need not be among `methods` of the evidence.
+
+        Returns
+        -------
+        Sample or None
+            At the paper's threshold; None where there are no such cases.
+        """
+        if self.frame.empty:
+            return None
+        rows = self.frame[(self.frame["error"] == "") & np.isclose(self.frame["epsilon"], PAPER_EPSILON)]
+        rows = rows[rows["method"].isin(methods)]
+        for dataset in PLACES[place]:
+            chosen = rows[rows["dataset"] == dataset]
+            counts = chosen.groupby("case")["method"].nunique()
+            shared = chosen[chosen["case"].isin(counts.index[counts == len(methods)])]
+            if len(shared):
+                return Sample(VARIANTS, place, dataset, shared.assign(x=0.0))
+        return None
+
     def samples(self) -> list[Sample]:
         """All that there are, in the paper's order."""
         found = (self.sample(each.id, place) for each in EXPERIMENTS.values() for place in each.places)
@@ -233,11 +191,7 @@ class Evidence:
 def _of_experiment(frame: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
     if frame.empty:
         return frame
-    prefix = experiment.id + "-"
-    named = frame["experiments"].map(
-        lambda ids: any(each == experiment.id or each.startswith(prefix) for each in ids)
-    )
-    rows = frame[named.astype(bool)]
+    rows = frame[frame["experiments"].map(lambda ids: experiment.id in ids).astype(bool)]
     if experiment.column != "epsilon":
         rows = rows[np.isclose(rows["epsilon"], PAPER_EPSILON)]
     return rows[rows[experiment.column].notna()] if experiment.column == "level" else rows

@@ -56,7 +56,9 @@ def pair_precision_figure(rows: pd.DataFrame, *, methods: tuple[str, str], title
         color=style.QUIET_TEXT,
     )  # fmt: skip
     second = style.method_style(methods[1]).label
-    finish(each, title="each pair", xlabel=f"pairs, by the precision of {second}", ylabel="precision", share=True)
+    finish(
+        each, title="each pair", xlabel=f"pairs, by the precision of {second}", ylabel="precision", share=True
+    )
     finish(shares, title="all pairs", xlabel="precision", ylabel="share of pairs up to it", share=True)
     shares.set_xlim(0, 1)
     legend(figure, methods)

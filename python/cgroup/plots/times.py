@@ -60,8 +60,14 @@ def timing_figure(
         paper = f"  (paper {complexities[method]})" if method in complexities else ""
         handles.append(
             Line2D(
-                [], [], color=look.color, marker=look.marker, linestyle=look.dashes, linewidth=1.1,
-                markersize=marker_size(look.marker), label=f"{look.label}{fitted}{paper}",
+                [],
+                [],
+                color=look.color,
+                marker=look.marker,
+                linestyle=look.dashes,
+                linewidth=1.1,
+                markersize=marker_size(look.marker),
+                label=f"{look.label}{fitted}{paper}",
             )  # fmt: skip
         )
     figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8, handlelength=2.4)

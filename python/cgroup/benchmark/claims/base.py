@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cgroup.benchmark.evidence import PLACES
+from cgroup.benchmark.paper import PLACES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -165,6 +165,16 @@ class Records:
         if missing:
             message = f"no records of {names(missing)} in experiment '{experiment}' on {sample.dataset}"
             raise NotTestableError(message)
+        return sample
+
+    def need_same_cases(self, place: str, *methods: str) -> Sample:
+        """Find the records of some methods on the cases that all of them were run on."""
+        sample = self.evidence.same_cases(place, methods)
+        if sample is None:
+            message = f"no case on {place} with {names(methods)}; run an experiment with these methods"
+            raise NotTestableError(message)
+        if sample.description not in self.used:
+            self.used.append(sample.description)
         return sample
 
     def need_times(self, *methods: str) -> pd.DataFrame:

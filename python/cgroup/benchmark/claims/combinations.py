@@ -19,7 +19,7 @@ from cgroup.benchmark.claims.measures import (
     number,
     over,
 )
-from cgroup.benchmark.evidence import EXPERIMENTS
+from cgroup.benchmark.paper import EXPERIMENTS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,7 +11,9 @@ import numpy as np
 
 from cgroup.benchmark.claims.base import TIME_TIE, Claim, Finding, NotTestableError, Test
 from cgroup.benchmark.claims.measures import at_most, duration, higher, in_top
-from cgroup.evaluation.scaling import FIT_FROM, PAPER_COMPLEXITY, scaling_exponent
+from cgroup.benchmark.paper import PAPER_COMPLEXITY
+from cgroup.benchmark.records import exponents
+from cgroup.benchmark.timing import FITTED_FROM
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,9 +48,9 @@ def _cv_far_below_si(records: Records) -> Finding:
 
 def _hough_linear(records: Records) -> Finding:
     times = records.need_times("3dhv")["3dhv"]
-    exponent = scaling_exponent(times.index, times)
+    exponent = _fitted(records)["3dhv"]
     if np.isnan(exponent):
-        message = f"fewer than two n from {FIT_FROM}"
+        message = f"times of fewer than two n from {FITTED_FROM}"
         raise NotTestableError(message)
     largest = times.index[-1]
     slow = float(times.iloc[-1])
@@ -93,10 +95,15 @@ def _slower(records: Records, one: str, other: str, by: float) -> Finding:
 
 
 def _exponents(records: Records, methods: tuple[str, ...]) -> str:
-    times = records.need_times(*methods)
-    fitted = {method: scaling_exponent(times.index, times[method]) for method in methods}
-    known = [f"{method.upper()} {value:.2f}" for method, value in fitted.items() if not np.isnan(value)]
+    fitted = _fitted(records)
+    known = [f"{method.upper()} {fitted[method]:.2f}" for method in methods if not np.isnan(fitted[method])]
     return f"Exponents: {', '.join(known)}." if known else ""
+
+
+def _fitted(records: Records) -> dict[str, float]:
+    """Exponents of time over n; NaN where there are too few sets."""
+    known = exponents(records.evidence.timing).set_index("method")["exponent"].to_dict()
+    return {method: known.get(method, np.nan) for method in records.evidence.methods}
 
 
 CLAIMS = (
