@@ -11,17 +11,32 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from cgroup.benchmark.paper import EXPERIMENTS, GENERATED, OF_THE_PAPER, PAPER_EPSILON, PLACES, VARIANTS
+from cgroup.benchmark.paper import (
+    EXPERIMENTS,
+    GENERATED,
+    OF_THE_PAPER,
+    PAPER_EPSILON,
+    PLACES,
+    VARIANTS,
+    Experiment,
+)
 from cgroup.evaluation.bins import binned
 from cgroup.methods import METHODS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cgroup.benchmark.paper import Experiment
     from cgroup.types import FloatArray
 
     Level: TypeAlias = float | str
+
+
+_VARIED = {
+    "level": "level of the nuisance",
+    "nms_radius": "initial matches (mean number)",
+    "combination": "detector and descriptor",
+}
+"""What experiments that aren't the paper's may vary, with the label of the axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +186,29 @@ class Evidence:
         found = (self.sample(each.id, place) for each in EXPERIMENTS.values() for place in each.places)
         return [sample for sample in found if sample is not None]
 
+    def further_samples(self) -> list[Sample]:
+        """Find the records of experiments that aren't the paper's.
+
+        Returns
+        -------
+        list of Sample
+            One per experiment and data set, with every method that was run on all of its cases. Levels are
+            those of whatever is varied; NaN where nothing is.
+        """
+        if self._usable.empty:
+            return []
+        own = {name for ids in self._usable["experiments"] for name in ids} - set(EXPERIMENTS)
+        at_threshold = self._usable[np.isclose(self._usable["epsilon"], PAPER_EPSILON)]
+        found: list[Sample] = []
+        for name in sorted(own):
+            of_it = at_threshold[at_threshold["experiments"].map(lambda ids, name=name: name in ids)]
+            for dataset, cases in of_it.groupby("dataset")["case"]:
+                rows = at_threshold[at_threshold["case"].isin(cases)]
+                counts = rows.groupby("method")["case"].nunique()
+                rows = rows[rows["method"].isin(counts.index[counts == cases.nunique()])]
+                found.append(_own_sample(name, str(dataset), rows))
+        return found
+
     @cached_property
     def _usable(self) -> pd.DataFrame:
         frame = self.frame
@@ -186,6 +224,14 @@ class Evidence:
                 chosen = chosen.assign(x=_levels(chosen, experiment))
                 return Sample(experiment, place, dataset, chosen)
         return None
+
+
+def _own_sample(name: str, dataset: str, rows: pd.DataFrame) -> Sample:
+    varied = [column for column in _VARIED if len(rows[column].dropna().unique()) > 1]
+    column = varied[0] if varied else ""
+    experiment = Experiment(name, (), name, column, _VARIED.get(column, ""), ())
+    levels = _levels(rows, experiment) if column else np.nan
+    return Sample(experiment, "", dataset, rows.assign(x=levels))
 
 
 def _of_experiment(frame: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from cgroup.plots import style
@@ -23,6 +24,7 @@ _PANEL_HEIGHT = 2.3
 _FONT = 8
 _MARKER = 4.5
 _STAR = 7.0  # looks smaller than other markers of its size
+_SPREAD = 0.32  # of the methods around a name
 _SHORT_NAME = 4
 _NAMES_TURNED = 40  # degrees, for names on the x axis
 
@@ -48,8 +50,7 @@ def panels(count: int, *, columns: int, title: str, extra: float = 0.0) -> tuple
     """
     rows = -(-count // columns)
     size = (style.PRINT_WIDTH, rows * (_PANEL_HEIGHT + extra) + 0.75)
-    figure = Figure(figsize=size, dpi=style.DOTS_PER_INCH, layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.06, h_pad=0.05)
+    figure = Figure(figsize=size, dpi=style.DOTS_PER_INCH, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05))
     grid = figure.subplots(rows, min(columns, count), squeeze=False).reshape(-1)
     for axes in grid[count:]:
         axes.set_axis_off()
@@ -65,17 +66,22 @@ def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
     axes : Axes
         Where to.
     table : DataFrame
-        One row per level, ascending, one column per method. Levels that are names stand side by side.
+        One row per level, ascending, one column per method. Levels that are names have no order, so that
+        nothing connects them, and the methods stand side by side.
     """
-    places = x_places(axes, list(table.index))
-    for method in ordered(table.columns):
+    levels = list(table.index)
+    places = np.array(x_places(axes, levels))
+    named = isinstance(levels[0], str)
+    methods = ordered(table.columns)
+    aside = np.linspace(-_SPREAD, _SPREAD, len(methods)) if named else np.zeros(len(methods))
+    for method, shift in zip(methods, aside, strict=True):
         look = style.method_style(method)
         axes.plot(
-            places,
+            places + shift,
             table[method].to_numpy(dtype=float),
             color=look.color,
             marker=look.marker,
-            linestyle=look.dashes,
+            linestyle="" if named else look.dashes,
             linewidth=1.1,
             markersize=marker_size(look.marker),
             markeredgecolor="white",
@@ -91,6 +97,7 @@ def x_places(axes: Axes, levels: list[float] | list[str]) -> list[float]:
         return [float(level) for level in levels]
     places = [float(place) for place in range(len(levels))]
     axes.set_xticks(places, [str(level) for level in levels])
+    axes.set_xlim(-0.6, len(levels) - 0.4)
     if max(len(str(level)) for level in levels) > _SHORT_NAME:
         for label in axes.get_xticklabels():
             label.set(rotation=_NAMES_TURNED, horizontalalignment="right", rotation_mode="anchor")
@@ -141,11 +148,11 @@ def legend(figure: Figure, methods: Iterable[str]) -> None:
 
 
 def ordered(methods: Iterable[str]) -> list[str]:
-    """The paper's order, then any others."""
+    """Sort methods: the paper's order, then any others."""
     known = list(style.METHOD_STYLES)
     return sorted(methods, key=lambda name: known.index(name) if name in known else len(known))
 
 
 def marker_size(marker: str) -> float:
-    """Points."""
+    """Size of a marker in points."""
     return _STAR if marker == "*" else _MARKER

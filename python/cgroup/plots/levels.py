@@ -120,7 +120,7 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
     )
     named = [level if isinstance(level, str) else f"{level:g}" for level in table.index]
     x_places(counts, named)
-    finish(counts, title="initial matches (pairs on top)", xlabel=xlabel, ylabel="mean number")
+    finish(counts, title="initial matches", xlabel=xlabel, ylabel="mean number (on top: pairs)")
     counts.grid(visible=False, axis="x")
     places = x_places(ratio, list(table.index))
     ratio.plot(places, table["inlier_ratio"], color=style.CORRECT, marker="o", markersize=4, linewidth=1.2)

@@ -32,6 +32,8 @@ METHOD_STYLES = {
     "gtm": MethodStyle("GTM", "#332288", "*"),
 }
 
+_FURTHER_MARKERS = ("h", "p", "8", "d", ">", "H")
+
 CORRECT = "#009E73"
 """Correct matches: a bluish green, told from `WRONG` by every common kind of colour vision."""
 
@@ -54,5 +56,6 @@ PRINT_WIDTH = 7.2
 
 
 def method_style(method: str) -> MethodStyle:
-    """Style of a method by its public name; grey for one that isn't known here."""
-    return METHOD_STYLES.get(method, MethodStyle(method.upper(), "#777777", "o"))
+    """Style of a method by its public name; grey for one that isn't known here, its marker by its name."""
+    marker = _FURTHER_MARKERS[sum(method.encode()) % len(_FURTHER_MARKERS)]
+    return METHOD_STYLES.get(method, MethodStyle(method.upper(), "#666666", marker))

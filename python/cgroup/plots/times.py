@@ -52,23 +52,24 @@ def timing_figure(
     axes.minorticks_off()
     last = times.ffill().iloc[-1]
     names = sorted(ordered(times.columns), key=lambda method: -last[method])
-    handles = []
-    for method in names:
-        look = style.method_style(method)
-        exponent = exponents.get(method, np.nan)
-        fitted = "" if np.isnan(exponent) else f"  $n^{{{exponent:.2f}}}$"
-        paper = f"  (paper {complexities[method]})" if method in complexities else ""
-        handles.append(
-            Line2D(
-                [],
-                [],
-                color=look.color,
-                marker=look.marker,
-                linestyle=look.dashes,
-                linewidth=1.1,
-                markersize=marker_size(look.marker),
-                label=f"{look.label}{fitted}{paper}",
-            )  # fmt: skip
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=style.method_style(method).color,
+            marker=style.method_style(method).marker,
+            linestyle=style.method_style(method).dashes,
+            linewidth=1.1,
+            markersize=marker_size(style.method_style(method).marker),
+            label=_label(method, exponents.get(method, np.nan), complexities.get(method)),
         )
+        for method in names
+    ]
     figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8, handlelength=2.4)
     return figure
+
+
+def _label(method: str, exponent: float, paper: str | None) -> str:
+    """Name a method with its measured exponent and the paper's complexity."""
+    fitted = "" if np.isnan(exponent) else f"  $n^{{{exponent:.2f}}}$"
+    return f"{style.method_style(method).label}{fitted}" + (f"  (paper {paper})" if paper else "")
