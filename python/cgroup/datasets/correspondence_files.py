@@ -58,7 +58,7 @@ class CorrespondenceFiles(Dataset):
     origin: ClassVar[Origin] = "real"
     protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "3dmatch", "kitti", "kitti-2m")
     citation: ClassVar[str] = (
-        "Zhang et al.: 3D registration with maximal cliques, CVPR 2023; Barath: SupeRANSAC, CVPR 2025; "
+        "Zhang et al.: 3D registration with maximal cliques, CVPR 2023; Barath: SupeRANSAC, arXiv 2025; "
         "Yan et al.: TurboReg, ICCV 2025; Geiger et al.: KITTI, CVPR 2012; Zeng et al.: 3DMatch, CVPR 2017"
     )
 
