@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from cgroup.errors import CgroupError, InputError
+from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator
@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 BACKENDS = ("loky", "dask", "ray", "threading")
 
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
+"""Environment variable that Dask, too, takes the scheduler's address from."""
 
 _SLICE = 4  # tasks per worker handed out at a time, by backends that can't stream
 
 Result = TypeVar("Result")
-Tasks: TypeAlias = "Iterable[tuple[Any, ...]]"
+Task: TypeAlias = tuple[Any, ...]
 
 
 class Pool:
@@ -33,47 +34,69 @@ class Pool:
         self._streams = backend != "ray"
         self._workers = workers
 
-    def unordered(self, function: Callable[..., Result], tasks: Tasks) -> Iterator[Result]:
+    def unordered(
+        self, function: Callable[..., Result], tasks: Iterable[Task]
+    ) -> Iterator[tuple[Task, Result | None]]:
         """Call a function with each of many tuples of arguments; results come as they are ready.
 
-        Arguments are drawn as workers become free, so that they needn't all be in memory. To reach another
-        machine they had better be bytes, text, numbers and tuples: Dask puts other large objects on a
+        Tuples are drawn as workers become free, so that they needn't all be in memory. To reach another
+        machine they had better hold bytes, text, numbers and tuples: Dask puts other large objects on a
         worker, and they are lost with it.
 
-        Raises
+        Yields
         ------
-        CgroupError
-            If a worker process died.
+        task, result
+            None for the result of a task that killed its worker.
         """
-        try:
-            if self._streams:
-                yield from self._streamed(function, iter(tasks))
+        under_way: dict[int, Task] = {}
+        calls = _calls(function, tasks, under_way)
+        while True:
+            try:
+                for number, result in self._streamed(calls) if self._streams else self._sliced(calls):
+                    yield under_way.pop(number), result
+            except TerminatedWorkerError:
+                # One of those under way did it; each gets a worker of its own to show which.
+                for number in list(under_way):
+                    task = under_way.pop(number)
+                    yield task, _alone(function, task)
             else:
-                yield from self._sliced(function, iter(tasks))
-        except TerminatedWorkerError as error:
-            message = (
-                "a worker process was killed, perhaps for want of memory; everything finished is stored: "
-                "run again to continue, with fewer workers"
-            )
-            raise CgroupError(message) from error
+                return
 
-    def _streamed(
-        self, function: Callable[..., Result], tasks: Iterator[tuple[Any, ...]]
-    ) -> Iterator[Result]:
+    def _streamed(self, calls: Iterator[Any]) -> Iterator[tuple[int, Any]]:
         # One task per message: a task takes long enough, and what is under way is lost when a run is killed.
         parallel = Parallel(self._workers, return_as="generator_unordered", batch_size=1)
-        results: Generator[Result, None, None] = parallel(delayed(function)(*task) for task in tasks)
+        results: Generator[tuple[int, Any], None, None] = parallel(calls)
         with warnings.catch_warnings():
             # On the way out after an interrupt joblib warns of what it couldn't hand over.
             warnings.filterwarnings("ignore", "[0-9]+ tasks", UserWarning)
             with closing(results):
                 yield from results
 
-    def _sliced(self, function: Callable[..., Result], tasks: Iterator[tuple[Any, ...]]) -> Iterator[Result]:
+    def _sliced(self, calls: Iterator[Any]) -> Iterator[tuple[int, Any]]:
         parallel = Parallel(self._workers, batch_size=1)
         at_once = _SLICE * (self._workers if self._workers > 0 else os.cpu_count() or 1)
-        while part := list(itertools.islice(tasks, at_once)):
-            yield from parallel(delayed(function)(*task) for task in part)
+        while part := list(itertools.islice(calls, at_once)):
+            yield from parallel(part)
+
+
+def _calls(
+    function: Callable[..., Any], tasks: Iterable[Task], under_way: dict[int, Task]
+) -> Iterator[tuple[Callable[..., Any], Task, dict[str, Any]]]:
+    for number, task in enumerate(tasks):
+        under_way[number] = task
+        yield delayed(_numbered)(number, function, *task)
+
+
+def _numbered(number: int, function: Callable[..., Result], *arguments: object) -> tuple[int, Result]:
+    return number, function(*arguments)
+
+
+def _alone(function: Callable[..., Result], task: Task) -> Result | None:
+    try:
+        # Two workers, although one task: with one, joblib would work in this very process.
+        return Parallel(2, batch_size=1)([delayed(function)(*task)])[0]
+    except TerminatedWorkerError:
+        return None
 
 
 @contextmanager
@@ -103,7 +126,7 @@ def pool(backend: str, workers: int | None, scheduler: str | None = None) -> Gen
         raise InputError(message)
     jobs = -1 if workers is None else workers
     if backend == "dask":
-        with _dask_client(scheduler) as client, parallel_config("dask", client=client):
+        with _dask_backend(scheduler) as dask, parallel_config(dask):
             yield Pool(backend, jobs)
         return
     if backend == "ray":
@@ -114,12 +137,14 @@ def pool(backend: str, workers: int | None, scheduler: str | None = None) -> Gen
 
 
 @contextmanager
-def _dask_client(scheduler: str | None) -> Generator[Any, None, None]:
+def _dask_backend(scheduler: str | None) -> Generator[Any, None, None]:
     try:
         from distributed import Client  # noqa: PLC0415 - only where it is asked for
     except ModuleNotFoundError as error:
         message = "backend: dask isn't installed; pip install 'dask[distributed]'"
         raise InputError(message) from error
+    from cgroup.benchmark.dask_backend import DaskBackend  # noqa: PLC0415 - needs Dask
+
     address = scheduler or os.environ.get(SCHEDULER)
     if not address:
         message = f"scheduler: needed by the dask backend; give its address, or set {SCHEDULER}"
@@ -130,7 +155,7 @@ def _dask_client(scheduler: str | None) -> Generator[Any, None, None]:
         message = f"scheduler: {address} can't be reached: {error}"
         raise InputError(message) from error
     with client:
-        yield client
+        yield DaskBackend(client=client)
 
 
 def _register_ray() -> None:

@@ -51,9 +51,10 @@ class Candidate:
 
     def check(self) -> None:
         """Raise `InputError` for an unknown method or option."""
-        unknown = [name for name in self._given() if name not in _parameters(self.name)]
+        known = [name for name in _parameters(self.name) if name not in _FIELDS]
+        given = (name.removesuffix(IN_RESOLUTIONS) for name in json.loads(self.options))
+        unknown = [name for name in given if name not in known]
         if unknown and not _takes_any(self.name):
-            known = [name for name in _parameters(self.name) if name not in _FIELDS]
             message = f"option: {self.name} has no {unknown[0]!r}; it takes {', '.join(known) or 'none'}"
             raise InputError(message)
 
@@ -97,9 +98,6 @@ class Candidate:
             given[bare] = value if bare == name else value * resolution
         return {"seed": seed, **given} if "seed" in _parameters(self.name) else given
 
-    def _given(self) -> list[str]:
-        return [name.removesuffix(IN_RESOLUTIONS) for name in json.loads(self.options)]
-
 
 _FIELDS = ("source", "target", *OPTIONAL_FIELDS)
 
@@ -133,7 +131,8 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Candidate:
 
 @functools.cache
 def _parameters(name: str) -> tuple[str, ...]:
-    return tuple(inspect.signature(_function(name)).parameters)
+    parameters = tuple(inspect.signature(_function(name)).parameters)
+    return parameters[1:] if ":" in name else parameters  # without the correspondences
 
 
 def _takes_any(name: str) -> bool:

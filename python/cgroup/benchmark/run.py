@@ -124,7 +124,8 @@ def _correspond(store: Store, workforce: Pool, root: Path | None, report: _Repor
     folder = None if root is None else str(root)
     tasks = [(cases, folder) for cases in store.pending_cases(_CASES_AT_ONCE)]
     report.begin("correspond")
-    for records in workforce.unordered(stages.match_cases, tasks) if tasks else ():
+    for (cases, _), matched in workforce.unordered(stages.match_cases, tasks) if tasks else ():
+        records = matched or [stages.Matched(case, error=stages.KILLED) for case in cases]
         store.add_matched(records)
         report.add(len(records))
 
@@ -138,7 +139,8 @@ def _group(store: Store, workforce: Pool, report: _Report) -> None:
         for case_key, seed, methods in pending:
             yield case_key, seed, store.content(case_key), methods
 
-    for records in workforce.unordered(stages.group_case, tasks()) if pending else ():
+    for (key, *_, methods), grouped in workforce.unordered(stages.group_case, tasks()) if pending else ():
+        records = grouped or [stages.Grouped(key, method.key, error=stages.KILLED) for method in methods]
         store.add_grouped(records)
         report.add(len(records))
 

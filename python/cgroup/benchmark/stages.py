@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from cgroup.datasets import Dataset, MatchingPair
     from cgroup.types import BoolArray, Grouping
 
+KILLED = "WorkerKilled: the process that worked on it died, perhaps for want of memory"
+"""Error of a task that took its worker with it."""
+
 OVERLAP_SAMPLE = 1000
 """Source points in the overlap on which the error of an estimated pose is measured, at most."""
 

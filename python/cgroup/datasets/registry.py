@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING, TypeAlias
 from cgroup._plugins import load_plugin
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
+from cgroup.datasets.correspondence_files import CorrespondenceFiles
+from cgroup.datasets.fgr import FGR
 from cgroup.datasets.standins import StandinClutter, StandinFull, StandinViews
 from cgroup.datasets.stanford import StanfordViews
+from cgroup.datasets.threedmatch import ThreeDMatch
+from cgroup.datasets.u3m import U3M
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
 
@@ -20,7 +24,19 @@ if TYPE_CHECKING:
 
 DATASETS: dict[str, DatasetFactory] = {
     kind.name: kind
-    for kind in (B3R, B3RClean, U3OR, StanfordViews, StandinFull, StandinClutter, StandinViews)
+    for kind in (
+        B3R,
+        B3RClean,
+        U3OR,
+        U3M,
+        StanfordViews,
+        ThreeDMatch,
+        FGR,
+        CorrespondenceFiles,
+        StandinFull,
+        StandinClutter,
+        StandinViews,
+    )
 }
 """Built-in data sets; each is opened with the data root."""
 

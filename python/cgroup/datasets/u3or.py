@@ -42,6 +42,9 @@ OFFSETS = {"trex_small.ply": (18.28188121, -50.54808168, -608.03780463)}
 PIXEL = 2.2e-3
 """Angle between two rays of the simulated scanner in radians, as in the real scans."""
 
+_EARLIER_POSES = {(6, "parasaurolophus"): "parasaurolophus-rs6-old.xf"}
+"""Published beside a pose that puts the model behind the scanner; taken in its place."""
+
 _OCCLUSION_NAMES = {"chef": "chef", "chicken": "chicken", "para": "parasaurolophus", "trex": "T-rex"}
 _FITTING_WITHIN = 2.0  # pr
 _SIMULATION = "1"  # to be raised when simulated scenes change, so that the cache is made anew
@@ -55,8 +58,8 @@ class U3OR(Dataset):
     *semi-synthetic*. Simulated scenes hold only models with a published pose, so there is less clutter in
     them. They are kept in the cache (`cgroup.datasets.cache.cache_folder`).
 
-    The fact ``occlusion`` is the published one, for simulated scenes too; where none is published, it is
-    computed. ``clutter`` isn't published: it is computed from the scene that is used, by
+    The fact ``occlusion`` is the published one, for simulated scenes too; where none is published for the
+    pose, it is computed. ``clutter`` isn't published: it is computed from the scene that is used, by
     `cgroup.evaluation.clutter_and_occlusion`, with models and scenes as meshes.
 
     Parameters
@@ -173,7 +176,8 @@ def _pose_files(folder: Path) -> dict[tuple[int, str], Path]:
     for path in folder.rglob("*-rs*.xf"):
         match = re.fullmatch(r"(.+)-rs(\d+)", path.stem)
         if match and match[1] in MODEL_FILES:
-            found[int(match[2]), match[1]] = path
+            pair = int(match[2]), match[1]
+            found[pair] = path.with_name(_EARLIER_POSES.get(pair, path.name))
     if not found:
         raise missing_file(folder / "GroundTruth_3Dscenes" / "chef-rs1.xf", U3OR.title, URL)
     return dict(sorted(found.items()))
@@ -186,10 +190,11 @@ def _published_occlusions(folder: Path) -> dict[tuple[int, str], float]:
         return {}
     rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()[1:] if line.strip()]
     try:
-        return {(int(scene), _OCCLUSION_NAMES[item]): float(share) / 100 for scene, item, share in rows}
+        published = {(int(scene), _OCCLUSION_NAMES[item]): float(share) / 100 for scene, item, share in rows}
     except (KeyError, ValueError) as error:
         message = f"{path}: a line isn't `scene object percent` ({error})"
         raise InputError(message) from error
+    return {pair: share for pair, share in published.items() if pair not in _EARLIER_POSES}
 
 
 def _faces(cloud: PointCloud) -> IndexArray:
