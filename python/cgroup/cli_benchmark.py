@@ -1,5 +1,8 @@
 """``cgroup benchmark``: runs the evaluation, and shows what came of it."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import sys
@@ -12,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from cgroup.errors import InputError
 
@@ -32,12 +36,16 @@ _DONE = {
     "score": "scores",
     "time": "times",
 }
+_VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "dim"}
 _PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
 _FAILURES_SHOWN = 10
 
 benchmark_app = typer.Typer(help="Run the paper's evaluation, draw its figures and check its claims.")
 
 OutOption = Annotated[Path, typer.Option(help="Folder of the records and everything made from them.")]
+DataOption = Annotated[
+    Path | None, typer.Option(help="Folder with the data sets.", show_default="$CGROUP_DATA")
+]
 DEFAULT_OUT = Path("benchmark")
 
 
@@ -45,9 +53,7 @@ DEFAULT_OUT = Path("benchmark")
 def run_command(
     config: Annotated[str, typer.Argument(help="TOML file, or a preset: see `cgroup benchmark presets`.")],
     *,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with the data sets.", show_default="$CGROUP_DATA")
-    ] = None,
+    data: DataOption = None,
     out: OutOption = DEFAULT_OUT,
     backend: Annotated[
         Literal["loky", "dask", "ray", "threading"], typer.Option(help="What joblib spreads the work with.")
@@ -116,12 +122,13 @@ def presets_command() -> None:
 
 
 @benchmark_app.command("report")
-def report_command(out: OutOption = DEFAULT_OUT) -> None:
+def report_command(out: OutOption = DEFAULT_OUT, data: DataOption = None) -> None:
     """Write report.html, the figures and claims.md from the records."""
     with _needs_extra():
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
-    write_report(out)
-    _print(f"wrote {out / 'report.html'}")
+    with _spinner() as begin:
+        page = write_report(out, root=data, progress=begin)
+    _print(f"wrote {page}")
 
 
 @benchmark_app.command("claims")
@@ -137,6 +144,7 @@ def claims_command(
     verdicts = claims.check_claims(records.load(out), records.load_timing(out))
     if format == "table":
         _print_verdicts(verdicts)
+        _print(claims.counts_line(verdicts))
     else:
         _print(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
 
@@ -180,6 +188,17 @@ def _progress() -> Generator[Report | None, None, None]:
         yield report
 
 
+@contextmanager
+def _spinner() -> Generator[Callable[[str], None] | None, None, None]:
+    """Show what is being done, on a terminal only."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    with console.status("") as status:
+        yield status.update
+
+
 def _print_summary(summary: Summary, out: Path, seconds: float) -> None:
     _print_counts(summary.counts)
     _print_missing(summary.missing)
@@ -208,16 +227,17 @@ def _print_failures(failures: Sequence[tuple[str, str, int]]) -> None:
 
 
 def _print_verdicts(verdicts: Iterable[Verdict]) -> None:
-    table = Table()
-    for header in ("claim", "section", "statement", "verdict", "measured", "data"):
-        table.add_column(header)
+    table = Table(show_lines=True)
+    for header in ("claim", "the paper says", "verdict", "measured", "data"):
+        table.add_column(header, no_wrap=header == "claim")
     for verdict in verdicts:
+        why = f" Why: {verdict.explanation}" if verdict.explanation else ""
+        color = _VERDICT_COLORS[verdict.verdict]
         table.add_row(
             verdict.id,
-            verdict.paper_section,
             verdict.statement,
-            verdict.verdict,
-            verdict.measured,
+            Text(verdict.verdict, style=color),
+            Text(verdict.measured + why),
             verdict.data,
         )
     console = Console()

@@ -1,7 +1,7 @@
 """What each method selected on a few pairs of a run, drawn between their clouds."""
 
 # pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 
 from __future__ import annotations
 

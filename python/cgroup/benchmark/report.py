@@ -1,7 +1,7 @@
 """One self-contained page with what a run has found: figures, tables, and the claims of the paper."""
 
 # pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportGeneralTypeIssues=false
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import cgroup
 from cgroup.benchmark import records
-from cgroup.benchmark.claims import CRITERIA, check_claims, claims_markdown, count_verdicts
+from cgroup.benchmark.claims import CRITERIA, as_markdown, check_claims, count_verdicts
 from cgroup.benchmark.claims.base import mean_times
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS, PAPER_COMPLEXITY, PLACES
@@ -170,7 +170,7 @@ def write_report(
     evidence = Evidence(results.frame, results.timing, tuple(ordered(results.frame["method"].unique())))
     tell("checking claims")
     verdicts = check_claims(results.frame, results.timing)
-    write_file(out / CLAIMS, claims_markdown(verdicts).encode())
+    write_file(out / CLAIMS, as_markdown(verdicts).encode())
     experiments = {each.id: _sections(each, evidence, pictures) for each in EXPERIMENTS.values()}
     page = _render(
         results=results,
@@ -270,8 +270,8 @@ def _rates_alt(sample: Sample) -> str:
     rates = sample.overall("registered")
     best = [method_style(method).label for method in rates.index[rates == rates.max()]]
     return (
-        f"Share of registered pairs of {len(rates)} methods by each criterion, {sample.experiment.label}; the "
-        f"highest mean by the paper's criterion is {rates.max():.2f}, reached by {', '.join(best)}."
+        f"Share of registered pairs of {len(rates)} methods by each criterion, {sample.experiment.label}; "
+        f"the highest mean by the paper's criterion is {rates.max():.2f}, reached by {', '.join(best)}."
     )
 
 

@@ -50,7 +50,9 @@ def panels(count: int, *, columns: int, title: str, extra: float = 0.0) -> tuple
     """
     rows = -(-count // columns)
     size = (style.PRINT_WIDTH, rows * (_PANEL_HEIGHT + extra) + 0.75)
-    figure = Figure(figsize=size, dpi=style.DOTS_PER_INCH, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05))
+    figure = Figure(
+        figsize=size, dpi=style.DOTS_PER_INCH, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05)
+    )
     grid = figure.subplots(rows, min(columns, count), squeeze=False).reshape(-1)
     for axes in grid[count:]:
         axes.set_axis_off()

@@ -1,7 +1,7 @@
 """Scores, registration and initial matches over the levels of an experiment."""
 
 # Parts of matplotlib's methods are untyped. pandas ships no types, and guesses about it are often wrong.
-# pyright: reportUnknownMemberType=false, reportArgumentType=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportUnknownMemberType=false
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Precision pair by pair of two methods."""
 
 # Parts of matplotlib's methods are untyped. pandas ships no types, and guesses about it are often wrong.
-# pyright: reportUnknownMemberType=false, reportArgumentType=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportUnknownMemberType=false
 
 from __future__ import annotations
 

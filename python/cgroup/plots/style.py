@@ -6,7 +6,10 @@ markers tell the methods apart in print, and dashes the individual-based methods
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType
 
 
 class MethodStyle(NamedTuple):
@@ -15,10 +18,10 @@ class MethodStyle(NamedTuple):
     label: str
     color: str
     marker: str
-    dashes: str | tuple[float, tuple[float, ...]] = "-"
+    dashes: LineStyleType = "-"
 
 
-_INDIVIDUAL = (0, (4, 1.5))
+_INDIVIDUAL: LineStyleType = (0, (4, 1.5))
 
 METHOD_STYLES = {
     "ss": MethodStyle("SS", "#DDCC77", "o", _INDIVIDUAL),

@@ -19,13 +19,7 @@ from cgroup.benchmark.claims import (
 )
 from cgroup.benchmark.claims.base import CRITERIA, OUTCOMES, Claim, Outcome, Verdict, decide
 from cgroup.benchmark.claims.explanations import explanations
-from cgroup.benchmark.claims.table import (
-    claims_markdown,
-    claims_rows,
-    claims_table,
-    count_verdicts,
-    counts_line,
-)
+from cgroup.benchmark.claims.table import as_json, as_markdown, count_verdicts, counts_line
 from cgroup.benchmark.evidence import Evidence
 
 if TYPE_CHECKING:
@@ -38,10 +32,9 @@ __all__ = [
     "Claim",
     "Outcome",
     "Verdict",
+    "as_json",
+    "as_markdown",
     "check_claims",
-    "claims_markdown",
-    "claims_rows",
-    "claims_table",
     "count_verdicts",
     "counts_line",
 ]

@@ -1,7 +1,7 @@
 """The few comparisons that claims are made of."""
 
 # pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportAttributeAccessIssue=false, reportReturnType=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from __future__ import annotations
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from typing import TYPE_CHECKING
-
-from rich.table import Table
 
 from cgroup.benchmark.claims.base import CRITERIA, OUTCOMES
 
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
 
     from cgroup.benchmark.claims.base import Verdict
 
-_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "bright_black"}
-
 
 def count_verdicts(verdicts: Iterable[Verdict]) -> dict[str, int]:
     """Count the claims by verdict, all four kinds named."""
@@ -23,52 +20,23 @@ def count_verdicts(verdicts: Iterable[Verdict]) -> dict[str, int]:
     return {outcome: counts[outcome] for outcome in OUTCOMES}
 
 
-def claims_rows(verdicts: Iterable[Verdict]) -> list[dict[str, str]]:
-    """List the verdicts as rows of text, for JSON and data frames.
+def as_json(verdicts: Iterable[Verdict]) -> str:
+    """Write the verdicts as JSON.
 
     Parameters
     ----------
     verdicts : iterable of Verdict
-        One row each.
+        One object each, with the fields of `Verdict`.
 
     Returns
     -------
-    list of dict
-        The fields of `Verdict`.
+    str
+        A list.
     """
-    return [dict(vars(verdict)) for verdict in verdicts]
+    return json.dumps([vars(verdict) for verdict in verdicts], indent=1, ensure_ascii=False)
 
 
-def claims_table(verdicts: Sequence[Verdict]) -> Table:
-    """Lay the verdicts out for a terminal.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        One row each.
-
-    Returns
-    -------
-    rich.table.Table
-        With the counts as caption.
-    """
-    table = Table(caption=counts_line(verdicts), show_lines=True)
-    for header in ("claim", "the paper says", "verdict", "measured", "data"):
-        table.add_column(header, no_wrap=header == "claim", ratio=2 if header == "measured" else None)
-    for verdict in verdicts:
-        color = _COLORS[verdict.verdict]
-        measured = verdict.measured + (f" Why: {verdict.explanation}" if verdict.explanation else "")
-        table.add_row(
-            verdict.id,
-            verdict.statement,
-            f"[{color}]{verdict.verdict}[/{color}]",
-            measured.replace("[", r"\["),
-            verdict.data,
-        )
-    return table
-
-
-def claims_markdown(verdicts: Sequence[Verdict]) -> str:
+def as_markdown(verdicts: Sequence[Verdict]) -> str:
     """Write the verdicts as Markdown, by section of the paper.
 
     Parameters
