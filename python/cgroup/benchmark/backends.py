@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import signal
 import warnings
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
@@ -99,6 +100,11 @@ def _alone(function: Callable[..., Result], task: Task) -> Result | None:
         return None
 
 
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C, which a terminal sends to every process, to the one that ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 @contextmanager
 def pool(backend: str, workers: int | None, scheduler: str | None = None) -> Generator[Pool, None, None]:
     """Start or reach workers.
@@ -131,8 +137,10 @@ def pool(backend: str, workers: int | None, scheduler: str | None = None) -> Gen
         return
     if backend == "ray":
         _register_ray()
-    limits = {"inner_max_num_threads": 1} if backend == "loky" else {}
-    with parallel_config(backend, **limits):
+    options: dict[str, Any] = {}
+    if backend == "loky":
+        options = {"inner_max_num_threads": 1, "initializer": _ignore_interrupts}
+    with parallel_config(backend, **options):
         yield Pool(backend, jobs)
 
 

@@ -78,7 +78,7 @@ class Case:
 
 def keyed_rng(*key: object) -> np.random.Generator:
     """Random numbers by a key, the same in every process (unlike those seeded by `hash`)."""
-    return np.random.default_rng(np.frombuffer(_digest(key), dtype=np.uint32))
+    return np.random.default_rng(np.frombuffer(_digest(key), dtype="<u4"))
 
 
 def _digest(value: object) -> bytes:

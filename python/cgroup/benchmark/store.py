@@ -157,16 +157,16 @@ class Store:
         self.connection.close()
 
     def _prepare(self) -> None:
-        version = self.connection.execute("pragma user_version").fetchone()[0]
-        if version == SCHEMA_VERSION:
-            return
-        if version != 0 or self.connection.execute("select count(*) from sqlite_master").fetchone()[0]:
-            message = (
-                f"{self.path}: its layout is number {version}, this version of cgroup writes "
-                f"{SCHEMA_VERSION}; use another folder"
-            )
-            raise InputError(message)
         with self._transaction() as connection:
+            version = connection.execute("pragma user_version").fetchone()[0]
+            if version == SCHEMA_VERSION:
+                return
+            if version != 0 or connection.execute("select count(*) from sqlite_master").fetchone()[0]:
+                message = (
+                    f"{self.path}: its layout is number {version}, this version of cgroup writes "
+                    f"{SCHEMA_VERSION}; use another folder"
+                )
+                raise InputError(message)
             for statement in _SCHEMA.split(";\n"):
                 connection.execute(statement)
             connection.execute(f"pragma user_version = {SCHEMA_VERSION}")
