@@ -50,7 +50,7 @@ _FAILING_SHOWN, _HOLDING_SHOWN = 4, 2  # tests quoted in the text of a verdict
 _TIMING = "timing experiment"
 
 
-class Test(NamedTuple):
+class Comparison(NamedTuple):
     """One comparison of numbers.
 
     Attributes
@@ -74,7 +74,7 @@ class Finding:
 
     Attributes
     ----------
-    tests : sequence of Test
+    tests : sequence of Comparison
         Those with missing numbers don't count.
     need : "all" or "most"
         How many have to hold.
@@ -82,7 +82,7 @@ class Finding:
         Numbers worth reading besides those of the tests.
     """
 
-    tests: Sequence[Test]
+    tests: Sequence[Comparison]
     need: Literal["all", "most"] = "all"
     summary: str = ""
 
@@ -255,7 +255,7 @@ def _judged(finding: Finding) -> tuple[Outcome, str]:
     return outcome, _measured(counted, finding.summary)
 
 
-def _measured(tests: list[Test], summary: str) -> str:
+def _measured(tests: list[Comparison], summary: str) -> str:
     failing = [test for test in tests if not test.holds]
     count = f"{len(tests) - len(failing)} of {len(tests)}"
     if len(tests) <= _FAILING_SHOWN:

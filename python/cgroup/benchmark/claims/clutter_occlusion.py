@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import LARGE, TIE, Claim, Finding, Test
+from cgroup.benchmark.claims.base import LARGE, TIE, Claim, Comparison, Finding
 from cgroup.benchmark.claims.measures import at, in_top, lead, number, over, rank, under
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def _harder_than_b3r(records: Records) -> Finding:
     hard = records.need("clutter", "U3OR").overall("f_score")
     return Finding(
         [
-            Test(
+            Comparison(
                 bool(easy[method] - hard[method] > TIE),
                 f"{method.upper()} {number(easy[method])} to {number(hard[method])}",
                 float(easy[method] - hard[method]),
@@ -44,7 +44,9 @@ def _gtm_most_precise(axis: str, records: Records) -> Finding:
 def _gtm_recall_mediocre(records: Records) -> Finding:
     recall = records.need("clutter", "U3OR").overall("recall")
     place = rank(recall, "gtm")
-    test = Test(3 <= place <= 7, f"R of GTM {number(recall['gtm'])}, rank {place} of {len(recall)}", 0.0)
+    test = Comparison(
+        3 <= place <= 7, f"R of GTM {number(recall['gtm'])}, rank {place} of {len(recall)}", 0.0
+    )
     return Finding([test])
 
 
@@ -64,7 +66,7 @@ def _gtm_small_but_accurate(records: Records) -> Finding:
 
 
 def _cv_best_recall(records: Records) -> Finding:
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for axis in _AXES:
         sample = records.need(axis, "U3OR")
         for level, row in sample.by_level("recall").iterrows():
@@ -83,7 +85,7 @@ def _cv_lead_in_clutter(records: Records) -> Finding:
         f"mean lead of CV in R {number(leads['clutter'])} over the levels of clutter, "
         f"{number(leads['occlusion'])} over those of occlusion"
     )
-    return Finding([Test(margin > 0, text, margin)])
+    return Finding([Comparison(margin > 0, text, margin)])
 
 
 def _st_falls_back(records: Records) -> Finding:
@@ -92,8 +94,8 @@ def _st_falls_back(records: Records) -> Finding:
     low, high = rank(hard, "st"), rank(easy, "st")
     return Finding(
         [
-            Test(low >= 5, f"F of ST on U3OR {number(hard['st'])}, rank {low}", low - 5.0),
-            Test(high <= 2, f"F of ST on B3R {number(easy['st'])}, rank {high}", 2.0 - high),
+            Comparison(low >= 5, f"F of ST on U3OR {number(hard['st'])}, rank {low}", low - 5.0),
+            Comparison(high <= 2, f"F of ST on B3R {number(easy['st'])}, rank {high}", 2.0 - high),
         ]
     )
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import TIE, Claim, Finding, Test
+from cgroup.benchmark.claims.base import TIE, Claim, Comparison, Finding
 from cgroup.benchmark.claims.measures import (
     agreement,
     at,
@@ -67,9 +67,9 @@ def _three_find_nearly_all(records: Records) -> Finding:
     )
 
 
-def _best_with(combination: list[str], table: pd.DataFrame) -> list[Test]:
+def _best_with(combination: list[str], table: pd.DataFrame) -> list[Comparison]:
     """For each method, its best F comes with one of these combinations."""
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for method in table.columns:
         here = float(table.loc[combination, method].max())
         others = table[method].drop(combination)
@@ -77,7 +77,7 @@ def _best_with(combination: list[str], table: pd.DataFrame) -> list[Test]:
             f"F of {method.upper()} {number(here)} with {' or '.join(combination)}, "
             f"{number(others.max())} with {others.idxmax()}"
         )
-        tests.append(Test(here >= others.max() - TIE, text, here - float(others.max())))
+        tests.append(Comparison(here >= others.max() - TIE, text, here - float(others.max())))
     return tests
 
 
@@ -108,7 +108,7 @@ def _order_on_views(records: Records) -> Finding:
     tests += [in_top(mean, method, 4, "mean F over the combinations:") for method in ("gc", "ransac", "st")]
     orders = {tuple(row[["si", "3dhv", "nnsr"]].sort_values().index) for _, row in table.iterrows()}
     text = f"SI, 3DHV and NNSR come in {len(orders)} different orders"
-    tests.append(Test(len(orders) > 1, text, float(len(orders) - 1)))
+    tests.append(Comparison(len(orders) > 1, text, float(len(orders) - 1)))
     order = ", ".join(f"{method.upper()} {value:.2f}" for method, value in mean.sort_values()[::-1].items())
     return Finding(tests, summary=f"Order: {order}.")
 
@@ -116,7 +116,7 @@ def _order_on_views(records: Records) -> Finding:
 def _majority_found(records: Records) -> Finding:
     for place in ("B3R", "U3OR", "U3M"):
         records.need("combinations", place, "si", "cv")
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for experiment in EXPERIMENTS.values():
         for place in experiment.places:
             sample = records.evidence.sample(experiment.id, place)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.claims.base import TIME_TIE, Claim, Finding, NotTestableError, Test
+from cgroup.benchmark.claims.base import TIME_TIE, Claim, Comparison, Finding, NotTestableError
 from cgroup.benchmark.claims.measures import at_most, duration, higher, in_top
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
 from cgroup.benchmark.records import exponents
@@ -54,7 +54,7 @@ def _hough_linear(records: Records) -> Finding:
         raise NotTestableError(message)
     largest = times.index[-1]
     slow = float(times.iloc[-1])
-    fast = Test(slow < _FAST, f"{duration(np.log(slow))} at n {largest}", _FAST - slow)
+    fast = Comparison(slow < _FAST, f"{duration(np.log(slow))} at n {largest}", _FAST - slow)
     return Finding([at_most("exponent of 3DHV", exponent, _LINEAR), fast])
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import CLEAR, Claim, Finding, Test
+from cgroup.benchmark.claims.base import CLEAR, Claim, Comparison, Finding
 from cgroup.benchmark.claims.measures import agreement, at_least, at_most, ends, in_top, over
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def _precision_never_falls(records: Records) -> Finding:
     worst = steps.groupby(ordered["method"]).min()
     return Finding(
         [
-            Test(
+            Comparison(
                 bool(step >= -_ROUNDING),
                 f"{method.upper()}: smallest step of a pair {step:+.3f}",
                 float(step),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import Claim, Finding, Test
+from cgroup.benchmark.claims.base import Claim, Comparison, Finding
 from cgroup.benchmark.claims.measures import at, named_levels, over, under
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def _many_inliers_at_low_noise(records: Records) -> Finding:
 
 
 def _few_inliers_in_scenes(records: Records) -> Finding:
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for experiment in ("clutter", "occlusion"):
         sample = records.need(experiment, "U3OR")
         ratios = sample.matches("inlier_ratio")

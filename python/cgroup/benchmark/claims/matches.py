@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.claims.base import CLEAR, TIE, Claim, Finding, NotTestableError, Test
+from cgroup.benchmark.claims.base import CLEAR, TIE, Claim, Comparison, Finding, NotTestableError
 from cgroup.benchmark.claims.measures import at, ends, in_top, levels_where, number, over, under
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def _cv_second_when_dense(records: Records) -> Finding:
 
 def _voters_recall_most(records: Records) -> Finding:
     sample, table = _by_n(records, "recall")
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for level, row in table.iterrows():
         tests.extend(in_top(row, method, 2, f"{at(sample, level)}, R:") for method in _VOTERS)
         gap = float(row[list(_VOTERS)].min() - row.drop(list(_VOTERS)).max())
@@ -82,12 +82,12 @@ def _fluctuate(records: Records) -> Finding:
     if len(table) < 3:
         message = "the records hold fewer than three numbers of matches"
         raise NotTestableError(message)
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for method in _FLUCTUATING:
         steps = np.diff(table[method].to_numpy())
         smaller = min(float(steps.max()), float(-steps.min()))
         values = ", ".join(f"{value:.2f}" for value in table[method])
-        tests.append(Test(smaller > TIE, f"F of {method.upper()} {values}", smaller - TIE))
+        tests.append(Comparison(smaller > TIE, f"F of {method.upper()} {values}", smaller - TIE))
     return Finding(tests, summary="n: " + ", ".join(f"{n:g}" for n in table.index) + ".")
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from cgroup.benchmark.claims.base import TIE, NotTestableError, Test
+from cgroup.benchmark.claims.base import TIE, Comparison, NotTestableError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -46,24 +46,24 @@ def duration(log_seconds: float) -> str:
     return f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
 
 
-def over(label: str, value: float, bound: float) -> Test:
+def over(label: str, value: float, bound: float) -> Comparison:
     """Value > bound."""
-    return Test(value > bound, f"{label} {number(value)}", value - bound)
+    return Comparison(value > bound, f"{label} {number(value)}", value - bound)
 
 
-def at_least(label: str, value: float, bound: float) -> Test:
+def at_least(label: str, value: float, bound: float) -> Comparison:
     """Value >= bound, up to rounding."""
-    return Test(value >= bound - 1e-12, f"{label} {number(value)}", value - bound)
+    return Comparison(value >= bound - 1e-12, f"{label} {number(value)}", value - bound)
 
 
-def at_most(label: str, value: float, bound: float) -> Test:
+def at_most(label: str, value: float, bound: float) -> Comparison:
     """Value <= bound, up to rounding."""
-    return Test(value <= bound + 1e-12, f"{label} {number(value)}", bound - value)
+    return Comparison(value <= bound + 1e-12, f"{label} {number(value)}", bound - value)
 
 
-def under(label: str, value: float, bound: float) -> Test:
+def under(label: str, value: float, bound: float) -> Comparison:
     """Value < bound."""
-    return Test(value < bound, f"{label} {number(value)}", bound - value)
+    return Comparison(value < bound, f"{label} {number(value)}", bound - value)
 
 
 def higher(
@@ -74,11 +74,11 @@ def higher(
     *,
     by: float = TIE,
     show: Callable[[float], str] = number,
-) -> Test:
+) -> Comparison:
     """One method's score is higher than another's by more than `by`."""
     margin = float(scores[one] - scores[other] - by)
     text = f"{label} {one.upper()} {show(scores[one])}, {other.upper()} {show(scores[other])}"
-    return Test(margin > 0, text, margin)
+    return Comparison(margin > 0, text, margin)
 
 
 def in_top(
@@ -89,7 +89,7 @@ def in_top(
     *,
     tie: float = TIE,
     show: Callable[[float], str] = number,
-) -> Test:
+) -> Comparison:
     """Fewer than k others have a score that is higher by more than a tie."""
     rivals = scores.drop(method).dropna().sort_values(ascending=False)
     if len(rivals) < k:
@@ -101,7 +101,7 @@ def in_top(
         k, f"number {k} of the others"
     )
     text = f"{label} {method.upper()} {show(float(scores[method]))}, {nth} {str(rival).upper()} {show(value)}"
-    return Test(margin >= -tie, text, margin)
+    return Comparison(margin >= -tie, text, margin)
 
 
 def rank(scores: pd.Series, method: str) -> int:

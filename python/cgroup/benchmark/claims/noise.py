@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import TIE, Claim, Finding, Test
+from cgroup.benchmark.claims.base import TIE, Claim, Comparison, Finding
 from cgroup.benchmark.claims.measures import (
     at,
     at_least,
@@ -58,7 +58,7 @@ def _lead_grows(records: Records) -> Finding:
     margin = leads[-1] - leads[0] - TIE
     text = f"lead in F {number(leads[0])} at noise of {low} pr, {number(leads[-1])} at {high} pr"
     summary = f"Spearman of lead and noise over all levels: {rising(range(len(leads)), leads):.2f}."
-    return Finding([Test(margin > 0, text, margin)], summary=summary)
+    return Finding([Comparison(margin > 0, text, margin)], summary=summary)
 
 
 def _ratio_beats_clusters(records: Records) -> Finding:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.claims.base import LARGE, Claim, Finding, NotTestableError, Test
+from cgroup.benchmark.claims.base import LARGE, Claim, Comparison, Finding, NotTestableError
 from cgroup.benchmark.claims.measures import (
     at,
     at_least,
@@ -50,12 +50,12 @@ def _gtm_most_precise(records: Records) -> Finding:
 
 def _gtm_lead(records: Records) -> Finding:
     table = named_levels(records.need("overlap", "U3M").by_level("precision"), _LEADS)
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for level, row in table.iterrows():
         ahead = lead(row, ["gtm"])
         margin = _LEAD_TOLERANCE - abs(ahead - _LEADS[float(level)])
         text = f"overlap {level:g}: lead {ahead:+.2f} (paper about {_LEADS[float(level)]:.2f})"
-        tests.append(Test(margin >= 0, text, margin))
+        tests.append(Comparison(margin >= 0, text, margin))
     return Finding(tests)
 
 

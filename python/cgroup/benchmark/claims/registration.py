@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.claims.base import CLEAR, LARGE, TIE, Claim, Finding, Test
+from cgroup.benchmark.claims.base import CLEAR, LARGE, TIE, Claim, Comparison, Finding
 from cgroup.benchmark.claims.measures import (
     agreement,
     at,
@@ -189,7 +189,7 @@ def _combinations_on_scenes(records: Records) -> Finding:
         [
             over("GC and GTM among the top two, share of 12 cases", float(np.mean(tops)), 0.5),
             over("SS behind the next worst by at least", float(behind.min()), CLEAR),
-            Test(any(near), f"NNSR among the top three with {sum(near)} of 6", sum(near) - 1.0),
+            Comparison(any(near), f"NNSR among the top three with {sum(near)} of 6", sum(near) - 1.0),
         ],
         summary=_order(mean),
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.claims.base import TIE, TIME_TIE, Claim, Finding, Test
+from cgroup.benchmark.claims.base import TIE, TIME_TIE, Claim, Comparison, Finding
 from cgroup.benchmark.claims.efficiency import SLOWEST
 from cgroup.benchmark.claims.measures import at_least, duration, higher, in_top, number, under
 
@@ -28,7 +28,7 @@ _CHAINED = ("gc+ransac", "gtm+ransac")
 
 
 def _baselines_keep_outliers(records: Records) -> Finding:
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for place in _EXPERIMENT:
         precision = _scores(records, place, "precision", "ss", "nnsr")
         for method in ("ss", "nnsr"):
@@ -41,13 +41,13 @@ def _gc_by_inlier_ratio(records: Records) -> Finding:
     easy = _scores(records, "B3R", "precision")
     better = int((easy.drop("gc") > easy["gc"] + TIE).sum())
     text = f"B3R: {better} of {len(easy) - 1} others more precise than GC ({number(easy['gc'])})"
-    tests = [Test(better > (len(easy) - 1) / 2, text, better - (len(easy) - 1) / 2)]
+    tests = [Comparison(better > (len(easy) - 1) / 2, text, better - (len(easy) - 1) / 2)]
     tests += [in_top(_scores(records, place, "registered"), "gc", 3, f"{place}, rate:") for place in _HARD]
     return Finding(tests)
 
 
 def _groups_precise_voters_complete(records: Records) -> Finding:
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for place in _EXPERIMENT:
         precision, recall = _scores(records, place, "precision"), _scores(records, place, "recall")
         tests += [
@@ -61,11 +61,11 @@ def _groups_precise_voters_complete(records: Records) -> Finding:
 
 def _means_differ(
     label: str, scores: pd.Series, one: tuple[str, list[str]], other: tuple[str, list[str]]
-) -> Test:
+) -> Comparison:
     (name, methods), (other_name, others) = one, other
     first, second = float(scores[methods].mean()), float(scores[others].mean())
     text = f"{label} {number(first)} ({name}), {number(second)} ({other_name})"
-    return Test(first - second > TIE, text, first - second - TIE)
+    return Comparison(first - second > TIE, text, first - second - TIE)
 
 
 def _cv_beats_si(records: Records) -> Finding:
@@ -81,7 +81,7 @@ def _cv_beats_si(records: Records) -> Finding:
 
 
 def _grouping_first(records: Records) -> Finding:
-    tests: list[Test] = []
+    tests: list[Comparison] = []
     for place in _HARD:
         rates = records.need_same_cases(place, *_CHAINED, "ransac").overall("registered")
         tests += [higher(rates, method, "ransac", f"{place}, rate:") for method in _CHAINED]
