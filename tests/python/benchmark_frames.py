@@ -151,7 +151,7 @@ def _noise(pairs: int) -> list[dict]:
                 "ratio": 0.6 - 0.5 * level,
                 "experiments": ("noise",),
             }
-            rows += _records("b3r-clean", "semi-synthetic", f"scene{k}", skill, k / pairs, **facts)
+            rows += _records("b3r-clean", "real", f"scene{k}", skill, k / pairs, **facts)
     return rows
 
 
@@ -169,7 +169,7 @@ def _density(pairs: int) -> list[dict]:
             skill["si"] = skill["si"]._replace(precision=0.5)
         for k in range(pairs):
             facts = {"nuisance": "density", "level": level, "ratio": 0.5 * level, "experiments": ("density",)}
-            rows += _records("b3r-clean", "semi-synthetic", f"scene{k}", skill, k / pairs, **facts)
+            rows += _records("b3r-clean", "real", f"scene{k}", skill, k / pairs, **facts)
     return rows
 
 

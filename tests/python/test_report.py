@@ -170,7 +170,7 @@ def test_experiments_of_ones_own_have_a_section(written: tuple[Path, Page, str])
 
 def test_run_and_machine_are_told(written: tuple[Path, Page, str]) -> None:
     _, _, text = written
-    for told in ("made-up", "seed 3", "Linux", "Title of stanford", "semi-synthetic (3)"):
+    for told in ("made-up", "seed 3", "Linux", "Title of stanford", "real (3)"):
         assert told in text
 
 

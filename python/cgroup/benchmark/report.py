@@ -198,6 +198,7 @@ class _PictureBook:
         self._tell(f"figure {name}")
         png = _saved(figure, "png", resolution)
         write_file(self._folder / f"{name}.png", png)
+        figure.set_layout_engine("none")  # it is laid out; doing so again takes as long as drawing
         write_file(self._folder / f"{name}.pdf", _saved(figure, "pdf", resolution))
         return Picture(name, alt, base64.b64encode(png).decode())
 

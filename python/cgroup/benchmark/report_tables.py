@@ -240,21 +240,20 @@ def failure_table(frame: pd.DataFrame) -> Table:
     Returns
     -------
     Table
-        One row per case and error; the methods that it hit are named.
+        One row per data set and error.
     """
     failed = frame[frame["error"] != ""]
-    columns = ["dataset", "pair", "nuisance", "level", "combination", "error"]
     rows = [
         (
-            *(words(value) for value in key[:2]),
-            words(f"{key[2]} {key[3]:g}" if key[2] else MISSING),
-            words(key[4]),
-            words(", ".join(method_style(method).label for method in of_case["method"].unique())),
-            words(key[5]),
+            words(dataset),
+            words(error),
+            words(", ".join(method_style(method).label for method in of_it["method"].unique())),
+            number(of_it["case"].nunique(), "{:.0f}"),
+            words(of_it["pair"].iloc[0]),
         )
-        for key, of_case in failed.groupby(columns, dropna=False, sort=False)
+        for (dataset, error), of_it in failed.groupby(["dataset", "error"], sort=False)
     ]
-    return Table("Failures", ("data set", "pair", "nuisance", "combination", "methods", "error"), rows)
+    return Table("Failures", ("data set", "error", "methods", "cases", "for example"), rows)
 
 
 def plain_table(caption: str, frame: pd.DataFrame, headers: Sequence[str] = ()) -> Table:
