@@ -141,6 +141,13 @@ def test_only_the_threshold_of_the_paper_counts_elsewhere() -> None:
     assert outcome("C-14", elsewhere).measured == outcome("C-14", frame).measured
 
 
+def test_pairs_outside_all_levels_are_left_out() -> None:
+    frame = paper_frame("overlap")
+    apart = frame.assign(overlap=0.1, f_score=1.0, pair=frame["pair"] + "-apart")
+    assert outcome("C-26", pd.concat([frame, apart], ignore_index=True)) == outcome("C-26", frame)
+    assert outcome("C-26", apart).verdict == "not testable"
+
+
 def test_failed_records_are_left_out() -> None:
     frame = paper_frame("noise")
     failed = frame.head(9).assign(error="InputError: no", precision=float("nan"), inlier_ratio=float("nan"))

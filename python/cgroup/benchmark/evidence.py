@@ -221,7 +221,9 @@ class Evidence:
         for dataset in PLACES[place]:
             chosen = rows[rows["dataset"] == dataset] if len(rows) else rows
             if len(chosen):
-                chosen = chosen.assign(x=_levels(chosen, experiment))
+                # The paper has no pairs outside its levels, such as views that hardly overlap.
+                chosen = chosen.assign(x=_levels(chosen, experiment)).dropna(subset="x")
+            if len(chosen):
                 return Sample(experiment, place, dataset, chosen)
         return None
 

@@ -218,7 +218,7 @@ def _sections(experiment: Experiment, evidence: Evidence, pictures: _PictureBook
 def _section(experiment: Experiment, place: str, evidence: Evidence, pictures: _PictureBook) -> Section:
     anchor = f"{experiment.id}-{place.lower()}"
     sample = evidence.sample(experiment.id, place)
-    if sample is None or not sample.levels:
+    if sample is None:
         wanted = " or ".join(PLACES[place])
         missing = f"No records: the run has no experiment '{experiment.id}' on {wanted}."
         return Section(anchor, place, missing)
@@ -249,7 +249,7 @@ def _experiment_pictures(sample: Sample, anchor: str, pictures: _PictureBook) ->
 
 def _with_names(sample: Sample) -> pd.DataFrame:
     """Tell combinations by detector and descriptor."""
-    rows = sample.rows.dropna(subset="x")
+    rows = sample.rows
     if sample.experiment.column != "combination":
         return rows
     return rows.assign(
