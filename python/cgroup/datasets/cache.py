@@ -55,12 +55,17 @@ def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], Arrays]) ->
         As `make` returned them, now or earlier.
     """
     path = cache_folder() / kind / f"{_digest(key)}.npz"
-    with contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile), np.load(path) as archive:
-        return dict(archive)
+    with contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile):
+        return _read(path)
     arrays = make()
     with contextlib.suppress(OSError):
         _write(path, arrays)
     return arrays
+
+
+def _read(path: Path) -> Arrays:
+    with path.open("rb") as file, np.load(file) as archive:
+        return dict(archive)
 
 
 def _digest(key: Iterable[str | bytes]) -> str:

@@ -62,13 +62,7 @@ class ThreeDMatch(Dataset):
     title: ClassVar[str] = "3DMatch"
     role: ClassVar[Role] = "partial-partial"
     origin: ClassVar[Origin] = "real"
-    protocols: ClassVar[tuple[str, ...]] = (
-        "precision>0.1",
-        "rmse<=1pr",
-        "rmse<=5pr",
-        "3dmatch",
-        "3dmatch-rmse",
-    )
+    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr", "3dmatch")
     citation: ClassVar[str] = "Zeng et al.: 3DMatch, CVPR 2017; Huang et al.: Predator, CVPR 2021 (3DLoMatch)"
 
     def __init__(self, root: Path | str | None = None) -> None:

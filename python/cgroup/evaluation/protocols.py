@@ -2,10 +2,10 @@
 
 | name | registered when | who judges so |
 |---|---|---|
-| ``precision>0.1`` | the group's precision exceeds 0.1; no pose is needed | the paper, for all its data sets |
-| ``rmse<=1pr``, ``rmse<=5pr`` | the mean error over the overlap is within that | later work, on U3M, at 0.5 to 5 pr |
-| ``3dmatch`` | rotation within 15 degrees, translation within 0.3 m | Deep Global Registration, PointDSC, MAC |
-| ``kitti`` | rotation within 5 degrees, translation within 0.6 m | Deep Global Registration, PointDSC, MAC |
+| ``precision>0.1`` | the group's precision exceeds 0.1; needs no pose | the paper, on all its data |
+| ``rmse<=1pr``, ``rmse<=5pr`` | the mean error over the overlap is within that | later work on U3M |
+| ``3dmatch`` | rotation within 15 degrees, translation within 0.3 m | DGR, PointDSC, MAC |
+| ``kitti`` | rotation within 5 degrees, translation within 0.6 m | DGR, PointDSC, MAC |
 | ``kitti-2m`` | rotation within 5 degrees, translation within 2 m | FCGF, Predator, GeoTransformer |
 
 3DMatch's own criterion, which Predator and GeoTransformer report, is another: an RMSE below 0.2 m over the
