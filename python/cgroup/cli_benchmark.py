@@ -38,6 +38,9 @@ _FAILURES_SHOWN = 10
 benchmark_app = typer.Typer(help="Run the paper's evaluation, draw its figures and check its claims.")
 
 OutOption = Annotated[Path, typer.Option(help="Folder of the records and everything made from them.")]
+DataOption = Annotated[
+    Path | None, typer.Option(help="Folder with the data sets.", show_default="$CGROUP_DATA")
+]
 DEFAULT_OUT = Path("benchmark")
 
 
@@ -45,9 +48,7 @@ DEFAULT_OUT = Path("benchmark")
 def run_command(
     config: Annotated[str, typer.Argument(help="TOML file, or a preset: see `cgroup benchmark presets`.")],
     *,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with the data sets.", show_default="$CGROUP_DATA")
-    ] = None,
+    data: DataOption = None,
     out: OutOption = DEFAULT_OUT,
     backend: Annotated[
         Literal["loky", "dask", "ray", "threading"], typer.Option(help="What joblib spreads the work with.")
@@ -116,12 +117,14 @@ def presets_command() -> None:
 
 
 @benchmark_app.command("report")
-def report_command(out: OutOption = DEFAULT_OUT) -> None:
+def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> None:
     """Write report.html, the figures and claims.md from the records."""
     with _needs_extra():
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
-    write_report(out)
-    _print(f"wrote {out / 'report.html'}")
+    console = Console(stderr=True)
+    with console.status("reading records") as status:
+        page = write_report(out, root=data, progress=status.update)
+    _print(f"wrote {page}, {out / 'claims.md'} and {out / 'figures'}/")
 
 
 @benchmark_app.command("claims")
@@ -137,6 +140,7 @@ def claims_command(
     verdicts = claims.check_claims(records.load(out), records.load_timing(out))
     if format == "table":
         _print_verdicts(verdicts)
+        _print(claims.counts_line(verdicts))
     else:
         _print(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
 
