@@ -1,8 +1,5 @@
 """``cgroup benchmark``: runs the evaluation, and shows what came of it."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 import sys
@@ -36,7 +33,7 @@ _DONE = {
     "score": "scores",
     "time": "times",
 }
-_VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "dim"}
+_VERDICT_STYLES = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "dim"}
 _PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
 _FAILURES_SHOWN = 10
 
@@ -122,13 +119,14 @@ def presets_command() -> None:
 
 
 @benchmark_app.command("report")
-def report_command(out: OutOption = DEFAULT_OUT, data: DataOption = None) -> None:
+def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> None:
     """Write report.html, the figures and claims.md from the records."""
     with _needs_extra():
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
-    with _spinner() as begin:
-        page = write_report(out, root=data, progress=begin)
-    _print(f"wrote {page}")
+    console = Console(stderr=True)
+    with console.status("reading records") as status:
+        page = write_report(out, root=data, progress=status.update)
+    _print(f"wrote {page}, {out / 'claims.md'} and {out / 'figures'}/")
 
 
 @benchmark_app.command("claims")
@@ -188,17 +186,6 @@ def _progress() -> Generator[Report | None, None, None]:
         yield report
 
 
-@contextmanager
-def _spinner() -> Generator[Callable[[str], None] | None, None, None]:
-    """Show what is being done, on a terminal only."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    with console.status("") as status:
-        yield status.update
-
-
 def _print_summary(summary: Summary, out: Path, seconds: float) -> None:
     _print_counts(summary.counts)
     _print_missing(summary.missing)
@@ -232,12 +219,11 @@ def _print_verdicts(verdicts: Iterable[Verdict]) -> None:
         table.add_column(header, no_wrap=header == "claim")
     for verdict in verdicts:
         why = f" Why: {verdict.explanation}" if verdict.explanation else ""
-        color = _VERDICT_COLORS[verdict.verdict]
         table.add_row(
             verdict.id,
             verdict.statement,
-            Text(verdict.verdict, style=color),
-            Text(verdict.measured + why),
+            Text(verdict.verdict, style=_VERDICT_STYLES[verdict.verdict]),
+            Text(verdict.measured + why),  # plain: its brackets aren't markup
             verdict.data,
         )
     console = Console()

@@ -13,6 +13,7 @@ import numpy as np
 from cgroup import Correspondences, group
 from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
 from cgroup.datasets.standin import stone
+from cgroup.errors import InputError
 from cgroup.io import PointCloud
 
 if TYPE_CHECKING:
@@ -88,8 +89,6 @@ class Absent(Matches):
     """Isn't there."""
 
     def pair_names(self) -> list[str]:
-        from cgroup.errors import InputError
-
         message = "absent: get it from nowhere"
         raise InputError(message)
 

@@ -55,7 +55,7 @@ class Pool:
             try:
                 for number, result in self._streamed(calls) if self._streams else self._sliced(calls):
                     yield under_way.pop(number), result
-            except TerminatedWorkerError:
+            except TerminatedWorkerError:  # noqa: PERF203 - rare
                 # One of those under way did it; each gets a worker of its own to show which.
                 for number in list(under_way):
                     task = under_way.pop(number)
@@ -64,9 +64,7 @@ class Pool:
                 return
 
     def _streamed(self, calls: Iterator[Any]) -> Iterator[tuple[int, Any]]:
-        # One task per message: a task takes long enough, and what is under way is lost when a run is killed.
-        parallel = Parallel(self._workers, return_as="generator_unordered", batch_size=1)
-        results: Generator[tuple[int, Any], None, None] = parallel(calls)
+        results = _parallel(self._workers, return_as="generator_unordered")(calls)
         with warnings.catch_warnings():
             # On the way out after an interrupt joblib warns of what it couldn't hand over.
             warnings.filterwarnings("ignore", "[0-9]+ tasks", UserWarning)
@@ -74,10 +72,15 @@ class Pool:
                 yield from results
 
     def _sliced(self, calls: Iterator[Any]) -> Iterator[tuple[int, Any]]:
-        parallel = Parallel(self._workers, batch_size=1)
+        parallel = _parallel(self._workers)
         at_once = _SLICE * (self._workers if self._workers > 0 else os.cpu_count() or 1)
         while part := list(itertools.islice(calls, at_once)):
             yield from parallel(part)
+
+
+def _parallel(workers: int, **options: Any) -> Callable[[Iterable[Any]], Any]:  # noqa: ANN401 - joblib's
+    # One task per message: a task takes long enough, and what is under way is lost when a run is killed.
+    return Parallel(workers, **options, batch_size=1)  # pyright: ignore[reportArgumentType]
 
 
 def _calls(
@@ -95,7 +98,7 @@ def _numbered(number: int, function: Callable[..., Result], *arguments: object) 
 def _alone(function: Callable[..., Result], task: Task) -> Result | None:
     try:
         # Two workers, although one task: with one, joblib would work in this very process.
-        return Parallel(2, batch_size=1)([delayed(function)(*task)])[0]
+        return _parallel(2)([delayed(function)(*task)])[0]
     except TerminatedWorkerError:
         return None
 
@@ -168,7 +171,8 @@ def _dask_backend(scheduler: str | None) -> Generator[Any, None, None]:
 
 def _register_ray() -> None:
     try:
-        from ray.util.joblib import register_ray  # noqa: PLC0415 - only where it is asked for
+        # Only where it is asked for.
+        from ray.util.joblib import register_ray  # noqa: PLC0415 # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:
         message = "backend: ray isn't installed; pip install 'ray[default]'"
         raise InputError(message) from error

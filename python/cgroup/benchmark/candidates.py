@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cgroup.types import FloatArray
 
 IN_RESOLUTIONS = "_pr"
-"""An option whose name ends so is a length in pr; the method gets it without the ending, in the data's unit."""
+"""An option whose name ends so is a length in pr; the method gets it without that, in the data's unit."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ class Candidate:
         InputError
             If the problem lacks what the method needs, or a function from outside returns no mask.
         """
-        options = self.parameters(seed, correspondences.resolution)
+        options: dict[str, Any] = self.parameters(seed, correspondences.resolution)
         if "threads" in _parameters(self.name):
-            options = {"threads": threads, **options}
+            options["threads"] = threads
         if ":" not in self.name:
             return group(correspondences, self.name, **options)
         return _as_grouping(self.name, _function(self.name)(correspondences, **options), correspondences)

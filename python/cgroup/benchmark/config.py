@@ -17,7 +17,10 @@ from cgroup.methods import METHODS
 if sys.version_info >= (3, 11):
     import tomllib
 else:
-    import tomli as tomllib
+    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
+
+
+_PRESETS = resources.files("cgroup.benchmark") / "presets"
 
 
 def _listed(value: object) -> object:
@@ -192,7 +195,7 @@ class Config(_Table):
 def preset_names() -> list[str]:
     """Names of the configurations that come with the package."""
     return sorted(
-        file.name.removesuffix(".toml") for file in _presets().iterdir() if file.name.endswith(".toml")
+        file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")
     )
 
 
@@ -214,7 +217,7 @@ def read_config(source: str | Path) -> Config:
         If there is no such file, or the first thing that is wrong in it, with the key's path.
     """
     if str(source) in preset_names():
-        return parse_config(_presets().joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
+        return parse_config(_PRESETS.joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
     path = Path(source)
     try:
         text = path.read_text(encoding="utf-8")
@@ -253,7 +256,3 @@ def _key_path(location: tuple[int | str, ...]) -> str:
             path += f".{part}" if path else part
         # The rest are pydantic's names of types in a choice of several.
     return f"{path}: " if path else ""
-
-
-def _presets() -> resources.abc.Traversable:
-    return resources.files("cgroup.benchmark") / "presets"

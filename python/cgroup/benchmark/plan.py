@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from cgroup.benchmark.cases import READY_MADE, Case, keyed_rng
 from cgroup.datasets import open_dataset
 from cgroup.errors import InputError
+from cgroup.evaluation.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -172,5 +173,14 @@ def _facts(name: str, dataset: Dataset, planned: Sequence[PlannedExperiment]) ->
         dataset.role,
         dataset.origin,
         dataset.citation,
-        {pair: (dataset.origin_of(pair), dataset.protocols_of(pair)) for pair in sorted(used)},
+        {pair: (dataset.origin_of(pair), _protocols(dataset, pair)) for pair in sorted(used)},
     )
+
+
+def _protocols(dataset: Dataset, pair: str) -> tuple[str, ...]:
+    names = dataset.protocols_of(pair)
+    unknown = [name for name in names if name not in PROTOCOLS]
+    if unknown:
+        message = f"{dataset.name}: there is no protocol {unknown[0]!r}; there are {', '.join(PROTOCOLS)}"
+        raise InputError(message)
+    return names

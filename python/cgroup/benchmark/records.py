@@ -135,12 +135,12 @@ def load_datasets(path: Path) -> pd.DataFrame:
 
 def load_config(path: Path) -> dict[str, Any]:
     """Read the latest configuration: plain values as in its TOML, defaults filled in."""
-    return json.loads(_query(path, "select config from plan")["config"][0])
+    return json.loads(str(_query(path, "select config from plan")["config"][0]))
 
 
 def load_missing(path: Path) -> dict[str, str]:
     """Read which data sets weren't at hand, and why."""
-    return json.loads(_query(path, "select missing from plan")["missing"][0])
+    return json.loads(str(_query(path, "select missing from plan")["missing"][0]))
 
 
 def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FROM) -> pd.DataFrame:
@@ -223,7 +223,9 @@ def _query(path: Path, text: str) -> pd.DataFrame:
         message = f"{file}: no records; make some with: cgroup benchmark run smoke --out {path}"
         raise InputError(message)
     try:
-        with closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, timeout=30)) as connection:
+        with closing(
+            sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, timeout=30)
+        ) as connection:
             return pd.read_sql_query(text, connection)
     except (sqlite3.Error, pd.errors.DatabaseError) as error:
         message = f"{file}: not a file of records, or of another version: {error}"
@@ -233,7 +235,9 @@ def _query(path: Path, text: str) -> pd.DataFrame:
 def _expand_protocols(frame: pd.DataFrame) -> None:
     judged = [json.loads(text) if isinstance(text, str) else {} for text in frame.pop("protocols")]
     for name in dict.fromkeys(name for row in judged for name in row):
-        frame[PROTOCOL_PREFIX + name] = pd.Series([row.get(name) for row in judged], frame.index, dtype=object)
+        frame[PROTOCOL_PREFIX + name] = pd.Series(
+            [row.get(name) for row in judged], frame.index, dtype=object
+        )
 
 
 def _add_ratios(frame: pd.DataFrame) -> None:

@@ -411,8 +411,7 @@ def _scored(
     # A group that fixes no pose is as far off as can be.
     rotation, translation, rmse = (np.inf, np.inf, np.inf) if errors is None else errors
     judged = {
-        name: PROTOCOLS[name].judge(score.precision, rotation, translation, rmse)
-        for name in truth.protocols
+        name: PROTOCOLS[name].judge(score.precision, rotation, translation, rmse) for name in truth.protocols
     }
     measured = (None, None, None) if errors is None else (rotation, translation, _known(rmse))
     counts = (score.correct, score.selected, score.selected_correct)

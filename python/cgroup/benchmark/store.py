@@ -11,7 +11,7 @@ import json
 import sqlite3
 from contextlib import closing, contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from cgroup.benchmark.candidates import Candidate
 from cgroup.benchmark.cases import Case
@@ -95,10 +95,10 @@ create view wanted_scores as
 # Cases of one pair follow each other, so that a worker loads it once.
 _CASE_ORDER = "order by dataset, pair, nuisance, level, nms_radius, combination"
 
-_PENDING_CASES = f"""
-select {{}} from wanted_cases join cases on cases.key = case_key
+_PENDING_CASES = """
+select {} from wanted_cases join cases on cases.key = case_key
 where not exists (select 1 from correspondences c where c.case_key = cases.key)
-"""  # noqa: S608 - nothing of the user's
+"""
 
 _PENDING_GROUPINGS = """
 select {} from wanted_groupings w join cases on cases.key = w.case_key
@@ -187,14 +187,10 @@ class Store:
         """Ask for what a configuration asks for, and nothing else."""
         with self._transaction() as connection:
             for table in ("", "_experiments", "_cases", "_methods", "_epsilons", "_timing"):
-                connection.execute(f"delete from plan{table}")  # noqa: S608 - a fixed list
-            row = (
-                plan.config.name,
-                plan.config.seed,
-                plan.config.model_dump_json(),
-                json.dumps(plan.missing),
-            )
-            connection.execute("insert into plan values (?, ?, ?, ?)", row)
+                connection.execute(f"delete from plan{table}")
+            config = plan.config
+            missing = json.dumps(plan.missing)
+            _insert(connection, "plan", config.name, config.seed, config.model_dump_json(), missing)
             for facts in plan.datasets:
                 _insert_dataset(connection, facts)
             pairs = {facts.name: facts.pairs for facts in plan.datasets}
@@ -256,18 +252,18 @@ class Store:
 
     def _count(self, wanted: str, records: str, match: str, failed: str) -> Counts:
         query = (
-            f"select count(r.case_key), coalesce(sum({failed}), 0), count(*) "  # noqa: S608 - fixed texts
+            f"select count(r.case_key), coalesce(sum({failed}), 0), count(*) "
             f"from {wanted} left join {records} r {match}"
         )
         done, bad, total = self.connection.execute(query).fetchone()
         return Counts(done - bad, bad, total)
 
     def missing(self) -> dict[str, str]:
-        """Data sets that aren't at hand, and why."""
+        """Read which data sets aren't at hand, and why."""
         return json.loads(self.connection.execute("select missing from plan").fetchone()[0])
 
     def failures(self) -> list[tuple[str, str, int]]:
-        """What failed: the method (empty for the first stage), the error, and how often."""
+        """Read what failed: the method (empty for the first stage), the error, and how often."""
         query = """
         select '', error, count(*) from wanted_cases join correspondences using (case_key)
         where error <> '' group by error
@@ -298,7 +294,7 @@ class Store:
         return content, truth, sample, tuple(json.loads(protocols))
 
     def groupings(self, case_key: str) -> Iterator[tuple[str, bytes, bytes | None]]:
-        """Method, mask and pose of every grouping of a case that went well."""
+        """Read method, mask and pose of every grouping of a case that went well."""
         query = "select method_key, mask, pose from groupings where case_key = ? and error = ''"
         yield from self.connection.execute(query, (case_key,))
 
@@ -308,33 +304,25 @@ class Store:
             for record in records:
                 _insert_machine(connection, record.provenance)
                 key = record.case.key
-                row = (
-                    (key, record.n, record.pr, record.facts, record.seconds, record.parameters, record.error)
-                    + _origin(record.provenance)
-                )  # fmt: skip
-                connection.execute(f"insert into correspondences values ({_marks(row)})", row)
+                facts = (record.n, record.pr, record.facts, record.seconds, record.parameters, record.error)
+                _insert(connection, "correspondences", key, *facts, *_origin(record.provenance))
                 if not record.error:
-                    row = (key, record.content, record.truth, record.sample)
-                    connection.execute(f"insert into arrays values ({_marks(row)})", row)
+                    _insert(connection, "arrays", key, record.content, record.truth, record.sample)
 
     def add_grouped(self, records: Iterable[Grouped]) -> None:
         """Store records of the second stage, all or none."""
         with self._transaction() as connection:
             for record in records:
                 _insert_machine(connection, record.provenance)
-                row = (
-                    (record.case_key, record.method_key, record.mask, record.seconds, record.threshold)
-                    + (record.pose, record.diagnostics, record.parameters, record.error)
-                    + _origin(record.provenance)
-                )
-                connection.execute(f"insert into groupings values ({_marks(row)})", row)
+                result = (record.mask, record.seconds, record.threshold, record.pose, record.diagnostics)
+                how = (record.parameters, record.error, *_origin(record.provenance))
+                _insert(connection, "groupings", record.case_key, record.method_key, *result, *how)
 
     def add_scored(self, records: Iterable[Scored]) -> None:
         """Store records of the third stage, all or none."""
-        rows = [tuple(vars(record).values()) for record in records]
         with self._transaction() as connection:
-            for row in rows:
-                connection.execute(f"insert into scores values ({_marks(row)})", row)
+            for record in records:
+                _insert(connection, "scores", *vars(record).values())
 
     # --- timing ----------------------------------------------------------------------------------
 
@@ -345,20 +333,18 @@ class Store:
 
     def add_timing_set(self, key: str, dataset: str, pair: str, size: int, n: int, content: bytes) -> None:
         """Store such a set."""
-        row = (key, dataset, pair, size, n, content)
         with self._transaction() as connection:
-            connection.execute(f"insert into timing_sets values ({_marks(row)})", row)
+            _insert(connection, "timing_sets", key, dataset, pair, size, n, content)
 
     def plan_timing(self, set_key: str, methods: Iterable[Candidate]) -> None:
         """Ask for times of methods on a set."""
         with self._transaction() as connection:
             for place, method in enumerate(methods):
                 _insert_method(connection, method)
-                row = (set_key, method.key, method.label, place)
-                connection.execute("insert into plan_timing values (?, ?, ?, ?)", row)
+                _insert(connection, "plan_timing", set_key, method.key, method.label, place)
 
     def seconds(self, set_key: str, method_key: str, threads: int, machine: str) -> list[float]:
-        """Times that have been taken, in order."""
+        """Read the times that have been taken, in order."""
         query = """
         select seconds from timings
         where set_key = ? and method_key = ? and threads = ? and machine = ? order by repeat
@@ -374,22 +360,21 @@ class Store:
             _insert_machine(connection, provenance)
             for table in ("timings", "timing_skips"):
                 connection.execute(
-                    f"delete from {table} "  # noqa: S608 - fixed names
+                    f"delete from {table} "
                     "where set_key = ? and method_key = ? and threads = ? and machine = ?",
                     where,
                 )
             for repeat, value in enumerate(seconds):
-                row = (*where, repeat, value, provenance.version, provenance.created)
-                connection.execute(f"insert into timings values ({_marks(row)})", row)
+                _insert(connection, "timings", *where, repeat, value, provenance.version, provenance.created)
 
     def skip_timing(
         self, set_key: str, method_key: str, threads: int, provenance: Provenance, reason: str
     ) -> None:
         """Store why no time is taken."""
-        row = (set_key, method_key, threads, provenance.machine.id, reason)
+        where = (set_key, method_key, threads, provenance.machine.id)
         with self._transaction() as connection:
             _insert_machine(connection, provenance)
-            connection.execute(f"insert or replace into timing_skips values ({_marks(row)})", row)
+            _insert(connection, "timing_skips", *where, reason, known="replace")
 
 
 @contextmanager
@@ -418,7 +403,7 @@ def only_writer(folder: Path) -> Generator[None, None, None]:
 
 def _insert_dataset(connection: sqlite3.Connection, facts: DatasetFacts) -> None:
     row = (facts.name, facts.title, facts.role, facts.origin, facts.citation)
-    connection.execute(f"insert or replace into datasets values ({_marks(row)})", row)
+    _insert(connection, "datasets", *row, known="replace")
 
 
 def _insert_experiment(
@@ -428,37 +413,39 @@ def _insert_experiment(
     pairs: dict[str, dict[str, tuple[str, tuple[str, ...]]]],
 ) -> None:
     experiment = planned.experiment
-    definition = experiment.model_dump_json()
-    connection.execute("insert into plan_experiments values (?, ?, ?)", (entry, experiment.id, definition))
+    _insert(connection, "plan_experiments", entry, experiment.id, experiment.model_dump_json())
     for case in planned.cases:
         origin, protocols = pairs[case.dataset][case.pair]
-        row = (
-            (case.key, case.dataset, case.pair, origin, json.dumps(protocols), case.nuisance, case.level)
-            + (case.combination, case.detector, case.descriptor, case.nms_radius, case.seed)
-        )  # fmt: skip
-        connection.execute(f"insert or replace into cases values ({_marks(row)})", row)
-        connection.execute("insert or ignore into plan_cases values (?, ?)", (entry, case.key))
+        pair = (case.dataset, case.pair, origin, json.dumps(protocols), case.nuisance, case.level)
+        front = (case.combination, case.detector, case.descriptor, case.nms_radius, case.seed)
+        _insert(connection, "cases", case.key, *pair, *front, known="replace")
+        _insert(connection, "plan_cases", entry, case.key, known="ignore")
     for place, method in enumerate(planned.methods):
         _insert_method(connection, method)
-        row = (entry, method.key, method.label, place)
-        connection.execute("insert or ignore into plan_methods values (?, ?, ?, ?)", row)
+        _insert(connection, "plan_methods", entry, method.key, method.label, place, known="ignore")
     for epsilon in experiment.epsilons:
-        connection.execute("insert or ignore into plan_epsilons values (?, ?)", (entry, epsilon))
+        _insert(connection, "plan_epsilons", entry, epsilon, known="ignore")
 
 
 def _insert_method(connection: sqlite3.Connection, method: Candidate) -> None:
-    row = (method.key, method.name, method.options)
-    connection.execute("insert or ignore into methods values (?, ?, ?)", row)
+    _insert(connection, "methods", method.key, method.name, method.options, known="ignore")
 
 
 def _insert_machine(connection: sqlite3.Connection, provenance: Provenance) -> None:
-    row = (provenance.machine.id, *asdict(provenance.machine).values())
-    connection.execute(f"insert or ignore into machines values ({_marks(row)})", row)
+    machine = provenance.machine
+    _insert(connection, "machines", machine.id, *asdict(machine).values(), known="ignore")
+
+
+def _insert(
+    connection: sqlite3.Connection,
+    table: str,
+    *row: object,
+    known: Literal["abort", "ignore", "replace"] = "abort",
+) -> None:
+    """Add a row; `known` says what to do where its key is taken."""
+    marks = ", ".join("?" * len(row))
+    connection.execute(f"insert or {known} into {table} values ({marks})", row)
 
 
 def _origin(provenance: Provenance) -> tuple[str, str, str]:
     return provenance.version, provenance.machine.id, provenance.created
-
-
-def _marks(row: tuple[object, ...]) -> str:
-    return ", ".join("?" * len(row))

@@ -205,7 +205,7 @@ def _first_at_hand(names: Sequence[str], root: Path | None) -> tuple[str, Datase
         try:
             dataset = open_dataset(name, root)
             dataset.pair_names()
-        except InputError as error:
+        except InputError as error:  # noqa: PERF203 - a handful
             reasons.append(f"{name}: {error}")
         else:
             return name, dataset

@@ -8,7 +8,7 @@ from importlib.resources import files
 if sys.version_info >= (3, 11):
     import tomllib
 else:
-    import tomli as tomllib
+    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
 
 def explanations() -> dict[str, str]:
