@@ -123,7 +123,8 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
     finish(counts, title="initial matches", xlabel=xlabel, ylabel="mean number (on top: pairs)")
     counts.grid(visible=False, axis="x")
     places = x_places(ratio, list(table.index))
-    ratio.plot(places, table["inlier_ratio"], color=style.CORRECT, marker="o", markersize=4, linewidth=1.2)
+    line = "" if isinstance(table.index[0], str) else "-"
+    ratio.plot(places, table["inlier_ratio"], color=style.CORRECT, marker="o", markersize=4, linestyle=line)
     ratio.set_ylim(0, None)
     finish(ratio, title="inlier ratio", xlabel=xlabel, ylabel="share correct")
     return figure
