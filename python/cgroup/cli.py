@@ -22,6 +22,7 @@ except ModuleNotFoundError as missing:
 
 from cgroup import __version__, io
 from cgroup.benchmark import compare, write_table
+from cgroup.cli_benchmark import benchmark_app
 from cgroup.errors import CgroupError, InputError
 from cgroup.evaluation import correct_matches
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
@@ -61,6 +62,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.add_typer(benchmark_app, name="benchmark")
 
 SourceArgument = Annotated[Path, typer.Argument(help="Cloud to be moved: PLY, PCD, XYZ, OBJ, STL, OFF.")]
 TargetArgument = Annotated[Path, typer.Argument(help="Cloud that it is moved to, in the same unit.")]

@@ -1,6 +1,15 @@
-"""Pairs of clouds with a known pose."""
+"""Pairs of clouds, or of matched points, with a known pose."""
 
-from cgroup.datasets.base import MatchingPair
+from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair, data_root
+from cgroup.datasets.registry import DATASETS, open_dataset
 from cgroup.datasets.standin import standin_pair
 
-__all__ = ["MatchingPair", "standin_pair"]
+__all__ = [
+    "DATASETS",
+    "CorrespondencePair",
+    "Dataset",
+    "MatchingPair",
+    "data_root",
+    "open_dataset",
+    "standin_pair",
+]

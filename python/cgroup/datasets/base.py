@@ -1,13 +1,34 @@
-"""What a data set consists of."""
+"""What a data set is, and where its files are looked for."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import os
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
+
+import numpy as np
+
+from cgroup.errors import InputError
+from cgroup.evaluation import within
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from cgroup.io import PointCloud
-    from cgroup.types import FloatArray
+    from cgroup.types import Correspondences, FloatArray
+
+Role: TypeAlias = Literal["full-full", "full-partial", "partial-partial", "correspondences"]
+Origin: TypeAlias = Literal["real", "semi-synthetic", "synthetic"]
+Viewpoint: TypeAlias = tuple[float, float, float]
+
+ORIGIN: Viewpoint = (0.0, 0.0, 0.0)
+
+MIN_FITTING = 0.05
+"""A pose is taken to be wrong when fewer of the source points than this share come to lie on the target."""
+
+_FITTING_SAMPLE = 3000  # source points that a pose is checked with
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,9 +43,203 @@ class MatchingPair:
         In the same unit, each in its own frame.
     T_target_source : (4,4) array of float64
         True pose: maps source points into the target's frame.
+    source_viewpoint, target_viewpoint : (float, float, float)
+        Where the scanners stood, in their clouds' frames; normals are turned towards them.
+    normals : {"pca", "mesh"}
+        How `cgroup.registration.correspond` is to find normals: "mesh" for a whole model that is matched with
+        a scan, whose normals can't all be turned towards one viewpoint.
+    facts : mapping of str to float
+        What is known of the pair: ``overlap``, ``clutter``, ``occlusion`` (shares, 0 to 1), ``noise`` (in the
+        data set's own unit).
     """
 
     name: str
     source: PointCloud
     target: PointCloud
     T_target_source: FloatArray
+    source_viewpoint: Viewpoint = ORIGIN
+    target_viewpoint: Viewpoint = ORIGIN
+    normals: Literal["pca", "mesh"] = "pca"
+    facts: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+@dataclass(frozen=True, eq=False)
+class CorrespondencePair:
+    """Matches that somebody else computed, and the pose that says which are correct.
+
+    Attributes
+    ----------
+    name : str
+        Short, unique within its data set.
+    correspondences : Correspondences
+        With the resolution set, so that the usual threshold of 5 pr is the inlier distance its makers use.
+    T_target_source : (4,4) array of float64
+        True pose: maps source points into the target's frame.
+    facts : mapping of str to float
+        What is known of the pair.
+    """
+
+    name: str
+    correspondences: Correspondences
+    T_target_source: FloatArray
+    facts: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+class Dataset(ABC):
+    """Named pairs with a true pose; subclasses set the class attributes.
+
+    Attributes
+    ----------
+    name : str
+        As `open_dataset` knows it.
+    title : str
+        For figures and tables.
+    role : {"full-full", "full-partial", "partial-partial", "correspondences"}
+        What is matched with what.
+    origin : {"real", "semi-synthetic", "synthetic"}
+        Where the clouds come from; single pairs may differ, see `origin_of`.
+    protocols : tuple of str
+        Names in `cgroup.evaluation.PROTOCOLS` that make sense here.
+    citation : str
+        Whom to cite.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    role: ClassVar[Role]
+    origin: ClassVar[Origin]
+    protocols: ClassVar[tuple[str, ...]]
+    citation: ClassVar[str]
+
+    @abstractmethod
+    def pair_names(self) -> list[str]:
+        """Return the names of all pairs, always in the same order, without reading clouds."""
+
+    @abstractmethod
+    def load(self, name: str) -> MatchingPair | CorrespondencePair:
+        """Read or make one pair.
+
+        Parameters
+        ----------
+        name : str
+            One of `pair_names`.
+
+        Returns
+        -------
+        MatchingPair or CorrespondencePair
+            The same every time.
+
+        Raises
+        ------
+        InputError
+            If there is no such pair, or its files can't be worked with.
+        """
+
+    def origin_of(self, name: str) -> Origin:
+        """Return where the clouds of one pair come from."""
+        self.check_name(name)
+        return self.origin
+
+    def protocols_of(self, name: str) -> tuple[str, ...]:
+        """Return the registration protocols that make sense for one pair."""
+        self.check_name(name)
+        return self.protocols
+
+    def check_name(self, name: str) -> None:
+        """Raise `InputError` unless there is such a pair."""
+        names = self.pair_names()
+        if name not in names:
+            message = f"{self.name}: has no pair {name!r}; it has {len(names)}, such as {names[0]!r}"
+            raise InputError(message)
+
+
+def data_root(given: Path | str | None = None) -> Path:
+    """Folder that holds the data sets' folders.
+
+    Parameters
+    ----------
+    given : path-like, optional
+        Taken if given; else the environment variable ``CGROUP_DATA``.
+
+    Returns
+    -------
+    Path
+        An existing folder.
+
+    Raises
+    ------
+    InputError
+        If neither is given, or the folder doesn't exist.
+    """
+    value = given if given is not None else os.environ.get("CGROUP_DATA")
+    if not value:
+        message = (
+            "no folder with data: give one, or set CGROUP_DATA to it; docs/datasets.md says what goes in and "
+            "where to get it. The data sets named standin-... need none"
+        )
+        raise InputError(message)
+    root = Path(value)
+    if not root.is_dir():
+        source = "" if given is not None else " (from CGROUP_DATA)"
+        message = f"{root}: no such folder{source}; give the one that holds the data sets' folders"
+        raise InputError(message)
+    return root
+
+
+def dataset_folder(root: Path | str | None, folder: str, *, title: str, url: str) -> Path:
+    """Folder of one data set inside the data root; a missing one is an error that says where to get it."""
+    path = data_root(root) / folder
+    if not path.is_dir():
+        message = f"{path}: no such folder, so {title} isn't there; get it from {url} (docs/datasets.md)"
+        raise InputError(message)
+    return path
+
+
+def missing_file(path: Path, title: str, url: str) -> InputError:
+    """Error for a data set that lacks a file."""
+    return InputError(f"{path}: isn't there, but {title} needs it; get it from {url} (docs/datasets.md)")
+
+
+def fitting_pose(
+    pose: FloatArray, source: FloatArray, target: FloatArray, *, tolerance: float, origin: str
+) -> FloatArray:
+    """Return the pose or its inverse, whichever lays more of the source on the target.
+
+    Parameters
+    ----------
+    pose : (4,4) array of float64
+        As read; files differ in the direction they mean.
+    source, target : (N,3) and (M,3) array of float64
+        Whole clouds.
+    tolerance : float
+        A source point lies on the target when it is so close, in the data's unit.
+    origin : str
+        Where the pose was read, for the error.
+
+    Returns
+    -------
+    (4,4) array of float64
+        ``T_target_source``.
+
+    Raises
+    ------
+    InputError
+        If neither lays `MIN_FITTING` of the source points on the target.
+    """
+    sample = source[:: max(1, len(source) // _FITTING_SAMPLE)]
+    inverse: FloatArray = np.linalg.inv(pose).astype(np.float64)
+    candidates = (pose, inverse)
+    shares = [float(within(moved(sample, T), target, tolerance).mean()) for T in candidates]
+    best = int(np.argmax(shares))
+    if shares[best] < MIN_FITTING:
+        message = (
+            f"{origin}: neither the pose nor its inverse lays the source on the target (only {shares[0]:.1%} "
+            f"and {shares[1]:.1%} of the points come near it); is it the pose of another pair, or unit?"
+        )
+        raise InputError(message)
+    return candidates[best]
+
+
+def moved(points: FloatArray, transform: FloatArray) -> FloatArray:
+    """Apply a 4x4 transform to points."""
+    return points @ transform[:3, :3].T + transform[:3, 3]

@@ -7,12 +7,12 @@ pixel, none where the surface hides itself or is seen too obliquely, noise along
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup.datasets.base import MatchingPair
+from cgroup.datasets.scanner import Mesh, angular_size, range_image
 from cgroup.errors import InputError
 from cgroup.io import PointCloud
 
@@ -27,18 +27,11 @@ RADIUS = 50.0
 _AXES = (1.0, 0.85, 0.7)  # of the ellipsoid that the details sit on, in radii
 _GRID_PER_PIXEL = 1.2  # mesh vertices along each edge of the cube that is blown up to a ball
 _DISTANCES = (5.0, 5.6)  # of the two scanners from the centre, in radii
-_MAX_INCIDENCE = 75.0  # degrees between line of sight and normal beyond which nothing returns
 
 _FACETS, _CUT = 150, 0.15  # planes that cut the ball, and the depth of the deepest cut in radii
 _TALLEST = 1.1  # radii, of what no plane cuts off
 # Bumps and dents: (how many, sharpness, height in radii); down to 1/e at an angle of sqrt(2 / sharpness).
 _BUMPS = ((150, 60.0, 0.06), (500, 300.0, 0.03))
-
-
-@dataclass(frozen=True, eq=False)
-class _Mesh:
-    vertices: FloatArray
-    faces: IndexArray
 
 
 def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixels: int = 170) -> MatchingPair:
@@ -70,8 +63,8 @@ def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixel
     """
     _check(turn=turn, noise=noise, pixels=pixels)
     rng = np.random.default_rng(seed)
-    mesh = _shape(rng, round(_GRID_PER_PIXEL * pixels))
-    first = _looking_at_center(rng, _random_direction(rng), _DISTANCES[0] * RADIUS)
+    mesh = stone(rng, round(_GRID_PER_PIXEL * pixels))
+    first = _looking_at_center(rng, random_direction(rng), _DISTANCES[0] * RADIUS)
     aside = _turned(rng, first[:3, :3].T @ (0.0, 0.0, 1.0), np.radians(turn))
     second = _looking_at_center(rng, aside, _DISTANCES[1] * RADIUS)
     source, target = (_scan(mesh, view, pixels, noise, rng) for view in (first, second))
@@ -90,20 +83,42 @@ def _check(*, turn: float, noise: float, pixels: int) -> None:
         raise InputError(message)
 
 
-def _shape(rng: np.random.Generator, grid: int) -> _Mesh:
+def stone(rng: np.random.Generator, grid: int) -> Mesh:
+    """Make a closed, star-shaped mesh of mean radius `RADIUS` around the origin, wound outwards.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Another state, another shape; the grid doesn't change it.
+    grid : int
+        Vertices along each edge of the cube that is blown up to the ball; there are 6 grid^2 vertices, those
+        on the edges several times.
+
+    Returns
+    -------
+    Mesh
+        In mm.
+    """
     directions, faces = _ball(grid)
+    columns = np.ascontiguousarray(directions.T)
     height = np.full(len(directions), _TALLEST, dtype=np.float32)
     for normal in _random_directions(rng, _FACETS):
         distance = np.float32(1 - _CUT * rng.uniform())
-        height = np.minimum(height, distance / np.maximum(directions @ normal, np.float32(0.01)))
+        height = np.minimum(height, distance / np.maximum(_cosines(columns, normal), np.float32(0.01)))
     for count, sharpness, amplitude in _BUMPS:
         centers = _random_directions(rng, count)
         heights = amplitude * rng.uniform(0.5, 1, size=count) * rng.choice((-1, 1), size=count)
         for center, bump in zip(centers, heights, strict=True):
-            cosines = directions @ center
+            cosines = _cosines(columns, center)
             near = np.flatnonzero(cosines > 1 - 10 / sharpness)  # elsewhere it is below bump / 20000
             height[near] += bump * np.exp(sharpness * (cosines[near] - 1))
-    return _Mesh(RADIUS * height[:, None].astype(np.float64) * directions * _AXES, faces)
+    return Mesh(RADIUS * height[:, None].astype(np.float64) * directions * _AXES, faces)
+
+
+def _cosines(columns: NDArray[np.float32], direction: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Dot products: the same bits on every machine, and no threads that BLAS would start for each."""
+    x, y, z = columns
+    return x * direction[0] + y * direction[1] + z * direction[2]
 
 
 def _ball(grid: int) -> tuple[NDArray[np.float32], IndexArray]:
@@ -122,67 +137,21 @@ def _ball(grid: int) -> tuple[NDArray[np.float32], IndexArray]:
 
 
 def _scan(
-    mesh: _Mesh, T_scanner_world: FloatArray, pixels: int, noise: float, rng: np.random.Generator
+    mesh: Mesh, T_scanner_world: FloatArray, pixels: int, noise: float, rng: np.random.Generator
 ) -> PointCloud:
     """Points that a range scanner sees, in its own frame."""
-    seen = mesh.vertices @ T_scanner_world[:3, :3].T + T_scanner_world[:3, 3]
-    screen = seen[:, :2] / -seen[:, 2:]
-    step = np.ptp(screen, axis=0).max() / pixels
-    origin = screen.min(axis=0) - step * rng.uniform(1, 2, size=2)
-    depth, incidence = _depth_image(mesh.faces, seen, (screen - origin) / step)
-    rows, columns = np.nonzero(incidence < np.radians(_MAX_INCIDENCE))
-    lines = np.stack([rows * step + origin[0], columns * step + origin[1], -np.ones(len(rows))], axis=1)
-    spacing = step * float(np.median(depth[rows, columns]))
-    ranges = depth[rows, columns] + noise * spacing * rng.normal(size=len(rows))
-    return PointCloud(lines * ranges[:, None])
-
-
-def _depth_image(
-    faces: IndexArray, vertices: FloatArray, screen: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Distance from the scanner's plane and angle of incidence per pixel; infinite where nothing is."""
-    corners = screen[faces]
-    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
-    facing = np.flatnonzero(area > 0)
-    corners, edge1, edge2, area = (part[facing] for part in (corners, edge1, edge2, area))
-    nearness = -1 / vertices[faces[facing], 2]  # linear over the screen, unlike the depth itself
-    angles = _incidence(vertices[faces[facing]])
-    shape = np.ceil(screen.max(axis=0)).astype(int) + 2
-    best = np.zeros(shape)
-    incidence = np.full(shape, np.inf)
-    low = np.ceil(corners.min(axis=1)).astype(int)
-    widest = int(np.ceil(np.ptp(corners, axis=1).max())) + 1
-    for offset in np.ndindex(widest, widest):
-        pixel = low + offset
-        rest = pixel - corners[:, 0]
-        u = (rest[:, 0] * edge2[:, 1] - rest[:, 1] * edge2[:, 0]) / area
-        v = (edge1[:, 0] * rest[:, 1] - edge1[:, 1] * rest[:, 0]) / area
-        hit = np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1))
-        near = nearness[hit, 0] * (1 - u[hit] - v[hit]) + nearness[hit, 1] * u[hit]
-        near += nearness[hit, 2] * v[hit]
-        order = np.argsort(near, kind="stable")  # the nearest is written last
-        hit, near = hit[order], near[order]
-        x, y = pixel[hit].T
-        closer = near > best[x, y]
-        x, y, hit, near = x[closer], y[closer], hit[closer], near[closer]
-        best[x, y] = near
-        incidence[x, y] = angles[hit]
-    with np.errstate(divide="ignore"):
-        return 1 / best, incidence
-
-
-def _incidence(corners: FloatArray) -> FloatArray:
-    """Angle in radians between each triangle's normal and the line from it to the scanner."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lines = -corners.mean(axis=1)
-    cosine = np.abs((normals * lines).sum(axis=1))
-    return np.arccos(cosine / np.linalg.norm(normals, axis=1) / np.linalg.norm(lines, axis=1))
+    seen = mesh.moved(T_scanner_world)
+    step = angular_size(seen) / pixels
+    image = range_image(seen, step=step, offset=rng.uniform(1, 2, size=2))
+    ranges = image.ranges()
+    spacing = step * float(np.median(ranges))
+    noisy = ranges + noise * spacing * rng.normal(size=len(ranges))
+    return PointCloud(image.rays() * noisy[:, None])
 
 
 def _looking_at_center(rng: np.random.Generator, direction: FloatArray, distance: float) -> FloatArray:
     """World to scanner: placed along a direction from the origin, rolled at random."""
-    side = np.cross(_random_direction(rng), direction)
+    side = np.cross(random_direction(rng), direction)
     side /= np.linalg.norm(side)
     transform = np.eye(4)
     transform[:3, :3] = np.stack([side, np.cross(direction, side), direction])
@@ -192,7 +161,7 @@ def _looking_at_center(rng: np.random.Generator, direction: FloatArray, distance
 
 def _turned(rng: np.random.Generator, direction: FloatArray, angle: float) -> FloatArray:
     """Tilt the direction by an angle towards a random side."""
-    side = np.cross(_random_direction(rng), direction)
+    side = np.cross(random_direction(rng), direction)
     side /= np.linalg.norm(side)
     return np.cos(angle) * direction + np.sin(angle) * side
 
@@ -202,6 +171,7 @@ def _random_directions(rng: np.random.Generator, count: int) -> NDArray[np.float
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def _random_direction(rng: np.random.Generator) -> FloatArray:
+def random_direction(rng: np.random.Generator) -> FloatArray:
+    """Draw a unit vector, all directions alike."""
     vector = rng.normal(size=3)
     return vector / np.linalg.norm(vector)

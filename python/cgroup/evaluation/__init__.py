@@ -14,9 +14,12 @@ from cgroup.evaluation.ground_truth import (
     within,
 )
 from cgroup.evaluation.metrics import GroupScore, ScoreMeans, mean_scores, score_group
+from cgroup.evaluation.protocols import PROTOCOLS, Protocol
 
 __all__ = [
+    "PROTOCOLS",
     "GroupScore",
+    "Protocol",
     "ScoreMeans",
     "alignment_error",
     "clutter_and_occlusion",

@@ -1,7 +1,20 @@
 """Figures, one function each. They are returned, never shown: save them with `Figure.savefig`."""
 
 from cgroup.plots.keypoints import keypoints_figure
+from cgroup.plots.levels import inliers_figure, registration_rate_figure, scores_figure
 from cgroup.plots.matches import comparison_figure, registration_figure
+from cgroup.plots.pair_precision import pair_precision_figure
 from cgroup.plots.scores import precision_recall_figure
+from cgroup.plots.times import timing_figure
 
-__all__ = ["comparison_figure", "keypoints_figure", "precision_recall_figure", "registration_figure"]
+__all__ = [
+    "comparison_figure",
+    "inliers_figure",
+    "keypoints_figure",
+    "pair_precision_figure",
+    "precision_recall_figure",
+    "registration_figure",
+    "registration_rate_figure",
+    "scores_figure",
+    "timing_figure",
+]

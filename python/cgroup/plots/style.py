@@ -1,12 +1,15 @@
 """Colours, markers and labels, the same in every figure.
 
 Method colours are Paul Tol's "muted" scheme, which stays distinct for colour-blind readers; the
-markers tell the methods apart in print.
+markers tell the methods apart in print, and dashes the individual-based methods from the group-based.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType
 
 
 class MethodStyle(NamedTuple):
@@ -15,19 +18,24 @@ class MethodStyle(NamedTuple):
     label: str
     color: str
     marker: str
+    dashes: LineStyleType = "-"
 
+
+_INDIVIDUAL: LineStyleType = (0, (4, 1.5))
 
 METHOD_STYLES = {
-    "ss": MethodStyle("SS", "#DDCC77", "o"),
-    "nnsr": MethodStyle("NNSR", "#999933", "s"),
-    "si": MethodStyle("SI", "#88CCEE", "^"),
-    "cv": MethodStyle("CV", "#44AA99", "v"),
+    "ss": MethodStyle("SS", "#DDCC77", "o", _INDIVIDUAL),
+    "nnsr": MethodStyle("NNSR", "#999933", "s", _INDIVIDUAL),
+    "si": MethodStyle("SI", "#88CCEE", "^", _INDIVIDUAL),
+    "cv": MethodStyle("CV", "#44AA99", "v", _INDIVIDUAL),
     "ransac": MethodStyle("RANSAC", "#117733", "D"),
     "st": MethodStyle("ST", "#AA4499", "P"),
     "gc": MethodStyle("GC", "#882255", "X"),
     "3dhv": MethodStyle("3DHV", "#CC6677", "<"),
     "gtm": MethodStyle("GTM", "#332288", "*"),
 }
+
+_FURTHER_MARKERS = ("h", "p", "8", "d", ">", "H")
 
 CORRECT = "#009E73"
 """Correct matches: a bluish green, told from `WRONG` by every common kind of colour vision."""
@@ -44,9 +52,13 @@ TARGET_TINT = (0.70, 0.80, 0.91)
 
 TEXT = "#222222"
 QUIET_TEXT = "#666666"
+GRID = "#e3e3e3"
 DOTS_PER_INCH = 150
+PRINT_WIDTH = 7.2
+"""Inches: both columns of a page."""
 
 
 def method_style(method: str) -> MethodStyle:
-    """Style of a method by its public name; grey for one that isn't known here."""
-    return METHOD_STYLES.get(method, MethodStyle(method.upper(), "#777777", "o"))
+    """Style of a method by its public name; grey for one that isn't known here, its marker by its name."""
+    marker = _FURTHER_MARKERS[sum(method.encode()) % len(_FURTHER_MARKERS)]
+    return METHOD_STYLES.get(method, MethodStyle(method.upper(), "#666666", marker))

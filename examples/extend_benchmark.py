@@ -1,0 +1,82 @@
+"""Run the benchmark with a method, a data set and a nuisance of one's own, next to the built-in ones."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from cgroup.benchmark import records
+from cgroup.benchmark.config import parse_config
+from cgroup.benchmark.run import run
+from cgroup.datasets import Dataset, MatchingPair, standin_pair
+from cgroup.io import PointCloud
+
+if TYPE_CHECKING:
+    from cgroup import Correspondences
+
+
+def closest_descriptors(correspondences: Correspondences, *, share: float = 0.2) -> np.ndarray:
+    """Method: select the given share of the matches, those whose descriptors are most alike."""
+    similarity = correspondences.similarity
+    assert similarity is not None
+    return similarity >= np.quantile(similarity, 1 - share)
+
+
+def holes(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Nuisance: cut so many round holes into the target."""
+    points = pair.target.points
+    for center in rng.choice(points, size=int(level)):
+        points = points[np.linalg.norm(points - center, axis=1) > 8.0]
+    return replace(pair, target=PointCloud(points))
+
+
+class MyScans(Dataset):
+    """Data set: pairs of scans; here generated, but `load` may read any files below the data root."""
+
+    name: ClassVar = "my-scans"
+    title: ClassVar = "My scans"
+    role: ClassVar = "partial-partial"
+    origin: ClassVar = "synthetic"
+    protocols: ClassVar = ("precision>0.1", "rmse<=5pr")
+    citation: ClassVar = "none"
+
+    def __init__(self, root: Path | None = None) -> None:
+        self.root = root
+
+    def pair_names(self) -> list[str]:
+        """Name the pairs without loading any."""
+        return ["first", "second"]
+
+    def load(self, name: str) -> MatchingPair:
+        """Make one pair."""
+        self.check_name(name)
+        made = standin_pair(seed=self.pair_names().index(name), pixels=100, turn=20)
+        return replace(made, name=name)
+
+
+CONFIG = """
+name = "mine"
+methods = [
+  "gtm",
+  "gc",
+  { name = "extend_benchmark:closest_descriptors", label = "closest", options = { share = 0.1 } },
+]
+
+[[experiment]]
+id = "holes"
+dataset = "extend_benchmark:MyScans"
+nuisance = "extend_benchmark:holes"
+levels = [0, 5, 10]
+"""
+
+# Workers import this file too; only the process that was started by hand may run what follows.
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        run(parse_config(CONFIG), Path(folder), workers=2)
+        frame = records.load(Path(folder))
+    means = records.aggregate(frame, ["level", "method"])
+    print(means[["level", "method", "pairs", "n", "precision", "recall", "ok:rmse<=5pr"]].to_string(index=False))

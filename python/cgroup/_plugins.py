@@ -1,0 +1,38 @@
+"""Things from outside the package, named "module:attribute"."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from cgroup.errors import InputError
+
+
+def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever the name stands for
+    """Import what a reference of the form "module:attribute" names.
+
+    Parameters
+    ----------
+    what : str
+        What it is to be, for the error: "data set".
+    reference : str
+        "module:attribute"; the module must be importable.
+
+    Raises
+    ------
+    InputError
+        If the module can't be imported, or has no such attribute.
+    """
+    module_name, _, attribute = reference.partition(":")
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        message = (
+            f"{what}: can't import {module_name!r} for {reference!r} ({error}); "
+            "install it, or put its folder on PYTHONPATH"
+        )
+        raise InputError(message) from error
+    if not attribute or not hasattr(module, attribute):
+        message = f"{what}: module {module_name!r} has no {attribute!r}; write module:attribute"
+        raise InputError(message)
+    return getattr(module, attribute)

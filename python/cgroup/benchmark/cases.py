@@ -1,0 +1,85 @@
+"""What is computed once: one pair, disturbed in one way, described in one way."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cgroup.registration import Descriptor, Detector
+
+COMBINATIONS: Mapping[str, tuple[Detector, Descriptor]] = {
+    "C1": ("h3d", "shot"),
+    "C2": ("h3d", "lfsh"),
+    "C3": ("h3d", "rcs"),
+    "C4": ("iss", "shot"),
+    "C5": ("iss", "lfsh"),
+    "C6": ("iss", "rcs"),
+}
+"""The paper's detectors and descriptors (section 4.3)."""
+
+READY_MADE = ""
+"""The combination of pairs that come as correspondences."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One problem for the methods; experiments that ask for the same one share it.
+
+    Attributes
+    ----------
+    dataset, pair : str
+        Which pair.
+    nuisance : str
+        What is done to it; nothing if empty.
+    level : float, optional
+        How much.
+    combination : str
+        One of `COMBINATIONS`, or `READY_MADE`.
+    nms_radius : float, optional
+        Of the detector, in pr; its own by default.
+    seed : int
+        Key of all random numbers.
+    """
+
+    dataset: str
+    pair: str
+    nuisance: str = ""
+    level: float | None = None
+    combination: str = "C1"
+    nms_radius: float | None = None
+    seed: int = 0
+
+    @property
+    def key(self) -> str:
+        """Hash of all fields, the same in every process and on every machine."""
+        return _digest(asdict(self)).hex()[:24]
+
+    @property
+    def detector(self) -> str:
+        """Keypoint detector; empty for ready-made correspondences."""
+        return COMBINATIONS[self.combination][0] if self.combination else ""
+
+    @property
+    def descriptor(self) -> str:
+        """Descriptor; empty for ready-made correspondences."""
+        return COMBINATIONS[self.combination][1] if self.combination else ""
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Random numbers that depend on seed, pair, nuisance and level alone."""
+        return keyed_rng(purpose, self.seed, self.dataset, self.pair, self.nuisance, self.level)
+
+
+def keyed_rng(*key: object) -> np.random.Generator:
+    """Random numbers by a key, the same in every process (unlike those seeded by `hash`)."""
+    return np.random.default_rng(np.frombuffer(_digest(key), dtype="<u4"))
+
+
+def _digest(value: object) -> bytes:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).digest()

@@ -1,0 +1,53 @@
+"""RANSAC on what another method has selected, to see how many more pairs it registers then."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.methods import group
+from cgroup.types import Correspondences, Grouping
+
+if TYPE_CHECKING:
+    from cgroup.types import BoolArray
+
+
+def gc_then_ransac(
+    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None
+) -> Grouping:
+    """RANSAC on the group of GC; see `gtm_then_ransac`."""
+    return _then_ransac("gc", correspondences, seed, threads)
+
+
+def gtm_then_ransac(
+    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None
+) -> Grouping:
+    """RANSAC on the group of GTM (paper, section 6).
+
+    Parameters
+    ----------
+    correspondences : Correspondences
+        The problem.
+    seed : int
+        Of RANSAC.
+    threads : int, optional
+        None for all cores.
+
+    Returns
+    -------
+    Grouping
+        RANSAC's inliers within the first method's group, aligned with all correspondences.
+    """
+    return _then_ransac("gtm", correspondences, seed, threads)
+
+
+def _then_ransac(first: str, correspondences: Correspondences, seed: int, threads: int | None) -> Grouping:
+    kept = group(correspondences, first, threads=threads).indices
+    subset = Correspondences(
+        correspondences.source[kept], correspondences.target[kept], resolution=correspondences.resolution
+    )
+    found = group(subset, "ransac", seed=seed, threads=threads)
+    mask: BoolArray = np.zeros(len(correspondences), dtype=bool)
+    mask[kept[found.mask]] = True
+    return Grouping(mask, None, None, found.model, found.diagnostics)

@@ -1,0 +1,75 @@
+"""What the paper says, and whether the records bear it out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cgroup.benchmark.claims import (
+    clutter_occlusion,
+    combinations,
+    density,
+    efficiency,
+    epsilon,
+    inputs,
+    matches,
+    noise,
+    overlap,
+    registration,
+    summary,
+)
+from cgroup.benchmark.claims.base import CRITERIA, OUTCOMES, Claim, Outcome, Verdict, decide
+from cgroup.benchmark.claims.explanations import explanations
+from cgroup.benchmark.claims.table import as_json, as_markdown, count_verdicts, counts_line
+from cgroup.benchmark.evidence import Evidence
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "CLAIMS",
+    "CRITERIA",
+    "OUTCOMES",
+    "Claim",
+    "Outcome",
+    "Verdict",
+    "as_json",
+    "as_markdown",
+    "check_claims",
+    "count_verdicts",
+    "counts_line",
+]
+
+CLAIMS: tuple[Claim, ...] = (
+    *inputs.CLAIMS,
+    *noise.CLAIMS,
+    *density.CLAIMS,
+    *clutter_occlusion.CLAIMS,
+    *overlap.CLAIMS,
+    *epsilon.CLAIMS,
+    *matches.CLAIMS,
+    *combinations.CLAIMS,
+    *registration.CLAIMS,
+    *efficiency.CLAIMS,
+    *summary.CLAIMS,
+)
+"""In the paper's order."""
+
+
+def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
+    """Check all claims of the paper on the records.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Records, one row per case, method and threshold.
+    timing : DataFrame
+        Times of the timing experiment; may have no rows.
+
+    Returns
+    -------
+    list of Verdict
+        One per claim, in the paper's order; `CRITERIA` says how they come about.
+    """
+    evidence = Evidence(frame, timing)
+    why = explanations()
+    return [decide(claim, evidence, why.get(claim.id, "")) for claim in CLAIMS]

@@ -1,0 +1,161 @@
+"""The few comparisons that claims are made of."""
+
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from cgroup.benchmark.claims.base import TIE, Comparison, NotTestableError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    import pandas as pd
+
+    from cgroup.benchmark.evidence import Level, Sample
+
+_NAMES = {
+    "combinations": "{}",
+    "noise": "noise {} pr",
+    "density": "{} kept",
+    "epsilon": "ε {} pr",
+    "matches": "n {}",
+}
+
+
+def at(sample: Sample, level: Level) -> str:
+    """Name a level of an experiment."""
+    text = level if isinstance(level, str) else f"{level:g}"
+    return _NAMES.get(sample.experiment.id, sample.experiment.id + " {}").format(text)
+
+
+def number(value: float) -> str:
+    """Write a score."""
+    return f"{value:.3f}" if abs(value) < 0.1 else f"{value:.2f}"
+
+
+def duration(log_seconds: float) -> str:
+    """Write a time that is given by its logarithm."""
+    seconds = math.exp(log_seconds)
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
+
+
+def over(label: str, value: float, bound: float) -> Comparison:
+    """Value > bound."""
+    return Comparison(value > bound, f"{label} {number(value)}", value - bound)
+
+
+def at_least(label: str, value: float, bound: float) -> Comparison:
+    """Value >= bound, up to rounding."""
+    return Comparison(value >= bound - 1e-12, f"{label} {number(value)}", value - bound)
+
+
+def at_most(label: str, value: float, bound: float) -> Comparison:
+    """Value <= bound, up to rounding."""
+    return Comparison(value <= bound + 1e-12, f"{label} {number(value)}", bound - value)
+
+
+def under(label: str, value: float, bound: float) -> Comparison:
+    """Value < bound."""
+    return Comparison(value < bound, f"{label} {number(value)}", bound - value)
+
+
+def higher(
+    scores: pd.Series,
+    one: str,
+    other: str,
+    label: str,
+    *,
+    by: float = TIE,
+    show: Callable[[float], str] = number,
+) -> Comparison:
+    """One method's score is higher than another's by more than `by`."""
+    margin = float(scores[one] - scores[other] - by)
+    text = f"{label} {one.upper()} {show(scores[one])}, {other.upper()} {show(scores[other])}"
+    return Comparison(margin > 0, text, margin)
+
+
+def in_top(
+    scores: pd.Series,
+    method: str,
+    k: int,
+    label: str,
+    *,
+    tie: float = TIE,
+    show: Callable[[float], str] = number,
+) -> Comparison:
+    """Fewer than k others have a score that is higher by more than a tie."""
+    rivals = scores.drop(method).dropna().sort_values(ascending=False)
+    if len(rivals) < k:
+        message = f"fewer than {k + 1} methods to rank"
+        raise NotTestableError(message)
+    rival, value = rivals.index[k - 1], float(rivals.iloc[k - 1])
+    margin = float(scores[method]) - value
+    nth = {1: "best other", 2: "second of the others", 3: "third of the others"}.get(
+        k, f"number {k} of the others"
+    )
+    text = f"{label} {method.upper()} {show(float(scores[method]))}, {nth} {str(rival).upper()} {show(value)}"
+    return Comparison(margin >= -tie, text, margin)
+
+
+def rank(scores: pd.Series, method: str) -> int:
+    """1 + number of methods that are better by more than a tie."""
+    return 1 + int((scores > scores[method] + TIE).sum())
+
+
+def lead(scores: pd.Series, methods: Iterable[str]) -> float:
+    """Mean of some methods, above the best of the others."""
+    named = list(methods)
+    return float(scores[named].mean() - scores.drop(named).max())
+
+
+def rising(levels: Iterable[float], values: Iterable[float]) -> float:
+    """Spearman's rank correlation of values with levels; 0 for constant values, NaN under three levels."""
+    x, y = np.fromiter(levels, dtype=np.float64), np.fromiter(values, dtype=np.float64)
+    known = ~np.isnan(y)
+    if known.sum() < 3:
+        return math.nan
+    if np.ptp(y[known]) == 0:
+        return 0.0
+    return float(stats.spearmanr(x[known], y[known]).statistic)
+
+
+def agreement(one: pd.Series, other: pd.Series) -> float:
+    """Kendall's tau-b between two rankings of the methods; 1 where both are ties throughout."""
+    if np.ptp(one) == 0 and np.ptp(other) == 0:
+        return 1.0
+    tau = float(stats.kendalltau(one.to_numpy(), other.to_numpy()).statistic)
+    return 0.0 if math.isnan(tau) else tau
+
+
+def ends(table: pd.DataFrame) -> tuple[Level, Level]:
+    """Lowest and highest level; there have to be two."""
+    if len(table) < 2:
+        message = "the records hold one level only"
+        raise NotTestableError(message)
+    return table.index[0], table.index[-1]
+
+
+def levels_where(table: pd.DataFrame, wanted: Callable[[float], bool], what: str) -> pd.DataFrame:
+    """Rows of the levels that a statement is about; there has to be one."""
+    chosen = table[[wanted(round(level, 6)) for level in table.index]]
+    if chosen.empty:
+        message = f"the records hold no level {what}"
+        raise NotTestableError(message)
+    return chosen
+
+
+def named_levels(table: pd.DataFrame, levels: Iterable[Level]) -> pd.DataFrame:
+    """Rows of levels that a statement names; all have to be there."""
+    named = list(levels)
+    missing = [each for each in named if each not in table.index]
+    if missing:
+        message = "the records lack the level " + ", ".join(str(each) for each in missing)
+        raise NotTestableError(message)
+    return table.loc[named]

@@ -1,0 +1,258 @@
+"""What is to be run: experiments, methods and thresholds, read from TOML."""
+
+from __future__ import annotations
+
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from cgroup.benchmark.candidates import Candidate, candidate
+from cgroup.benchmark.cases import COMBINATIONS
+from cgroup.errors import InputError
+from cgroup.methods import METHODS
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
+
+
+_PRESETS = resources.files("cgroup.benchmark") / "presets"
+
+
+def _listed(value: object) -> object:
+    return [value] if isinstance(value, (str, int, float)) else value
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+
+class MethodEntry(_Table):
+    """A method, its options, and the label that tells it from its variants.
+
+    Attributes
+    ----------
+    name : str
+        One of `cgroup.METHODS`, or ``module:function``.
+    label : str
+        Name in tables and figures; the name by default.
+    options : dict
+        Keyword arguments; a name that ends in ``_pr`` is a length in pr.
+    """
+
+    name: str
+    label: str = ""
+    options: dict[str, Any] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, value: object) -> object:
+        return {"name": value} if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _exists(self) -> MethodEntry:
+        self.candidate()
+        return self
+
+    def candidate(self) -> Candidate:
+        """Return what the runner runs."""
+        return candidate(self.label, self.name, self.options)
+
+
+Methods = tuple[MethodEntry, ...]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Experiment(_Table):
+    """Cases to be run: every pair of the data sets at every level, by every combination.
+
+    Attributes
+    ----------
+    id : str
+        Names the experiment in records; several entries may share it.
+    dataset : tuple of str
+        Built-in names or ``module:attribute``.
+    nuisance : str
+        What is done to the pair, at each of the `levels`: built-in or ``module:function``.
+    levels : tuple of float
+        Of the nuisance, or of the swept radius.
+    sweep : {"nms_radius"}, optional
+        The levels are radii of the detector's non-maximum suppression, in pr.
+    combinations : tuple of str
+        C1 to C6, see `COMBINATIONS`.
+    epsilons : tuple of float
+        A match is correct when it misses its true place by at most so many pr.
+    pairs : int or tuple of str, optional
+        At most so many pairs, drawn at random by the seed, or those named; all by default.
+    methods : tuple of MethodEntry, optional
+        In place of the configuration's.
+    fact, bins
+        The analysis groups the pairs by this fact (clutter, occlusion, overlap) at these edges;
+        nothing more is computed.
+    """
+
+    id: str
+    dataset: Annotated[tuple[str, ...], BeforeValidator(_listed), Field(min_length=1)]
+    nuisance: str = ""
+    levels: tuple[float, ...] = ()
+    sweep: Literal["nms_radius"] | None = None
+    combinations: Annotated[tuple[str, ...], Field(min_length=1)] = ("C1",)
+    epsilons: Annotated[tuple[Positive, ...], BeforeValidator(_listed), Field(min_length=1)] = (5.0,)
+    pairs: Annotated[int, Field(ge=1)] | tuple[str, ...] | None = None
+    methods: Annotated[Methods, Field(min_length=1)] | None = None
+    fact: str | None = None
+    bins: tuple[float, ...] = ()
+
+    @model_validator(mode="after")
+    def _fits(self) -> Experiment:
+        if self.nuisance and self.sweep:
+            message = "nuisance, sweep: the levels can belong to one of them only"
+            raise InputError(message)
+        if bool(self.levels) != bool(self.nuisance or self.sweep):
+            message = "levels: needed with a nuisance or a sweep, and only there"
+            raise InputError(message)
+        for name in self.combinations:
+            if name not in COMBINATIONS:
+                message = f"combinations: got {name!r}; choose from {', '.join(COMBINATIONS)}"
+                raise InputError(message)
+        if self.sweep and min(self.levels) <= 0:
+            message = f"levels: got {min(self.levels)}; a radius is greater than 0"
+            raise InputError(message)
+        return self
+
+
+class Timing(_Table):
+    """The timing experiment: each method alone on sets of growing size from one pair.
+
+    Attributes
+    ----------
+    dataset : tuple of str
+        The first that is at hand is taken.
+    pair : str, optional
+        Its first by default.
+    sizes : tuple of int
+        Numbers of keypoints to aim at by the radius of Harris 3D's non-maximum suppression.
+    repeats : int
+        Timed calls after one that isn't.
+    threads : tuple of int
+        Numbers of threads; 0 for all cores.
+    budget : float
+        A method is skipped at a size where one call is expected to take more seconds.
+    methods : tuple of MethodEntry, optional
+        In place of the configuration's.
+    """
+
+    dataset: Annotated[tuple[str, ...], BeforeValidator(_listed), Field(min_length=1)]
+    pair: str | None = None
+    sizes: tuple[Annotated[int, Field(ge=3)], ...] = (500, 1000, 2000, 3000, 5000, 10_000, 20_000)
+    repeats: Annotated[int, Field(ge=1)] = 10
+    threads: Annotated[tuple[Annotated[int, Field(ge=0)], ...], BeforeValidator(_listed)] = (1, 0)
+    budget: Positive = 60.0
+    methods: Annotated[Methods, Field(min_length=1)] | None = None
+
+
+class Config(_Table):
+    """Everything that one run computes.
+
+    Attributes
+    ----------
+    name, title : str
+        Of the run.
+    seed : int
+        Key of all random numbers.
+    methods : tuple of MethodEntry
+        Those that every experiment runs unless it names its own; the nine by default.
+    experiment : tuple of Experiment
+        At least one.
+    timing : Timing, optional
+        Runs after the experiments, alone.
+    """
+
+    name: str
+    title: str = ""
+    seed: Annotated[int, Field(ge=0)] = 0
+    methods: Annotated[Methods, Field(min_length=1)] = tuple(MethodEntry(name=name) for name in METHODS)
+    experiment: Annotated[tuple[Experiment, ...], Field(min_length=1)]
+    timing: Timing | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> Config:
+        tables = [self.methods, *(entry.methods for entry in self.experiment if entry.methods)]
+        if self.timing is not None and self.timing.methods:
+            tables.append(self.timing.methods)
+        meant: dict[str, Candidate] = {}
+        for method in (entry.candidate() for table in tables for entry in table):
+            if meant.setdefault(method.label, method) != method:
+                message = f"methods: two are called {method.label!r}; give each variant a label of its own"
+                raise InputError(message)
+        return self
+
+
+def preset_names() -> list[str]:
+    """Names of the configurations that come with the package."""
+    return sorted(
+        file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")
+    )
+
+
+def read_config(source: str | Path) -> Config:
+    """Read a configuration.
+
+    Parameters
+    ----------
+    source : str or path
+        Name of a preset, or a TOML file.
+
+    Returns
+    -------
+    Config
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or the first thing that is wrong in it, with the key's path.
+    """
+    if str(source) in preset_names():
+        return parse_config(_PRESETS.joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
+    path = Path(source)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        message = f"{source}: no configuration that can be read, nor one of {', '.join(preset_names())}"
+        raise InputError(message) from error
+    return parse_config(text, path.name)
+
+
+def parse_config(text: str, name: str = "configuration") -> Config:
+    """Read a configuration from TOML text; `name` is what errors call it.
+
+    Raises
+    ------
+    InputError
+        As in `read_config`.
+    """
+    try:
+        return Config.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        message = f"{name}: not TOML: {error}"
+        raise InputError(message) from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        reason = first["msg"].removeprefix("Value error, ")
+        message = f"{name}: {_key_path(first['loc'])}{reason}"
+        raise InputError(message) from error
+
+
+def _key_path(location: tuple[int | str, ...]) -> str:
+    path = ""
+    for part in location:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part.isidentifier():
+            path += f".{part}" if path else part
+        # The rest are pydantic's names of types in a choice of several.
+    return f"{path}: " if path else ""

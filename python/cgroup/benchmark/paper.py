@@ -1,0 +1,156 @@
+"""The design of the paper's evaluation: experiments, data sets, complexities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, Bins
+
+PAPER_EPSILON = 5.0
+"""A match is correct within this many pr, wherever the threshold isn't what is varied."""
+
+PLACES = {
+    "B3R": ("b3r-clean", "b3r", "standin-full"),
+    "U3OR": ("u3or", "standin-clutter"),
+    "U3M": ("u3m", "stanford", "standin-views"),
+}
+"""Which data sets can speak for a data set of the paper; the first one with records does."""
+
+OF_THE_PAPER = frozenset({"b3r-clean", "b3r", "u3or", "u3m"})
+"""Data sets that the paper used."""
+
+GENERATED = "standin-"
+"""Names of generated data sets begin so."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment of the paper, section 4.3.
+
+    Attributes
+    ----------
+    id : str
+        As in configurations.
+    letters : tuple of str
+        Subfigures of the paper, one per place.
+    title : str
+        For people.
+    column : str
+        Column of the records that is varied.
+    label : str
+        Of the axis, with the unit.
+    places : tuple of str
+        Data sets of the paper.
+    bins : Bins, optional
+        Levels that the column is sorted into.
+    sections : tuple of str
+        Sections of the paper that interpret the outcome, as claims name them.
+    """
+
+    id: str
+    letters: tuple[str, ...]
+    title: str
+    column: str
+    label: str
+    places: tuple[str, ...]
+    bins: Bins | None = None
+    sections: tuple[str, ...] = ()
+
+
+EXPERIMENTS = {
+    each.id: each
+    for each in (
+        Experiment(
+            "noise",
+            ("a",),
+            "Gaussian noise",
+            "level",
+            "standard deviation of the noise (pr)",
+            ("B3R",),
+            sections=("5.1 item 1", "5.2 item 1"),
+        ),
+        Experiment(
+            "density",
+            ("b",),
+            "Point density",
+            "level",
+            "share of the points kept",
+            ("B3R",),
+            sections=("5.1 item 2", "5.2 item 1"),
+        ),
+        Experiment(
+            "clutter",
+            ("c",),
+            "Clutter",
+            "clutter",
+            "clutter (share of the scene)",
+            ("U3OR",),
+            CLUTTER,
+            sections=("5.1 item 3", "5.2 item 2"),
+        ),
+        Experiment(
+            "occlusion",
+            ("d",),
+            "Occlusion",
+            "occlusion",
+            "occlusion (share of the model)",
+            ("U3OR",),
+            OCCLUSION,
+            sections=("5.1 item 3", "5.2 item 2"),
+        ),
+        Experiment(
+            "overlap",
+            ("e",),
+            "Partial overlap",
+            "overlap",
+            "overlap (share)",
+            ("U3M",),
+            OVERLAP,
+            sections=("5.1 item 4", "5.2 item 3"),
+        ),
+        Experiment(
+            "epsilon",
+            ("f",),
+            "Inlier threshold",
+            "epsilon",
+            "inlier threshold (pr)",
+            ("U3OR",),
+            sections=("5.1 item 5", "5.2 item 4"),
+        ),
+        Experiment(
+            "matches",
+            ("g", "g"),
+            "Number of matches",
+            "nms_radius",
+            "initial matches (mean number)",
+            ("U3OR", "U3M"),
+            sections=("5.1 item 6", "5.2 item 4"),
+        ),
+        Experiment(
+            "combinations",
+            ("h", "i", "j"),
+            "Detector and descriptor",
+            "combination",
+            "detector and descriptor",
+            ("B3R", "U3OR", "U3M"),
+            sections=("5.1 item 7", "5.2 item 5"),
+        ),
+    )
+}
+"""In the paper's order."""
+
+VARIANTS = Experiment("variants", (), "Grouping before RANSAC", "", "", ("U3OR", "U3M"))
+"""Methods in sequence, as the paper's summary recommends them."""
+
+PAPER_COMPLEXITY = {
+    "ss": "n log n",
+    "nnsr": "n",
+    "si": "n log n",
+    "cv": "n log n",
+    "ransac": "n³",
+    "st": "n³",
+    "gc": "n²",
+    "3dhv": "n",
+    "gtm": "n²",
+}
+"""The paper's table of complexities, section 5.3."""

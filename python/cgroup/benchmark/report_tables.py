@@ -1,0 +1,276 @@
+"""The report's tables, as plain cells for the template."""
+
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from cgroup.benchmark import records
+from cgroup.benchmark.claims.base import TIE
+from cgroup.benchmark.paper import PAPER_COMPLEXITY
+from cgroup.plots.levels import protocol_title
+from cgroup.plots.style import METHOD_STYLES, method_style
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    import pandas as pd
+
+    from cgroup.benchmark.evidence import Sample
+
+MISSING = "-"
+_DIGITS = "0123456789.,-+e"
+
+
+class Cell(NamedTuple):
+    """One cell.
+
+    Attributes
+    ----------
+    text : str
+        What is shown.
+    key : float or str
+        What the column is sorted by.
+    best : bool
+        Whether it is the best of its column, or as good.
+    """
+
+    text: str
+    key: float | str
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that can be sorted.
+
+    Attributes
+    ----------
+    caption : str
+        Shown above it.
+    headers : tuple of str
+        One per column.
+    rows : list of tuple of Cell
+        In the order in which they are shown first.
+    """
+
+    caption: str
+    headers: tuple[str, ...]
+    rows: list[tuple[Cell, ...]]
+
+    @property
+    def numeric(self) -> list[bool]:
+        """Whether each column is sorted by numbers."""
+        return [any(not isinstance(cell.key, str) for cell in column) for column in self._columns()]
+
+    @property
+    def right(self) -> list[bool]:
+        """Whether each column shows numbers, and is set flush right."""
+        shown = (all(not cell.text.strip(_DIGITS) for cell in column) for column in self._columns())
+        return [digits and by_number for digits, by_number in zip(shown, self.numeric, strict=True)]
+
+    def _columns(self) -> list[tuple[Cell, ...]]:
+        return list(zip(*self.rows, strict=True)) if self.rows else [()] * len(self.headers)
+
+
+def number(value: float | None, text: str = "{:.3f}") -> Cell:
+    """Cell of a number; a dash for NaN, sorted last."""
+    if value is None or math.isnan(value):
+        return Cell(MISSING, -math.inf)
+    return Cell(text.format(value), float(value))
+
+
+def words(text: object) -> Cell:
+    """Cell of a text."""
+    return Cell(str(text), str(text))
+
+
+def method_cell(method: str) -> Cell:
+    """Cell of a method, sorted in the paper's order."""
+    known = list(METHOD_STYLES)
+    place = known.index(method) if method in known else len(known)
+    return Cell(method_style(method).label, float(place))
+
+
+def ranking_table(sample: Sample) -> Table:
+    """Rank the methods in one experiment, by F.
+
+    Parameters
+    ----------
+    sample : Sample
+        The experiment's records.
+
+    Returns
+    -------
+    Table
+        Means over all levels and pairs; the best of each column, and what ties with it, are marked.
+    """
+    columns = {"f_score": "F", "precision": "P", "recall": "R", "registered": "registered"}
+    scores = {column: sample.overall(column) for column in columns}
+    order = scores["f_score"].sort_values(ascending=False, kind="stable").index
+    rows = [
+        (
+            Cell(str(place), float(place)),
+            method_cell(str(method)),
+            *(_marked(scores[column], str(method)) for column in columns),
+        )
+        for place, method in enumerate(order, start=1)
+    ]
+    return Table("Ranking by F, mean over all levels and pairs", ("rank", "method", *columns.values()), rows)
+
+
+def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "median"]) -> Table:
+    """List the scores of every method in every experiment.
+
+    Parameters
+    ----------
+    samples : iterable of Sample
+        The experiments' records.
+    how : {"macro", "pooled", "median"}
+        How pairs are taken together.
+
+    Returns
+    -------
+    Table
+        One row per experiment, data set and method.
+    """
+    tables = [(sample, records.aggregate(sample.rows, by=["method"], how=how)) for sample in samples]
+    found = {name for _, table in tables for name in table.columns if name.startswith("ok:")}
+    protocols = sorted(found - {"ok:precision>0.1"})
+    rows = [
+        (
+            words(sample.experiment.title),
+            words(sample.dataset),
+            method_cell(row["method"]),
+            number(row["pairs"], "{:.0f}"),
+            *(number(row[name]) for name in ("precision", "recall", "f_score", "registered")),
+            *(number(row.get(name, math.nan)) for name in protocols),
+        )
+        for sample, table in tables
+        for _, row in _in_paper_order(table).iterrows()
+    ]
+    titles = [protocol_title(name.removeprefix("ok:")) for name in protocols]
+    headers = ("experiment", "data set", "method", "records", "P", "R", "F", "registered", *titles)
+    captions = {
+        "macro": "Means over pairs, each with the same weight",
+        "pooled": "All matches of all pairs taken as one set",
+        "median": "Medians over pairs (shares of registered pairs stay means)",
+    }
+    return Table(captions[how], headers, rows)
+
+
+def timing_table(times: pd.DataFrame, fitted: Mapping[str, float]) -> Table:
+    """List mean times, and fitted exponents beside the paper's complexities.
+
+    Parameters
+    ----------
+    times : DataFrame
+        Mean seconds: one row per number of matches, one column per method.
+    fitted : mapping of str to float
+        Exponents.
+
+    Returns
+    -------
+    Table
+        One row per method.
+    """
+    rows = [
+        (
+            method_cell(method),
+            words(PAPER_COMPLEXITY.get(method, MISSING)),
+            number(fitted.get(method, math.nan), "{:.2f}"),
+            *(_milliseconds(times.loc[n, method]) for n in times.index),
+        )
+        for method in times.columns
+    ]
+    headers = ("method", "paper", "measured exponent", *(f"n {n:,} (ms)" for n in times.index))
+    rows.sort(key=lambda row: row[0].key)
+    return Table("Mean milliseconds per grouping on one thread", headers, rows)
+
+
+def dataset_table(frame: pd.DataFrame, known: pd.DataFrame) -> Table:
+    """List the data sets that the records come from.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Records.
+    known : DataFrame
+        Title, role and citation of each data set.
+
+    Returns
+    -------
+    Table
+        With the origin of the pairs, and how many pairs and cases there are.
+    """
+    about = known.set_index("name").to_dict("index")
+    rows: list[tuple[Cell, ...]] = []
+    for name, of_set in frame.groupby("dataset", sort=False):
+        facts = about.get(name, {})
+        cases = of_set.drop_duplicates("case")
+        origins = of_set.drop_duplicates("pair").groupby("origin").size()
+        rows.append(
+            (
+                words(name),
+                words(facts.get("title", MISSING)),
+                words(facts.get("role", MISSING)),
+                words(", ".join(f"{origin} ({count})" for origin, count in origins.items())),
+                number(of_set["pair"].nunique(), "{:.0f}"),
+                number(len(cases), "{:.0f}"),
+                number(cases["n"].mean(), "{:.0f}"),
+                words(facts.get("citation", MISSING)),
+            )
+        )
+    headers = ("name", "data set", "role", "origin (pairs)", "pairs", "cases", "mean matches", "citation")
+    return Table("Data sets", headers, rows)
+
+
+def failure_table(frame: pd.DataFrame) -> Table:
+    """List what failed, with the error.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Records.
+
+    Returns
+    -------
+    Table
+        One row per data set and error.
+    """
+    failed = frame[frame["error"] != ""]
+    rows = [
+        (
+            words(dataset),
+            words(error),
+            words(", ".join(method_style(method).label for method in of_it["method"].unique())),
+            number(of_it["case"].nunique(), "{:.0f}"),
+            words(of_it["pair"].iloc[0]),
+        )
+        for (dataset, error), of_it in failed.groupby(["dataset", "error"], sort=False)
+    ]
+    return Table("Failures", ("data set", "error", "methods", "cases", "for example"), rows)
+
+
+def plain_table(caption: str, frame: pd.DataFrame, headers: Sequence[str] = ()) -> Table:
+    """List a frame as it is."""
+    rows = [tuple(words(value) for value in row) for row in frame.itertuples(index=False)]
+    return Table(caption, tuple(headers) or tuple(map(str, frame.columns)), rows)
+
+
+def _milliseconds(seconds: float) -> Cell:
+    value = 1e3 * seconds
+    return number(value, "{:,.0f}" if value >= 100 else "{:.3g}")
+
+
+def _marked(scores: pd.Series, method: str) -> Cell:
+    cell = number(float(scores[method]))
+    return cell._replace(best=bool(scores[method] >= scores.max() - TIE))
+
+
+def _in_paper_order(table: pd.DataFrame) -> pd.DataFrame:
+    return table.iloc[sorted(range(len(table)), key=lambda row: method_cell(table["method"].iloc[row]).key)]

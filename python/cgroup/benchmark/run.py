@@ -1,0 +1,182 @@
+"""Running a configuration: correspond, group, score, then take times.
+
+Each stage computes what the records lack, so that a run that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cgroup._arguments import as_count
+from cgroup.benchmark import stages
+from cgroup.benchmark.backends import Pool, pool
+from cgroup.benchmark.plan import make_plan
+from cgroup.benchmark.store import RECORDS, Counts, Store, only_writer
+from cgroup.benchmark.timing import take_times
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+    from typing import Any, TypeAlias
+
+    from cgroup.benchmark.config import Config
+
+    Progress: TypeAlias = Callable[[str, int, int], Any]
+
+_CASES_AT_ONCE = 4  # of one pair to a worker, which then loads it once; lost if the run is killed meanwhile
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run came to.
+
+    Attributes
+    ----------
+    counts : dict of str to Counts
+        Done, failed and wanted records of each stage.
+    missing : dict of str to str
+        Data sets that are not at hand, and why.
+    """
+
+    counts: dict[str, Counts]
+    missing: dict[str, str]
+
+    @property
+    def failed(self) -> int:
+        """Pairs that couldn't be matched, and groupings that went wrong."""
+        return sum(count.failed for count in self.counts.values())
+
+
+def run(
+    config: Config,
+    out: Path,
+    *,
+    root: Path | None = None,
+    backend: str = "loky",
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    progress: Progress | None = None,
+) -> Summary:
+    """Compute every record that a configuration asks for and the folder lacks.
+
+    The records do not depend on backend or workers. Stopped at any moment, by a signal or for good, it
+    loses only what was under way; called again, it continues.
+
+    Parameters
+    ----------
+    config : Config
+        What to run.
+    out : path
+        Folder of the records; made if need be.
+    root : path, optional
+        Folder with the data, at the same place on every machine; the environment says by default.
+    backend : str
+        "loky" (processes on this machine), "dask", "ray" or "threading".
+    workers : int, optional
+        How many; one per core by default. A cluster's own number counts with "dask".
+    scheduler : str, optional
+        Address of the Dask scheduler; ``DASK_SCHEDULER_ADDRESS`` by default.
+    retry_failed : bool
+        Try again what failed.
+    progress : callable, optional
+        Called with the stage and how many of how many records are there, as they come in.
+
+    Returns
+    -------
+    Summary
+        What failed is counted there, and doesn't stop the rest.
+
+    Raises
+    ------
+    InputError
+        If no data set is at hand, the backend isn't, or another run uses the folder.
+    """
+    if workers is not None:
+        as_count("workers", workers, 1)
+    plan = make_plan(config, root)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"{out}: can't be made a folder for the records ({error.strerror or error})"
+        raise InputError(message) from error
+    with only_writer(out):
+        store = Store(out / RECORDS)
+        try:
+            store.replace_plan(plan)
+            if retry_failed:
+                store.forget_failures()
+            report = _Report(store, progress or _ignore)
+            with pool(backend, workers, scheduler) as workforce:
+                _correspond(store, workforce, root, report)
+                _group(store, workforce, report)
+            _score(store, report)
+            if config.timing is not None:
+                take_times(config, config.timing, store, root, progress or _ignore)
+            return Summary(store.counts(), plan.missing)
+        finally:
+            store.close()
+
+
+def _correspond(store: Store, workforce: Pool, root: Path | None, report: _Report) -> None:
+    folder = None if root is None else str(root)
+    tasks = [(cases, folder) for cases in store.pending_cases(_CASES_AT_ONCE)]
+    report.begin("correspond")
+    for (cases, _), matched in workforce.unordered(stages.match_cases, tasks) if tasks else ():
+        records = matched or [stages.Matched(case, error=stages.KILLED) for case in cases]
+        store.add_matched(records)
+        report.add(len(records))
+
+
+def _group(store: Store, workforce: Pool, report: _Report) -> None:
+    pending = store.pending_groupings()
+    report.begin("group")
+
+    def tasks() -> Iterator[tuple[object, ...]]:
+        # Drawn one by one: all the correspondences together may not fit into memory.
+        for case_key, seed, methods in pending:
+            yield case_key, seed, store.content(case_key), methods
+
+    for (key, *_, methods), grouped in workforce.unordered(stages.group_case, tasks()) if pending else ():
+        records = grouped or [stages.Grouped(key, method.key, error=stages.KILLED) for method in methods]
+        store.add_grouped(records)
+        report.add(len(records))
+
+
+def _score(store: Store, report: _Report) -> None:
+    pending = store.pending_scores()
+    report.begin("score")
+    for case_key, wanted in pending.items():
+        truth = stages.Truth.of(case_key, *store.truth(case_key))
+        records = [
+            record
+            for method_key, mask, pose in store.groupings(case_key)
+            if method_key in wanted
+            for record in stages.score_grouping(truth, method_key, mask, pose, wanted[method_key])
+        ]
+        store.add_scored(records)
+        report.add(len(records))
+
+
+class _Report:
+    """Tells how far a stage is."""
+
+    def __init__(self, store: Store, progress: Progress) -> None:
+        self._store = store
+        self._progress = progress
+        self._stage, self._done, self._wanted = "", 0, 0
+
+    def begin(self, stage: str) -> None:
+        counts = self._store.counts()[stage]
+        self._stage, self._done, self._wanted = stage, counts.done + counts.failed, counts.wanted
+        self.add(0)
+
+    def add(self, records: int) -> None:
+        self._done += records
+        self._progress(self._stage, self._done, self._wanted)
+
+
+def _ignore(_stage: str, _done: int, _wanted: int) -> None:
+    """Stand in for a progress callback."""

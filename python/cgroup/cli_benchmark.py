@@ -1,0 +1,240 @@
+"""``cgroup benchmark``: runs the evaluation, and shows what came of it."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Iterable, Sequence
+
+    from cgroup.benchmark.claims import Verdict
+    from cgroup.benchmark.run import Summary
+    from cgroup.benchmark.store import Counts
+
+    Report = Callable[[str, int, int], None]
+
+INTERRUPTED = 130
+
+_DONE = {
+    "correspond": "cases matched",
+    "group": "groupings",
+    "score": "scores",
+    "time": "times",
+}
+_VERDICT_STYLES = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "dim"}
+_PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
+_FAILURES_SHOWN = 10
+
+benchmark_app = typer.Typer(help="Run the paper's evaluation, draw its figures and check its claims.")
+
+OutOption = Annotated[Path, typer.Option(help="Folder of the records and everything made from them.")]
+DataOption = Annotated[
+    Path | None, typer.Option(help="Folder with the data sets.", show_default="$CGROUP_DATA")
+]
+DEFAULT_OUT = Path("benchmark")
+
+
+@benchmark_app.command("run")
+def run_command(
+    config: Annotated[str, typer.Argument(help="TOML file, or a preset: see `cgroup benchmark presets`.")],
+    *,
+    data: DataOption = None,
+    out: OutOption = DEFAULT_OUT,
+    backend: Annotated[
+        Literal["loky", "dask", "ray", "threading"], typer.Option(help="What joblib spreads the work with.")
+    ] = "loky",
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="How many workers.", show_default="one per core")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Address of the Dask scheduler.", show_default="$DASK_SCHEDULER_ADDRESS"),
+    ] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Try again what failed.")] = False,
+) -> None:
+    """Compute what a configuration asks for. Stopped and started again, it continues."""
+    with _needs_extra():
+        from cgroup.benchmark.config import read_config  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.run import run  # noqa: PLC0415
+
+    wanted = read_config(config)
+    start = time.monotonic()
+    try:
+        with _progress() as report:
+            summary = run(
+                wanted,
+                out,
+                root=data,
+                backend=backend,
+                workers=workers,
+                scheduler=scheduler,
+                retry_failed=retry_failed,
+                progress=report,
+            )
+    except KeyboardInterrupt:
+        _print(f"Everything finished is in {out}/; run the same command again to continue.")
+        raise typer.Exit(INTERRUPTED) from None
+    _print_summary(summary, out, time.monotonic() - start)
+
+
+@benchmark_app.command("status")
+def status_command(out: OutOption = DEFAULT_OUT) -> None:
+    """Show how far a run is, and what failed."""
+    with _needs_extra():
+        from cgroup.benchmark.store import RECORDS, Store  # noqa: PLC0415 - slow to load
+    if not (out / RECORDS).exists():
+        message = f"{out}: no records there; make some with: cgroup benchmark run smoke --out {out}"
+        raise InputError(message)
+    store = Store(out / RECORDS)
+    try:
+        _print_counts(store.counts())
+        _print_missing(store.missing())
+        _print_failures(store.failures())
+    finally:
+        store.close()
+
+
+@benchmark_app.command("presets")
+def presets_command() -> None:
+    """List the configurations that come with the package."""
+    with _needs_extra():
+        from cgroup.benchmark.config import preset_names, read_config  # noqa: PLC0415 - slow to load
+    for name in preset_names():
+        preset = read_config(name)
+        datasets = dict.fromkeys(dataset for entry in preset.experiment for dataset in entry.dataset)
+        _print(f"{name:<12} {preset.title}")
+        _print(f"{'':<12} data: {', '.join(datasets)}")
+
+
+@benchmark_app.command("report")
+def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> None:
+    """Write report.html, the figures and claims.md from the records."""
+    with _needs_extra():
+        from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
+    console = Console(stderr=True)
+    with console.status("reading records") as status:
+        page = write_report(out, root=data, progress=status.update)
+    _print(f"wrote {page}, {out / 'claims.md'} and {out / 'figures'}/")
+
+
+@benchmark_app.command("claims")
+def claims_command(
+    out: OutOption = DEFAULT_OUT,
+    format: Annotated[  # noqa: A002 - the option's name
+        Literal["table", "markdown", "json"], typer.Option(help="How to print them.")
+    ] = "table",
+) -> None:
+    """Check the paper's statements against the records."""
+    with _needs_extra():
+        from cgroup.benchmark import claims, records  # noqa: PLC0415 - slow to load
+    verdicts = claims.check_claims(records.load(out), records.load_timing(out))
+    if format == "table":
+        _print_verdicts(verdicts)
+        _print(claims.counts_line(verdicts))
+    else:
+        _print(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
+
+
+# --- the terminal --------------------------------------------------------------------------------
+
+
+@contextmanager
+def _needs_extra() -> Generator[None, None, None]:
+    try:
+        yield
+    except ModuleNotFoundError as missing:
+        if missing.name is None or missing.name.startswith("cgroup"):
+            raise
+        message = f"the benchmark needs {missing.name}; pip install 'cgroup[bench]'"
+        raise InputError(message) from missing
+
+
+@contextmanager
+def _progress() -> Generator[Report | None, None, None]:
+    """Show how far each stage is and how long it will take, on a terminal only."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description:<14}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with Progress(*columns, console=console) as progress:
+        tasks: dict[str, TaskID] = {}
+
+        def report(stage: str, done: int, wanted: int) -> None:
+            if stage not in tasks:
+                # What earlier runs did says nothing of the speed of this one.
+                tasks[stage] = progress.add_task(_DONE[stage], total=wanted, completed=done)
+            progress.update(tasks[stage], completed=done)
+
+        yield report
+
+
+def _print_summary(summary: Summary, out: Path, seconds: float) -> None:
+    _print_counts(summary.counts)
+    _print_missing(summary.missing)
+    _print(f"took {_duration(seconds)}; records are in {out}/")
+    if summary.failed:
+        wanted = sum(count.wanted for stage, count in summary.counts.items() if stage != "score")
+        _print(f"{summary.failed} of {wanted} failed; see: cgroup benchmark status --out {out}")
+
+
+def _print_counts(counts: dict[str, Counts]) -> None:
+    for stage, count in counts.items():
+        failed = f", {count.failed} failed" if count.failed else ""
+        _print(f"{_DONE[stage]:<14} {count.done} of {count.wanted}{failed}")
+
+
+def _print_missing(missing: dict[str, str]) -> None:
+    for name, why in missing.items():
+        _print(f"left out       {name}: {why}")
+
+
+def _print_failures(failures: Sequence[tuple[str, str, int]]) -> None:
+    for method, error, times in failures[:_FAILURES_SHOWN]:
+        _print(f"failed {times:>5} x {method or 'correspond'}: {error}")
+    if len(failures) > _FAILURES_SHOWN:
+        _print(f"and {len(failures) - _FAILURES_SHOWN} other errors")
+
+
+def _print_verdicts(verdicts: Iterable[Verdict]) -> None:
+    table = Table(show_lines=True)
+    for header in ("claim", "the paper says", "verdict", "measured", "data"):
+        table.add_column(header, no_wrap=header == "claim")
+    for verdict in verdicts:
+        why = f" Why: {verdict.explanation}" if verdict.explanation else ""
+        table.add_row(
+            verdict.id,
+            verdict.statement,
+            Text(verdict.verdict, style=_VERDICT_STYLES[verdict.verdict]),
+            Text(verdict.measured + why),  # plain: its brackets aren't markup
+            verdict.data,
+        )
+    console = Console()
+    (console if console.is_terminal else Console(width=_PLAIN_WIDTH)).print(table)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def _print(line: str) -> None:
+    sys.stdout.write(line + "\n")

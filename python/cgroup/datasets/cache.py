@@ -1,0 +1,89 @@
+"""What takes long to compute from the data, kept in the user's cache folder."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+Arrays: TypeAlias = dict[str, Any]
+"""NumPy arrays by name."""
+
+
+def cache_folder() -> Path:
+    """Return ``$CGROUP_CACHE``, or the folder for caches of this platform."""
+    given = os.environ.get("CGROUP_CACHE")
+    if given:
+        return Path(given)
+    home = Path.home()
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", home / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = home / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", home / ".cache"))
+    return base / "cgroup"
+
+
+def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], Arrays]) -> Arrays:
+    """Arrays from the cache, or made and put there.
+
+    A cache that can't be read or written is no error: the arrays are then made each time.
+
+    Parameters
+    ----------
+    kind : str
+        Folder within the cache.
+    key : iterable of str or bytes
+        All that the arrays depend on.
+    make : callable
+        Returns the arrays.
+
+    Returns
+    -------
+    dict of str to array
+        As `make` returned them, now or earlier.
+    """
+    path = cache_folder() / kind / f"{_digest(key)}.npz"
+    with contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile):
+        return _read(path)
+    arrays = make()
+    with contextlib.suppress(OSError):
+        _write(path, arrays)
+    return arrays
+
+
+def _read(path: Path) -> Arrays:
+    with path.open("rb") as file, np.load(file) as archive:
+        return dict(archive)
+
+
+def _digest(key: Iterable[str | bytes]) -> str:
+    digest = hashlib.blake2b(digest_size=16)
+    for part in key:
+        content = part.encode() if isinstance(part, str) else part
+        digest.update(len(content).to_bytes(8, "little") + content)
+    return digest.hexdigest()
+
+
+def _write(path: Path, arrays: Arrays) -> None:
+    """Write all or nothing: another process may be reading or writing the same file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, unfinished = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez_compressed(file, **arrays)
+        Path(unfinished).replace(path)
+    except BaseException:
+        Path(unfinished).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,123 @@
+"""Synthetic range pairs of Fast Global Registration, with the FPFH features that its authors computed.
+
+Zhou, Park and Koltun: Fast global registration, ECCV 2016.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from cgroup import features
+from cgroup.datasets.base import CorrespondencePair, Dataset, dataset_folder, missing_file
+from cgroup.datasets.redwood_log import read_log
+from cgroup.errors import InputError
+from cgroup.io import read_cloud
+from cgroup.types import Correspondences
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from cgroup.datasets.base import Origin, Role
+    from cgroup.types import FloatArray, IndexArray
+
+URL = "https://github.com/isl-org/FastGlobalRegistration (folder dataset)"
+
+_SOURCE, _TARGET = 1, 0  # gt.log maps cloud 1 into the frame of cloud 0
+
+
+class FGR(Dataset):
+    """Matches of FPFH features that are nearest to each other, as FGR begins with; synthetic range data.
+
+    Every point of cloud 1 whose nearest feature in cloud 0 has it for its own nearest is a match. They have a
+    ratio, but neither a similarity nor frames. The resolution is that of the clouds.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; see `data_root`. Its folder ``fgr`` holds one folder per pair with ``Depth_0000.ply``,
+        ``Depth_0001.ply``, ``gt.log`` and the features: ``features_0000.bin`` and ``features_0001.bin``, or
+        their nearest neighbours both ways, ``fpfh_nn.npz``.
+    """
+
+    name: ClassVar[str] = "fgr"
+    title: ClassVar[str] = "FGR"
+    role: ClassVar[Role] = "correspondences"
+    origin: ClassVar[Origin] = "synthetic"
+    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1",)
+    citation: ClassVar[str] = "Zhou, Park, Koltun: Fast global registration, ECCV 2016"
+
+    def __init__(self, root: Path | str | None = None) -> None:
+        self._folder = dataset_folder(root, "fgr", title=self.title, url=URL)
+        self._pairs = {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
+        if not self._pairs:
+            raise missing_file(
+                self._folder / "pairwise_noise_xyz_level_01_01_rot_05" / "gt.log", self.title, URL
+            )
+
+    def pair_names(self) -> list[str]:
+        """Return the names of the pairs' folders."""
+        return list(self._pairs)
+
+    def load(self, name: str) -> CorrespondencePair:
+        """Read both clouds, and match their features."""
+        self.check_name(name)
+        folder = self._pairs[name]
+        target, source = (
+            read_cloud(folder / f"Depth_{number:04d}.ply").points for number in (_TARGET, _SOURCE)
+        )
+        rows, partners, ratio = _matches(folder)
+        if len(rows) and (rows.max() >= len(source) or partners.max() >= len(target)):
+            message = f"{folder}: the features belong to other clouds; there are fewer points than features"
+            raise InputError(message)
+        pose = read_log(folder / "gt.log").get((_TARGET, _SOURCE))
+        if pose is None:
+            message = f"{folder / 'gt.log'}: has no pose of cloud 1 in the frame of cloud 0"
+            raise InputError(message)
+        correspondences = Correspondences(
+            source[rows],
+            target[partners],
+            ratio=ratio,
+            resolution=(features.resolution(source) + features.resolution(target)) / 2,
+            source_centroid=source.mean(axis=0),
+        )
+        return CorrespondencePair(name, correspondences, pose)
+
+
+def _matches(folder: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
+    """Rows of the source, their partners in the target, and the ratio of each match."""
+    neighbors = folder / "fpfh_nn.npz"
+    if neighbors.is_file():
+        return _mutual(neighbors)
+    target, source = (_read_features(folder / f"features_{number:04d}.bin") for number in (_TARGET, _SOURCE))
+    found = features.match(source, target, mutual=True)
+    return found.source_indices, found.target_indices, found.ratio
+
+
+def _mutual(path: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
+    try:
+        with np.load(path) as archive:
+            forward = archive["src1_to_0"].astype(np.int64)
+            backward = archive["src0_to_1"].astype(np.int64)
+            ratio = archive["ratio1"].astype(np.float64)
+        rows = np.flatnonzero(backward[forward] == np.arange(len(forward)))
+    except (OSError, KeyError, ValueError, IndexError) as error:
+        message = f"{path}: not nearest neighbours of features both ways ({error})"
+        raise InputError(message) from error
+    return rows, forward[rows], ratio[rows]
+
+
+def _read_features(path: Path) -> NDArray[np.float32]:
+    """Read FGR's format: two int32 (points, dimensions); per point, x y z and its feature in float32."""
+    if not path.is_file():
+        raise missing_file(path, FGR.title, URL)
+    content = path.read_bytes()
+    count, dimensions = (int(number) for number in np.frombuffer(content[:8], dtype="<i4", count=2))
+    numbers = np.frombuffer(content[8:], dtype="<f4")
+    if len(numbers) != count * (3 + dimensions):
+        message = f"{path}: says {count} points of {dimensions} numbers, but holds {len(numbers)} numbers"
+        raise InputError(message)
+    return numbers.reshape(count, 3 + dimensions)[:, 3:].astype(np.float32)

@@ -1,0 +1,49 @@
+"""Lists of poses in the format of the Redwood data sets, as 3DMatch, 3DLoMatch and FGR use it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.errors import InputError
+from cgroup.io import check_rigid
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cgroup.types import FloatArray
+
+_LINES = 5  # per pose
+
+
+def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
+    """Read a ``gt.log``.
+
+    Parameters
+    ----------
+    path : Path
+        Text, five lines per pair: ``i j n`` and four rows of a 4x4 transform that maps cloud j into the
+        frame of cloud i.
+
+    Returns
+    -------
+    dict of (int, int) to (4,4) array of float64
+        By (i, j), in the file's order: ``T_i_j``.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, or isn't such a list.
+    """
+    try:
+        lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        poses: dict[tuple[int, int], FloatArray] = {}
+        for start in range(0, len(lines), _LINES):
+            first, second = (int(word) for word in lines[start][:2])
+            rows = [[float(word) for word in line] for line in lines[start + 1 : start + _LINES]]
+            poses[first, second] = check_rigid(np.array(rows), f"pose {first} {second}")
+    except (OSError, ValueError) as error:
+        message = f"{path}: not a list of poses; five lines each: `i j n`, then a 4x4 matrix ({error})"
+        raise InputError(message) from error
+    return poses

@@ -1,0 +1,73 @@
+"""Data sets by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+from cgroup._plugins import load_plugin
+from cgroup.datasets.b3r import B3R, B3RClean
+from cgroup.datasets.base import Dataset
+from cgroup.datasets.correspondence_files import CorrespondenceFiles
+from cgroup.datasets.fgr import FGR
+from cgroup.datasets.standins import StandinClutter, StandinFull, StandinViews
+from cgroup.datasets.stanford import StanfordViews
+from cgroup.datasets.threedmatch import ThreeDMatch
+from cgroup.datasets.u3m import U3M
+from cgroup.datasets.u3or import U3OR
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    DatasetFactory: TypeAlias = Callable[[Path | None], Dataset]
+
+DATASETS: dict[str, DatasetFactory] = {
+    kind.name: kind
+    for kind in (
+        B3R,
+        B3RClean,
+        U3OR,
+        U3M,
+        StanfordViews,
+        ThreeDMatch,
+        FGR,
+        CorrespondenceFiles,
+        StandinFull,
+        StandinClutter,
+        StandinViews,
+    )
+}
+"""Built-in data sets; each is opened with the data root."""
+
+
+def open_dataset(name: str, root: Path | None = None) -> Dataset:
+    """Open a data set.
+
+    Parameters
+    ----------
+    name : str
+        One of `DATASETS`; or "module:attribute" for one from outside the package: a class, or any callable,
+        that takes the data root and returns a `Dataset`.
+    root : Path, optional
+        Folder that holds the data sets' folders; see `data_root`.
+
+    Returns
+    -------
+    Dataset
+        Ready to load pairs from.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, or the data isn't there: the message says where to get it.
+    """
+    factory = load_plugin("dataset", name) if ":" in name else DATASETS.get(name)
+    if factory is None:
+        message = f"dataset: got {name!r}; choose one of {', '.join(DATASETS)}, or give module:attribute"
+        raise InputError(message)
+    dataset = factory(root)
+    if not isinstance(dataset, Dataset):
+        message = f"dataset: {name!r} made a {type(dataset).__name__}; it has to be a cgroup.datasets.Dataset"
+        raise InputError(message)
+    return dataset

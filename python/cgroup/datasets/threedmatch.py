@@ -1,0 +1,121 @@
+"""3DMatch and 3DLoMatch: pairs of fragments of indoor scans.
+
+Zeng et al.: 3DMatch: Learning local geometric descriptors from RGB-D reconstructions, CVPR 2017.
+Huang et al.: Predator: Registration of 3D point clouds with low overlap, CVPR 2021 (3DLoMatch).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from cgroup import features
+from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, fitting_pose, missing_file
+from cgroup.datasets.manifest import manifest_entry
+from cgroup.datasets.redwood_log import read_log
+from cgroup.datasets.voxels import voxel_means
+from cgroup.evaluation import overlap
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
+from cgroup.io import PointCloud, check_rigid, read_cloud
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cgroup.datasets.base import Origin, Role
+    from cgroup.types import FloatArray
+
+URL = "https://3dmatch.cs.princeton.edu; poses of 3DLoMatch: https://github.com/prs-eth/OverlapPredator"
+
+VOXEL = 0.025
+"""Edge length in m of the cells that fragments are thinned out to; the resolution is then about 16 mm."""
+
+_THINNED = "_2.5cm"  # in the names of files that are thinned out already
+_FITTING_WITHIN = 2.0  # pr
+
+
+@dataclass(frozen=True, eq=False)
+class _Entry:
+    scene: str
+    target: int
+    source: int
+    pose: FloatArray
+
+
+class ThreeDMatch(Dataset):
+    """Pairs of the 3DMatch and 3DLoMatch test sets, thinned out to `VOXEL`; unit m.
+
+    Pairs named ``3DMatch/...`` overlap by at least 30 %, pairs named ``3DLoMatch/...`` by 10 to 30 %, as
+    their owners count; the fact ``overlap`` is computed like that of the other data sets. A pair that both
+    benchmarks list is listed twice.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; see `data_root`. Its folder ``threedmatch`` holds a folder of ``cloud_bin_*`` per scene.
+        Poses are read from every ``gt.log`` in it: in ``<scene>-evaluation`` as 3DMatch has them, or in
+        ``3DLoMatch/<scene>`` as Predator has them; where there is none, from the root's manifest.
+    """
+
+    name: ClassVar[str] = "3dmatch"
+    title: ClassVar[str] = "3DMatch"
+    role: ClassVar[Role] = "partial-partial"
+    origin: ClassVar[Origin] = "real"
+    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr", "3dmatch")
+    citation: ClassVar[str] = "Zeng et al.: 3DMatch, CVPR 2017; Huang et al.: Predator, CVPR 2021 (3DLoMatch)"
+
+    def __init__(self, root: Path | str | None = None) -> None:
+        self._folder = dataset_folder(root, "threedmatch", title=self.title, url=URL)
+        self._entries = _from_logs(self._folder) or _from_manifest(self._folder)
+        if not self._entries:
+            raise missing_file(self._folder / "<scene>-evaluation" / "gt.log", self.title, URL)
+
+    def pair_names(self) -> list[str]:
+        """Return ``benchmark/scene/target-source``, numbered as in ``gt.log``."""
+        return list(self._entries)
+
+    def load(self, name: str) -> MatchingPair:
+        """Read two fragments, thin them out, and compute their overlap."""
+        self.check_name(name)
+        entry = self._entries[name]
+        source, target = (self._fragment(entry.scene, number) for number in (entry.source, entry.target))
+        pr = (features.resolution(source.points) + features.resolution(target.points)) / 2
+        tolerance = _FITTING_WITHIN * pr
+        pose = fitting_pose(entry.pose, source.points, target.points, tolerance=tolerance, origin=name)
+        shared = overlap(source.points, target.points, pose, tolerance=OVERLAP_WITHIN * pr)
+        return MatchingPair(name, source, target, pose, facts={"overlap": shared})
+
+    def _fragment(self, scene: str, number: int) -> PointCloud:
+        names = (f"cloud_bin_{number}.ply", f"cloud_bin_{number}.pcd", f"cloud_bin_{number}{_THINNED}.npy")
+        for name in names:
+            found = sorted(self._folder.rglob(f"{scene}/{name}"))
+            if found:
+                points = read_cloud(found[0]).points
+                return PointCloud(points if _THINNED in name else voxel_means(points, VOXEL))
+        raise missing_file(self._folder / scene / names[0], self.title, URL)
+
+
+def _from_logs(folder: Path) -> dict[str, _Entry]:
+    entries: dict[str, _Entry] = {}
+    for path in sorted(folder.rglob("gt.log")):
+        scene = path.parent.name.removesuffix("-evaluation")
+        benchmark = "3DLoMatch" if "3DLoMatch" in path.relative_to(folder).parts else "3DMatch"
+        for (target, source), pose in read_log(path).items():
+            entries[f"{benchmark}/{scene}/{target}-{source}"] = _Entry(scene, target, source, pose)
+    return dict(sorted(entries.items(), key=lambda item: _order(item[0])))
+
+
+def _from_manifest(folder: Path) -> dict[str, _Entry]:
+    entry = manifest_entry(folder.parent, "threedmatch")
+    entries: dict[str, _Entry] = {}
+    for pair in entry["pairs"] if entry else []:
+        name = f"{pair['benchmark']}/{pair['scene']}/{pair['tgt']}-{pair['src']}"
+        pose = check_rigid(np.array(pair["T_src_to_tgt"]), name)
+        entries[name] = _Entry(pair["scene"], pair["tgt"], pair["src"], pose)
+    return dict(sorted(entries.items(), key=lambda item: _order(item[0])))
+
+
+def _order(name: str) -> tuple[bool, str, list[int]]:
+    benchmark, scene, pair = name.split("/")
+    return benchmark == "3DLoMatch", scene, [int(number) for number in pair.split("-")]

@@ -1,0 +1,207 @@
+"""UWA 3D Object Recognition: whole models in range scans of four or five heaped toys.
+
+Mian, Bennamoun and Owens: Three-dimensional model-based object recognition and segmentation in cluttered
+scenes, IEEE TPAMI 28(10), 2006.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from cgroup import features
+from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, fitting_pose, missing_file
+from cgroup.datasets.cache import cached
+from cgroup.datasets.scanner import Mesh, merged, range_image
+from cgroup.errors import InputError
+from cgroup.evaluation import clutter_and_occlusion
+from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
+from cgroup.io import PointCloud, read_cloud, read_transform
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cgroup.datasets.base import Origin, Role
+    from cgroup.types import FloatArray, IndexArray
+
+URL = "http://www.csse.uwa.edu.au/~ajmal/recognition.html (models, 50 scenes, ground truth)"
+
+MODEL_FILES = {
+    "chef": ("cheff.ply", "cheff_simple.ply"),
+    "chicken": ("chicken_high.ply", "chicken2.ply"),
+    "parasaurolophus": ("parasaurolophus_high.ply", "parasaurolophus_low_normals2.ply"),
+    "T-rex": ("T-rex_high.ply", "trex_small.ply"),
+}
+"""Files of the models whose poses are published: the owners' first, then simplified ones in circulation."""
+
+OFFSETS = {"trex_small.ply": (18.28188121, -50.54808168, -608.03780463)}
+"""What has to be added to the vertices of a file that its maker centred, in mm."""
+
+PIXEL = 2.2e-3
+"""Angle between two rays of the simulated scanner in radians, as in the real scans."""
+
+_EARLIER_POSES = {(6, "parasaurolophus"): "parasaurolophus-rs6-old.xf"}
+"""Published beside a pose that puts the model behind the scanner; taken in its place."""
+
+_OCCLUSION_NAMES = {"chef": "chef", "chicken": "chicken", "para": "parasaurolophus", "trex": "T-rex"}
+_FITTING_WITHIN = 2.0  # pr
+_SIMULATION = "1"  # to be raised when simulated scenes change, so that the cache is made anew
+
+
+class U3OR(Dataset):
+    """The 188 published pairs of four models and 50 scenes; unit mm, scanner at the origin looking along -z.
+
+    A scene whose scan is there is used as it is and its pairs are *real*. Any other is simulated: the models
+    are posed as published and seen by a range scanner in software, without noise; its pairs are
+    *semi-synthetic*. Simulated scenes hold only models with a published pose, so there is less clutter in
+    them. They are kept in the cache (`cgroup.datasets.cache.cache_folder`).
+
+    The fact ``occlusion`` is the published one, for simulated scenes too; where none is published for the
+    pose, it is computed. ``clutter`` isn't published: it is computed from the scene that is used, by
+    `cgroup.evaluation.clutter_and_occlusion`, with models and scenes as meshes.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; see `data_root`. Its folder ``u3or`` holds models, scenes and ground truth, in any folders.
+    """
+
+    name: ClassVar[str] = "u3or"
+    title: ClassVar[str] = "U3OR"
+    role: ClassVar[Role] = "full-partial"
+    origin: ClassVar[Origin] = "semi-synthetic"
+    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr")
+    citation: ClassVar[str] = (
+        "Mian, Bennamoun, Owens: Three-dimensional model-based object recognition, PAMI 2006"
+    )
+
+    def __init__(self, root: Path | str | None = None) -> None:
+        self._folder = dataset_folder(root, "u3or", title=self.title, url=URL)
+        self._poses = _pose_files(self._folder)
+        self._occlusions = _published_occlusions(self._folder)
+        self._models: dict[str, PointCloud] = {}  # read once: each is in many pairs
+
+    def pair_names(self) -> list[str]:
+        """Return ``rs1-T-rex``, ``rs1-chef``, ... of all published poses."""
+        return [f"rs{scene}-{model}" for scene, model in self._poses]
+
+    def origin_of(self, name: str) -> Origin:
+        """Return "real" where the scan is there, else "semi-synthetic"."""
+        scene, _ = self._parsed(name)
+        return "semi-synthetic" if self._scan_file(scene) is None else "real"
+
+    def load(self, name: str) -> MatchingPair:
+        """Read the model, and read or simulate the scene."""
+        scene_number, model_name = self._parsed(name)
+        model, scene = self.model(model_name), self.scene(scene_number)
+        pr = (features.resolution(model.points) + features.resolution(scene.points)) / 2
+        path = self._poses[scene_number, model_name]
+        pose = fitting_pose(
+            read_transform(path),
+            model.points,
+            scene.points,
+            tolerance=_FITTING_WITHIN * pr,
+            origin=str(path),
+        )
+        clutter, occlusion = clutter_and_occlusion(
+            model.points, _faces(model), scene.points, _faces(scene), pose, tolerance=VISIBLE_WITHIN * pr
+        )
+        facts = {
+            "clutter": clutter,
+            "occlusion": self._occlusions.get((scene_number, model_name), occlusion),
+        }
+        # A scan's normals are turned towards the scanner, so the scene goes in without its faces.
+        seen = PointCloud(scene.points)
+        return MatchingPair(name, model, seen, pose, normals="mesh", facts=facts)
+
+    def model(self, name: str) -> PointCloud:
+        """Read a model mesh, in the frame that the poses are for."""
+        if name not in self._models:
+            path = self._model_file(name)
+            cloud = read_cloud(path)
+            offset = OFFSETS.get(path.name, (0.0, 0.0, 0.0))
+            self._models[name] = PointCloud(cloud.points + offset, faces=_faces(cloud))
+        return self._models[name]
+
+    def scene(self, number: int) -> PointCloud:
+        """Read the scan of a scene, with faces; or simulate it."""
+        path = self._scan_file(number)
+        return self.simulated_scene(number) if path is None else read_cloud(path)
+
+    def simulated_scene(self, number: int) -> PointCloud:
+        """Look at the posed models of a scene, with faces between neighbouring pixels."""
+        poses = {model: path for (scene, model), path in self._poses.items() if scene == number}
+        key: list[str | bytes] = [_SIMULATION, str(PIXEL)]
+        for model, path in poses.items():
+            key += [self._model_file(model).read_bytes(), path.read_bytes()]
+        arrays = cached("u3or", key, lambda: self._look_at(poses))
+        return PointCloud(arrays["points"], faces=arrays["faces"])
+
+    def _look_at(self, poses: dict[str, Path]) -> dict[str, FloatArray | IndexArray]:
+        parts = [self._posed(model, path) for model, path in poses.items()]
+        image = range_image(merged(parts), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
+        return {"points": image.points(), "faces": image.faces()}
+
+    def _posed(self, model: str, path: Path) -> Mesh:
+        """Move a model into the scene, before the scanner."""
+        cloud = self.model(model)
+        posed = Mesh(cloud.points, _faces(cloud)).moved(read_transform(path))
+        if posed.vertices[:, 2].max() >= 0:
+            message = (
+                f"{path}: this pose puts the model behind the scanner; it has to be model to scene, in mm"
+            )
+            raise InputError(message)
+        return posed
+
+    def _parsed(self, name: str) -> tuple[int, str]:
+        self.check_name(name)
+        scene, _, model = name.partition("-")
+        return int(scene.removeprefix("rs")), model
+
+    def _scan_file(self, number: int) -> Path | None:
+        found = sorted(self._folder.rglob(f"rs{number}.ply")) or sorted(
+            self._folder.rglob(f"rs{number}_*.ply")
+        )
+        return found[0] if found else None
+
+    def _model_file(self, name: str) -> Path:
+        for file in MODEL_FILES[name]:
+            found = sorted(self._folder.rglob(file))
+            if found:
+                return found[0]
+        raise missing_file(self._folder / "models" / MODEL_FILES[name][0], self.title, URL)
+
+
+def _pose_files(folder: Path) -> dict[tuple[int, str], Path]:
+    found: dict[tuple[int, str], Path] = {}
+    for path in folder.rglob("*-rs*.xf"):
+        match = re.fullmatch(r"(.+)-rs(\d+)", path.stem)
+        if match and match[1] in MODEL_FILES:
+            pair = int(match[2]), match[1]
+            found[pair] = path.with_name(_EARLIER_POSES.get(pair, path.name))
+    if not found:
+        raise missing_file(folder / "GroundTruth_3Dscenes" / "chef-rs1.xf", U3OR.title, URL)
+    return dict(sorted(found.items()))
+
+
+def _published_occlusions(folder: Path) -> dict[tuple[int, str], float]:
+    """Shares by scene and model; the file's lines read ``scene object percent``."""
+    path = next(iter(sorted(folder.rglob("occlusion.txt"))), None)
+    if path is None:
+        return {}
+    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()[1:] if line.strip()]
+    try:
+        published = {(int(scene), _OCCLUSION_NAMES[item]): float(share) / 100 for scene, item, share in rows}
+    except (KeyError, ValueError) as error:
+        message = f"{path}: a line isn't `scene object percent` ({error})"
+        raise InputError(message) from error
+    return {pair: share for pair, share in published.items() if pair not in _EARLIER_POSES}
+
+
+def _faces(cloud: PointCloud) -> IndexArray:
+    if cloud.faces is None:
+        message = "a model or scan of U3OR has no faces; clutter and normals need meshes"
+        raise InputError(message)
+    return cloud.faces

@@ -1,0 +1,38 @@
+"""One point per occupied cell of a grid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from cgroup.types import FloatArray
+
+_MOST_CELLS = 1e6  # along an axis, so that the number of a cell fits into 64 bits
+
+
+def voxel_means(points: FloatArray, size: float) -> FloatArray:
+    """Mean of the points in each occupied cell, ordered by cell.
+
+    Parameters
+    ----------
+    points : (N,3) array of float64
+        Whole cloud.
+    size : float
+        Edge length of a cell, in the data's unit.
+
+    Returns
+    -------
+    (M,3) array of float64
+        M <= N.
+    """
+    above = points - points.min(axis=0)
+    width = max(size, above.max() / _MOST_CELLS)
+    cells = np.floor(above / width).astype(np.int64)
+    extent = cells.max(axis=0) + 1
+    _, rows = np.unique(
+        (cells[:, 0] * extent[1] + cells[:, 1]) * extent[2] + cells[:, 2], return_inverse=True
+    )
+    counts = np.bincount(rows)
+    return np.stack([np.bincount(rows, weights=points[:, axis]) / counts for axis in range(3)], axis=1)

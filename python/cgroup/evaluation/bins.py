@@ -1,0 +1,67 @@
+"""Levels of clutter, occlusion and overlap, into which the paper sorts its pairs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import FloatArray
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Levels of a fact about pairs.
+
+    Attributes
+    ----------
+    levels : tuple of float
+        Evenly spaced, ascending.
+    rule : "nearest" or "from"
+        Whether a level stands for the values nearest to it, with no limit at either end; or for
+        those from it up to the next level, the last one up to and with one spacing more.
+    """
+
+    levels: tuple[float, ...]
+    rule: Literal["nearest", "from"]
+
+
+CLUTTER = Bins((0.65, 0.70, 0.75, 0.80, 0.85, 0.90, 0.95), "nearest")
+OCCLUSION = Bins((0.60, 0.65, 0.70, 0.75, 0.80, 0.85, 0.90), "nearest")
+OVERLAP = Bins((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), "from")
+"""The paper's, section 4.3."""
+
+_ROUNDING = 1e-9  # 0.7 read from a file belongs to the level 0.7
+
+
+def binned(values: ArrayLike, bins: Bins) -> FloatArray:
+    """Replace each value by its level.
+
+    Parameters
+    ----------
+    values : (n,) array_like of float
+        Clutter, occlusion or overlap, in [0,1].
+    bins : Bins
+        The levels.
+
+    Returns
+    -------
+    (n,) array of float64
+        Levels; NaN for a value that belongs to none.
+    """
+    given = np.asarray(values, dtype=np.float64)
+    levels = np.array(bins.levels)
+    step = levels[1] - levels[0]
+    place = (given - levels[0]) / step
+    if bins.rule == "nearest":
+        place = np.clip(np.floor(place + 0.5 + _ROUNDING), 0, len(levels) - 1)
+    else:
+        end = np.abs(place - len(levels)) <= _ROUNDING
+        place = np.where(end, len(levels) - 1, np.floor(place + _ROUNDING))
+    inside = (place >= 0) & (place < len(levels))
+    chosen = np.where(inside, place, 0).astype(np.intp)
+    return np.where(inside, levels[chosen], np.nan)

@@ -1,0 +1,95 @@
+"""When does a pair count as registered? The criteria in use, by name.
+
+| name | registered when | who judges so |
+|---|---|---|
+| ``precision>0.1`` | the group's precision exceeds 0.1; needs no pose | the paper, on all its data |
+| ``rmse<=1pr``, ``rmse<=5pr`` | the mean error over the overlap is within that | later work on U3M |
+| ``3dmatch`` | rotation within 15 degrees, translation within 0.3 m | DGR, PointDSC, MAC |
+| ``kitti`` | rotation within 5 degrees, translation within 0.6 m | DGR, PointDSC, MAC |
+| ``kitti-2m`` | rotation within 5 degrees, translation within 2 m | FCGF, Predator, GeoTransformer |
+
+3DMatch's own criterion, which Predator and GeoTransformer report, is another: an RMSE below 0.2 m over the
+true matches of two fragments, by way of the covariances in ``gt.info``. It isn't among these; recalls by
+``3dmatch`` compare with those of the methods in the table only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cgroup.evaluation.metrics import REGISTERED_PRECISION
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """Limits that a result has to keep; None for what doesn't matter.
+
+    Attributes
+    ----------
+    name : str
+        As in `PROTOCOLS`.
+    precision_above : float or None
+        The group's precision has to be greater.
+    max_rotation : float or None
+        Largest rotation error in degrees, inclusive.
+    max_translation : float or None
+        Largest translation error in the data's unit, inclusive; all limits here are for data in m.
+    max_rmse : float or None
+        Largest `cgroup.evaluation.alignment_error` in pr, inclusive.
+    """
+
+    name: str
+    precision_above: float | None = None
+    max_rotation: float | None = None
+    max_translation: float | None = None
+    max_rmse: float | None = None
+
+    def judge(
+        self, precision: float, rotation_error: float, translation_error: float, rmse_pr: float
+    ) -> bool | None:
+        """Say whether a pair counts as registered.
+
+        Parameters
+        ----------
+        precision : float
+            Of the group; 0 for an empty one.
+        rotation_error : float
+            In degrees.
+        translation_error : float
+            In the data's unit.
+        rmse_pr : float
+            `cgroup.evaluation.alignment_error` in pr.
+            All errors are infinite where the group fixes no pose, and NaN where they can't be known.
+
+        Returns
+        -------
+        bool or None
+            None where a value that matters is NaN.
+        """
+        errors = (
+            (rotation_error, self.max_rotation),
+            (translation_error, self.max_translation),
+            (rmse_pr, self.max_rmse),
+        )
+        kept = [(error, limit) for error, limit in errors if limit is not None]
+        if any(math.isnan(error) for error, _ in kept):
+            return None
+        if self.precision_above is not None and math.isnan(precision):
+            return None
+        precise = self.precision_above is None or precision > self.precision_above
+        return precise and all(error <= limit for error, limit in kept)
+
+
+PROTOCOLS: dict[str, Protocol] = {
+    protocol.name: protocol
+    for protocol in (
+        Protocol("precision>0.1", precision_above=REGISTERED_PRECISION),
+        Protocol("rmse<=1pr", max_rmse=1.0),
+        Protocol("rmse<=5pr", max_rmse=5.0),
+        Protocol("3dmatch", max_rotation=15.0, max_translation=0.3),
+        Protocol("kitti", max_rotation=5.0, max_translation=0.6),
+        Protocol("kitti-2m", max_rotation=5.0, max_translation=2.0),
+    )
+}
+"""Criteria by name."""

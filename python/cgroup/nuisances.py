@@ -1,0 +1,327 @@
+"""What makes matching harder: noise, lower density, and less of the shape in common.
+
+`add_noise` and `decimate` work on clouds. `NUISANCES` holds what `apply_nuisance` does to a pair at a level;
+they change the target (``overlap`` both clouds) and never the pose. All randomness comes from the generator
+that the caller passes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from cgroup import features
+from cgroup._plugins import load_plugin
+from cgroup.datasets.base import moved
+from cgroup.datasets.standin import random_direction, stone
+from cgroup.datasets.voxels import voxel_means
+from cgroup.errors import InputError
+from cgroup.evaluation import overlap, within
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
+from cgroup.io import PointCloud
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cgroup.datasets.base import MatchingPair
+    from cgroup.types import BoolArray, FloatArray, IndexArray
+
+    Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
+
+
+LEAST_POINTS = 100
+"""A nuisance that would leave fewer points than this is refused."""
+
+_VOXEL_STEPS = 30  # of the bisection for the cell size
+_STONE_GAP = 1.3  # diameters between the centres of what clutter puts beside the model
+
+
+def add_noise(cloud: PointCloud, sigma: float, rng: np.random.Generator) -> PointCloud:
+    """Move every point by Gaussian noise along x, y and z.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        Left as it is.
+    sigma : float
+        Standard deviation along each axis, in the data's unit.
+    rng : numpy.random.Generator
+        Source of the noise.
+
+    Returns
+    -------
+    PointCloud
+        In the same order; faces and colours kept, stored normals dropped because they no longer fit.
+
+    Raises
+    ------
+    InputError
+        If sigma is negative or not finite.
+    """
+    if not (np.isfinite(sigma) and sigma >= 0):
+        message = f"sigma: got {sigma}; give a finite length, 0 or greater"
+        raise InputError(message)
+    noise = sigma * rng.normal(size=cloud.points.shape)
+    return replace(cloud, points=cloud.points + noise, normals=None)
+
+
+def decimate(
+    cloud: PointCloud,
+    share: float,
+    rng: np.random.Generator,
+    *,
+    method: Literal["random", "voxel"] = "random",
+) -> PointCloud:
+    """Keep a share of the points.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        Left as it is.
+    share : float
+        Of the points that are kept, greater than 0 and at most 1.
+    rng : numpy.random.Generator
+        Chooses the points; "voxel" makes no use of it.
+    method : {"random", "voxel"}
+        A random subset, in the cloud's order; or the means of the points in the cells of a grid whose cell
+        size is chosen so that about the share is left.
+
+    Returns
+    -------
+    PointCloud
+        Without faces, and without normals and colours for "voxel".
+
+    Raises
+    ------
+    InputError
+        If the share is out of range or leaves fewer than `LEAST_POINTS` points, or the method is unknown.
+    """
+    if not 0 < share <= 1:
+        message = f"share: got {share}; give the part of the points to keep, above 0 and at most 1"
+        raise InputError(message)
+    count = round(share * len(cloud))
+    _check_left(count, f"share {share}")
+    if method == "voxel":
+        return PointCloud(_voxel_subset(cloud.points, count))
+    if method != "random":
+        message = f"method: got {method!r}; choose 'random' or 'voxel'"
+        raise InputError(message)
+    kept = np.sort(rng.choice(len(cloud), size=count, replace=False))
+    return _rows(cloud, kept)
+
+
+def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Make a pair harder.
+
+    Parameters
+    ----------
+    name : str
+        One of `NUISANCES`, or "module:function" for one from outside the package, which takes the pair, the
+        level and the generator and returns a pair.
+    pair : MatchingPair
+        Left as it is.
+    level : float
+        Its meaning is the nuisance's: see the functions in `NUISANCES`.
+    rng : numpy.random.Generator
+        The only source of randomness.
+
+    Returns
+    -------
+    MatchingPair
+        With the same name and pose; facts that change are brought up to date.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, or the pair or level can't be worked with.
+    """
+    nuisance: Nuisance | None = load_plugin("nuisance", name) if ":" in name else NUISANCES.get(name)
+    if nuisance is None:
+        message = f"nuisance: got {name!r}; choose one of {', '.join(NUISANCES)}, or give module:function"
+        raise InputError(message)
+    return nuisance(pair, level, rng)
+
+
+def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Gaussian noise on the target, its standard deviation `level` times the clean target's resolution."""
+    sigma = level * features.resolution(pair.target.points)
+    return replace(pair, target=add_noise(pair.target, sigma, rng), facts={**pair.facts, "noise": level})
+
+
+def density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Keep a random subset of the target: the share `level`."""
+    return replace(pair, target=decimate(pair.target, level, rng))
+
+
+def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Thin the target out on a grid, down to about the share `level`."""
+    return replace(pair, target=decimate(pair.target, level, rng, method="voxel"))
+
+
+def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Cut both clouds from opposite sides, across a random direction, until they overlap by `level`.
+
+    Each keeps the same share of its points. The fact ``overlap`` is what is reached, at 4 pr.
+    """
+    _check_share("overlap", level)
+    direction = random_direction(rng)
+    tolerance = OVERLAP_WITHIN * _common_resolution(pair)
+    source, target = moved(pair.source.points, pair.T_target_source), pair.target.points
+    source_height, target_height = source @ direction, target @ direction
+    source_shared, target_shared = within(source, target, tolerance), within(target, source, tolerance)
+
+    def overlap_at(share: float) -> float:
+        top, bottom = np.quantile(source_height, share), np.quantile(target_height, 1 - share)
+        common = min(
+            np.count_nonzero(source_shared & (source_height >= bottom - tolerance) & (source_height <= top)),
+            np.count_nonzero(target_shared & (target_height >= bottom) & (target_height <= top + tolerance)),
+        )
+        return common / (share * min(len(source), len(target)))
+
+    if overlap_at(1) < level:
+        message = f"overlap: {pair.name} overlaps by only {overlap_at(1):.2f}; ask for less than {level}"
+        raise InputError(message)
+    share = _bisect(overlap_at, level)
+    cut_pair = replace(
+        pair,
+        source=_kept(pair.source, source_height <= np.quantile(source_height, share)),
+        target=_kept(pair.target, target_height >= np.quantile(target_height, 1 - share)),
+    )
+    reached = overlap(
+        cut_pair.source.points, cut_pair.target.points, pair.T_target_source, tolerance=tolerance
+    )
+    return replace(cut_pair, facts={**pair.facts, "overlap": reached})
+
+
+def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Cut the model's points out of the target, across a random direction, until the share `level` is hidden.
+
+    A model vertex is visible when the target has a point within 2 pr; the fact ``occlusion`` is the share of
+    the vertices that isn't, so it is exact for models with even density only.
+    """
+    _check_share("occlusion", level)
+    direction = random_direction(rng)
+    tolerance = VISIBLE_WITHIN * _common_resolution(pair)
+    model, scene = moved(pair.source.points, pair.T_target_source), pair.target.points
+    visible = within(model, scene, tolerance)
+    if 1 - visible.mean() > level:
+        message = f"occlusion: {pair.name} has {1 - visible.mean():.2f} already; ask for more than {level}"
+        raise InputError(message)
+    heights = np.sort(model[visible] @ direction)
+    edge = heights[min(round((1 - level) * len(model)), len(heights) - 1)]
+    hidden = within(scene, model, tolerance) & (scene @ direction > edge)
+    target = _kept(pair.target, ~hidden)
+    reached = 1 - float(within(model, target.points, tolerance).mean())
+    return replace(pair, target=target, facts={**pair.facts, "occlusion": reached})
+
+
+def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Put generated stones around the target until the share `level` of its points isn't the model's.
+
+    The stones are about as large as the source, and as dense. The fact ``clutter`` counts points, so it is
+    exact for even density only.
+    """
+    _check_share("clutter", level)
+    scene = pair.target.points
+    pr = _common_resolution(pair)
+    own = within(scene, moved(pair.source.points, pair.T_target_source), VISIBLE_WITHIN * pr)
+    missing = round(np.count_nonzero(own) / (1 - level)) - len(scene)
+    if missing < 0:
+        message = f"clutter: {pair.name} has {1 - own.mean():.2f} already; ask for more than {level}"
+        raise InputError(message)
+    stones = _stones(missing, scene, float(np.ptp(pair.source.points, axis=0).max()), pr, rng)
+    target = PointCloud(np.concatenate([scene, stones]), faces=pair.target.faces)
+    return replace(pair, target=target, facts={**pair.facts, "clutter": 1 - float(own.sum() / len(target))})
+
+
+NUISANCES: dict[str, Nuisance] = {
+    "noise": noise,
+    "density": density,
+    "voxel-density": voxel_density,
+    "overlap": less_overlap,
+    "occlusion": more_occlusion,
+    "clutter": more_clutter,
+}
+"""What `apply_nuisance` knows by name."""
+
+
+def _stones(
+    count: int, scene: FloatArray, size: float, spacing: float, rng: np.random.Generator
+) -> FloatArray:
+    """So many points on stones that surround the scene without touching it."""
+    apart = _STONE_GAP * max(size, float(np.ptp(scene, axis=0).max()))
+    middle = (scene.max(axis=0) + scene.min(axis=0)) / 2
+    shapes: list[FloatArray] = [np.empty((0, 3))]
+    for place in _places():
+        if count <= sum(len(shape) for shape in shapes):
+            break
+        vertices = stone(rng, max(8, round(size / (2 * spacing)))).vertices
+        shape = vertices * (size / np.ptp(vertices, axis=0).max())
+        shapes.append(voxel_means(shape, spacing) + middle + apart * place)
+    return np.concatenate(shapes)[:count]
+
+
+def _places() -> FloatArray:
+    """Places of a cubic lattice around its centre, the nearest first."""
+    steps = np.arange(-4, 5)
+    places = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3).astype(np.float64)
+    return places[np.argsort(np.linalg.norm(places, axis=1), kind="stable")][1:]
+
+
+def _common_resolution(pair: MatchingPair) -> float:
+    return (features.resolution(pair.source.points) + features.resolution(pair.target.points)) / 2
+
+
+def _voxel_subset(points: FloatArray, count: int) -> FloatArray:
+    """Voxel means, with the cell size that leaves the number of points nearest to the one asked for."""
+    if count == len(points):
+        return points
+    extent = float(np.ptp(points, axis=0).max())
+    smallest, largest = extent / len(points), extent
+    best = points
+    for _ in range(_VOXEL_STEPS):
+        size = float(np.sqrt(smallest * largest))
+        means = voxel_means(points, size)
+        if abs(len(means) - count) < abs(len(best) - count):
+            best = means
+        smallest, largest = (size, largest) if len(means) > count else (smallest, size)
+    return best
+
+
+def _bisect(function: Callable[[float], float], value: float) -> float:
+    """Where a growing function of a share takes a value."""
+    low, high = 0.01, 1.0
+    for _ in range(30):
+        middle = (low + high) / 2
+        low, high = (middle, high) if function(middle) < value else (low, middle)
+    return high
+
+
+def _kept(cloud: PointCloud, keep: BoolArray) -> PointCloud:
+    """Keep some of the points, and the faces between them."""
+    _check_left(int(np.count_nonzero(keep)), "the level")
+    faces = cloud.faces
+    if faces is not None:
+        faces = (np.cumsum(keep) - 1)[faces[keep[faces].all(axis=1)]]
+        faces = faces if len(faces) else None
+    return replace(_rows(cloud, np.flatnonzero(keep)), faces=faces)
+
+
+def _rows(cloud: PointCloud, rows: IndexArray) -> PointCloud:
+    normals = None if cloud.normals is None else cloud.normals[rows]
+    colors = None if cloud.colors is None else cloud.colors[rows]
+    return PointCloud(cloud.points[rows], normals, None, colors, cloud.dropped)
+
+
+def _check_share(name: str, level: float) -> None:
+    if not 0 < level < 1:
+        message = f"{name}: got {level}; give a share above 0 and below 1"
+        raise InputError(message)
+
+
+def _check_left(count: int, cause: str) -> None:
+    if count < LEAST_POINTS:
+        message = f"{cause} leaves {count} points; matching needs at least {LEAST_POINTS}"
+        raise InputError(message)

@@ -1,0 +1,160 @@
+"""Curves over levels, one per method: what the figures of the benchmark share."""
+
+# Parts of matplotlib's methods are untyped. pandas ships no types, and guesses about it are often wrong.
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+
+from cgroup.plots import style
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+_PANEL_HEIGHT = 2.3
+_FONT = 8
+_MARKER = 4.5
+_STAR = 7.0  # looks smaller than other markers of its size
+_SPREAD = 0.32  # of the methods around a name
+_SHORT_NAME = 4
+_NAMES_TURNED = 40  # degrees, for names on the x axis
+
+
+def panels(count: int, *, columns: int, title: str, extra: float = 0.0) -> tuple[Figure, list[Axes]]:
+    """Make a figure of print width with panels side by side.
+
+    Parameters
+    ----------
+    count : int
+        Number of panels.
+    columns : int
+        At most so many in a row.
+    title : str
+        Shown on top.
+    extra : float
+        Inches of height that labels take.
+
+    Returns
+    -------
+    tuple of Figure and list of Axes
+        The axes in reading order.
+    """
+    rows = -(-count // columns)
+    size = (style.PRINT_WIDTH, rows * (_PANEL_HEIGHT + extra) + 0.75)
+    figure = Figure(
+        figsize=size, dpi=style.DOTS_PER_INCH, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05)
+    )
+    grid = figure.subplots(rows, min(columns, count), squeeze=False).reshape(-1)
+    for axes in grid[count:]:
+        axes.set_axis_off()
+    figure.suptitle(title, color=style.TEXT, fontsize=_FONT + 1.5)
+    return figure, list(grid[:count])
+
+
+def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
+    """Draw one curve per method.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to.
+    table : DataFrame
+        One row per level, ascending, one column per method. Levels that are names have no order, so that
+        nothing connects them, and the methods stand side by side.
+    """
+    levels = list(table.index)
+    places = np.array(x_places(axes, levels))
+    named = isinstance(levels[0], str)
+    methods = ordered(table.columns)
+    aside = np.linspace(-_SPREAD, _SPREAD, len(methods)) if named else np.zeros(len(methods))
+    for method, shift in zip(methods, aside, strict=True):
+        look = style.method_style(method)
+        axes.plot(
+            places + shift,
+            table[method].to_numpy(dtype=float),
+            color=look.color,
+            marker=look.marker,
+            linestyle="" if named else look.dashes,
+            linewidth=1.1,
+            markersize=marker_size(look.marker),
+            markeredgecolor="white",
+            markeredgewidth=0.4,
+            clip_on=False,
+            zorder=3,
+        )
+
+
+def x_places(axes: Axes, levels: list[float] | list[str]) -> list[float]:
+    """Find where levels stand on the x axis, and name them there if they are names."""
+    if not levels or not isinstance(levels[0], str):
+        return [float(level) for level in levels]
+    places = [float(place) for place in range(len(levels))]
+    axes.set_xticks(places, [str(level) for level in levels])
+    axes.set_xlim(-0.6, len(levels) - 0.4)
+    if max(len(str(level)) for level in levels) > _SHORT_NAME:
+        for label in axes.get_xticklabels():
+            label.set(rotation=_NAMES_TURNED, horizontalalignment="right", rotation_mode="anchor")
+    return places
+
+
+def finish(axes: Axes, *, title: str = "", xlabel: str = "", ylabel: str = "", share: bool = False) -> None:
+    """Label a panel; the y axis of a share goes from 0 to 1."""
+    axes.set_title(title, loc="left", fontsize=_FONT + 0.5, color=style.TEXT)
+    axes.set_xlabel(xlabel, fontsize=_FONT, color=style.TEXT)
+    axes.set_ylabel(ylabel, fontsize=_FONT, color=style.TEXT)
+    axes.tick_params(labelsize=_FONT - 1, color=style.QUIET_TEXT, labelcolor=style.TEXT)
+    axes.grid(color=style.GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(style.QUIET_TEXT)
+    if share:
+        axes.set_ylim(0, 1)
+        axes.set_yticks(np.linspace(0, 1, 6))
+
+
+def legend(figure: Figure, methods: Iterable[str]) -> None:
+    """Name the methods below all panels."""
+    names = ordered(methods)
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=look.color,
+            marker=look.marker,
+            linestyle=look.dashes,
+            linewidth=1.1,
+            markersize=marker_size(look.marker),
+            label=look.label,
+        )
+        for look in map(style.method_style, names)
+    ]
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=min(len(handles), 9),
+        frameon=False,
+        fontsize=_FONT,
+        handlelength=2.4,
+        columnspacing=1.1,
+        handletextpad=0.4,
+    )
+
+
+def ordered(methods: Iterable[str]) -> list[str]:
+    """Sort methods: the paper's order, then any others."""
+    known = list(style.METHOD_STYLES)
+    return sorted(methods, key=lambda name: known.index(name) if name in known else len(known))
+
+
+def marker_size(marker: str) -> float:
+    """Size of a marker in points."""
+    return _STAR if marker == "*" else _MARKER

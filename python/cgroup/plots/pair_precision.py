@@ -1,0 +1,65 @@
+"""Precision pair by pair of two methods."""
+
+# Parts of matplotlib's methods are untyped. pandas ships no types, and guesses about it are often wrong.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.plots import style
+from cgroup.plots.curves import finish, legend, marker_size, panels
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_REGISTERED = 0.1
+
+
+def pair_precision_figure(rows: pd.DataFrame, *, methods: tuple[str, str], title: str) -> Figure:
+    """Draw the precision of two methods on every pair.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Records, one per pair and method.
+    methods : tuple of str
+        Two of them; pairs are sorted by the precision of the second.
+    title : str
+        Shown on top.
+
+    Returns
+    -------
+    Figure
+        Left pair by pair, right the share of pairs up to each precision.
+    """
+    table = rows.pivot_table(index="pair", columns="method", values="precision")[list(methods)].dropna()
+    table = table.sort_values([methods[1], methods[0]])
+    figure, (each, shares) = panels(2, columns=2, title=title, extra=0.4)
+    place = np.arange(1, len(table) + 1)
+    for method in methods:
+        look = style.method_style(method)
+        each.plot(
+            place, table[method], linestyle="", marker=look.marker, color=look.color,
+            markersize=marker_size(look.marker), markeredgecolor="white", markeredgewidth=0.3, clip_on=False,
+        )  # fmt: skip
+        values = np.concatenate([[0.0], np.sort(table[method].to_numpy()), [1.0]])
+        height = np.concatenate([[0.0], place / len(table), [1.0]])
+        shares.step(values, height, where="post", color=look.color, linestyle=look.dashes, linewidth=1.4)
+    each.axhline(_REGISTERED, color=style.QUIET_TEXT, linewidth=0.8, linestyle=":")
+    shares.axvline(_REGISTERED, color=style.QUIET_TEXT, linewidth=0.8, linestyle=":")
+    shares.annotate(
+        "registered", (_REGISTERED, 0.93), xytext=(3, 0), textcoords="offset points", fontsize=7,
+        color=style.QUIET_TEXT,
+    )  # fmt: skip
+    second = style.method_style(methods[1]).label
+    finish(
+        each, title="each pair", xlabel=f"pairs, by the precision of {second}", ylabel="precision", share=True
+    )
+    finish(shares, title="all pairs", xlabel="precision", ylabel="share of pairs up to it", share=True)
+    shares.set_xlim(0, 1)
+    legend(figure, methods)
+    return figure

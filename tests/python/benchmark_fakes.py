@@ -1,0 +1,130 @@
+"""A small data set, nuisance and methods from outside the package; each call leaves a line in FAKES_LOG."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup import Correspondences, group
+from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
+from cgroup.datasets.standin import stone
+from cgroup.errors import InputError
+from cgroup.io import PointCloud
+
+if TYPE_CHECKING:
+    from cgroup import Grouping
+
+
+def log(line: str) -> None:
+    """Append to a file, which several processes may do at a time."""
+    if path := os.environ.get("FAKES_LOG"):
+        with Path(path).open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
+
+
+def dawdle() -> None:
+    """Take long enough to be killed."""
+    time.sleep(float(os.environ.get("FAKES_SECONDS", "0")))
+
+
+class _Fake(Dataset):
+    origin = "synthetic"
+    protocols = ("precision>0.1", "rmse<=5pr")
+    citation = "tests"
+
+    def __init__(self, root: Path | None = None) -> None:
+        self.root = root
+
+
+class Clouds(_Fake):
+    """Small stones against posed copies of themselves; the last one can't be loaded."""
+
+    name = "clouds"
+    title = "Clouds"
+    role = "full-full"
+
+    def pair_names(self) -> list[str]:
+        return ["a", "b", "c", "broken"]
+
+    def load(self, name: str) -> MatchingPair:
+        log(f"load {name}")
+        if name == "broken":
+            message = "this pair\nis broken"
+            raise OSError(message)
+        points = stone(np.random.default_rng(ord(name)), 14).vertices
+        pose = np.eye(4)
+        pose[:3, 3] = (1, 2, 3)
+        source = PointCloud(points + np.random.default_rng(0).normal(scale=0.01, size=points.shape))
+        return MatchingPair(name, source, PointCloud(points + pose[:3, 3]), pose, facts={"overlap": 0.9})
+
+
+class Matches(_Fake):
+    """Matches without clouds: a third is correct."""
+
+    name = "matches"
+    title = "Matches"
+    role = "correspondences"
+
+    def pair_names(self) -> list[str]:
+        return [f"m{number}" for number in range(8)]
+
+    def load(self, name: str) -> CorrespondencePair:
+        log(f"load {name}")
+        dawdle()
+        rng = np.random.default_rng(int(name[1:]))
+        source = rng.uniform(0, 100, size=(60, 3))
+        target = rng.uniform(0, 100, size=(60, 3))
+        pose = np.eye(4)
+        pose[:3, 3] = (5, 0, 0)
+        target[:20] = source[:20] + pose[:3, 3] + rng.normal(scale=0.5, size=(20, 3))
+        return CorrespondencePair(name, Correspondences(source, target, resolution=1.0), pose)
+
+
+class Absent(Matches):
+    """Isn't there."""
+
+    def pair_names(self) -> list[str]:
+        message = "absent: get it from nowhere"
+        raise InputError(message)
+
+
+def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    log(f"noise {pair.name} {level}")
+    points = pair.target.points + rng.normal(scale=level, size=pair.target.points.shape)
+    return replace(pair, target=PointCloud(points))
+
+
+def first(correspondences: Correspondences, *, count: int = 20) -> np.ndarray:
+    """Select the first; a method that returns a mask."""
+    log(f"first {count}")
+    dawdle()
+    return np.arange(len(correspondences)) < count
+
+
+def seeded(correspondences: Correspondences, *, seed: int, reach: float = 1.0) -> Grouping:
+    """Take a seed, a length and what it is given."""
+    return group(correspondences, "ransac", seed=seed, tolerance=reach, iterations=50)
+
+
+def failing(correspondences: Correspondences) -> Grouping:
+    """Can't work with some of its input."""
+    if correspondences.source[0, 0] > 50:
+        message = "too far to the right"
+        raise ArithmeticError(message)
+    return group(correspondences, "ransac")
+
+
+def wrong_length(_correspondences: Correspondences) -> np.ndarray:
+    return np.ones(3, dtype=bool)
+
+
+def deadly(correspondences: Correspondences) -> np.ndarray:
+    """Kill the process at some input."""
+    if correspondences.source[0, 0] > 90:
+        os._exit(9)
+    return np.ones(len(correspondences), dtype=bool)

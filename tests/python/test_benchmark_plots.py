@@ -1,0 +1,146 @@
+"""Figures of the benchmark: drawn without a display, one look per method, nothing hidden."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+from benchmark_frames import METHODS, paper_frame, paper_timing
+from matplotlib.colors import to_hex
+
+from cgroup.benchmark.claims.base import mean_times
+from cgroup.benchmark.evidence import Evidence
+from cgroup.plots import (
+    inliers_figure,
+    pair_precision_figure,
+    registration_rate_figure,
+    scores_figure,
+    timing_figure,
+)
+from cgroup.plots.style import METHOD_STYLES, PRINT_WIDTH, method_style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LABELS = {"xlabel": "level (pr)", "title": "A title"}
+
+
+def rows(experiment: str, place: str) -> pd.DataFrame:
+    sample = Evidence(paper_frame(experiment), pd.DataFrame()).sample(experiment, place)
+    assert sample is not None
+    return sample.rows
+
+
+def drawn(figure: Figure) -> bytes:
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png", dpi=40)
+    return buffer.getvalue()
+
+
+def curves(axes) -> dict[str, np.ndarray]:
+    """Heights of the curves by color."""
+    return {to_hex(line.get_color()).upper(): line.get_ydata() for line in axes.lines}
+
+
+def test_scores_are_the_means_in_each_methods_color() -> None:
+    noise = rows("noise", "B3R")
+    figure = scores_figure(noise, **LABELS)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["precision", "recall", "F-score"]
+    found = curves(figure.axes[1])
+    assert set(found) == {METHOD_STYLES[method].color.upper() for method in METHODS}
+    expected = noise[noise["method"] == "si"].groupby("x")["recall"].mean()
+    np.testing.assert_allclose(found[METHOD_STYLES["si"].color.upper()], expected)
+    assert figure.get_figwidth() == PRINT_WIDTH
+    assert drawn(figure)
+
+
+def test_legend_names_every_method_below_the_panels() -> None:
+    figure = scores_figure(rows("overlap", "U3M"), **LABELS)
+    drawn(figure)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [look.label for look in METHOD_STYLES.values()]
+    box = legend.get_window_extent()
+    for axes in figure.axes:
+        assert box.y1 <= axes.get_window_extent().y0
+
+
+def test_names_have_no_order_and_nothing_connects_them() -> None:
+    figure = scores_figure(rows("combinations", "U3OR"), **LABELS)
+    axes = figure.axes[0]
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["C1", "C2", "C3", "C4", "C5", "C6"]
+    assert {line.get_linestyle() for line in axes.lines} == {"None"}
+    # Side by side, so that equal scores don't hide each other.
+    assert len({line.get_xdata()[0] for line in axes.lines}) == len(METHODS)
+    assert drawn(figure)
+
+
+def test_registration_has_a_panel_per_applicable_criterion() -> None:
+    views = rows("overlap", "U3M").assign(**{"ok:kitti": None})
+    figure = registration_rate_figure(views, **LABELS)
+    titles = [axes.get_title(loc="left") for axes in figure.axes if axes.axison]
+    assert titles == ["precision > 0.1 (the paper's)", "RMSE at most 5 pr"]
+    assert drawn(figure)
+
+
+def test_registration_leaves_out_what_is_not_judged() -> None:
+    views = rows("overlap", "U3M")
+    judged = views.assign(
+        **{"ok:rmse<=5pr": views["ok:rmse<=5pr"].astype(object).where(views["overlap"] > 0.5)}
+    )
+    figure = registration_rate_figure(judged, **LABELS)
+    assert len(figure.axes[0].lines[0].get_xdata()) == 7
+    assert len(figure.axes[1].lines[0].get_xdata()) == 5
+
+
+def test_matches_are_counted_once_per_pair() -> None:
+    figure = inliers_figure(rows("density", "B3R"), **LABELS)
+    counts, ratio = figure.axes
+    heights = [bar.get_height() for bar in counts.containers[0]]
+    np.testing.assert_allclose(heights, 1200)
+    assert [text.get_text() for text in counts.texts] == ["4"] * 9
+    np.testing.assert_allclose(ratio.lines[0].get_ydata(), 0.05 * np.arange(1, 10))
+    assert drawn(figure)
+
+
+def test_pairs_are_sorted_by_the_second_method() -> None:
+    scenes = rows("clutter", "U3OR")
+    figure = pair_precision_figure(scenes, methods=("gc", "ransac"), title="A title")
+    ransac = curves(figure.axes[0])[METHOD_STYLES["ransac"].color]
+    assert (np.diff(ransac) >= 0).all()
+    assert len(ransac) == scenes["pair"].nunique()
+    assert drawn(figure)
+
+
+def test_times_on_logarithmic_axes_with_both_exponents() -> None:
+    times = mean_times(paper_timing())
+    figure = timing_figure(
+        times, exponents={"st": 2.5, "gtm": np.nan}, complexities={"st": "n³"}, title="A title"
+    )
+    (axes,) = figure.axes
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts[0] == "ST  $n^{2.50}$  (paper n³)"
+    assert "GTM" in texts
+    assert drawn(figure)
+
+
+def test_one_level_and_one_method_are_enough() -> None:
+    one = rows("noise", "B3R").query("method == 'gtm' and x == 0.05")
+    for draw in (scores_figure, registration_rate_figure, inliers_figure):
+        assert drawn(draw(one, **LABELS))
+
+
+def test_methods_of_ones_own_are_grey_and_keep_their_look() -> None:
+    assert method_style("gc+ransac") == method_style("gc+ransac")
+    assert method_style("gc+ransac").color not in {look.color for look in METHOD_STYLES.values()}
+    frame = rows("noise", "B3R").replace({"method": {"gtm": "mine"}})
+    figure = scores_figure(frame, **LABELS)
+    assert [text.get_text() for text in figure.legends[0].get_texts()][-1] == "MINE"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_individual_based_methods_are_dashed(method: str) -> None:
+    assert (METHOD_STYLES[method].dashes != "-") == (method in {"ss", "nnsr", "si", "cv"})

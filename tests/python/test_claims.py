@@ -1,0 +1,247 @@
+"""The paper's claims: all there, decided by the numbers, and not testable without them."""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import cache
+
+import pandas as pd
+import pytest
+from benchmark_frames import paper_frame, paper_timing
+
+from cgroup.benchmark.claims import (
+    CLAIMS,
+    CRITERIA,
+    OUTCOMES,
+    Verdict,
+    as_json,
+    as_markdown,
+    check_claims,
+    count_verdicts,
+    counts_line,
+)
+from cgroup.benchmark.claims.base import Comparison, Finding, decide
+from cgroup.benchmark.claims.explanations import explanations
+from cgroup.benchmark.claims.measures import agreement, in_top, rank, rising
+from cgroup.benchmark.evidence import Evidence
+
+NO_TIMES = pd.DataFrame()
+
+# What the made-up records were made to say.
+AGREES = [f"C-{number:02d}" for number in range(1, 68) if number not in {19, 23, 29, 41, 42, 54, 59, 65}]
+
+
+@cache
+def verdicts() -> dict[str, Verdict]:
+    return {verdict.id: verdict for verdict in check_claims(paper_frame(), paper_timing())}
+
+
+def outcome(claim_id: str, frame: pd.DataFrame, timing: pd.DataFrame = NO_TIMES) -> Verdict:
+    claim = next(each for each in CLAIMS if each.id == claim_id)
+    return decide(claim, Evidence(frame, timing))
+
+
+def with_swapped(frame: pd.DataFrame, one: str, other: str) -> pd.DataFrame:
+    """Records in which two methods trade places."""
+    return frame.assign(method=frame["method"].replace({one: other, other: one}))
+
+
+def with_changed(frame: pd.DataFrame, column: str, value: float, **where: object) -> pd.DataFrame:
+    """Records with one number changed wherever the other columns have the given values."""
+    chosen = pd.Series(data=True, index=frame.index)
+    for name, wanted in where.items():
+        chosen &= frame[name] == wanted
+    return frame.assign(**{column: frame[column].astype(float).where(~chosen, value)})
+
+
+def test_every_claim_is_there_once_in_order() -> None:
+    numbers = [f"C-{number:02d}" for number in range(1, 68)]
+    numbers.insert(numbers.index("C-29") + 1, "C-29b")
+    assert [claim.id for claim in CLAIMS] == numbers
+    assert len(CLAIMS) == 68
+
+
+def test_claims_say_what_they_state_and_test() -> None:
+    for claim in CLAIMS:
+        assert claim.statement.endswith(".")
+        assert claim.criterion.endswith(".")
+        assert re.match(r"4\.3|5\.[1-4]|6", claim.section), claim.section
+
+
+@pytest.mark.parametrize("claim_id", AGREES)
+def test_records_that_agree_confirm(claim_id: str) -> None:
+    verdict = verdicts()[claim_id]
+    assert verdict.verdict == "confirmed", verdict.measured
+    assert re.search(r"\d", verdict.measured)
+    assert verdict.data
+
+
+def test_empty_records_are_no_evidence() -> None:
+    for verdict in check_claims(pd.DataFrame(), pd.DataFrame()):
+        assert verdict.verdict == "not testable"
+        assert "no " in verdict.measured
+
+
+@pytest.mark.parametrize(
+    ("claim_id", "experiments", "broken"),
+    [
+        ("C-01", ["noise"], lambda frame: with_changed(frame, "inlier_ratio", 0.4, level=0.05)),
+        ("C-02", ["clutter"], lambda frame: with_changed(frame, "inlier_ratio", 0.2, dataset="u3or")),
+        ("C-04", ["noise"], lambda frame: with_swapped(with_swapped(frame, "st", "ss"), "ransac", "nnsr")),
+        ("C-06", ["noise"], lambda frame: with_swapped(frame, "nnsr", "ss")),
+        ("C-08", ["noise"], lambda frame: with_swapped(frame, "si", "gc")),
+        ("C-11", ["density"], lambda frame: with_swapped(frame, "ss", "si")),
+        ("C-12", ["density"], lambda frame: with_changed(frame, "recall", 0.8)),
+        ("C-14", ["clutter"], lambda frame: with_swapped(frame, "gtm", "ss")),
+        ("C-18", ["clutter", "occlusion"], lambda frame: with_swapped(frame, "cv", "gtm")),
+        ("C-21", ["overlap"], lambda frame: frame.assign(f_score=1 - frame["overlap"])),
+        ("C-22", ["overlap"], lambda frame: with_swapped(frame, "gtm", "ss")),
+        ("C-25", ["overlap"], lambda frame: with_swapped(with_swapped(frame, "cv", "ss"), "si", "st")),
+        ("C-28", ["epsilon"], lambda frame: with_swapped(with_swapped(frame, "gtm", "st"), "ransac", "gc")),
+        ("C-33", ["matches"], lambda frame: with_swapped(with_swapped(frame, "cv", "ss"), "si", "st")),
+        ("C-35", ["combinations"], lambda frame: frame.assign(correct=100)),
+        ("C-46", ["clutter"], lambda frame: with_swapped(with_swapped(frame, "gc", "ss"), "gtm", "st")),
+        ("C-48", ["clutter"], lambda frame: with_swapped(frame, "gc", "ransac")),
+        ("C-67", ["clutter", "overlap", "variants"], lambda frame: with_changed(frame, "registered", 1.0)),
+    ],
+)
+def test_records_that_disagree_do_not_confirm(claim_id: str, experiments: list[str], broken) -> None:
+    frame = paper_frame(*experiments)
+    assert outcome(claim_id, frame).verdict == "confirmed"
+    verdict = outcome(claim_id, broken(frame))
+    assert verdict.verdict == "not confirmed", verdict.measured
+
+
+@pytest.mark.parametrize(
+    ("claim_id", "one", "other"),
+    [("C-57", "nnsr", "st"), ("C-58", "ss", "nnsr"), ("C-60", "cv", "si"), ("C-63", "st", "nnsr")],
+)
+def test_other_times_do_not_confirm(claim_id: str, one: str, other: str) -> None:
+    timing = paper_timing()
+    assert outcome(claim_id, pd.DataFrame(), timing).verdict == "confirmed"
+    changed = with_swapped(timing, one, other)
+    assert outcome(claim_id, pd.DataFrame(), changed).verdict in {"partly", "not confirmed"}
+
+
+def test_precision_must_not_fall_as_the_threshold_grows() -> None:
+    frame = paper_frame("epsilon")
+    assert outcome("C-27", frame).verdict == "confirmed"
+    fallen = frame.copy()
+    row = fallen[(fallen["method"] == "cv") & (fallen["epsilon"] == 8) & (fallen["precision"] > 0)].index[0]
+    fallen.loc[row, "precision"] = 0.01
+    verdict = outcome("C-27", fallen)
+    assert verdict.verdict == "partly"
+    assert "CV" in verdict.measured
+
+
+def test_only_the_threshold_of_the_paper_counts_elsewhere() -> None:
+    frame = paper_frame("clutter")
+    elsewhere = frame.assign(precision=frame["precision"].where(frame["epsilon"] == 5, 0.0))
+    assert outcome("C-14", elsewhere).measured == outcome("C-14", frame).measured
+
+
+def test_pairs_outside_all_levels_are_left_out() -> None:
+    frame = paper_frame("overlap")
+    apart = frame.assign(overlap=0.1, f_score=1.0, pair=frame["pair"] + "-apart")
+    assert outcome("C-26", pd.concat([frame, apart], ignore_index=True)) == outcome("C-26", frame)
+    assert outcome("C-26", apart).verdict == "not testable"
+
+
+def test_failed_records_are_left_out() -> None:
+    frame = paper_frame("noise")
+    failed = frame.head(9).assign(error="InputError: no", precision=float("nan"), inlier_ratio=float("nan"))
+    assert outcome("C-44", pd.concat([frame, failed], ignore_index=True)).verdict == "confirmed"
+
+
+def test_stand_ins_are_named() -> None:
+    frame = paper_frame("overlap").assign(dataset="standin-views", origin="synthetic")
+    assert "standin-views in place of U3M" in outcome("C-22", frame).data
+    assert "synthetic stand-in" in outcome("C-22", frame).data
+    assert "stanford in place of U3M (140 real pairs)" in outcome("C-22", paper_frame("overlap")).data
+
+
+def test_the_papers_data_come_before_stand_ins() -> None:
+    real = paper_frame("noise")
+    generated = real.assign(dataset="standin-full", origin="synthetic", inlier_ratio=0.0)
+    verdict = outcome("C-01", pd.concat([generated, real], ignore_index=True))
+    assert verdict.verdict == "confirmed"
+    assert verdict.data.startswith("b3r-clean")
+
+
+def test_missing_methods_and_levels_are_named() -> None:
+    frame = paper_frame("noise")
+    assert "GTM" in outcome("C-03", frame[frame["method"] != "gtm"]).measured
+    assert outcome("C-06", frame[frame["method"] != "gtm"]).verdict == "confirmed"
+    missing = outcome("C-01", frame[frame["level"] > 0.2])
+    assert missing.verdict == "not testable"
+    assert "0.05" in missing.measured
+
+
+@pytest.mark.parametrize(
+    ("holding", "need", "expected"),
+    [
+        (4, "all", "confirmed"),
+        (3, "all", "partly"),
+        (2, "all", "partly"),
+        (1, "all", "not confirmed"),
+        (3, "most", "confirmed"),
+        (2, "most", "partly"),
+        (1, "most", "partly"),
+        (0, "most", "not confirmed"),
+    ],
+)
+def test_share_of_tests_decides(holding: int, need: str, expected: str) -> None:
+    tests = [Comparison(place < holding, "text", 0.0) for place in range(4)]
+    claim = CLAIMS[0].__class__("C-00", "6", "Something.", "Something.", lambda _: Finding(tests, need))
+    assert decide(claim, Evidence(pd.DataFrame(), pd.DataFrame())).verdict == expected
+
+
+def test_numbers_that_are_missing_do_not_count() -> None:
+    tests = [
+        Comparison(holds=True, text="a", margin=1.0),
+        Comparison(holds=False, text="b", margin=float("nan")),
+    ]
+    claim = CLAIMS[0].__class__("C-00", "6", "Something.", "Something.", lambda _: Finding(tests))
+    assert decide(claim, Evidence(pd.DataFrame(), pd.DataFrame())).verdict == "confirmed"
+
+
+def test_ties_count_for_the_best() -> None:
+    scores = pd.Series({"a": 0.90, "b": 0.905, "c": 0.5})
+    assert in_top(scores, "a", 1, "").holds
+    assert not in_top(scores, "c", 2, "").holds
+    assert rank(scores, "a") == 1
+    assert rank(scores, "c") == 3
+
+
+def test_rank_statistics_of_constant_values() -> None:
+    assert rising([1, 2, 3], [0.5, 0.5, 0.5]) == 0
+    assert rising([1, 2, 3], [0.1, 0.2, 0.3]) == pytest.approx(1)
+    flat = pd.Series([1.0, 1.0, 1.0])
+    assert agreement(flat, flat) == 1
+    assert agreement(flat, pd.Series([1.0, 2.0, 3.0])) == 0
+
+
+def test_tables_hold_every_verdict() -> None:
+    found = list(verdicts().values())
+    text = as_markdown(found)
+    assert CRITERIA.splitlines()[0] in text
+    assert counts_line(found) in text
+    rows = json.loads(as_json(found))
+    assert [row["id"] for row in rows] == [claim.id for claim in CLAIMS]
+    for verdict in found:
+        assert f"**{verdict.id}**" in text
+    # A bar inside a cell would end it.
+    for line in text.splitlines():
+        if line.startswith("| **"):
+            assert len(re.findall(r"(?<!\\)\|", line)) == 5, line
+
+
+def test_counts_name_every_outcome() -> None:
+    counts = count_verdicts(verdicts().values())
+    assert tuple(counts) == OUTCOMES
+    assert sum(counts.values()) == 68
+
+
+def test_explanations_belong_to_claims() -> None:
+    assert set(explanations()) <= {claim.id for claim in CLAIMS}

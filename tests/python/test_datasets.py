@@ -1,0 +1,819 @@
+"""Data sets: small folders in their owners' layouts, the generated ones, and the real ones where they are."""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from shared_data import data_folder
+
+from cgroup import features
+from cgroup.datasets import (
+    DATASETS,
+    CorrespondencePair,
+    Dataset,
+    MatchingPair,
+    data_root,
+    open_dataset,
+    standin_pair,
+    standins,
+)
+from cgroup.datasets import u3or as u3or_module
+from cgroup.datasets.base import moved
+from cgroup.datasets.cache import cache_folder, cached
+from cgroup.datasets.scanner import Mesh, range_image
+from cgroup.datasets.standin import stone
+from cgroup.datasets.stanford import StanfordViews
+from cgroup.datasets.u3or import U3OR
+from cgroup.errors import InputError
+from cgroup.evaluation import PROTOCOLS, clutter_and_occlusion, correct_matches, overlap, within
+from cgroup.io import PointCloud, check_rigid, read_cloud, read_transform, write_cloud
+from cgroup.registration import correspond
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+STANDINS = ["standin-full", "standin-clutter", "standin-views"]
+REAL = [name for name in DATASETS if name not in STANDINS]
+
+POSE = np.array([[0.0, -1, 0, 30], [1, 0, 0, -20], [0, 0, 1, 200], [0, 0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def _own_surroundings(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CGROUP_CACHE", str(cache))
+    monkeypatch.delenv("CGROUP_DATA", raising=False)
+
+
+@pytest.fixture(scope="module")
+def model() -> PointCloud:
+    mesh = stone(np.random.default_rng(4), 16)
+    return PointCloud(mesh.vertices, faces=mesh.faces)
+
+
+@pytest.fixture(scope="module")
+def views() -> MatchingPair:
+    return standin_pair(seed=2, turn=20, noise=0, pixels=50)
+
+
+def text_of(pose: np.ndarray) -> str:
+    return "\n".join(" ".join(repr(float(number)) for number in row) for row in pose) + "\n"
+
+
+def write(path: Path, content: PointCloud | str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if isinstance(content, str):
+        path.write_text(content)
+    else:
+        write_cloud(path, content)
+
+
+def matching(dataset: Dataset, name: str) -> MatchingPair:
+    pair = dataset.load(name)
+    assert isinstance(pair, MatchingPair)
+    assert pair.name == name
+    check_rigid(pair.T_target_source)
+    return pair
+
+
+def residuals(pair: MatchingPair) -> np.ndarray:
+    """Distances in pr from source points to the target, of those that come within 4 pr of it."""
+    spatial = pytest.importorskip("scipy.spatial")
+    pr = (features.resolution(pair.source.points) + features.resolution(pair.target.points)) / 2
+    posed = moved(pair.source.points, pair.T_target_source)
+    distances, _ = spatial.cKDTree(pair.target.points).query(posed[::5])
+    return distances[distances < 4 * pr] / pr
+
+
+# --- opening ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_missing_data_says_where_to_get_it(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no such folder.*get it from .*http") as caught:
+        open_dataset(name, tmp_path)
+    assert str(tmp_path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [
+        ("b3r", "b3r"),
+        ("u3or", "u3or"),
+        ("u3m", "u3m"),
+        ("stanford", "stanford_views"),
+        ("3dmatch", "threedmatch"),
+        ("fgr", "fgr"),
+        ("corr", "corr"),
+    ],
+)
+def test_empty_folder_says_what_is_missing(name: str, folder: str, tmp_path: Path) -> None:
+    (tmp_path / folder).mkdir()
+    with pytest.raises(InputError, match=r"isn't there.*http"):
+        open_dataset(name, tmp_path)
+
+
+def test_data_root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="CGROUP_DATA"):
+        data_root()
+    monkeypatch.setenv("CGROUP_DATA", str(tmp_path))
+    assert data_root() == tmp_path
+    assert data_root(tmp_path.parent) == tmp_path.parent
+    monkeypatch.setenv("CGROUP_DATA", str(tmp_path / "nowhere"))
+    with pytest.raises(InputError, match=r"nowhere.*from CGROUP_DATA"):
+        data_root()
+
+
+def test_unknown_dataset() -> None:
+    with pytest.raises(InputError, match=r"choose one of b3r.*module:attribute"):
+        open_dataset("b4r")
+
+
+def test_dataset_from_outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = "from cgroup.datasets.standins import StandinFull\nclass Mine(StandinFull):\n    name = 'mine'\nwrong = list\n"
+    (tmp_path / "outside_dataset.py").write_text(code.replace("wrong = list", "def wrong(root): return 3"))
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    assert open_dataset("outside_dataset:Mine").name == "mine"
+    with pytest.raises(InputError, match="made a int"):
+        open_dataset("outside_dataset:wrong")
+    with pytest.raises(InputError, match="has no 'Yours'"):
+        open_dataset("outside_dataset:Yours")
+
+
+@pytest.mark.parametrize("name", DATASETS)
+def test_protocols_exist(name: str) -> None:
+    factory = DATASETS[name]
+    assert isinstance(factory, type)
+    assert set(factory.protocols) <= set(PROTOCOLS)
+    assert factory.name == name
+    assert factory.citation
+    assert factory.title
+
+
+def test_cache_folder_is_the_one_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CGROUP_CACHE", str(tmp_path / "here"))
+    assert cache_folder() == tmp_path / "here"
+    monkeypatch.delenv("CGROUP_CACHE")
+    assert cache_folder().name == "cgroup"
+
+
+def test_cache_makes_once_and_outlives_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CGROUP_CACHE", str(tmp_path / "here"))
+    calls: list[int] = []
+
+    def make() -> dict[str, np.ndarray]:
+        calls.append(1)
+        return {"a": np.arange(3)}
+
+    for _ in range(2):
+        np.testing.assert_array_equal(cached("kind", ["key", b"1"], make)["a"], [0, 1, 2])
+    assert len(calls) == 1
+    cached("kind", ["other"], make)
+    assert len(calls) == 2
+    files = list((tmp_path / "here" / "kind").iterdir())
+    assert sorted(path.suffix for path in files) == [".npz", ".npz"]
+    for path in files:
+        path.write_bytes(path.read_bytes()[:50])
+    np.testing.assert_array_equal(cached("kind", ["other"], make)["a"], [0, 1, 2])
+    assert len(calls) == 3
+
+
+# --- scanner ---------------------------------------------------------------------------------
+
+
+def test_scanner_sees_a_wall_behind_a_smaller_one() -> None:
+    square = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    vertices = np.concatenate([square - [0, 0, 4], 4 * square - [0, 0, 8]])
+    near, far = np.array([[0, 1, 2], [0, 2, 3]]), np.array([[4, 5, 6], [4, 6, 7]])
+    image = range_image(Mesh(vertices, np.concatenate([near, far])), step=0.013, offset=np.array([1.0, 1.0]))
+    points = image.points()
+    front = np.abs(points[:, 2] + 4) < 1e-9
+    np.testing.assert_allclose(points[~front, 2], -8)
+    assert (np.abs(points[front, :2]) <= 1).all()
+    shadow = np.abs(points[~front, :2]).max(axis=1)
+    assert shadow.min() > 2 - 1e-9  # what the near wall hides of the far one
+    # No triangle spans the step between them, and together they have the area of what is seen.
+    corners = points[image.faces()]
+    assert (np.ptp(corners[:, :, 2], axis=1) < 1e-9).all()
+    area = (
+        np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+        / 2
+    )
+    assert area == pytest.approx(4 + 64 - 16, rel=0.1)  # a pixel less along each edge
+    behind = range_image(Mesh(vertices, near[:, ::-1]), step=0.013, offset=np.array([1.0, 1.0]))
+    assert len(behind.points()) == 0
+    both = range_image(Mesh(vertices, near[:, ::-1]), step=0.013, offset=np.array([1.0, 1.0]), two_sided=True)
+    assert len(both.points()) == front.sum()
+
+
+def test_oblique_surfaces_return_nothing() -> None:
+    tilt = np.radians(80)
+    square = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    turned = square @ np.array([[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]])
+    mesh = Mesh(turned - [0, 0, 50], np.array([[0, 1, 2], [0, 2, 3]]))
+    assert len(range_image(mesh, step=1e-3, offset=np.array([1.0, 1.0]), two_sided=True).points()) == 0
+
+
+# --- stand-ins -------------------------------------------------------------------------------
+
+
+@functools.cache
+def standin(name: str, pair_name: str) -> MatchingPair:
+    return matching(open_dataset(name), pair_name)
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "pair_name"),
+    [
+        ("standin-full", 6, "stone2"),
+        ("standin-clutter", 12, "scene2-stone1"),
+        ("standin-views", 12, "views5"),
+    ],
+)
+def test_standins_are_reproducible_and_posed(name: str, count: int, pair_name: str) -> None:
+    dataset = open_dataset(name)
+    names = dataset.pair_names()
+    assert len(names) == len(set(names)) == count
+    first = standin(name, pair_name)
+    standins._scene.cache_clear()
+    again = matching(dataset, pair_name)
+    np.testing.assert_array_equal(first.source.points, again.source.points)
+    np.testing.assert_array_equal(first.target.points, again.target.points)
+    assert first.facts == again.facts
+    assert np.median(residuals(first)) < 1
+    assert dataset.origin_of(pair_name) == "synthetic"
+    with pytest.raises(InputError, match=rf"no pair 'x'.*{count}"):
+        dataset.load("x")
+
+
+def test_standin_clutter_spans_a_range() -> None:
+    names = [f"scene{scene}-stone{number}" for scene in (0, 2) for number in range(4)]
+    facts = [standin("standin-clutter", name).facts for name in names]
+    for fact, low, high in (("clutter", 0.76, 0.88), ("occlusion", 0.7, 0.85)):
+        values = [pair[fact] for pair in facts]
+        assert 0.5 < min(values) < low
+        assert high < max(values) < 0.96
+
+
+def test_standin_views_overlap_less_and_less() -> None:
+    shares = [standin("standin-views", name).facts["overlap"] for name in ("views0", "views5", "views11")]
+    assert shares[0] > 0.95
+    assert 0.5 < shares[1] < 0.9
+    assert 0.15 < shares[2] < 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "pair_name", "share"),
+    [
+        ("standin-full", "stone2", 0.95),
+        ("standin-clutter", "scene0-stone2", 0.01),
+        ("standin-views", "views0", 0.2),
+    ],
+)
+def test_standins_have_correct_matches(name: str, pair_name: str, share: float) -> None:
+    pair = standin(name, pair_name)
+    found = correspond(
+        pair.source,
+        pair.target,
+        normals=pair.normals,
+        source_viewpoint=pair.source_viewpoint,
+        target_viewpoint=pair.target_viewpoint,
+    )
+    assert found.resolution is not None
+    correct = correct_matches(
+        found.source, found.target, pair.T_target_source, tolerance=5 * found.resolution
+    )
+    assert 300 <= len(found) <= 1000
+    assert correct.mean() > share
+
+
+# --- owners' layouts -------------------------------------------------------------------------
+
+
+@dataclass
+class B3RFolder:
+    root: Path
+    scenes: dict[float, PointCloud]
+
+
+CONFIG = """[MODELS]
+
+NUMBER = 1
+
+MODEL_0 = "/3D models/Stanford/stone/stone_res.ply"
+MODEL_0_GROUNDTRUTH = "/3D models/Stanford/Retrieval/Scene0-rs0.xf"
+MODEL_0_CATEGORY = 0
+
+[SCENE]
+
+MIAN_SCENE = 1
+PATH = "/3D models/Stanford/Retrieval/Scene0.ply"
+"""
+
+
+@pytest.fixture
+def b3r(tmp_path: Path, model: PointCloud) -> B3RFolder:
+    stanford = tmp_path / "b3r" / "3D models" / "Stanford"
+    write(stanford / "stone" / "stone_res.ply", model)
+    write(stanford / "Retrieval" / "ConfigScene0.ini", CONFIG)
+    write(stanford / "Retrieval" / "Scene0-rs0.xf", text_of(POSE))
+    vectors = np.random.default_rng(0).normal(size=model.points.shape)
+    scenes = {level: PointCloud(moved(model.points, POSE) + level * vectors) for level in (0.1, 0.3, 0.5)}
+    for level, scene in scenes.items():
+        write(stanford / "Retrieval" / f"Scene0_{level}.ply", scene)
+    return B3RFolder(tmp_path, scenes)
+
+
+def test_b3r_as_published(b3r: B3RFolder, model: PointCloud) -> None:
+    dataset = open_dataset("b3r", b3r.root)
+    assert dataset.pair_names() == ["scene0-noise0.1", "scene0-noise0.3", "scene0-noise0.5"]
+    for level, scene in b3r.scenes.items():
+        pair = matching(dataset, f"scene0-noise{level}")
+        np.testing.assert_array_equal(pair.target.points, scene.points)
+        np.testing.assert_array_equal(pair.source.points, model.points)
+        np.testing.assert_array_equal(pair.T_target_source, POSE)
+        np.testing.assert_allclose(pair.target_viewpoint, moved(np.zeros((1, 3)), POSE)[0])
+        assert pair.facts == {"noise": level}
+
+
+def test_b3r_rebuilds_what_is_missing(b3r: B3RFolder) -> None:
+    for path in b3r.root.rglob("Scene0_0.[35].ply"):
+        path.unlink()
+    dataset = open_dataset("b3r", b3r.root)
+    for level in (0.3, 0.5):
+        rebuilt = matching(dataset, f"scene0-noise{level}").target.points
+        np.testing.assert_allclose(rebuilt, b3r.scenes[level].points, atol=1e-9)
+
+
+def test_b3r_clean_has_no_noise(b3r: B3RFolder, model: PointCloud) -> None:
+    pair = matching(open_dataset("b3r-clean", b3r.root), "scene0")
+    np.testing.assert_allclose(pair.target.points, moved(model.points, POSE))
+    assert pair.target.faces is not None
+
+
+def test_b3r_turns_an_inverse_pose_round(b3r: B3RFolder) -> None:
+    pose_file = next(b3r.root.rglob("*.xf"))
+    pose_file.write_text(text_of(np.linalg.inv(POSE)))
+    pair = matching(open_dataset("b3r", b3r.root), "scene0-noise0.1")
+    np.testing.assert_allclose(pair.T_target_source, POSE, atol=1e-9)
+    wrong = POSE.copy()
+    wrong[0, 3] += 500
+    pose_file.write_text(text_of(wrong))
+    with pytest.raises(InputError, match="neither the pose nor its inverse"):
+        open_dataset("b3r", b3r.root).load("scene0-noise0.1")
+
+
+@pytest.mark.parametrize("content", ["[MODELS]\n", "no configuration at all", "[SCENE]\nPATH = 3\n"])
+def test_b3r_broken_configuration(content: str, b3r: B3RFolder) -> None:
+    next(b3r.root.rglob("ConfigScene0.ini")).write_text(content)
+    with pytest.raises(InputError, match=r"ConfigScene0.ini: not a readable"):
+        open_dataset("b3r", b3r.root).load("scene0-noise0.1")
+
+
+def stand(number: int) -> np.ndarray:
+    """Stones side by side before the scanner, turned so that each shows another side."""
+    angle = 1.3 * number
+    pose = np.eye(4)
+    pose[:3, :3] = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    pose[:3, 3] = (90.0 * number, 10, -600 - 30 * number)
+    return pose
+
+
+U3OR_MODELS = {"chef": "cheff.ply", "chicken": "chicken_high.ply", "T-rex": "T-rex_high.ply"}
+
+
+@pytest.fixture
+def u3or(tmp_path: Path) -> Path:
+    home = tmp_path / "u3or"
+    for number, (name, file) in enumerate(U3OR_MODELS.items()):
+        mesh = stone(np.random.default_rng(number), 24)
+        write(home / "models" / file, PointCloud(mesh.vertices, faces=mesh.faces))
+        for scene in (1, 12):
+            write(home / "GroundTruth_3Dscenes" / f"{name}-rs{scene}.xf", text_of(stand(number)))
+    write(home / "GroundTruth_3Dscenes" / "rhino-rs1.xf", text_of(np.eye(4)))
+    write(home / "GroundTruth_3Dscenes" / "chef-rs1-old.xf", text_of(np.eye(4)))
+    write(home / "occlusion.txt", "scene\tobject\t% occlusion\n1\tchef\t77.2\n12\ttrex\t69.3\n")
+    return tmp_path
+
+
+def test_u3or_simulates_the_scenes_that_are_missing(u3or: Path) -> None:
+    dataset = open_dataset("u3or", u3or)
+    assert dataset.pair_names() == [
+        f"rs{scene}-{name}" for scene in (1, 12) for name in ("T-rex", "chef", "chicken")
+    ]
+    pair = matching(dataset, "rs12-T-rex")
+    assert dataset.origin_of("rs12-T-rex") == "semi-synthetic"
+    np.testing.assert_allclose(pair.T_target_source, stand(2))
+    assert pair.normals == "mesh"
+    assert np.median(residuals(pair)) < 1
+    assert pair.facts["occlusion"] == pytest.approx(0.693)
+    assert 0.5 < pair.facts["clutter"] < 0.8
+    computed = matching(dataset, "rs12-chef")  # nothing is published
+    assert 0.5 < computed.facts["occlusion"] < 0.8
+    again = matching(dataset, "rs12-T-rex")  # from the cache
+    np.testing.assert_array_equal(again.target.points, pair.target.points)
+
+
+def test_u3or_takes_the_scan_that_is_there(u3or: Path) -> None:
+    made = open_dataset("u3or", u3or)
+    assert isinstance(made, U3OR)
+    scan = made.scene(12)
+    write(u3or / "u3or" / "scenes" / "rs12.ply", scan)
+    dataset = open_dataset("u3or", u3or)
+    assert dataset.origin_of("rs12-chef") == "real"
+    assert dataset.origin_of("rs1-chef") == "semi-synthetic"
+    pair = matching(dataset, "rs12-chef")
+    np.testing.assert_allclose(pair.target.points, scan.points)
+    pose_file = u3or / "u3or" / "GroundTruth_3Dscenes" / "chef-rs12.xf"
+    pose_file.write_text(text_of(np.linalg.inv(stand(0))))
+    np.testing.assert_allclose(
+        matching(open_dataset("u3or", u3or), "rs12-chef").T_target_source, stand(0), atol=1e-9
+    )
+
+
+def test_u3or_pose_behind_the_scanner(u3or: Path) -> None:
+    pose_file = u3or / "u3or" / "GroundTruth_3Dscenes" / "chef-rs12.xf"
+    pose_file.write_text(text_of(np.linalg.inv(stand(1))))
+    with pytest.raises(InputError, match=r"chef-rs12.xf: .*behind the scanner"):
+        open_dataset("u3or", u3or).load("rs12-chef")
+
+
+def test_u3or_says_which_model_is_missing(u3or: Path) -> None:
+    (u3or / "u3or" / "models" / "cheff.ply").unlink()
+    with pytest.raises(InputError, match=r"cheff.ply: isn't there.*http"):
+        open_dataset("u3or", u3or).load("rs12-T-rex")
+
+
+def quaternion_of(rotation: np.ndarray) -> np.ndarray:
+    """x y z w, for rotations by less than 180 degrees."""
+    w = np.sqrt(1 + np.trace(rotation)) / 2
+    x, y, z = (
+        rotation[2, 1] - rotation[1, 2],
+        rotation[0, 2] - rotation[2, 0],
+        rotation[1, 0] - rotation[0, 1],
+    )
+    return np.array([x / (4 * w), y / (4 * w), z / (4 * w), w])
+
+
+@pytest.fixture
+def stanford(tmp_path: Path, views: MatchingPair) -> Path:
+    """Two views, the second in the frame of a world that the first is turned into; and one far away."""
+    home = tmp_path / "stanford_views" / "stone" / "data"
+    apart = PointCloud(views.source.points + np.array([0, 0, 1000]))
+    for name, cloud in (("a.ply", views.source), ("b.ply", views.target), ("c.ply", apart)):
+        write(home / name, cloud)
+    rotation, translation = views.T_target_source[:3, :3], views.T_target_source[:3, 3]
+    world = [*translation, *quaternion_of(rotation.T)]  # the format's quaternions turn the other way
+    numbers = " ".join(repr(float(number)) for number in world)
+    write(
+        home / "stone.conf",
+        f"camera 0 0 0 0 0 0 1\nmesh x 0 0 0 0 0 0 1\nbmesh a.ply {numbers}\nbmesh b.ply 0 0 0 0 0 0 1\n"
+        f"bmesh c.ply {numbers}\nbmesh missing.ply 0 0 0 0 0 0 1\n",
+    )
+    return tmp_path
+
+
+def test_stanford_reads_configurations_and_finds_pairs(stanford: Path, views: MatchingPair) -> None:
+    dataset = open_dataset("stanford", stanford)
+    assert dataset.pair_names() == ["stone/a-b"]
+    pair = matching(dataset, "stone/a-b")
+    np.testing.assert_allclose(pair.T_target_source, views.T_target_source, atol=1e-6)
+    pr = (features.resolution(pair.source.points) + features.resolution(pair.target.points)) / 2
+    expected = overlap(pair.source.points, pair.target.points, views.T_target_source, tolerance=4 * pr)
+    assert pair.facts["overlap"] == pytest.approx(expected, abs=1e-3)
+
+
+def test_stanford_takes_the_manifests_list(stanford: Path) -> None:
+    entry = {"pairs": [{"set": "stone", "src": "b.ply", "tgt": "a.ply"}]}
+    write(stanford / "manifest.json", json.dumps({"stanford_views": entry}))
+    dataset = open_dataset("stanford", stanford)
+    assert dataset.pair_names() == ["stone/b-a"]
+    assert matching(dataset, "stone/b-a").facts["overlap"] > 0.5
+    write(stanford / "manifest.json", "[]")
+    with pytest.raises(InputError, match="manifest"):
+        open_dataset("stanford", stanford).pair_names()
+
+
+def test_stanford_broken_configuration(stanford: Path) -> None:
+    next(stanford.rglob("*.conf")).write_text("bmesh a.ply 0 0 0 x 0 0 1\n")
+    with pytest.raises(InputError, match=r"stone.conf: can't read the pose"):
+        open_dataset("stanford", stanford)
+
+
+def log_of(pairs: dict[tuple[int, int], np.ndarray]) -> str:
+    return "".join(f"{i}\t{j}\t9\n{text_of(pose)}" for (i, j), pose in pairs.items())
+
+
+@pytest.fixture
+def threedmatch(tmp_path: Path, views: MatchingPair) -> Path:
+    home = tmp_path / "threedmatch"
+    # In m, so that the grid of 2.5 cm leaves the shape: the stone is 10 m wide.
+    for number, cloud in ((0, views.target), (2, views.source)):
+        write(home / "kitchen" / f"cloud_bin_{number}.ply", PointCloud(cloud.points / 10))
+    pose = views.T_target_source.copy()
+    pose[:3, 3] /= 10
+    write(home / "kitchen-evaluation" / "gt.log", log_of({(0, 2): pose}))
+    write(home / "benchmarks" / "3DLoMatch" / "kitchen" / "gt.log", log_of({(2, 0): np.linalg.inv(pose)}))
+    return tmp_path
+
+
+def test_threedmatch_reads_logs_of_both_benchmarks(threedmatch: Path, views: MatchingPair) -> None:
+    dataset = open_dataset("3dmatch", threedmatch)
+    assert dataset.pair_names() == ["3DMatch/kitchen/0-2", "3DLoMatch/kitchen/2-0"]
+    pair = matching(dataset, "3DMatch/kitchen/0-2")
+    np.testing.assert_allclose(pair.T_target_source[:3, :3], views.T_target_source[:3, :3])
+    assert len(pair.source) == len(views.source)
+    assert pair.facts["overlap"] > 0.7
+    assert "3dmatch" in dataset.protocols
+    other = matching(dataset, "3DLoMatch/kitchen/2-0")
+    np.testing.assert_allclose(other.T_target_source @ pair.T_target_source, np.eye(4), atol=1e-9)
+    (threedmatch / "threedmatch" / "kitchen" / "cloud_bin_0.ply").unlink()
+    with pytest.raises(InputError, match=r"cloud_bin_0.ply: isn't there"):
+        dataset.load("3DMatch/kitchen/0-2")
+
+
+def test_threedmatch_broken_log(threedmatch: Path) -> None:
+    log = threedmatch / "threedmatch" / "kitchen-evaluation" / "gt.log"
+    log.write_text("\n".join(log.read_text().splitlines()[:-1]))
+    with pytest.raises(InputError, match=r"gt.log: not a list of poses"):
+        open_dataset("3dmatch", threedmatch)
+
+
+def test_threedmatch_thins_out(threedmatch: Path) -> None:
+    dense = np.random.default_rng(0).uniform(size=(4000, 3)) * [1, 1, 0.001]
+    for number in (0, 2):
+        write(threedmatch / "threedmatch" / "kitchen" / f"cloud_bin_{number}.ply", PointCloud(dense))
+    log = threedmatch / "threedmatch" / "kitchen-evaluation" / "gt.log"
+    log.write_text(log_of({(0, 2): np.eye(4)}))
+    pair = matching(open_dataset("3dmatch", threedmatch), "3DMatch/kitchen/0-2")
+    assert 1000 < len(pair.source) < 1601  # 40 x 40 cells
+
+
+@pytest.fixture
+def fgr(tmp_path: Path, views: MatchingPair) -> Path:
+    home = tmp_path / "fgr" / "pair_01"
+    write(home / "Depth_0000.ply", views.target)
+    write(home / "Depth_0001.ply", views.source)
+    write(home / "gt.log", log_of({(0, 1): views.T_target_source}))
+    for number, cloud in ((0, views.target.points), (1, moved(views.source.points, views.T_target_source))):
+        # Features that are the true places: nearest neighbours are correct matches.
+        table = np.concatenate([cloud, cloud], axis=1).astype("<f4")
+        head = np.array([len(cloud), 3], dtype="<i4")
+        (home / f"features_000{number}.bin").write_bytes(head.tobytes() + table.tobytes())
+    return tmp_path
+
+
+def test_fgr_matches_features_both_ways(fgr: Path, views: MatchingPair) -> None:
+    dataset = open_dataset("fgr", fgr)
+    pair = dataset.load("pair_01")
+    assert isinstance(pair, CorrespondencePair)
+    found = pair.correspondences
+    assert found.ratio is not None
+    assert found.resolution is not None
+    np.testing.assert_array_equal(pair.T_target_source, views.T_target_source)
+    assert len(np.unique(found.target, axis=0)) == len(found) > 200
+    tolerance = 4 * found.resolution
+    assert correct_matches(found.source, found.target, pair.T_target_source, tolerance=tolerance).mean() > 0.8
+    # The same, from neighbours that were computed before.
+    matches = features.match(
+        moved(views.source.points, views.T_target_source).astype(np.float32),
+        views.target.points.astype(np.float32),
+    )
+    back = features.match(
+        views.target.points.astype(np.float32),
+        moved(views.source.points, views.T_target_source).astype(np.float32),
+    )
+    np.savez(
+        fgr / "fgr" / "pair_01" / "fpfh_nn.npz",
+        src1_to_0=matches.target_indices,
+        src0_to_1=back.target_indices,
+        ratio1=matches.ratio,
+    )
+    again = open_dataset("fgr", fgr).load("pair_01")
+    assert isinstance(again, CorrespondencePair)
+    np.testing.assert_array_equal(again.correspondences.source, found.source)
+    np.testing.assert_array_equal(again.correspondences.target, found.target)
+
+
+def test_fgr_broken_features(fgr: Path) -> None:
+    path = fgr / "fgr" / "pair_01" / "features_0001.bin"
+    path.write_bytes(path.read_bytes()[:-4])
+    with pytest.raises(InputError, match=r"features_0001.bin: says"):
+        open_dataset("fgr", fgr).load("pair_01")
+    path.unlink()
+    with pytest.raises(InputError, match=r"features_0001.bin: isn't there"):
+        open_dataset("fgr", fgr).load("pair_01")
+
+
+def test_correspondence_files(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    source = rng.normal(size=(20, 3))
+    target = moved(source, POSE)
+    home = tmp_path / "corr"
+    write(home / "indoor" / "corr.txt", text_of(np.concatenate([source, target], axis=1)))
+    write(home / "indoor" / "GTmat.txt", text_of(POSE))
+    for name, points in (("src", source), ("dst", target)):
+        write(home / "street" / f"007_fpfh_kpts_{name}.txt", text_of(points))
+    write(home / "street" / "007_trans.txt", text_of(POSE))
+    dataset = open_dataset("corr", tmp_path)
+    assert dataset.pair_names() == ["indoor", "street/007"]
+    for name, inlier_distance, protocols in (
+        ("indoor", 0.1, ("precision>0.1", "3dmatch")),
+        ("street/007", 0.6, ("precision>0.1", "kitti", "kitti-2m")),
+    ):
+        pair = dataset.load(name)
+        assert isinstance(pair, CorrespondencePair)
+        np.testing.assert_array_equal(pair.correspondences.source, source)
+        assert pair.correspondences.resolution == pytest.approx(inlier_distance / 5)
+        assert correct_matches(
+            source, pair.correspondences.target, pair.T_target_source, tolerance=1e-9
+        ).all()
+        assert dataset.protocols_of(name) == protocols
+
+
+def test_u3m_reads_the_list_beside_the_views(tmp_path: Path, views: MatchingPair) -> None:
+    home = tmp_path / "u3m" / "Chef"
+    write(home / "view1.ply", views.source)
+    write(home / "view2.ply", views.target)
+    numbers = " ".join(repr(float(number)) for number in views.T_target_source.reshape(-1))
+    write(home / "pairs.txt", f"view1.ply view2.ply {numbers}\n\n")
+    dataset = open_dataset("u3m", tmp_path)
+    assert dataset.pair_names() == ["Chef/view1-view2"]
+    pair = matching(dataset, "Chef/view1-view2")
+    np.testing.assert_array_equal(pair.T_target_source, views.T_target_source)
+    assert pair.facts["overlap"] > 0.7
+    write(home / "pairs.txt", "view1.ply view2.ply 1 2 3\n")
+    with pytest.raises(InputError, match=r"pairs.txt, line 1: has 5 words"):
+        open_dataset("u3m", tmp_path)
+
+
+# --- real data -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "folder", "count"),
+    [
+        ("b3r", "b3r", 54),
+        ("b3r-clean", "b3r", 18),
+        ("u3or", "u3or", 188),
+        ("stanford", "stanford_views", 96),
+        ("3dmatch", "threedmatch", 33),
+        ("fgr", "fgr", 5),
+        ("corr", "corr", 7),
+    ],
+)
+def test_number_of_pairs(name: str, folder: str, count: int) -> None:
+    names = open_dataset(name, data_folder(folder)).pair_names()
+    assert len(names) == len(set(names)) == count
+
+
+@pytest.mark.parametrize(
+    ("name", "folder", "pair_name", "limit"),
+    [
+        ("b3r", "b3r", "scene0-noise0.1", 0.7),
+        ("b3r", "b3r", "scene12-noise0.5", 1.2),
+        ("b3r-clean", "b3r", "scene7", 1e-6),
+        ("stanford", "stanford_views", "bunny/bun000-bun045", 1.0),
+        ("stanford", "stanford_views", "happy_stand/happyStandRight_0-happyStandRight_48", 1.0),
+        ("3dmatch", "threedmatch", "3DMatch/7-scenes-redkitchen/6-7", 1.0),
+    ],
+)
+def test_real_poses_fit(name: str, folder: str, pair_name: str, limit: float) -> None:
+    left = residuals(matching(open_dataset(name, data_folder(folder)), pair_name))
+    assert np.median(left) < limit
+
+
+@pytest.fixture(scope="module")
+def real_u3or() -> U3OR:
+    return U3OR(data_folder("u3or"))
+
+
+@pytest.mark.parametrize("pair_name", ["rs1-chef", "rs1-T-rex", "rs6-parasaurolophus"])
+def test_u3or_poses_fit(pair_name: str, real_u3or: U3OR) -> None:
+    assert np.median(residuals(matching(real_u3or, pair_name))) < 1.2
+
+
+def test_real_noise_is_in_mean_edge_lengths() -> None:
+    dataset = open_dataset("b3r", data_folder("b3r"))
+    for level in (0.1, 0.3):
+        pair = matching(dataset, f"scene0-noise{level}")
+        assert pair.source.faces is not None
+        corners = pair.source.points[pair.source.faces]
+        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean()
+        noise = (pair.target.points - moved(pair.source.points, pair.T_target_source)).std()
+        assert noise / edges == pytest.approx(level, rel=0.1)
+
+
+def test_stanford_normals_agree_between_views() -> None:
+    pair = matching(open_dataset("stanford", data_folder("stanford_views")), "bunny/bun000-bun045")
+    assert pair.facts["overlap"] == pytest.approx(0.92, abs=0.03)
+    spatial = pytest.importorskip("scipy.spatial")
+    turned = (
+        features.normals(pair.source.points, viewpoint=pair.source_viewpoint) @ pair.T_target_source[:3, :3].T
+    )
+    there = features.normals(pair.target.points, viewpoint=pair.target_viewpoint)
+    distances, nearest = spatial.cKDTree(pair.target.points).query(
+        moved(pair.source.points, pair.T_target_source)
+    )
+    close = distances < 0.001
+    assert ((turned[close] * there[nearest[close]]).sum(axis=1) > 0).mean() > 0.99
+
+
+def test_u3or_simulation_is_like_the_real_scan(real_u3or: U3OR) -> None:
+    simulated = real_u3or.simulated_scene(1)
+    scan = read_cloud(data_folder("u3or") / "u3or" / "pcl" / "rs1.pcd").points[::20]
+    real = 1000 * scan @ np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]]).T  # metres, axes exchanged
+    assert within(real, simulated.points, 3.0).mean() > 0.88
+    assert features.resolution(simulated.points) == pytest.approx(
+        features.resolution(real_u3or.scene(1).points), rel=0.1
+    )
+
+
+def test_u3or_normals_of_models_and_scan_agree(real_u3or: U3OR) -> None:
+    spatial = pytest.importorskip("scipy.spatial")
+    for name in ("rs1-chef", "rs1-chicken", "rs1-parasaurolophus", "rs1-T-rex"):
+        pair = matching(real_u3or, name)
+        assert real_u3or.origin_of(name) == "real"
+        assert pair.source.faces is not None
+        turned = features.mesh_normals(pair.source.points, pair.source.faces) @ pair.T_target_source[:3, :3].T
+        seen = features.normals(pair.target.points, viewpoint=pair.target_viewpoint)
+        distances, nearest = spatial.cKDTree(moved(pair.source.points, pair.T_target_source)).query(
+            pair.target.points
+        )
+        close = (distances < 2) & np.isfinite(turned[nearest]).all(axis=1)
+        assert ((turned[nearest[close]] * seen[close]).sum(axis=1) > 0).mean() > 0.97
+
+
+def test_u3or_occlusion_is_like_the_published_one(real_u3or: U3OR) -> None:
+    """Over two scenes; over all pairs the correlation is 0.70."""
+    models = {name: real_u3or.model(name) for name in u3or_module.MODEL_FILES}
+    published, computed = [], []
+    for number in (1, 9):
+        scene = real_u3or.simulated_scene(number)
+        assert scene.faces is not None
+        for name, model in models.items():
+            if (number, name) not in real_u3or._poses:
+                continue
+            assert model.faces is not None
+            tolerance = features.resolution(model.points) + features.resolution(scene.points)  # 2 pr
+            pose = read_transform(real_u3or._poses[number, name])
+            _, occlusion = clutter_and_occlusion(
+                model.points, model.faces, scene.points, scene.faces, pose, tolerance=tolerance
+            )
+            published.append(real_u3or._occlusions[number, name])
+            computed.append(occlusion)
+    assert len(published) >= 7
+    assert np.corrcoef(published, computed)[0, 1] > 0.6
+
+
+def test_fgr_features_and_neighbours_agree() -> None:
+    root = data_folder("fgr")
+    name = "pairwise_noise_xyz_level_01_01_rot_05"
+    pair = open_dataset("fgr", root).load(name)
+    assert isinstance(pair, CorrespondencePair)
+    found = pair.correspondences
+    assert found.resolution is not None
+    share = correct_matches(
+        found.source, found.target, pair.T_target_source, tolerance=5 * found.resolution
+    ).mean()
+    assert share == pytest.approx(0.47, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "matches", "share"),
+    [
+        ("mac_py_redkitchen_24_59", 5678, 0.037),
+        ("superansac_redkitchen_35_5", 4138, 0.44),
+        ("turboreg_kitti/000", 5344, 0.02),
+        ("turboreg_kitti/080", 1956, 0.034),
+    ],
+)
+def test_correspondence_files_have_the_known_share_of_inliers(name: str, matches: int, share: float) -> None:
+    pair = open_dataset("corr", data_folder("corr")).load(name)
+    assert isinstance(pair, CorrespondencePair)
+    found = pair.correspondences
+    assert found.resolution is not None
+    assert len(found) == matches
+    correct = correct_matches(
+        found.source, found.target, pair.T_target_source, tolerance=5 * found.resolution
+    )
+    assert correct.mean() == pytest.approx(share, abs=0.005)
+
+
+def test_stanford_without_the_manifest_finds_nearly_the_same_pairs(tmp_path: Path) -> None:
+    root = data_folder("stanford_views")
+    home = tmp_path / "stanford_views" / "bunny"
+    home.mkdir(parents=True)
+    for name in ("bun.conf", "bun000.ply", "bun045.ply", "bun180.ply"):
+        (home / name).write_bytes((root / "stanford_views" / "bunny" / name).read_bytes())
+    assert StanfordViews(tmp_path).pair_names() == ["bunny/bun000-bun045"]

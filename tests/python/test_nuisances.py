@@ -1,0 +1,214 @@
+"""Noise, decimation, and what takes away from the shape in common."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cgroup import features
+from cgroup.datasets import MatchingPair, standin_pair
+from cgroup.datasets.standin import stone
+from cgroup.datasets.voxels import voxel_means
+from cgroup.errors import InputError
+from cgroup.evaluation import overlap, within
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
+from cgroup.io import PointCloud
+from cgroup.nuisances import NUISANCES, add_noise, apply_nuisance, decimate
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+POSE = np.array([[0.0, -1, 0, 30], [1, 0, 0, -20], [0, 0, 1, 200], [0, 0, 0, 1]])
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(5)
+
+
+@pytest.fixture(scope="module")
+def pair() -> MatchingPair:
+    mesh = stone(np.random.default_rng(0), 30)
+    model = PointCloud(mesh.vertices, faces=mesh.faces)
+    return MatchingPair("whole", model, model.transformed(POSE), POSE, facts={"noise": 0.0, "kept": 1.0})
+
+
+def pr_of(pair: MatchingPair) -> float:
+    return (features.resolution(pair.source.points) + features.resolution(pair.target.points)) / 2
+
+
+def test_noise_has_the_size_asked_for(rng: np.random.Generator, pair: MatchingPair) -> None:
+    noisy = add_noise(pair.target, 0.5, rng)
+    moved = noisy.points - pair.target.points
+    np.testing.assert_allclose(moved.std(axis=0), 0.5, rtol=0.05)
+    np.testing.assert_allclose(moved.mean(axis=0), 0, atol=0.05)
+    assert noisy.faces is pair.target.faces
+    np.testing.assert_array_equal(add_noise(pair.target, 0, rng).points, pair.target.points)
+
+
+@pytest.mark.parametrize("sigma", [-1.0, float("nan"), float("inf")])
+def test_bad_noise(sigma: float, rng: np.random.Generator, pair: MatchingPair) -> None:
+    with pytest.raises(InputError, match="sigma"):
+        add_noise(pair.target, sigma, rng)
+
+
+def test_random_decimation_keeps_points_in_order(rng: np.random.Generator) -> None:
+    points = np.arange(3000.0).reshape(-1, 3)
+    colors = np.zeros((1000, 3), dtype=np.uint8)
+    cloud = PointCloud(points, normals=-points, faces=np.array([[0, 1, 2]]), colors=colors)
+    thin = decimate(cloud, 0.3, rng)
+    assert len(thin) == 300
+    assert (np.diff(thin.points[:, 0]) > 0).all()
+    assert thin.normals is not None
+    np.testing.assert_array_equal(thin.normals, -thin.points)
+    assert thin.faces is None
+    assert thin.colors is not None
+    assert len(thin.colors) == 300
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_voxel_decimation_comes_near_the_share(
+    share: float, rng: np.random.Generator, pair: MatchingPair
+) -> None:
+    thin = decimate(pair.target, share, rng, method="voxel")
+    assert len(thin) == pytest.approx(share * len(pair.target), rel=0.1)
+    again = decimate(pair.target, share, np.random.default_rng(99), method="voxel")
+    np.testing.assert_array_equal(thin.points, again.points)
+
+
+def test_everything_kept_is_everything(rng: np.random.Generator, pair: MatchingPair) -> None:
+    for method in ("random", "voxel"):
+        np.testing.assert_array_equal(
+            decimate(pair.target, 1.0, rng, method=method).points, pair.target.points
+        )
+
+
+@pytest.mark.parametrize("share", [0.0, -0.1, 1.1, float("nan")])
+def test_bad_share(share: float, rng: np.random.Generator, pair: MatchingPair) -> None:
+    with pytest.raises(InputError, match="share"):
+        decimate(pair.target, share, rng)
+
+
+def test_too_few_points_left(rng: np.random.Generator, pair: MatchingPair) -> None:
+    with pytest.raises(InputError, match="leaves 5 points"):
+        decimate(pair.target, 5 / len(pair.target), rng)
+
+
+def test_unknown_method(rng: np.random.Generator, pair: MatchingPair) -> None:
+    with pytest.raises(InputError, match="method"):
+        decimate(pair.target, 0.5, rng, method="grid")  # pyright: ignore[reportArgumentType]
+
+
+def test_voxel_means_are_means() -> None:
+    points = np.array([[0.0, 0, 0], [0.2, 0, 0], [5, 5, 5], [5, 5, 5.4]])
+    np.testing.assert_allclose(voxel_means(points, 1.0), [[0.1, 0, 0], [5, 5, 5.2]])
+
+
+@pytest.mark.parametrize("name", NUISANCES)
+def test_same_generator_same_pair(name: str, pair: MatchingPair) -> None:
+    first, second, other = (
+        apply_nuisance(name, pair, 0.7, np.random.default_rng(seed)).target.points for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, second)
+    if name != "voxel-density":
+        assert first.shape != other.shape or (first != other).any()
+
+
+@pytest.mark.parametrize("name", NUISANCES)
+def test_pose_and_other_facts_stay(name: str, rng: np.random.Generator, pair: MatchingPair) -> None:
+    before = pair.target.points.copy()
+    harder = apply_nuisance(name, pair, 0.7, rng)
+    assert harder.name == pair.name
+    assert harder.T_target_source is pair.T_target_source
+    assert harder.facts["kept"] == 1.0
+    np.testing.assert_array_equal(pair.target.points, before)
+
+
+def test_noise_of_a_pair_is_in_pr(rng: np.random.Generator, pair: MatchingPair) -> None:
+    harder = apply_nuisance("noise", pair, 0.3, rng)
+    deviation = (harder.target.points - pair.target.points).std()
+    assert deviation == pytest.approx(0.3 * features.resolution(pair.target.points), rel=0.05)
+    assert harder.facts["noise"] == 0.3
+    assert harder.source is pair.source
+
+
+def test_density_of_a_pair(rng: np.random.Generator, pair: MatchingPair) -> None:
+    assert len(apply_nuisance("density", pair, 0.4, rng).target) == round(0.4 * len(pair.target))
+
+
+@pytest.mark.parametrize("level", [0.3, 0.6, 0.9])
+def test_overlap_is_reached(level: float, rng: np.random.Generator, pair: MatchingPair) -> None:
+    harder = apply_nuisance("overlap", pair, level, rng)
+    reached = overlap(
+        harder.source.points,
+        harder.target.points,
+        harder.T_target_source,
+        tolerance=OVERLAP_WITHIN * pr_of(pair),
+    )
+    assert reached == pytest.approx(level, abs=0.06)
+    assert harder.facts["overlap"] == pytest.approx(reached)
+    assert harder.source.faces is not None
+    assert harder.source.faces.max() < len(harder.source)
+
+
+@pytest.mark.parametrize("level", [0.6, 0.9])
+def test_occlusion_is_reached(level: float, rng: np.random.Generator, pair: MatchingPair) -> None:
+    harder = apply_nuisance("occlusion", pair, level, rng)
+    assert harder.facts["occlusion"] == pytest.approx(level, abs=0.05)
+    assert harder.source is pair.source
+    assert len(harder.target) == pytest.approx((1 - level) * len(pair.target), rel=0.2)
+
+
+@pytest.mark.parametrize("level", [0.65, 0.95])
+def test_clutter_is_reached_and_lies_apart(
+    level: float, rng: np.random.Generator, pair: MatchingPair
+) -> None:
+    harder = apply_nuisance("clutter", pair, level, rng)
+    added = harder.target.points[len(pair.target) :]
+    assert len(pair.target) / len(harder.target) == pytest.approx(1 - level, abs=0.01)
+    assert harder.facts["clutter"] == pytest.approx(level, abs=0.01)
+    assert not within(added, pair.target.points, 5 * pr_of(pair)).any()
+    assert features.resolution(added) == pytest.approx(features.resolution(pair.target.points), rel=0.5)
+
+
+@pytest.mark.parametrize("name", ["overlap", "occlusion", "clutter"])
+@pytest.mark.parametrize("level", [0.0, 1.0, -0.5, float("nan")])
+def test_shares_are_checked(name: str, level: float, rng: np.random.Generator, pair: MatchingPair) -> None:
+    with pytest.raises(InputError, match=name):
+        apply_nuisance(name, pair, level, rng)
+
+
+def test_more_overlap_than_there_is(rng: np.random.Generator) -> None:
+    views = standin_pair(turn=60, pixels=60)
+    with pytest.raises(InputError, match="overlaps by only"):
+        apply_nuisance("overlap", views, 0.95, rng)
+
+
+def test_less_clutter_and_occlusion_than_there_are(rng: np.random.Generator, pair: MatchingPair) -> None:
+    cluttered = apply_nuisance("clutter", pair, 0.8, rng)
+    with pytest.raises(InputError, match="already"):
+        apply_nuisance("clutter", cluttered, 0.7, rng)
+    hidden = apply_nuisance("occlusion", pair, 0.8, rng)
+    with pytest.raises(InputError, match="already"):
+        apply_nuisance("occlusion", hidden, 0.7, rng)
+
+
+def test_unknown_nuisance(rng: np.random.Generator, pair: MatchingPair) -> None:
+    with pytest.raises(InputError, match=r"choose one of noise.*module:function"):
+        apply_nuisance("fog", pair, 0.5, rng)
+
+
+def test_nuisance_from_outside(
+    rng: np.random.Generator, pair: MatchingPair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = "from dataclasses import replace\ndef rename(pair, level, rng):\n    return replace(pair, name=f'{level}')\n"
+    (tmp_path / "outside_nuisance.py").write_text(code)
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    assert apply_nuisance("outside_nuisance:rename", pair, 0.5, rng).name == "0.5"
+    with pytest.raises(InputError, match="has no 'missing'"):
+        apply_nuisance("outside_nuisance:missing", pair, 0.5, rng)
+    with pytest.raises(InputError, match="can't import"):
+        apply_nuisance("no_such_module:f", pair, 0.5, rng)
