@@ -19,11 +19,12 @@ import pandas as pd
 import pytest
 
 from cgroup import group
-from cgroup.benchmark import records, stages, timing
+from cgroup.benchmark import records, scoring, stages, timing
 from cgroup.benchmark.candidates import candidate
 from cgroup.benchmark.cases import Case
 from cgroup.benchmark.chained import gc_then_ransac, gtm_then_ransac
 from cgroup.benchmark.config import Config, parse_config, preset_names, read_config
+from cgroup.benchmark.packing import pack, unpack
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.run import Summary, run
 from cgroup.benchmark.store import RECORDS, Store, only_writer
@@ -35,6 +36,8 @@ from cgroup.registration import correspond
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from cgroup.benchmark.results import Scored
 
 HERE = Path(__file__).parent
 
@@ -255,11 +258,11 @@ def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
     sample = stages.overlap_sample(source, source[source[:, 0] < 0.5], truth, 0.01, rng)
     assert len(sample) == stages.OVERLAP_SAMPLE
     assert sample[:, 0].max() < 0.5 + 4 * 0.01
-    judged = stages.Truth("", truth, np.zeros(3), sample, 0.01, ("rmse<=5pr", "precision>0.1"))
-    [score] = stages.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), pose.tobytes(), [5])
+    judged = scoring.Truth("", truth, np.zeros(3), sample, 0.01, ("rmse<=5pr", "precision>0.1"))
+    [score] = scoring.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), pose.tobytes(), [5])
     assert score.rmse == pytest.approx(6)
     assert json.loads(score.protocols) == {"rmse<=5pr": False, "precision>0.1": True}
-    [score] = stages.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), None, [5])
+    [score] = scoring.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), None, [5])
     assert (score.rmse, score.rotation_error) == (None, None)
     assert json.loads(score.protocols)["rmse<=5pr"] is False
 
@@ -267,10 +270,10 @@ def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
 def test_correspondences_survive_packing() -> None:
     pair = standin_pair(pixels=60)
     matches = correspond(pair.source, pair.target)
-    packed = stages.pack(matches)
-    assert stages.pack(stages.unpack(packed)) == packed
+    packed = pack(matches)
+    assert pack(unpack(packed)) == packed
     for method in ("ss", "si", "3dhv", "ransac"):
-        one, other = (group(given, method) for given in (matches, stages.unpack(packed)))
+        one, other = (group(given, method) for given in (matches, unpack(packed)))
         np.testing.assert_array_equal(one.mask, other.mask)
 
 
@@ -381,12 +384,12 @@ def test_each_stage_uses_what_the_ones_before_have_stored(
 ) -> None:
     scored: list[tuple[float, ...]] = []
 
-    def score(*arguments: object) -> list[stages.Scored]:
+    def score(*arguments: object) -> list[Scored]:
         scored.append(tuple(arguments[-1]))  # pyright: ignore[reportArgumentType]
-        return scoring(*arguments)  # pyright: ignore[reportArgumentType]
+        return judge(*arguments)  # pyright: ignore[reportArgumentType]
 
-    scoring = stages.score_grouping
-    monkeypatch.setattr(stages, "score_grouping", score)
+    judge = scoring.score_grouping
+    monkeypatch.setattr(scoring, "score_grouping", score)
     text = CLOUDS.replace('"ss", "gc"', '"benchmark_fakes:first"')
     serial(text, tmp_path / "out")
     assert scored == [(5.0,)] * 4
