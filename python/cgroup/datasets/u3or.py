@@ -81,6 +81,7 @@ class U3OR(Dataset):
         self._folder = dataset_folder(root, "u3or", title=self.title, url=URL)
         self._poses = _pose_files(self._folder)
         self._occlusions = _published_occlusions(self._folder)
+        self._models: dict[str, PointCloud] = {}  # read once: each is in many pairs
 
     def pair_names(self) -> list[str]:
         """Return ``rs1-T-rex``, ``rs1-chef``, ... of all published poses."""
@@ -117,10 +118,12 @@ class U3OR(Dataset):
 
     def model(self, name: str) -> PointCloud:
         """Read a model mesh, in the frame that the poses are for."""
-        path = self._model_file(name)
-        cloud = read_cloud(path)
-        offset = OFFSETS.get(path.name, (0.0, 0.0, 0.0))
-        return PointCloud(cloud.points + offset, faces=_faces(cloud))
+        if name not in self._models:
+            path = self._model_file(name)
+            cloud = read_cloud(path)
+            offset = OFFSETS.get(path.name, (0.0, 0.0, 0.0))
+            self._models[name] = PointCloud(cloud.points + offset, faces=_faces(cloud))
+        return self._models[name]
 
     def scene(self, number: int) -> PointCloud:
         """Read the scan of a scene, with faces; or simulate it."""
