@@ -86,5 +86,5 @@ $(VENV)/.ready-scans: $(VENV)/.created $(RUST_SOURCES) pyproject.toml | check-to
 
 $(VENV)/.ready-dev: $(VENV)/.created $(RUST_SOURCES) pyproject.toml | check-tools
 	@echo "Building cgroup and installing its development tools (a few minutes the first time) ..."
-	@$(call quietly,$(MATURIN) develop --release --locked --extras scans,test,dev)
+	@$(call quietly,$(MATURIN) develop --release --locked --extras scans,bench,test,dev)
 	@touch $@ $(VENV)/.ready-scans

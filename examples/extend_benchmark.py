@@ -20,14 +20,13 @@ if TYPE_CHECKING:
 
 
 def closest_descriptors(correspondences: Correspondences, *, share: float = 0.2) -> np.ndarray:
-    """Method: select the given share of the matches, those whose descriptors are most alike."""
-    similarity = correspondences.similarity
-    assert similarity is not None
+    """Select the given share of the matches, those whose descriptors are most alike: a method."""
+    similarity = np.asarray(correspondences.similarity)
     return similarity >= np.quantile(similarity, 1 - share)
 
 
 def holes(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Nuisance: cut so many round holes into the target."""
+    """Cut so many round holes into the target: a nuisance."""
     points = pair.target.points
     for center in rng.choice(points, size=int(level)):
         points = points[np.linalg.norm(points - center, axis=1) > 8.0]
@@ -35,7 +34,7 @@ def holes(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matchin
 
 
 class MyScans(Dataset):
-    """Data set: pairs of scans; here generated, but `load` may read any files below the data root."""
+    """Pairs of scans: a data set. Here generated, but `load` may read any files below the data root."""
 
     name: ClassVar = "my-scans"
     title: ClassVar = "My scans"
@@ -79,4 +78,6 @@ if __name__ == "__main__":
         run(parse_config(CONFIG), Path(folder), workers=2)
         frame = records.load(Path(folder))
     means = records.aggregate(frame, ["level", "method"])
-    print(means[["level", "method", "pairs", "n", "precision", "recall", "ok:rmse<=5pr"]].to_string(index=False))
+    print(
+        means[["level", "method", "pairs", "n", "precision", "recall", "ok:rmse<=5pr"]].to_string(index=False)
+    )

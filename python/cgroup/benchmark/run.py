@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup._arguments import as_count
-from cgroup.benchmark import stages
+from cgroup.benchmark import scoring, stages
 from cgroup.benchmark.backends import Pool, pool
 from cgroup.benchmark.plan import make_plan
+from cgroup.benchmark.results import Grouped, Matched
 from cgroup.benchmark.store import RECORDS, Counts, Store, only_writer
 from cgroup.benchmark.timing import take_times
 from cgroup.errors import InputError
@@ -125,7 +126,7 @@ def _correspond(store: Store, workforce: Pool, root: Path | None, report: _Repor
     tasks = [(cases, folder) for cases in store.pending_cases(_CASES_AT_ONCE)]
     report.begin("correspond")
     for (cases, _), matched in workforce.unordered(stages.match_cases, tasks) if tasks else ():
-        records = matched or [stages.Matched(case, error=stages.KILLED) for case in cases]
+        records = matched or [Matched(case, error=stages.KILLED) for case in cases]
         store.add_matched(records)
         report.add(len(records))
 
@@ -140,7 +141,7 @@ def _group(store: Store, workforce: Pool, report: _Report) -> None:
             yield case_key, seed, store.content(case_key), methods
 
     for (key, *_, methods), grouped in workforce.unordered(stages.group_case, tasks()) if pending else ():
-        records = grouped or [stages.Grouped(key, method.key, error=stages.KILLED) for method in methods]
+        records = grouped or [Grouped(key, method.key, error=stages.KILLED) for method in methods]
         store.add_grouped(records)
         report.add(len(records))
 
@@ -149,12 +150,12 @@ def _score(store: Store, report: _Report) -> None:
     pending = store.pending_scores()
     report.begin("score")
     for case_key, wanted in pending.items():
-        truth = stages.Truth.of(case_key, *store.truth(case_key))
+        truth = scoring.Truth.of(case_key, *store.truth(case_key))
         records = [
             record
             for method_key, mask, pose in store.groupings(case_key)
             if method_key in wanted
-            for record in stages.score_grouping(truth, method_key, mask, pose, wanted[method_key])
+            for record in scoring.score_grouping(truth, method_key, mask, pose, wanted[method_key])
         ]
         store.add_scored(records)
         report.add(len(records))

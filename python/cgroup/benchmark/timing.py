@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.benchmark.machine import this_machine
-from cgroup.benchmark.stages import Provenance, pack, unpack
+from cgroup.benchmark.packing import pack, unpack
+from cgroup.benchmark.results import Provenance
 from cgroup.datasets import CorrespondencePair, open_dataset
 from cgroup.errors import CgroupError, InputError
 from cgroup.registration import correspond

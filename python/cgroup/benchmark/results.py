@@ -1,0 +1,129 @@
+"""What the three stages return, one record each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from typing import TYPE_CHECKING
+
+from cgroup import __version__
+from cgroup.benchmark.machine import Machine, this_machine
+
+if TYPE_CHECKING:
+    from cgroup.benchmark.cases import Case
+
+
+def _now() -> str:
+    return datetime.now(timezone.utc).isoformat(timespec="seconds")
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where and when a record was made."""
+
+    version: str = __version__
+    machine: Machine = field(default_factory=this_machine)
+    created: str = field(default_factory=_now)
+
+
+@dataclass(frozen=True)
+class Matched:
+    """Record of the first stage.
+
+    Attributes
+    ----------
+    case : Case
+        What was asked for.
+    parameters : str
+        JSON of what `correspond` was given.
+    content : bytes
+        The `Correspondences`, see `pack`; empty after an error.
+    truth : bytes
+        True pose, 16 float64.
+    sample : bytes
+        Source points in the overlap, float64.
+    n : int
+        Number of correspondences.
+    pr : float
+        Resolution, in the data's unit.
+    facts, seconds : str
+        JSON: facts about the pair; wall time of each step.
+    error : str
+        Type and message; empty where all went well.
+    """
+
+    case: Case
+    parameters: str = "{}"
+    content: bytes = b""
+    truth: bytes = b""
+    sample: bytes = b""
+    n: int = 0
+    pr: float = float("nan")
+    facts: str = "{}"
+    seconds: str = "{}"
+    error: str = ""
+    provenance: Provenance = field(default_factory=Provenance)
+
+
+@dataclass(frozen=True)
+class Grouped:
+    """Record of the second stage.
+
+    Attributes
+    ----------
+    case_key, method_key : str
+        Which case and method.
+    parameters : str
+        JSON of what the method was given.
+    mask : bytes
+        The group, one bit per correspondence.
+    seconds : float
+        Wall time of the grouping alone.
+    threshold : float, optional
+        The method's cut.
+    pose : bytes, optional
+        Least-squares pose of the group, 16 float64; None where the group fixes none.
+    diagnostics : str
+        JSON of the method's own facts.
+    error : str
+        Type and message; empty where all went well.
+    """
+
+    case_key: str
+    method_key: str
+    parameters: str = "{}"
+    mask: bytes = b""
+    seconds: float = float("nan")
+    threshold: float | None = None
+    pose: bytes | None = None
+    diagnostics: str = "{}"
+    error: str = ""
+    provenance: Provenance = field(default_factory=Provenance)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Record of the third stage: one grouping judged at one threshold.
+
+    Attributes
+    ----------
+    case_key, method_key, epsilon
+        Which grouping, and the threshold in pr.
+    correct, selected, selected_correct : int
+        Counts.
+    rotation_error, translation_error, rmse : float, optional
+        Degrees, the data's unit, pr; None without a pose (or without an overlap).
+    protocols : str
+        JSON: whether the pair is registered by each criterion; null where it isn't applicable.
+    """
+
+    case_key: str
+    method_key: str
+    epsilon: float
+    correct: int
+    selected: int
+    selected_correct: int
+    rotation_error: float | None
+    translation_error: float | None
+    rmse: float | None
+    protocols: str

@@ -1,0 +1,161 @@
+"""Configurations, plans and methods from outside."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+import benchmark_fakes
+from benchmark_runs import MATCHES, serial
+from cgroup import group
+from cgroup.benchmark import records
+from cgroup.benchmark.candidates import candidate
+from cgroup.benchmark.cases import Case
+from cgroup.benchmark.chained import gc_then_ransac, gtm_then_ransac
+from cgroup.benchmark.config import Config, parse_config, preset_names, read_config
+from cgroup.benchmark.plan import make_plan
+from cgroup.benchmark.store import RECORDS, Store
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+WRONG = [
+    ('experiment = [{id = "x", dataset = "b3r", epsilons = [-1]}]', "experiment[0].epsilons[0]: Input"),
+    ('experiment = [{id = "x"}]', "experiment[0].dataset: Field required"),
+    ('experiment = [{id = "x", dataset = "b3r", levles = [1]}]', "experiment[0].levles: Extra"),
+    ('experiment = [{id = "x", dataset = "b3r", levels = [1]}]', "experiment[0]: levels: needed with"),
+    ('experiment = [{id = "x", dataset = "b3r", nuisance = "noise"}]', "experiment[0]: levels: needed with"),
+    (
+        'experiment = [{id = "x", dataset = "b3r", combinations = ["C7"]}]',
+        "experiment[0]: combinations: got 'C7'; choose from C1",
+    ),
+    (
+        'experiment = [{id = "x", dataset = "b3r", sweep = "nms_radius", nuisance = "noise", levels = [1]}]',
+        "experiment[0]: nuisance, sweep: the levels can belong to one of them only",
+    ),
+    ('methods = ["icp"]\nexperiment = [{id = "x", dataset = "b3r"}]', "methods[0]: method: got 'icp'"),
+    (
+        'methods = [{name = "gtm", options = {iteration = 5}}]\nexperiment = [{id = "x", dataset = "b3r"}]',
+        "methods[0]: option: gtm has no 'iteration'; it takes iterations",
+    ),
+    (
+        'methods = ["benchmark_fakes:missing"]\nexperiment = [{id = "x", dataset = "b3r"}]',
+        "methods[0]: method: module 'benchmark_fakes' has no 'missing'",
+    ),
+    (
+        'methods = ["gtm", {name = "gtm", options = {one_to_one = true}}]\nexperiment = [{id = "x", dataset = "b3r"}]',
+        "methods: two are called 'gtm'; give each variant a label",
+    ),
+    ('seed = "much"\nexperiment = [{id = "x", dataset = "b3r"}]', "seed: Input should be a valid integer"),
+    ("experiment = [", "not TOML"),
+]
+
+
+@pytest.mark.parametrize(("text", "says"), WRONG, ids=[says for _, says in WRONG])
+def test_wrong_configuration_is_one_line_with_the_keys_path(text: str, says: str) -> None:
+    with pytest.raises(InputError) as raised:
+        parse_config(f'name = "x"\n{text}', "x.toml")
+    assert str(raised.value).startswith(f"x.toml: {says}")
+    assert "\n" not in str(raised.value)
+
+
+def test_defaults_of_a_configuration() -> None:
+    config = parse_config(MATCHES)
+    assert isinstance(config, Config)
+    assert (config.seed, config.timing) == (0, None)
+    assert config.experiment[0].epsilons == (5.0,)
+
+
+def test_presets_can_be_read() -> None:
+    assert {"smoke", "paper-small", "paper"} <= set(preset_names())
+    ids = ["noise", "density", "clutter", "occlusion", "overlap", "epsilon", "matches", "combinations"]
+    for name in preset_names():
+        preset = read_config(name)
+        assert preset.name == name
+        assert set(ids) <= {entry.id for entry in preset.experiment}
+        assert preset.timing is not None
+    with pytest.raises(InputError, match="no configuration that can be read, nor one of paper"):
+        read_config("nowhere.toml")
+
+
+def test_a_small_draw_of_pairs_is_part_of_a_larger_one() -> None:
+    text = MATCHES + "pairs = {}"
+    drawn = [
+        {case.pair for case in make_plan(parse_config(text.replace("{}", n)), None).experiments[0].cases}
+        for n in ("2", "5", "100")
+    ]
+    assert [len(pairs) for pairs in drawn] == [2, 5, 8]
+    assert drawn[0] < drawn[1] < drawn[2]
+
+
+def test_absent_data_is_left_out_and_named(tmp_path: Path) -> None:
+    both = MATCHES.replace(
+        '"benchmark_fakes:Matches"', '["benchmark_fakes:Matches", "benchmark_fakes:Absent"]'
+    )
+    summary = serial(both + "pairs = 2", tmp_path)
+    assert summary.missing == {"benchmark_fakes:Absent": "absent: get it from nowhere"}
+    assert records.load_missing(tmp_path) == summary.missing
+    assert summary.counts["correspond"].done == 2
+    with pytest.raises(InputError, match="none of the data sets is at hand.*get it from nowhere"):
+        serial(MATCHES.replace("Matches", "Absent"), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ('pairs = ["m0", "m99"]', "bare: benchmark_fakes:Matches has no pair 'm99'; the first is 'm0'"),
+        ('nuisance = "noise"\nlevels = [1]', "takes no nuisance and no sweep"),
+    ],
+)
+def test_what_the_data_set_does_not_have(more: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=says):
+        serial(MATCHES + more, tmp_path)
+
+
+def test_keys_and_random_numbers_are_the_same_everywhere() -> None:
+    case = Case("b3r", "scene0", "noise", 0.05, "C1", None, 3)
+    assert case.key == "e3adb31a82c311d944385598"
+    assert case.rng("nuisance").integers(1 << 30) == 1056362948
+    assert case.rng("nuisance").random() == case.rng("nuisance").random()
+    assert case.rng("nuisance").random() != case.rng("sample").random()
+
+
+# --- methods from outside ----------------------------------------------------------------------------
+
+
+def test_methods_from_outside_get_seed_and_lengths(tmp_path: Path) -> None:
+    methods = """
+    methods = [
+      {name = "benchmark_fakes:first", label = "first 20"},
+      {name = "benchmark_fakes:first", label = "first 9", options = {count = 9}},
+      {name = "benchmark_fakes:seeded", label = "seeded", options = {reach_pr = 5}},
+      {name = "ransac", label = "r", options = {tolerance_pr = 5, iterations = 50}},
+      "benchmark_fakes:wrong_length",
+    ]
+    """
+    text = MATCHES.replace('methods = ["ransac", "gtm"]', methods + "\nseed = 7") + "pairs = 3"
+    summary = serial(text, tmp_path)
+    assert summary.failed == 3
+    frame = records.load(tmp_path).set_index(["method", "pair"])
+    assert set(frame.loc["first 20"]["precision"]) == {1.0}
+    assert set(frame.loc["first 9"]["recall"]) == {9 / 20}
+    for pair in set(frame.loc["r"].index):
+        assert frame.loc["seeded", pair]["selected"] == frame.loc["r", pair]["selected"]
+    [error] = set(frame.loc["benchmark_fakes:wrong_length"]["error"])
+    assert "returned bool of shape (3,); return a Grouping or a mask of 60 bool" in error
+    store = Store(tmp_path / RECORDS)
+    parameters = [json.loads(row[0]) for row in store.connection.execute("select parameters from groupings")]
+    store.close()
+    assert {"method": "ransac", "options": {"seed": 7, "tolerance": 5, "iterations": 50}} in parameters
+
+
+def test_ransac_after_another_method_stays_inside_its_group() -> None:
+    matches = benchmark_fakes.Matches().load("m0").correspondences
+    for method, chained in (("gc", gc_then_ransac), ("gtm", gtm_then_ransac)):
+        before = group(matches, method)
+        after = candidate("", f"cgroup.benchmark.chained:{chained.__name__}", {}).run(matches)
+        assert 3 <= after.size <= before.size
+        assert not (after.mask & ~before.mask).any()

@@ -1,0 +1,153 @@
+"""What the records say."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import benchmark_fakes
+from benchmark_runs import CLOUDS, MATCHES, serial
+from cgroup import group
+from cgroup.benchmark import records, scoring, stages
+from cgroup.benchmark.cases import Case
+from cgroup.benchmark.packing import pack, unpack
+from cgroup.benchmark.store import RECORDS
+from cgroup.datasets import standin_pair
+from cgroup.errors import InputError, NoConsensusError
+from cgroup.evaluation import rotation_error, score_group, translation_error
+from cgroup.registration import correspond
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture(scope="module")
+def clouds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("clouds")
+    serial(CLOUDS + "epsilons = [1, 5]", out)
+    return out
+
+
+def test_records_say_what_the_methods_did(clouds: Path) -> None:
+    frame = records.load(clouds)
+    assert len(frame) == 2 * 2 * 2 * 2  # pairs, levels, methods, thresholds
+    assert set(frame["experiments"]) == {("noise",)}
+    for row in frame.itertuples():
+        case = Case("benchmark_fakes:Clouds", str(row.pair), str(row.nuisance), float(row.level))
+        pair = benchmark_fakes.Clouds().load(case.pair)
+        pair = benchmark_fakes.noise(pair, float(row.level), case.rng("nuisance"))
+        matches = correspond(pair.source, pair.target)
+        pr = matches.resolution
+        assert pr is not None
+        grouping = group(matches, str(row.method))
+        misses = np.linalg.norm(matches.source - matches.target + [1, 2, 3], axis=1)
+        score = score_group(grouping.mask, misses <= float(row.epsilon) * pr)
+        assert (row.n, row.correct, row.selected) == (score.matches, score.correct, score.selected)
+        assert (row.precision, row.recall) == (score.precision, score.recall)
+        assert (row.f_score, row.registered) == (score.f_score, score.registered)
+        try:
+            pose = grouping.transform()
+        except NoConsensusError:
+            assert np.isnan(row.rotation_error)
+            continue
+        assert row.rotation_error == pytest.approx(rotation_error(pose, pair.T_target_source))
+        expected = translation_error(pose, pair.T_target_source)
+        assert row.translation_error == pytest.approx(expected)
+        assert row.translation_error_pr == pytest.approx(expected / pr)
+
+
+def test_columns(clouds: Path) -> None:
+    frame = records.load(clouds)
+    assert set(frame.columns) == {
+        *("dataset", "origin", "pair", "nuisance", "level", "combination", "detector", "descriptor"),
+        *("nms_radius", "clutter", "occlusion", "overlap", "n", "correct", "inlier_ratio", "pr", "method"),
+        *("epsilon", "selected", "selected_correct", "precision", "recall", "f_score", "registered"),
+        *("rotation_error", "translation_error", "translation_error_pr", "rmse_pr", "seconds"),
+        *("experiments", "error", "version", "seed", "machine", "case"),
+        *("ok:precision>0.1", "ok:rmse<=5pr"),
+    }
+    row = frame.iloc[0]
+    assert (row["detector"], row["descriptor"], row["overlap"]) == ("h3d", "shot", 0.9)
+    assert np.isnan(row["clutter"])
+    assert frame["seconds"].min() > 0
+    assert (frame["ok:precision>0.1"] == frame["registered"]).all()
+    assert records.load_machines(clouds)["id"].tolist() == [row["machine"]]
+    assert records.load_config(clouds)["experiment"][0]["levels"] == [0.1, 0.2]
+    assert records.load_datasets(clouds)["title"].tolist() == ["Clouds"]
+
+
+def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
+    rng = np.random.default_rng(0)
+    source = rng.uniform(size=(3000, 3))
+    truth, pose = np.eye(4), np.eye(4)
+    pose[0, 3] = 0.06
+    sample = stages.overlap_sample(source, source[source[:, 0] < 0.5], truth, 0.01, rng)
+    assert len(sample) == stages.OVERLAP_SAMPLE
+    assert sample[:, 0].max() < 0.5 + 4 * 0.01
+    judged = scoring.Truth("", truth, np.zeros(3), sample, 0.01, ("rmse<=5pr", "precision>0.1"))
+    [score] = scoring.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), pose.tobytes(), [5])
+    assert score.rmse == pytest.approx(6)
+    assert json.loads(score.protocols) == {"rmse<=5pr": False, "precision>0.1": True}
+    [score] = scoring.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), None, [5])
+    assert (score.rmse, score.rotation_error) == (None, None)
+    assert json.loads(score.protocols)["rmse<=5pr"] is False
+
+
+def test_correspondences_survive_packing() -> None:
+    pair = standin_pair(pixels=60)
+    matches = correspond(pair.source, pair.target)
+    packed = pack(matches)
+    assert pack(unpack(packed)) == packed
+    for method in ("ss", "si", "3dhv", "ransac"):
+        one, other = (group(given, method) for given in (matches, unpack(packed)))
+        np.testing.assert_array_equal(one.mask, other.mask)
+
+
+def test_aggregate() -> None:
+    frame = pd.DataFrame(
+        {
+            "method": ["gc", "gc", "gc", "ss"],
+            "error": ["", "", "", "OSError: no"],
+            "n": [10, 100, 10, np.nan],
+            "correct": [5, 10, 0, np.nan],
+            "selected": [4, 50, 0, np.nan],
+            "selected_correct": [4, 10, 0, np.nan],
+            "precision": [1, 0.2, 0, np.nan],
+            "recall": [0.8, 1, 0, np.nan],
+            "f_score": [8 / 9, 1 / 3, 0, np.nan],
+            "inlier_ratio": [0.5, 0.1, 0, np.nan],
+            "registered": [True, True, False, False],
+            "seconds": [1.0, 2, 3, np.nan],
+            "ok:rmse": [True, None, False, None],
+        }
+    )
+    macro, median, pooled = (
+        records.aggregate(frame, ["method"], how) for how in ("macro", "median", "pooled")
+    )
+    assert macro["method"].tolist() == ["gc"]
+    assert macro["pairs"][0] == 3
+    assert macro["precision"][0] == pytest.approx(0.4)
+    assert macro["f_of_means"][0] == pytest.approx(2 * 0.4 * 0.6 / 1.0)
+    assert (median["precision"][0], median["recall"][0]) == (0.2, 0.8)
+    assert pooled["precision"][0] == pytest.approx(14 / 54)
+    assert pooled["recall"][0] == pytest.approx(14 / 15)
+    assert pooled["inlier_ratio"][0] == pytest.approx(15 / 120)
+    for result in (macro, median, pooled):
+        assert result["registered"][0] == pytest.approx(2 / 3)
+        assert result["ok:rmse"][0] == pytest.approx(1 / 2)
+    with pytest.raises(InputError, match="how: got 'mean'"):
+        records.aggregate(frame, ["method"], "mean")  # pyright: ignore[reportArgumentType]
+
+
+def test_no_records(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no records; make some with"):
+        records.load(tmp_path)
+    (tmp_path / RECORDS).write_text("something else\n" * 100)
+    with pytest.raises(InputError, match="not a file of records"):
+        records.load(tmp_path)
+    with pytest.raises(InputError, match="can't be used as a store"):
+        serial(MATCHES, tmp_path)
