@@ -24,7 +24,12 @@ def test_python_blocks_run_one_after_another(capsys):
     assert "ransac Grouping(200 of 1000 selected)" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.stem)
+# These show fragments; what they belong to runs in the tests of the benchmark and of the examples.
+FRAGMENTS = {"benchmark", "extending"}
+PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if page.stem not in FRAGMENTS]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_python_blocks_of_the_docs_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, object] = {}

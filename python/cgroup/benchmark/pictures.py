@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.benchmark.comparison import MethodResult
+from cgroup.benchmark.packing import unpack, unpack_mask
 from cgroup.benchmark.paper import PAPER_EPSILON
-from cgroup.benchmark.stages import unpack, unpack_mask
 from cgroup.benchmark.store import RECORDS
 from cgroup.datasets import CorrespondencePair, open_dataset
 from cgroup.errors import InputError
