@@ -72,7 +72,9 @@ DetectorOption = Annotated[Detector, typer.Option(help="Keypoint detector.")]
 DescriptorOption = Annotated[Descriptor, typer.Option(help="Descriptor.")]
 NormalsOption = Annotated[
     Normals,
-    typer.Option(help="Fitted planes that face the origin, or those of the mesh (for whole models)."),
+    typer.Option(
+        help="Fitted planes that face the origin, those of the mesh (for whole models), or the file's."
+    ),
 ]
 KeypointsOption = Annotated[
     int | None,

@@ -29,11 +29,13 @@ if TYPE_CHECKING:
 Detector: TypeAlias = Literal["h3d", "iss"]
 Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]
 
-Normals: TypeAlias = Literal["pca", "mesh"]
+Normals: TypeAlias = Literal["pca", "mesh", "given"]
 
 DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
 DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs", "fpfh")
-NORMALS: tuple[Normals, ...] = ("pca", "mesh")
+NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")
+
+_NEEDED_FOR = {"mesh": "faces", "given": "normals"}
 
 SUPPORT = 15.0
 """Radius of descriptors and local reference frames, in pr."""
@@ -168,8 +170,8 @@ def correspond(
         Whole clouds, in the same unit.
     detector, descriptor, keypoints, nms_radius, threads
         See `describe`.
-    normals : {"pca", "mesh"}
-        As in `describe`; a cloud without faces gets "pca" beside one that has them.
+    normals : {"pca", "mesh", "given"}
+        As in `describe`; a cloud that lacks faces, or normals, gets "pca" beside one that has them.
     source_viewpoint, target_viewpoint : (float, float, float)
         Where the scanners stood, in their clouds' frames.
     progress : callable, optional
@@ -189,9 +191,9 @@ def correspond(
     begin = progress or _ignore
     begin("resolution")
     pr = _common_resolution(_cloud_points("source", source), _cloud_points("target", target), threads)
-    source_has_faces, target_has_faces = (_faces(cloud) is not None for cloud in (source, target))
-    if normals == "mesh" and not (source_has_faces or target_has_faces):
-        message = "normals: got 'mesh', but neither cloud has faces; choose 'pca'"
+    possible = [_has_normals(cloud, normals) for cloud in (source, target)]
+    if not any(possible):
+        message = f"normals: got {normals!r}, but neither cloud has {_NEEDED_FOR[normals]}; choose 'pca'"
         raise InputError(message)
     described = [
         describe(
@@ -201,14 +203,17 @@ def correspond(
             descriptor=descriptor,
             keypoints=keypoints,
             nms_radius=nms_radius,
-            normals=normals if has_faces else "pca",
+            normals=normals if has_normals else "pca",
             viewpoint=viewpoint,
             threads=threads,
             progress=lambda stage, role=role: begin(f"{role} {stage}"),
         )
-        for role, cloud, has_faces, viewpoint in (
-            ("source", source, source_has_faces, source_viewpoint),
-            ("target", target, target_has_faces, target_viewpoint),
+        for role, cloud, has_normals, viewpoint in zip(
+            ("source", "target"),
+            (source, target),
+            possible,
+            (source_viewpoint, target_viewpoint),
+            strict=True,
         )
     ]
     begin("matching")
@@ -263,6 +268,41 @@ def detect(
     )
 
 
+def surface_normals(
+    cloud: PointCloud | ArrayLike,
+    *,
+    normals: Normals = "pca",
+    viewpoint: Viewpoint = ORIGIN,
+    threads: int | None = None,
+) -> FloatArray:
+    """Find the normals that descriptors are made with.
+
+    Parameters
+    ----------
+    cloud, normals, viewpoint, threads
+        See `describe`.
+
+    Returns
+    -------
+    (N,3) array of float64
+        Unit vectors, or as given; NaN rows where there is none.
+
+    Raises
+    ------
+    InputError
+        If the cloud lacks the faces or normals asked for.
+    """
+    if not _has_normals(cloud, normals):
+        message = f"normals: got {normals!r}, but the cloud has no {_NEEDED_FOR[normals]}; choose 'pca'"
+        raise InputError(message)
+    if isinstance(cloud, PointCloud) and normals == "given" and cloud.normals is not None:
+        return cloud.normals
+    if isinstance(cloud, PointCloud) and normals == "mesh" and cloud.faces is not None:
+        return features.mesh_normals(cloud.points, cloud.faces)
+    points = _cloud_points("cloud", cloud)
+    return features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint, threads=threads)
+
+
 def describe(
     cloud: PointCloud | ArrayLike,
     *,
@@ -286,10 +326,10 @@ def describe(
         See `detect`.
     descriptor : {"shot", "lfsh", "rcs", "fpfh"}
         Descriptor; the frames are always those of SHOT. FPFH needs the extra ``open3d``.
-    normals : {"pca", "mesh"}
+    normals : {"pca", "mesh", "given"}
         Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
-        that has faces. All descriptors but RCS need normals on the same side of the surface in both clouds,
-        so for a whole model in a scan take "mesh".
+        that has faces; or `PointCloud.normals`. All descriptors but RCS need normals on the same side of the
+        surface in both clouds, so for a whole model in a scan take "mesh".
     viewpoint : (float, float, float)
         Where the scanner stood, in the cloud's frame.
     progress : callable, optional
@@ -303,19 +343,17 @@ def describe(
     Raises
     ------
     InputError
-        If the cloud is too small or not finite, has no faces for "mesh", or an option is unknown.
+        If the cloud is too small, not finite or without the faces or normals asked for, or an option is
+        unknown.
     """
     _check_choice("detector", detector, DETECTORS)
     _check_choice("descriptor", descriptor, DESCRIPTORS)
     _check_choice("normals", normals, NORMALS)
     begin = progress or _ignore
-    points, faces = _cloud_points("cloud", cloud), _faces(cloud)
-    if normals == "mesh" and faces is None:
-        message = "normals: got 'mesh', but the cloud has no faces; choose 'pca'"
-        raise InputError(message)
+    points = _cloud_points("cloud", cloud)
     pr = _unit(points, resolution, threads)
     begin("normals")
-    directions = _normals(points, faces if normals == "mesh" else None, viewpoint, threads)
+    directions = surface_normals(cloud, normals=normals, viewpoint=viewpoint, threads=threads)
     begin("keypoints")
     found = detect(
         points,
@@ -422,16 +460,10 @@ def _common_resolution(source: FloatArray, target: FloatArray, threads: int | No
     return sum(resolutions) / 2
 
 
-def _faces(cloud: PointCloud | ArrayLike) -> IndexArray | None:
-    return cloud.faces if isinstance(cloud, PointCloud) else None
-
-
-def _normals(
-    points: FloatArray, faces: IndexArray | None, viewpoint: Viewpoint, threads: int | None
-) -> FloatArray:
-    if faces is not None:
-        return features.mesh_normals(points, faces)
-    return features.normals(points, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint, threads=threads)
+def _has_normals(cloud: PointCloud | ArrayLike, normals: Normals) -> bool:
+    if normals == "pca":
+        return True
+    return isinstance(cloud, PointCloud) and getattr(cloud, _NEEDED_FOR[normals]) is not None
 
 
 def _descriptors(

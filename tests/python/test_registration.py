@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import correct_matches, rotation_error, translation_error
 from cgroup.io import PointCloud, read_cloud, read_transform
-from cgroup.registration import correspond, register
+from cgroup.registration import correspond, describe, register, surface_normals
 
 STAGES = [
     "resolution",
@@ -180,3 +181,17 @@ def test_registers_a_published_pair() -> None:
     done = register(source, target, method="ransac")
     assert rotation_error(done.T_target_source, published["T_src_to_tgt"]) < 2
     assert translation_error(done.T_target_source, published["T_src_to_tgt"]) < 5 * done.resolution
+
+
+def test_given_normals_are_used(pair: MatchingPair, matches: cgroup.Correspondences) -> None:
+    clouds = [replace(cloud, normals=surface_normals(cloud)) for cloud in (pair.source, pair.target)]
+    same = correspond(*clouds, normals="given")
+    assert np.array_equal(same.source, matches.source)
+    assert np.array_equal(same.target, matches.target)
+    turned = [replace(cloud, normals=-cloud.normals) for cloud in clouds]
+    assert not np.array_equal(correspond(turned[0], clouds[1], normals="given").target, matches.target)
+    for normals, missing in (("given", "normals"), ("mesh", "faces")):
+        with pytest.raises(InputError, match=f"neither cloud has {missing}"):
+            correspond(pair.source, pair.target, normals=normals)
+        with pytest.raises(InputError, match=f"the cloud has no {missing}"):
+            describe(pair.source.points, normals=normals)

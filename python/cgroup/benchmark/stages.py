@@ -9,19 +9,20 @@ from __future__ import annotations
 import functools
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cgroup.benchmark.packing import floats_as_bytes, pack, pack_mask, unpack
 from cgroup.benchmark.results import Grouped, Matched
-from cgroup.datasets import CorrespondencePair, open_dataset
+from cgroup.datasets import CorrespondencePair, MatchingPair, open_dataset
 from cgroup.datasets.base import moved
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import check_rigid
 from cgroup.nuisances import apply_nuisance
-from cgroup.registration import correspond
+from cgroup.registration import correspond, surface_normals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
 
     from cgroup.benchmark.candidates import Candidate
     from cgroup.benchmark.cases import Case
-    from cgroup.datasets import Dataset, MatchingPair
+    from cgroup.datasets import Dataset
+    from cgroup.io import PointCloud
+    from cgroup.registration import Normals, Viewpoint
     from cgroup.types import Correspondences, FloatArray, Grouping
 
 KILLED = "WorkerKilled: the process that worked on it died, perhaps for want of memory"
@@ -72,22 +75,23 @@ def _match(case: Case, root: str | None) -> Matched:
         if case.nuisance:
             assert case.level is not None  # noqa: S101 - the configuration has been checked
             pair = apply_nuisance(case.nuisance, pair, case.level, case.rng("nuisance"))
-        return _matched(case, pair)
+            return _matched(case, pair, _clouds_with_normals(pair))
+        return _matched(case, pair, _kept_clouds_with_normals(case.dataset, case.pair, root))
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
         return Matched(case, error=_told(error))
 
 
-def _matched(case: Case, pair: MatchingPair) -> Matched:
+def _matched(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, PointCloud]) -> Matched:
     parameters: dict[str, Any] = {
         "detector": case.detector,
         "descriptor": case.descriptor,
         "nms_radius": case.nms_radius,
-        "normals": pair.normals,
-        "source_viewpoint": pair.source_viewpoint,
-        "target_viewpoint": pair.target_viewpoint,
     }
     clock = _Clock()
-    matches = correspond(pair.source, pair.target, threads=1, progress=clock.start, **parameters)
+    matches = correspond(*clouds, threads=1, normals="given", progress=clock.start, **parameters)
+    parameters["normals"] = pair.normals
+    parameters["source_viewpoint"] = pair.source_viewpoint
+    parameters["target_viewpoint"] = pair.target_viewpoint
     clock.start("overlap")
     sample = overlap_sample(
         pair.source.points, pair.target.points, pair.T_target_source, _resolution(matches), case.rng("sample")
@@ -154,6 +158,28 @@ def _dataset(name: str, root: str | None) -> Dataset:
 @functools.lru_cache(maxsize=_PAIRS_KEPT)
 def _pair(dataset: str, name: str, root: str | None) -> MatchingPair | CorrespondencePair:
     return _dataset(dataset, root).load(name)
+
+
+@functools.lru_cache(maxsize=_PAIRS_KEPT)
+def _kept_clouds_with_normals(dataset: str, name: str, root: str | None) -> tuple[PointCloud, PointCloud]:
+    """Find the normals of a pair once for all its cases."""
+    pair = _pair(dataset, name, root)
+    assert isinstance(pair, MatchingPair)  # noqa: S101 - ready-made correspondences have no clouds
+    return _clouds_with_normals(pair)
+
+
+def _clouds_with_normals(pair: MatchingPair) -> tuple[PointCloud, PointCloud]:
+    return (
+        _with_normals(pair.source, pair.normals, pair.source_viewpoint),
+        _with_normals(pair.target, pair.normals, pair.target_viewpoint),
+    )
+
+
+def _with_normals(cloud: PointCloud, normals: Normals, viewpoint: Viewpoint) -> PointCloud:
+    if normals == "mesh" and cloud.faces is None:
+        normals = "pca"
+    found = surface_normals(cloud, normals=normals, viewpoint=viewpoint, threads=1)
+    return replace(cloud, normals=found)
 
 
 # --- group ---------------------------------------------------------------------------------------
