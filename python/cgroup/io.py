@@ -272,12 +272,7 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     """
     path = Path(path)
     if path.suffix.lower() == ".npz":
-        arrays = _parsed(path, _load_npz)
-        missing = [name for name in ("source", "target") if name not in arrays]
-        if missing:
-            found = ", ".join(sorted(arrays)) or "nothing"
-            message = f"{path}: has no array {missing[0]!r}; it holds {found}"
-            raise InputError(message)
+        arrays = _arrays(path, "source", "target")
     else:
         table = _parsed(path, load_numbers)
         if table.shape[1] != _CORRESPONDENCE_COLUMNS:
@@ -389,12 +384,7 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
         If the file is missing or unreadable, or lacks an array.
     """
     path = Path(path)
-    arrays = _parsed(path, _load_npz)
-    missing = [name for name in _DESCRIBED_FIELDS if name not in arrays]
-    if missing:
-        found = ", ".join(sorted(arrays)) or "nothing"
-        message = f"{path}: has no array {missing[0]!r}; it holds {found}"
-        raise InputError(message)
+    arrays = _arrays(path, *_DESCRIBED_FIELDS)
     rows = {name: len(arrays[name]) for name in _DESCRIBED_FIELDS[:4]}
     if len(set(rows.values())) > 1:
         message = f"{path}: its arrays differ in length: {rows}"
@@ -472,6 +462,17 @@ def _parsed(path: Path, parse: Callable[[bytes], Result]) -> Result:
         kind = path.suffix.lstrip(".").upper() or "text"
         message = f"{path}: not a readable {kind} file, or cut off ({reason})"
         raise InputError(message) from error
+
+
+def _arrays(path: Path, *needed: str) -> dict[str, NDArray[Any]]:
+    """Read an NPZ file that has to hold the arrays needed."""
+    arrays = _parsed(path, _load_npz)
+    missing = [name for name in needed if name not in arrays]
+    if missing:
+        found = ", ".join(sorted(arrays)) or "nothing"
+        message = f"{path}: has no array {missing[0]!r}; it holds {found}"
+        raise InputError(message)
+    return arrays
 
 
 def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:
