@@ -12,6 +12,9 @@ TRUTH ?=
 RUST_SOURCES := $(shell find rust -name '*.rs') Cargo.toml Cargo.lock rust/py/Cargo.toml
 MATURIN := env -u CONDA_PREFIX VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin
 
+# Named, as the commas would end an argument of `call`.
+DEV_EXTRAS := scans,bench,test,dev
+
 # Runs a command whose output matters only where it fails.
 quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 
@@ -86,5 +89,5 @@ $(VENV)/.ready-scans: $(VENV)/.created $(RUST_SOURCES) pyproject.toml | check-to
 
 $(VENV)/.ready-dev: $(VENV)/.created $(RUST_SOURCES) pyproject.toml | check-tools
 	@echo "Building cgroup and installing its development tools (a few minutes the first time) ..."
-	@$(call quietly,$(MATURIN) develop --release --locked --extras scans,bench,test,dev)
+	@$(call quietly,$(MATURIN) develop --release --locked --extras $(DEV_EXTRAS))
 	@touch $@ $(VENV)/.ready-scans
