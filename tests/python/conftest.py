@@ -6,6 +6,7 @@ HYPOTHESIS_PROFILE=thorough pytest ... runs many more examples.
 from __future__ import annotations
 
 import os
+import signal
 from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -20,6 +21,10 @@ TOO_MUCH = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("default", max_examples=60, deadline=None, suppress_health_check=TOO_MUCH)
 settings.register_profile("thorough", max_examples=1000, deadline=None, suppress_health_check=TOO_MUCH)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    # Started in the background: the processes that tests interrupt would inherit the deafness.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @dataclass
