@@ -80,6 +80,18 @@ impl PairMatrix {
         })
     }
 
+    /// The matrix of the correspondences `indices` alone, in place of this one: never both in memory.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn into_subset(mut self, indices: &[usize], execution: &Execution) -> Result<Self> {
+        match &mut self {
+            Self::Double(half) => half.stored = None,
+            Self::Single(half) => half.stored = None,
+        }
+        self.subset(indices, execution)
+    }
+
     /// Number of correspondences.
     pub fn len(&self) -> usize {
         match self {

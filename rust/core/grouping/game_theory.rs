@@ -170,7 +170,7 @@ impl GameTheory {
             let matter: Vec<usize> = (0..shares.len()).filter(|&i| shares[i] > least).collect();
             if (matter.len() as f64) < WORTH_SHRINKING * shares.len() as f64 {
                 population.set(&alive, &shares); // the extinct keep the share that they have now
-                payoff = payoff.subset(&matter, execution)?;
+                payoff = payoff.into_subset(&matter, execution)?;
                 shares = matter.iter().map(|&i| shares[i]).collect();
                 alive = matter.iter().map(|&i| alive[i]).collect();
             }
