@@ -290,8 +290,9 @@ def surface_normals(
     Raises
     ------
     InputError
-        If the cloud lacks the faces or normals asked for.
+        If the cloud lacks the faces or normals asked for, or `normals` is unknown.
     """
+    _check_choice("normals", normals, NORMALS)
     if not _has_normals(cloud, normals):
         message = f"normals: got {normals!r}, but the cloud has no {_NEEDED_FOR[normals]}; choose 'pca'"
         raise InputError(message)
@@ -348,7 +349,6 @@ def describe(
     """
     _check_choice("detector", detector, DETECTORS)
     _check_choice("descriptor", descriptor, DESCRIPTORS)
-    _check_choice("normals", normals, NORMALS)
     begin = progress or _ignore
     points = _cloud_points("cloud", cloud)
     pr = _unit(points, resolution, threads)

@@ -195,3 +195,6 @@ def test_given_normals_are_used(pair: MatchingPair, matches: cgroup.Corresponden
             correspond(pair.source, pair.target, normals=normals)
         with pytest.raises(InputError, match=f"the cloud has no {missing}"):
             describe(pair.source.points, normals=normals)
+    for call in (surface_normals, describe):
+        with pytest.raises(InputError, match="normals: got 'up'; choose one of pca, mesh, given"):
+            call(pair.source, normals="up")
