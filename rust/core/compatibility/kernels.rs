@@ -240,23 +240,6 @@ pub fn sum(values: &[f64]) -> f64 {
     sum_lanes(sums)
 }
 
-/// Number of j with `|ds_ij - dt_ij| < tolerance`, i itself not counted.
-#[inline(always)]
-pub fn count_within(source: &Side<f64>, target: &Side<f64>, i: usize, tolerance: f64) -> usize {
-    let n = source.x.len();
-    let (p, q) = (source.get(i), target.get(i));
-    let (sx, sy, sz) = (&source.x[..n], &source.y[..n], &source.z[..n]);
-    let (tx, ty, tz) = (&target.x[..n], &target.y[..n], &target.z[..n]);
-    let mut count = 0_u64;
-    for j in 0..n {
-        let ds = f64::squared_distance(p, [sx[j], sy[j], sz[j]]).sqrt();
-        let dt = f64::squared_distance(q, [tx[j], ty[j], tz[j]]).sqrt();
-        count += u64::from((ds - dt).abs() < tolerance);
-    }
-    // A correspondence agrees with itself: the difference is 0.
-    count as usize - 1
-}
-
 /// Number of correspondences that the transform `q = R p + t` carries to within `sqrt(squared_tolerance)`
 /// of their targets; `transform` is R by rows, then t.
 #[inline(always)]

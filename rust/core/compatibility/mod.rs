@@ -2,6 +2,7 @@
 
 pub mod consistency;
 pub mod distance;
+pub mod distance_agreement;
 pub mod kernels;
 pub mod lanes;
 pub mod lrf_angle;

@@ -3,11 +3,9 @@
 //! The paper, section 3.2 (after Chen, Bhanu, PRL 2007): for each seed, the correspondences whose
 //! distances to it differ by less than 3 pr between the two shapes. Cost O(n^2) time, O(n) memory.
 
-use rayon::prelude::*;
-
 use super::GroupingMethod;
 use crate::compatibility::distance::distance_difference;
-use crate::compatibility::kernels::{Side, count_within, dispatch};
+use crate::compatibility::distance_agreement::DistanceAgreement;
 use crate::error::at_least_one;
 use crate::grouping_result::mask_of;
 use crate::selection::sample_consensus::SampleConsensus;
@@ -87,20 +85,21 @@ impl GeometricConsistency {
         tolerance: f64,
         execution: &Execution,
     ) -> Result<Grouping> {
-        let sizes = cluster_sizes(source, target, tolerance, execution)?; // |G_i|
+        let agreement = DistanceAgreement::new(source, target, tolerance);
+        let sizes = cluster_sizes(&agreement, execution)?; // |G_i|
         let greatest = sizes.iter().copied().max().unwrap_or_default();
         let mut seeds = (0..sizes.len()).filter(|&i| sizes[i] == greatest);
         let Some(first) = seeds.next() else {
             return Ok(Grouping { scores: Some(Vec::new()), ..Grouping::empty(0) });
         };
-        let mut mask = star(first, source, target, tolerance); // i* = argmax |G_i|
+        let star = |seed: usize| (0..sizes.len()).map(|j| agreement.agree(seed, j)).collect::<Vec<_>>(); // G_i
+        let mut mask = star(first); // i* = argmax |G_i|
         if self.ties == Ties::Union {
             for seed in seeds {
-                let other = star(seed, source, target, tolerance);
-                mask.iter_mut().zip(other).for_each(|(member, also)| *member |= also);
+                mask.iter_mut().zip(star(seed)).for_each(|(member, also)| *member |= also);
             }
         }
-        let scores = sizes.iter().map(|&size| size as f64).collect();
+        let scores = sizes.iter().map(|&size| f64::from(size)).collect();
         let grouping = Grouping { mask, scores: Some(scores), ..Grouping::default() };
         Ok(grouping.with("seed_index", first as f64))
     }
@@ -148,32 +147,8 @@ impl GeometricConsistency {
 }
 
 /// Size of each star cluster, its seed included.
-fn cluster_sizes(
-    source: &Points,
-    target: &Points,
-    tolerance: f64,
-    execution: &Execution,
-) -> Result<Vec<usize>> {
-    let (source, target) = (Side::from(source), Side::from(target));
-    execution.report(0, source.x.len())?;
-    (0..source.x.len())
-        .into_par_iter()
-        .with_min_len(16)
-        .map(|i| {
-            execution.advance()?;
-            Ok(1 + dispatch(
-                #[inline(always)]
-                || count_within(&source, &target, i, tolerance),
-            ))
-        })
-        .collect()
-}
-
-/// `G_i`: the seed and all whose distance to it differs by less than the tolerance.
-fn star(seed: usize, source: &Points, target: &Points, tolerance: f64) -> Vec<bool> {
-    (0..source.len())
-        .map(|j| distance_difference(source.distance(seed, j), target.distance(seed, j)) < tolerance)
-        .collect()
+fn cluster_sizes(agreement: &DistanceAgreement, execution: &Execution) -> Result<Vec<u32>> {
+    Ok(agreement.counts(execution)?.into_iter().map(|others| others + 1).collect())
 }
 
 /// Best descriptors first; in the input's order where there are none.
