@@ -8,8 +8,7 @@
 
 use pulp::Arch;
 
-use super::lanes::{LANES as GROUP, LaneWork, Lanes};
-use crate::points::Points;
+use super::lanes::{LANES as GROUP, LaneWork, Lanes, SINGLES, with_lanes};
 
 /// Runs `work` compiled for the best instruction set of this machine. Mark the closure
 /// `#[inline(always)]`: one that is not inlined is compiled for the least common denominator.
@@ -40,10 +39,13 @@ pub trait Element: Copy + Default + Send + Sync + PartialOrd + 'static {
     fn ratio(a: Self, b: Self) -> Self;
     /// The number 1.
     const ONE: Self;
+    /// Writes the distance ratios of correspondence `i` with those from `first` on; whole groups of
+    /// [`SINGLES`] in f32.
+    fn fill_ratios(source: &Side<Self>, target: &Side<Self>, i: usize, first: usize, row: &mut [Self]);
 }
 
 macro_rules! element {
-    ($float:ty, $load:ident) => {
+    ($float:ty, $load:ident, $fill_ratios:path) => {
         impl Element for $float {
             #[inline(always)]
             fn from_f64(value: f64) -> Self {
@@ -75,11 +77,34 @@ macro_rules! element {
                 a.min(b) / a.max(b)
             }
             const ONE: Self = 1.0;
+            fn fill_ratios(
+                source: &Side<Self>,
+                target: &Side<Self>,
+                i: usize,
+                first: usize,
+                row: &mut [Self],
+            ) {
+                $fill_ratios(source, target, i, first, row);
+            }
         }
     };
 }
-element!(f32, load_f32);
-element!(f64, load);
+element!(f32, load_f32, fill_ratios_single);
+element!(f64, load, fill_ratios_double);
+
+fn fill_ratios_double(source: &Side<f64>, target: &Side<f64>, i: usize, first: usize, row: &mut [f64]) {
+    dispatch(
+        #[inline(always)]
+        || fill_row(source, target, i, first, row, |ds, dt| f64::ratio(ds, dt).sqrt()),
+    );
+}
+
+fn fill_ratios_single(source: &Side<f32>, target: &Side<f32>, i: usize, first: usize, row: &mut [f32]) {
+    let part = first..first + row.len();
+    let all = [&source.x, &source.y, &source.z, &target.x, &target.y, &target.z];
+    let (point, axes) = (all.map(|axis| axis[i]), all.map(|axis| &axis[part.clone()]));
+    with_lanes(FillRatios { point, axes, row });
+}
 
 /// Coordinates of one side of the correspondences, in the storage type.
 #[derive(Debug, Clone)]
@@ -92,13 +117,6 @@ pub struct Side<T> {
     pub z: Vec<T>,
     /// Square of the length below which an edge counts as zero.
     pub zero_squared: T,
-}
-
-impl From<&Points> for Side<f64> {
-    /// The points as they are; no edge counts as zero.
-    fn from(points: &Points) -> Self {
-        Self { x: points.x.clone(), y: points.y.clone(), z: points.z.clone(), zero_squared: 0.0 }
-    }
 }
 
 impl<T: Element> Side<T> {
@@ -217,6 +235,133 @@ impl<T: Element> LaneWork for RowsTimesVector<'_, T> {
     }
 }
 
+/// An entry of a row whose products are summed in f32.
+pub trait SingleEntry: Copy + Default + Send + Sync + 'static {
+    /// A group of entries as numbers.
+    fn load<L: Lanes>(lanes: L, entries: &[Self; SINGLES]) -> L::Singles;
+}
+
+impl SingleEntry for f32 {
+    #[inline(always)]
+    fn load<L: Lanes>(lanes: L, entries: &[Self; SINGLES]) -> L::Singles {
+        lanes.load_singles(entries)
+    }
+}
+
+impl SingleEntry for u16 {
+    #[inline(always)]
+    fn load<L: Lanes>(lanes: L, entries: &[Self; SINGLES]) -> L::Singles {
+        lanes.load_u16(entries)
+    }
+}
+
+/// [`RowsTimesVector`] in f32, for whole groups of [`SINGLES`] columns. Its sums are short ones: the caller
+/// adds those of tiles in f64.
+pub struct RowsTimesVectorSingle<'a, T> {
+    /// As long as `x`, each.
+    pub rows: [&'a [T]; ROW_GROUP],
+    /// The vector at the rows' columns.
+    pub x: &'a [f32],
+    /// The vector at the rows themselves.
+    pub weights: [f32; ROW_GROUP],
+    /// The product at the rows' columns.
+    pub mirrored: &'a mut [f32],
+}
+
+impl<T: SingleEntry> LaneWork for RowsTimesVectorSingle<'_, T> {
+    type Output = [f64; ROW_GROUP];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output {
+        let [row0, row1, row2, row3] = self.rows.map(
+            #[inline(always)]
+            |row| row[..self.x.len()].as_chunks::<SINGLES>().0,
+        );
+        let x_groups = self.x.as_chunks::<SINGLES>().0;
+        let below_groups = self.mirrored.as_chunks_mut::<SINGLES>().0;
+        let [w0, w1, w2, w3] = self.weights.map(
+            #[inline(always)]
+            |weight| lanes.splat_singles(weight),
+        );
+        let [mut s0, mut s1, mut s2, mut s3] = [lanes.splat_singles(0.0); ROW_GROUP];
+        let entries = row0.iter().zip(row1).zip(row2).zip(row3);
+        for ((x, below), (((e0, e1), e2), e3)) in x_groups.iter().zip(below_groups).zip(entries) {
+            let (factor, mut sum) = (lanes.load_singles(x), lanes.load_singles(below));
+            let e0 = T::load(lanes, e0);
+            s0 = lanes.multiply_add_singles(e0, factor, s0);
+            sum = lanes.multiply_add_singles(e0, w0, sum);
+            let e1 = T::load(lanes, e1);
+            s1 = lanes.multiply_add_singles(e1, factor, s1);
+            sum = lanes.multiply_add_singles(e1, w1, sum);
+            let e2 = T::load(lanes, e2);
+            s2 = lanes.multiply_add_singles(e2, factor, s2);
+            sum = lanes.multiply_add_singles(e2, w2, sum);
+            let e3 = T::load(lanes, e3);
+            s3 = lanes.multiply_add_singles(e3, factor, s3);
+            sum = lanes.multiply_add_singles(e3, w3, sum);
+            lanes.store_singles(sum, below);
+        }
+        [
+            f64::from(lanes.sum_singles(s0)),
+            f64::from(lanes.sum_singles(s1)),
+            f64::from(lanes.sum_singles(s2)),
+            f64::from(lanes.sum_singles(s3)),
+        ]
+    }
+}
+
+/// Coordinates of correspondences in f32: source x, y, z, target x, y, z.
+pub type SingleAxes<T> = [T; 6];
+
+/// Writes `min(ds, dt) / max(ds, dt)` of a correspondence with those of `axes`, in whole groups of
+/// [`SINGLES`]; 0 where either length is.
+pub struct FillRatios<'a> {
+    /// Coordinates of the correspondence.
+    pub point: SingleAxes<f32>,
+    /// Coordinates of the others.
+    pub axes: SingleAxes<&'a [f32]>,
+    /// The ratios.
+    pub row: &'a mut [f32],
+}
+
+/// Least product of squared lengths that is not taken for 0; far below that of any two points in f32.
+const LEAST_PRODUCT: f32 = 1e-36;
+
+impl LaneWork for FillRatios<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let [px, py, pz, qx, qy, qz] = self.point;
+        let p = [lanes.splat_singles(px), lanes.splat_singles(py), lanes.splat_singles(pz)];
+        let q = [lanes.splat_singles(qx), lanes.splat_singles(qy), lanes.splat_singles(qz)];
+        let [xs, ys, zs, us, vs, ws] = self.axes.map(
+            #[inline(always)]
+            |axis| axis[..self.row.len()].as_chunks::<SINGLES>().0,
+        );
+        let (least, one) = (lanes.splat_singles(LEAST_PRODUCT), lanes.splat_singles(1.0));
+        let others = xs.iter().zip(ys).zip(zs).zip(us).zip(vs).zip(ws);
+        for (entries, (((((x, y), z), u), v), w)) in
+            self.row.as_chunks_mut::<SINGLES>().0.iter_mut().zip(others)
+        {
+            let ds = squared_length(lanes, p, [x, y, z]);
+            let dt = squared_length(lanes, q, [u, v, w]);
+            let product = lanes.max_singles(lanes.multiply_singles(ds, dt), least);
+            let ratio = lanes.multiply_singles(lanes.min_singles(ds, dt), lanes.reciprocal_sqrt(product));
+            lanes.store_singles(lanes.min_singles(ratio, one), entries);
+        }
+    }
+}
+
+#[inline(always)]
+fn squared_length<L: Lanes>(lanes: L, from: [L::Singles; 3], to: [&[f32; SINGLES]; 3]) -> L::Singles {
+    let x = lanes.subtract_singles(lanes.load_singles(to[0]), from[0]);
+    let y = lanes.subtract_singles(lanes.load_singles(to[1]), from[1]);
+    let z = lanes.subtract_singles(lanes.load_singles(to[2]), from[2]);
+    let sum = lanes.multiply_add_singles(y, y, lanes.multiply_singles(z, z));
+    lanes.multiply_add_singles(x, x, sum)
+}
+
 #[inline(always)]
 fn sum_lanes(mut sums: [f64; LANES]) -> f64 {
     let mut width = LANES / 2;
@@ -240,39 +385,8 @@ pub fn sum(values: &[f64]) -> f64 {
     sum_lanes(sums)
 }
 
-/// Number of correspondences that the transform `q = R p + t` carries to within `sqrt(squared_tolerance)`
-/// of their targets; `transform` is R by rows, then t.
-#[inline(always)]
-pub fn count_inliers(
-    source: &Side<f64>,
-    target: &Side<f64>,
-    transform: &[f64; 12],
-    squared_tolerance: f64,
-) -> usize {
-    let n = source.x.len();
-    let (sx, sy, sz) = (&source.x[..n], &source.y[..n], &source.z[..n]);
-    let (tx, ty, tz) = (&target.x[..n], &target.y[..n], &target.z[..n]);
-    let mut count = 0_u64;
-    for j in 0..n {
-        let residual = squared_residual(transform, [sx[j], sy[j], sz[j]], [tx[j], ty[j], tz[j]]);
-        count += u64::from(residual < squared_tolerance);
-    }
-    count as usize
-}
-
-/// `|R p + t - q|^2`.
-#[inline(always)]
-pub fn squared_residual(transform: &[f64; 12], p: [f64; 3], q: [f64; 3]) -> f64 {
-    let [r0, r1, r2, r3, r4, r5, r6, r7, r8, t0, t1, t2] = *transform;
-    let x = r0 * p[0] + r1 * p[1] + r2 * p[2] + t0 - q[0];
-    let y = r3 * p[0] + r4 * p[1] + r5 * p[2] + t1 - q[1];
-    let z = r6 * p[0] + r7 * p[1] + r8 * p[2] + t2 - q[2];
-    x * x + y * y + z * z
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::with_lanes;
     use super::*;
 
     #[test]

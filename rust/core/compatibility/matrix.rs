@@ -3,6 +3,9 @@
 //! Only the part from the diagonal to the right is stored or computed. It is cut into bands of rows, and
 //! these into tiles that fit the first-level cache; each entry is used twice, for its row and, mirrored,
 //! for its column. The cut depends on the size alone, so sums are the same for any number of threads.
+//!
+//! Up to [`DOUBLE_LIMIT`] correspondences all is in f64. Beyond, reading f32 from memory takes longer than
+//! computing it, so entries are either computed in f32 for each product, or rounded to 16 bits and stored.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -10,15 +13,15 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::kernels::{Element, ROW_GROUP, RowsTimesVector, dispatch, dot, sum};
-use super::lanes::{LaneWork, Lanes, with_lanes};
+use super::kernels::{Element, ROW_GROUP, RowsTimesVector, RowsTimesVectorSingle, SingleEntry, dispatch};
+use super::lanes::{SINGLES, with_lanes};
 use super::pair_scores::{PairPositions, PairScore};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
 
-/// Above this many correspondences pair scores are kept in f32; sums stay in f64.
-const F64_LIMIT: usize = 4000;
+/// Most correspondences whose scores are kept in f64.
+pub const DOUBLE_LIMIT: usize = 1024;
 
 /// Bands that the rows are cut into: enough for many threads, few enough that their sums are cheap to add.
 const BANDS: usize = 64;
@@ -30,23 +33,43 @@ const MIN_BAND: usize = 256;
 /// Columns of a tile.
 const TILE: usize = 1024;
 
-/// Symmetric matrix of pair scores with a given diagonal.
-#[derive(Debug)]
-pub enum PairMatrix {
-    /// Entries in f64.
-    Double(Half<f64>),
-    /// Entries in f32.
-    Single(Half<f32>),
+/// Rows of a tile whose products with f32 vectors are summed in f32.
+const SHORT_SUM: usize = 256;
+
+/// Entries of 16 bits are multiples of one over this.
+const LEVELS: f32 = 65535.0;
+
+/// Added to a number below 2^16, it leaves the nearest integer in the lowest bits of the sum.
+const ROUND: f32 = 8_388_608.0;
+
+/// Entries of an f32 vector below this are taken for 0: their products would be subnormal, which is slow.
+const NEGLIGIBLE: f64 = 1e-30;
+
+/// How the entries of a matrix beyond [`DOUBLE_LIMIT`] are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Entries {
+    /// Computed in f32 for each product: for the few products of an eigenvector.
+    Recomputed,
+    /// Rounded to multiples of 1/65535, and stored while they fit: for the many products of a game.
+    SixteenBit,
 }
 
-/// The matrix in one storage type.
+/// Symmetric matrix of pair scores with a given diagonal.
 #[derive(Debug)]
-pub struct Half<T> {
-    positions: PairPositions<T>,
+pub struct PairMatrix {
+    positions: PairPositions<f64>,
     score: PairScore,
     diagonal: Option<Vec<f64>>,
+    entries: Entries,
+    form: Form,
+}
+
+#[derive(Debug)]
+enum Form {
     /// Tile after tile of every band, if all of them fit.
-    stored: Option<Vec<Vec<T>>>,
+    Double(Option<Vec<Vec<f64>>>),
+    Single(PairPositions<f32>),
+    SixteenBit(PairPositions<f32>, Option<Vec<Vec<u16>>>),
 }
 
 impl PairMatrix {
@@ -59,14 +82,48 @@ impl PairMatrix {
         target: &Points,
         score: PairScore,
         diagonal: Option<Vec<f64>>,
+        entries: Entries,
         execution: &Execution,
     ) -> Result<Self> {
-        if source.len() <= F64_LIMIT {
-            let positions = PairPositions::new(source, target);
-            return Ok(Self::Double(Half::new(positions, score, diagonal, execution)?));
-        }
         let positions = PairPositions::new(source, target);
-        Ok(Self::Single(Half::new(positions, score, diagonal, execution)?))
+        Self::of(positions, score, diagonal, entries, execution)
+    }
+
+    fn of(
+        mut positions: PairPositions<f64>,
+        score: PairScore,
+        diagonal: Option<Vec<f64>>,
+        entries: Entries,
+        execution: &Execution,
+    ) -> Result<Self> {
+        if matches!(score, PairScore::DistanceDifferenceIndicator { one_to_one: false, .. }) {
+            positions.allow_shared_points();
+        }
+        let cut = Cut { rows: positions.len(), columns: positions.len() };
+        let form = if positions.len() <= DOUBLE_LIMIT {
+            Form::Double(cut.fill_if_fits(execution, |i, first, row: &mut [f64]| {
+                positions.fill_part(score, i, first, row);
+            })?)
+        } else {
+            let cut = cut.in_whole_groups();
+            let singles = positions.to_single();
+            match entries {
+                Entries::Recomputed => Form::Single(singles),
+                Entries::SixteenBit => {
+                    let stored = cut.fill_if_fits(execution, |i, first, row: &mut [u16]| {
+                        let mut scores = [0.0; TILE];
+                        let scores = &mut scores[..row.len()];
+                        singles.fill_part(score, i, first, scores);
+                        dispatch(
+                            #[inline(always)]
+                            || to_levels(scores, row),
+                        );
+                    })?;
+                    Form::SixteenBit(singles, stored)
+                }
+            }
+        };
+        Ok(Self { positions, score, diagonal, entries, form })
     }
 
     /// The matrix of the correspondences `indices` alone.
@@ -74,10 +131,8 @@ impl PairMatrix {
     /// # Errors
     /// [`crate::Error::Interrupted`].
     pub fn subset(&self, indices: &[usize], execution: &Execution) -> Result<Self> {
-        Ok(match self {
-            Self::Double(half) => Self::Double(half.subset(indices, execution)?),
-            Self::Single(half) => Self::Single(half.subset(indices, execution)?),
-        })
+        let diagonal = self.diagonal.as_ref().map(|values| indices.iter().map(|&i| values[i]).collect());
+        Self::of(self.positions.subset(indices), self.score, diagonal, self.entries, execution)
     }
 
     /// The matrix of the correspondences `indices` alone, in place of this one: never both in memory.
@@ -85,19 +140,13 @@ impl PairMatrix {
     /// # Errors
     /// [`crate::Error::Interrupted`].
     pub fn into_subset(mut self, indices: &[usize], execution: &Execution) -> Result<Self> {
-        match &mut self {
-            Self::Double(half) => half.stored = None,
-            Self::Single(half) => half.stored = None,
-        }
+        self.form = Form::Double(None);
         self.subset(indices, execution)
     }
 
     /// Number of correspondences.
     pub fn len(&self) -> usize {
-        match self {
-            Self::Double(half) => half.positions.len(),
-            Self::Single(half) => half.positions.len(),
-        }
+        self.positions.len()
     }
 
     /// Whether there are none.
@@ -110,121 +159,182 @@ impl PairMatrix {
     /// # Errors
     /// [`crate::Error::Interrupted`].
     pub fn multiply(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
-        match self {
-            Self::Double(half) => half.multiply(x, execution),
-            Self::Single(half) => half.multiply(x, execution),
+        let cut = Cut { rows: self.len(), columns: self.len() };
+        let product = match &self.form {
+            Form::Double(Some(stored)) => cut.multiply::<f64, _>(&Stored(stored), x, execution),
+            Form::Double(None) => {
+                let computed = Computed { positions: &self.positions, score: self.score, finish: |_| () };
+                cut.multiply::<f64, _>(&computed, x, execution)
+            }
+            Form::Single(positions) => {
+                let computed = Computed { positions, score: self.score, finish: |_| () };
+                cut.in_whole_groups().multiply::<f64, _>(&computed, x, execution)
+            }
+            Form::SixteenBit(..) => return self.multiply_roughly(x, execution),
+        };
+        Ok(self.plus_diagonal(product?, x))
+    }
+
+    /// `M x` to 6 digits or more, of which [`Self::multiply`] can take longer to give more.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn multiply_roughly(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
+        let cut = Cut { rows: self.len(), columns: self.len() }.in_whole_groups();
+        let product = match &self.form {
+            Form::Double(_) => return self.multiply(x, execution),
+            Form::Single(positions) => {
+                let computed = Computed { positions, score: self.score, finish: |_| () };
+                cut.multiply::<f32, _>(&computed, x, execution)?
+            }
+            Form::SixteenBit(positions, stored) => {
+                let levels = match stored {
+                    Some(stored) => cut.multiply::<f32, _>(&Stored(stored), x, execution),
+                    None => {
+                        let computed = Computed { positions, score: self.score, finish: round_to_levels };
+                        cut.multiply::<f32, _>(&computed, x, execution)
+                    }
+                };
+                levels?.into_iter().map(|sum| sum / f64::from(LEVELS)).collect()
+            }
+        };
+        Ok(self.plus_diagonal(product, x))
+    }
+
+    fn plus_diagonal(&self, mut product: Vec<f64>, x: &[f64]) -> Vec<f64> {
+        for ((entry, diagonal), x) in product.iter_mut().zip(self.diagonal.iter().flatten()).zip(x) {
+            *entry += diagonal * x;
+        }
+        product
+    }
+
+    /// Greatest error of an entry as it is multiplied.
+    pub fn rounding(&self) -> f64 {
+        match self.form {
+            Form::Double(_) => f64::EPSILON,
+            Form::Single(_) => 4.0 * f64::from(f32::EPSILON),
+            Form::SixteenBit(..) => 0.5 / f64::from(LEVELS),
         }
     }
 
     /// Row `i` in f64.
     pub fn row(&self, i: usize) -> Vec<f64> {
-        match self {
-            Self::Double(half) => half.row(i),
-            Self::Single(half) => half.row(i),
+        let mut row = vec![0.0; self.len()];
+        self.positions.fill_row(self.score, i, &mut row);
+        if let Some(diagonal) = &self.diagonal {
+            row[i] = diagonal[i];
         }
-    }
-
-    /// Mean of the row sums.
-    ///
-    /// # Errors
-    /// [`crate::Error::Interrupted`].
-    pub fn mean_row_sum(&self, execution: &Execution) -> Result<f64> {
-        let row_sums = self.multiply(&vec![1.0; self.len()], execution)?;
-        Ok(sum(&row_sums) / self.len().max(1) as f64)
+        row
     }
 }
 
-/// Rows of the band, in whole groups but for the last band.
-fn bands(n: usize) -> impl IndexedParallelIterator<Item = Range<usize>> {
-    let height = n.div_ceil(BANDS).next_multiple_of(ROW_GROUP).max(MIN_BAND);
-    (0..n.div_ceil(height)).into_par_iter().map(move |band| band * height..((band + 1) * height).min(n))
+/// [`ROUND`] plus the nearest multiple of 1 / [`LEVELS`], in these units.
+#[inline(always)]
+fn level(score: f32) -> f32 {
+    score * LEVELS + ROUND
 }
 
-/// Columns of the tiles of a band: first its square on the diagonal, then what is right of it.
-fn tiles(band: &Range<usize>, n: usize) -> impl Iterator<Item = Range<usize>> {
-    let cut =
-        |from: usize, to: usize| (from..to).step_by(TILE).map(move |first| first..(first + TILE).min(to));
-    cut(band.start, band.end).chain(cut(band.end, n))
+fn round_to_levels(scores: &mut [f32]) {
+    dispatch(
+        #[inline(always)]
+        || scores.iter_mut().for_each(|score| *score = level(*score) - ROUND),
+    );
 }
 
-/// What the rows of a band contribute to a product.
-struct BandProduct {
-    band: Range<usize>,
-    /// To their own entries.
-    own: Vec<f64>,
-    /// To the entries after the band.
-    mirrored: Vec<f64>,
+#[inline(always)]
+fn to_levels(scores: &[f32], levels: &mut [u16]) {
+    for (score, stored) in scores.iter().zip(levels) {
+        *stored = level(*score).to_bits() as u16;
+    }
 }
 
-impl<T: Element> Half<T> {
-    fn new(
-        mut positions: PairPositions<T>,
-        score: PairScore,
-        diagonal: Option<Vec<f64>>,
+/// How the matrix is cut.
+#[derive(Debug, Clone, Copy)]
+struct Cut {
+    rows: usize,
+    columns: usize,
+}
+
+/// Where a tile lies: in which band, from where in its entries, and which columns.
+struct Tile {
+    band: usize,
+    offset: usize,
+    columns: Range<usize>,
+}
+
+impl Cut {
+    /// With columns filled up to whole groups of f32.
+    fn in_whole_groups(self) -> Self {
+        Self { columns: self.rows.next_multiple_of(SINGLES), ..self }
+    }
+
+    /// Rows of the bands, in whole groups but for the last one.
+    fn bands(self) -> impl IndexedParallelIterator<Item = (usize, Range<usize>)> {
+        let height = self.rows.div_ceil(BANDS).next_multiple_of(SINGLES).max(MIN_BAND);
+        let bands = (0..self.rows.div_ceil(height)).into_par_iter();
+        bands.map(move |band| (band, band * height..((band + 1) * height).min(self.rows)))
+    }
+
+    /// Tiles of a band: first its square on the diagonal, then what is right of it.
+    fn tiles(self, band: usize, rows: &Range<usize>) -> impl Iterator<Item = Tile> {
+        let cut =
+            |from: usize, to: usize| (from..to).step_by(TILE).map(move |first| first..(first + TILE).min(to));
+        let (height, square_end) = (rows.len(), self.square_end(rows));
+        cut(rows.start, square_end).chain(cut(square_end, self.columns)).scan(0, move |offset, columns| {
+            let tile = Tile { band, offset: *offset, columns };
+            *offset += height * tile.columns.len();
+            Some(tile)
+        })
+    }
+
+    /// The first column right of the band's square; the last band's square takes all.
+    fn square_end(self, rows: &Range<usize>) -> usize {
+        if rows.end == self.rows { self.columns } else { rows.end }
+    }
+
+    /// All tiles, filled row by row, if they fit into memory.
+    fn fill_if_fits<T: Copy + Default + Send>(
+        self,
         execution: &Execution,
-    ) -> Result<Self> {
-        if matches!(score, PairScore::DistanceDifferenceIndicator { one_to_one: false, .. }) {
-            positions.allow_shared_points();
+        fill: impl Fn(usize, usize, &mut [T]) + Sync,
+    ) -> Result<Option<Vec<Vec<T>>>> {
+        let entries: usize =
+            self.bands().map(|(_, rows)| rows.len().saturating_mul(self.columns - rows.start)).sum();
+        if entries == 0 || entries.saturating_mul(size_of::<T>()) > execution.max_memory {
+            return Ok(None);
         }
-        let n = positions.len();
-        let mut half = Self { positions, score, diagonal, stored: None };
-        let entries: usize = bands(n).map(|band| band.len().saturating_mul(n - band.start)).sum();
-        if n > 0 && entries.saturating_mul(size_of::<T>()) <= execution.max_memory {
-            half.stored = Some(half.compute(execution)?);
-        }
-        Ok(half)
-    }
-
-    fn subset(&self, indices: &[usize], execution: &Execution) -> Result<Self> {
-        let diagonal = self.diagonal.as_ref().map(|values| indices.iter().map(|&i| values[i]).collect());
-        Self::new(self.positions.subset(indices), self.score, diagonal, execution)
-    }
-
-    fn compute(&self, execution: &Execution) -> Result<Vec<Vec<T>>> {
-        let n = self.positions.len();
-        let band_tiles = |band: Range<usize>| {
-            let mut entries = vec![T::default(); band.len() * (n - band.start)];
-            let mut rest = entries.as_mut_slice();
-            for columns in tiles(&band, n) {
-                let (tile, after) = rest.split_at_mut(band.len() * columns.len());
-                self.fill_tile(&band, &columns, tile);
-                rest = after;
+        let fill_band = |(band, rows): (usize, Range<usize>)| {
+            let mut entries = vec![T::default(); rows.len() * (self.columns - rows.start)];
+            for Tile { offset, columns, .. } in self.tiles(band, &rows) {
+                let tile = &mut entries[offset..offset + rows.len() * columns.len()];
+                for (i, row) in rows.clone().zip(tile.chunks_exact_mut(columns.len())) {
+                    fill(i, columns.start, row);
+                }
                 execution.check()?;
             }
             Ok(entries)
         };
-        bands(n).map(band_tiles).collect()
+        self.bands().map(fill_band).collect::<Result<_>>().map(Some)
     }
 
-    /// Writes the rows of a band for some columns, row after row.
-    fn fill_tile(&self, band: &Range<usize>, columns: &Range<usize>, tile: &mut [T]) {
-        for (i, row) in band.clone().zip(tile.chunks_exact_mut(columns.len())) {
-            self.fill(i, columns.start, row);
-        }
-    }
-
-    fn fill(&self, i: usize, first: usize, row: &mut [T]) {
-        self.positions.fill_part(self.score, i, first, row);
-        let itself = i.checked_sub(first).and_then(|at| row.get_mut(at));
-        if let (Some(entry), Some(diagonal)) = (itself, &self.diagonal) {
-            *entry = T::from_f64(diagonal[i]);
-        }
-    }
-
-    fn multiply(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
-        let n = self.positions.len();
-        let products: Vec<BandProduct> = bands(n)
-            .enumerate()
-            .map(|(index, band)| {
-                let product = self.multiply_band(index, band, x);
-                execution.check().map(|()| product)
-            })
+    /// The product with `x`, its short sums in the numbers `N`.
+    fn multiply<N: Number + Sums<R::Entry>, R: Rows>(
+        self,
+        matrix: &R,
+        x: &[f64],
+        execution: &Execution,
+    ) -> Result<Vec<f64>> {
+        let x: Vec<N> =
+            (0..self.columns).map(|j| N::from_f64(x.get(j).copied().unwrap_or_default())).collect();
+        let products: Vec<BandProduct> = self
+            .bands()
+            .map(|(band, rows)| self.multiply_band(matrix, band, rows, &x, execution))
             .collect::<Result<_>>()?;
         let mut result: Vec<f64> = products.iter().flat_map(|product| product.own.iter().copied()).collect();
         result.par_chunks_mut(TILE).enumerate().for_each(|(chunk, entries)| {
             let first = chunk * TILE;
-            for BandProduct { band, mirrored, .. } in &products {
-                let (skipped, shift) = (band.end.saturating_sub(first), first.saturating_sub(band.end));
+            for BandProduct { rows, mirrored, .. } in &products {
+                let (skipped, shift) = (rows.end.saturating_sub(first), first.saturating_sub(rows.end));
                 for (entry, below) in entries.iter_mut().skip(skipped).zip(mirrored.iter().skip(shift)) {
                     *entry += below;
                 }
@@ -233,81 +343,170 @@ impl<T: Element> Half<T> {
         Ok(result)
     }
 
-    fn multiply_band(&self, index: usize, band: Range<usize>, x: &[f64]) -> BandProduct {
-        let n = self.positions.len();
-        let mut own = vec![0.0; band.len()];
-        let mut mirrored = vec![0.0; n - band.end];
-        let mut computed = Vec::new();
-        let mut offset = 0;
-        for columns in tiles(&band, n) {
-            let size = band.len() * columns.len();
-            let tile = if let Some(bands) = &self.stored {
-                &bands[index][offset..offset + size]
-            } else {
-                computed.resize(size, T::default());
-                self.fill_tile(&band, &columns, &mut computed);
-                &computed[..size]
-            };
-            offset += size;
-            if columns.start < band.end {
-                multiply_square(tile, &x[columns], &mut own);
-            } else {
-                let below = columns.start - band.end..columns.end - band.end;
-                let (weights, mirrored) = (&x[band.clone()], &mut mirrored[below]);
-                with_lanes(TileTimesVector { tile, x: &x[columns], weights, own: &mut own, mirrored });
+    fn multiply_band<N: Number + Sums<R::Entry>, R: Rows>(
+        self,
+        matrix: &R,
+        band: usize,
+        rows: Range<usize>,
+        x: &[N],
+        execution: &Execution,
+    ) -> Result<BandProduct> {
+        let square_end = self.square_end(&rows);
+        let mut own = vec![0.0; rows.len()];
+        let mut mirrored = vec![0.0; self.columns - square_end];
+        let mut buffer = Vec::new();
+        for tile in self.tiles(band, &rows) {
+            execution.check()?;
+            let columns = &tile.columns;
+            for first in rows.clone().step_by(SHORT_SUM) {
+                let part = first..(first + SHORT_SUM).min(rows.end);
+                let mut below = [N::default(); TILE];
+                for group in part.clone().step_by(ROW_GROUP) {
+                    let group = group..(group + ROW_GROUP).min(part.end);
+                    let entries = matrix.rows(&tile, &rows, &group, &mut buffer);
+                    let products =
+                        N::add_products(entries, &x[columns.clone()], &x[group.clone()], &mut below);
+                    let own = &mut own[group.start - rows.start..group.end - rows.start];
+                    own.iter_mut().zip(products).for_each(|(entry, product)| *entry += product);
+                }
+                if columns.start >= square_end {
+                    let mirrored = &mut mirrored[columns.start - square_end..columns.end - square_end];
+                    mirrored.iter_mut().zip(below).for_each(|(entry, sum)| *entry += sum.to_f64());
+                }
             }
         }
-        BandProduct { band, own, mirrored }
-    }
-
-    fn row(&self, i: usize) -> Vec<f64> {
-        let mut row = vec![T::default(); self.positions.len()];
-        self.fill(i, 0, &mut row);
-        row.iter().map(|value| value.to_f64()).collect()
+        Ok(BandProduct { rows, own, mirrored })
     }
 }
 
-/// Adds the products of the rows of a tile on the diagonal, whose entries are all there.
-fn multiply_square<T: Element>(tile: &[T], x: &[f64], own: &mut [f64]) {
-    dispatch(
-        #[inline(always)]
-        || {
-            for (entry, row) in own.iter_mut().zip(tile.chunks_exact(x.len())) {
-                *entry += dot(row, x);
-            }
-        },
-    );
+/// What the rows of a band contribute to a product.
+struct BandProduct {
+    rows: Range<usize>,
+    /// To their own entries.
+    own: Vec<f64>,
+    /// To the entries after the band.
+    mirrored: Vec<f64>,
 }
 
-/// Adds the products of the rows of a tile to `own`, and those of its mirror image to `mirrored`; `weights`
-/// are the entries of the vector at the tile's rows.
-struct TileTimesVector<'a, T> {
-    tile: &'a [T],
-    x: &'a [f64],
-    weights: &'a [f64],
-    own: &'a mut [f64],
-    mirrored: &'a mut [f64],
+/// Where the rows of tiles come from.
+trait Rows: Sync {
+    type Entry: Copy + Default;
+
+    /// Some rows of a tile, one after the other.
+    fn rows<'a>(
+        &'a self,
+        tile: &Tile,
+        band: &Range<usize>,
+        group: &Range<usize>,
+        buffer: &'a mut Vec<Self::Entry>,
+    ) -> &'a [Self::Entry];
 }
 
-impl<T: Element> LaneWork for TileTimesVector<'_, T> {
-    type Output = ();
+/// Rows kept in memory.
+struct Stored<'a, T>(&'a [Vec<T>]);
 
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
-        let Self { x, mirrored, .. } = self;
-        let nothing = vec![T::default(); x.len()];
-        let groups = self.tile.chunks(ROW_GROUP * x.len());
-        let entries = self.own.chunks_mut(ROW_GROUP).zip(self.weights.chunks(ROW_GROUP));
-        for (group, (own, of_rows)) in groups.zip(entries) {
-            let mut rows = [nothing.as_slice(); ROW_GROUP];
-            let mut weights = [0.0; ROW_GROUP];
-            for (k, row) in group.chunks_exact(x.len()).enumerate() {
-                (rows[k], weights[k]) = (row, of_rows[k]);
-            }
-            let products = RowsTimesVector { rows, x, weights, mirrored }.run(lanes);
-            own.iter_mut().zip(products).for_each(|(entry, product)| *entry += product);
+impl<T: Copy + Default + Sync> Rows for Stored<'_, T> {
+    type Entry = T;
+
+    fn rows<'a>(
+        &'a self,
+        tile: &Tile,
+        band: &Range<usize>,
+        group: &Range<usize>,
+        _: &'a mut Vec<T>,
+    ) -> &'a [T] {
+        let first = tile.offset + (group.start - band.start) * tile.columns.len();
+        &self.0[tile.band][first..first + group.len() * tile.columns.len()]
+    }
+}
+
+/// Rows computed on demand.
+struct Computed<'a, T> {
+    positions: &'a PairPositions<T>,
+    score: PairScore,
+    /// What is done to a row's scores.
+    finish: fn(&mut [T]),
+}
+
+impl<T: Element> Rows for Computed<'_, T> {
+    type Entry = T;
+
+    fn rows<'a>(
+        &'a self,
+        tile: &Tile,
+        _: &Range<usize>,
+        group: &Range<usize>,
+        buffer: &'a mut Vec<T>,
+    ) -> &'a [T] {
+        let width = tile.columns.len();
+        buffer.resize(group.len() * width, T::default());
+        for (i, row) in group.clone().zip(buffer.chunks_exact_mut(width)) {
+            self.positions.fill_part(self.score, i, tile.columns.start, row);
+            (self.finish)(row);
         }
+        buffer
     }
+}
+
+/// Numbers that products are added up in.
+trait Number: Copy + Default + Send + Sync {
+    fn from_f64(value: f64) -> Self;
+    fn to_f64(self) -> f64;
+}
+
+impl Number for f64 {
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Number for f32 {
+    fn from_f64(value: f64) -> Self {
+        if value.abs() < NEGLIGIBLE { 0.0 } else { value as Self }
+    }
+
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+/// Sums in this kind of number for entries of the kind `T`.
+trait Sums<T>: Sized {
+    /// Sums of the rows' entries times `x`; onto `below` the sums of their columns' entries times the rows'
+    /// `weights`.
+    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP];
+}
+
+impl<T: Element> Sums<T> for f64 {
+    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP] {
+        let (rows, weights) = group_of_rows(entries, x.len(), weights);
+        with_lanes(RowsTimesVector { rows, x, weights, mirrored: &mut below[..x.len()] })
+    }
+}
+
+impl<T: SingleEntry> Sums<T> for f32 {
+    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP] {
+        let (rows, weights) = group_of_rows(entries, x.len(), weights);
+        with_lanes(RowsTimesVectorSingle { rows, x, weights, mirrored: &mut below[..x.len()] })
+    }
+}
+
+/// The rows and their weights; where there are fewer, the first again with weight 0.
+fn group_of_rows<'a, T, N: Number>(
+    entries: &'a [T],
+    width: usize,
+    weights: &[N],
+) -> ([&'a [T]; ROW_GROUP], [N; ROW_GROUP]) {
+    let mut rows = [&entries[..width]; ROW_GROUP];
+    let mut all_weights = [N::default(); ROW_GROUP];
+    for (k, (row, &weight)) in entries.chunks_exact(width).zip(weights).enumerate() {
+        (rows[k], all_weights[k]) = (row, weight);
+    }
+    (rows, all_weights)
 }
 
 #[cfg(test)]
@@ -324,7 +523,14 @@ mod tests {
     fn hand_computed_ratios() -> Result<()> {
         let (source, target) = sides()?;
         let execution = Execution::default();
-        let matrix = PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, &execution)?;
+        let matrix = PairMatrix::new(
+            &source,
+            &target,
+            PairScore::DistanceRatio,
+            None,
+            Entries::Recomputed,
+            &execution,
+        )?;
         let expected = [0.0, 0.5, 1.0, 3.0 / 10.0_f64.sqrt()];
         for (got, want) in matrix.row(0).iter().zip(expected) {
             assert!((got - want).abs() < 1e-15, "{got} {want}");
@@ -339,54 +545,73 @@ mod tests {
         let execution = Execution::default();
         for (one_to_one, expected) in [(true, 0.0), (false, 1.0)] {
             let score = PairScore::DistanceDifferenceIndicator { tolerance: 1.5, one_to_one };
-            let matrix = PairMatrix::new(&source, &target, score, None, &execution)?;
+            let matrix = PairMatrix::new(&source, &target, score, None, Entries::Recomputed, &execution)?;
             assert!((matrix.row(2)[3] - expected).abs() < 1e-15);
             assert!(matrix.row(2)[2].abs() < 1e-15, "no score with itself");
         }
         Ok(())
     }
 
+    fn turning(n: usize, k: f64) -> Result<Points> {
+        let place = |i: usize| [(i as f64 * k).sin(), (i as f64 * 1.7).cos(), (i as f64 * k).cos()];
+        Points::from_rows("points", &(0..n).map(place).collect::<Vec<_>>())
+    }
+
     #[test]
     fn products_equal_those_of_whole_rows() -> Result<()> {
-        for n in [1, 3, 64, 65, 300, 1500] {
-            let place =
-                |i: usize, k: f64| [(i as f64 * k).sin(), (i as f64 * 1.7).cos(), (i as f64 * k).cos()];
-            let rows = |k: f64| (0..n).map(|i| place(i, k)).collect::<Vec<_>>();
-            let (source, target) = (rows(0.37), rows(0.53));
-            let (source, target) =
-                (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
+        let ratio = PairScore::DistanceRatio;
+        let difference = PairScore::DistanceDifferenceIndicator { tolerance: 0.5, one_to_one: false };
+        let from = PairScore::DistanceRatioFrom(0.6);
+        let indicator = PairScore::DistanceRatioIndicator(0.6);
+        for n in [1, 3, 64, 65, 300, DOUBLE_LIMIT, DOUBLE_LIMIT + 1, 2500] {
+            let (source, target) = (turning(n, 0.37)?, turning(n, 0.53)?);
             let diagonal = Some((0..n).map(|i| i as f64).collect());
             let x: Vec<f64> = (0..n).map(|i| (i as f64 * 0.9).sin()).collect();
-            let mut products = Vec::new();
-            for max_memory in [0, usize::MAX] {
-                let execution = Execution::new(max_memory);
-                let score = PairScore::DistanceRatio;
-                let matrix = PairMatrix::new(&source, &target, score, diagonal.clone(), &execution)?;
-                let product = matrix.multiply(&x, &execution)?;
-                for (i, entry) in product.iter().enumerate() {
-                    let plain: f64 = matrix.row(i).iter().zip(&x).map(|(a, b)| a * b).sum();
-                    assert!((entry - plain).abs() < 1e-9, "{n} {i} {entry} {plain}");
+            for (score, entries) in [
+                (ratio, Entries::Recomputed),
+                (ratio, Entries::SixteenBit),
+                (from, Entries::Recomputed),
+                (indicator, Entries::SixteenBit),
+                (difference, Entries::SixteenBit),
+            ] {
+                let mut products = Vec::new();
+                for max_memory in [0, usize::MAX] {
+                    let execution = Execution::new(max_memory);
+                    let matrix =
+                        PairMatrix::new(&source, &target, score, diagonal.clone(), entries, &execution)?;
+                    let product = matrix.multiply(&x, &execution)?;
+                    // Rounding of entries, and a pair in a million at a threshold.
+                    let bound = if n <= DOUBLE_LIMIT { 1e-9 } else { 1.5 + 1e-5 * n as f64 };
+                    for (i, entry) in product.iter().enumerate() {
+                        let plain: f64 = matrix.row(i).iter().zip(&x).map(|(a, b)| a * b).sum();
+                        assert!((entry - plain).abs() < bound, "{n} {i} {entry} {plain}");
+                    }
+                    products.push(product);
                 }
-                products.push(product);
+                assert_eq!(products[0], products[1]);
             }
-            assert_eq!(products[0], products[1]);
         }
         Ok(())
     }
 
     #[test]
-    fn stored_and_recomputed_rows_are_equal() -> Result<()> {
-        let (source, target) = sides()?;
-        let x = [0.1, 0.2, 0.3, 0.4];
-        let diagonal = Some(vec![1.0; 4]);
-        let mut products = Vec::new();
-        for max_memory in [0, usize::MAX] {
-            let execution = Execution::new(max_memory);
+    fn errors_of_large_products_are_those_of_rounded_entries() -> Result<()> {
+        let n = 3000;
+        let (source, target) = (turning(n, 0.37)?, turning(n, 0.53)?);
+        let x: Vec<f64> = (0..n).map(|i| (i as f64 * 0.9).sin().abs()).collect();
+        let execution = Execution::default();
+        for entries in [Entries::Recomputed, Entries::SixteenBit] {
             let matrix =
-                PairMatrix::new(&source, &target, PairScore::DistanceRatio, diagonal.clone(), &execution)?;
-            products.push(matrix.multiply(&x, &execution)?);
+                PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, entries, &execution)?;
+            let (product, rough) =
+                (matrix.multiply(&x, &execution)?, matrix.multiply_roughly(&x, &execution)?);
+            for (i, (entry, rough)) in product.iter().zip(rough).enumerate() {
+                let plain: f64 = matrix.row(i).iter().zip(&x).map(|(a, b)| a * b).sum();
+                let bound = if entries == Entries::Recomputed { 2e-7 } else { 2e-6 };
+                assert!((entry - plain).abs() < bound * plain, "{i} {entry} {plain}");
+                assert!((rough - plain).abs() < bound.max(1e-6) * plain, "{i} {rough} {plain}");
+            }
         }
-        assert_eq!(products[0], products[1]);
         Ok(())
     }
 }

@@ -3,6 +3,7 @@
 pub mod consistency;
 pub mod distance;
 pub mod distance_agreement;
+pub mod inlier_counter;
 pub mod kernels;
 pub mod lanes;
 pub mod lrf_angle;

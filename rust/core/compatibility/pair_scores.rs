@@ -1,6 +1,7 @@
 //! What two correspondences score together, row by row.
 
 use super::kernels::{Element, Side, dispatch, fill_row};
+use super::lanes::SINGLES;
 use crate::points::Points;
 
 /// What a pair of correspondences scores. Pairs with a zero-length edge score 0 unless said otherwise.
@@ -28,6 +29,8 @@ pub struct PairPositions<T> {
     target: Side<T>,
     /// Factor from the data's unit to the stored one; f32 squares would under- or overflow without it.
     scale: f64,
+    /// Number of correspondences; the axes are filled up to whole groups with a point that nobody asks for.
+    count: usize,
 }
 
 impl<T: Element> PairPositions<T> {
@@ -37,7 +40,8 @@ impl<T: Element> PairPositions<T> {
         let extent = source.diagonal().max(target.diagonal());
         let scale = if extent > 0.0 { (-extent.log2().round()).exp2() } else { 1.0 };
         let side = |points: &Points| {
-            let convert = |axis: &[f64]| axis.iter().map(|value| T::from_f64(value * scale)).collect();
+            let convert =
+                |axis: &[f64]| filled_up(axis.iter().map(|value| T::from_f64(value * scale)).collect());
             let zero = points.zero_length() * scale;
             Side {
                 x: convert(&points.x),
@@ -46,22 +50,27 @@ impl<T: Element> PairPositions<T> {
                 zero_squared: T::from_f64(zero * zero),
             }
         };
-        Self { source: side(source), target: side(target), scale }
+        Self { source: side(source), target: side(target), scale, count: source.len() }
     }
 
     /// The rows `indices` alone.
     #[must_use]
     pub fn subset(&self, indices: &[usize]) -> Self {
         let side = |side: &Side<T>| {
-            let pick = |axis: &[T]| indices.iter().map(|&i| axis[i]).collect();
+            let pick = |axis: &[T]| filled_up(indices.iter().map(|&i| axis[i]).collect());
             Side { x: pick(&side.x), y: pick(&side.y), z: pick(&side.z), zero_squared: side.zero_squared }
         };
-        Self { source: side(&self.source), target: side(&self.target), scale: self.scale }
+        Self {
+            source: side(&self.source),
+            target: side(&self.target),
+            scale: self.scale,
+            count: indices.len(),
+        }
     }
 
     /// Number of correspondences.
     pub fn len(&self) -> usize {
-        self.source.x.len()
+        self.count
     }
 
     /// Whether there are none.
@@ -74,37 +83,23 @@ impl<T: Element> PairPositions<T> {
         self.fill_part(score, i, 0, row);
     }
 
-    /// Writes the scores of correspondence `i` with those from `first` on, as many as `row` takes.
+    /// Writes the scores of correspondence `i` with those from `first` on, as many as `row` takes: in f32
+    /// whole groups, the last of which may go beyond the last correspondence.
     pub fn fill_part(&self, score: PairScore, i: usize, first: usize, row: &mut [T]) {
         let (source, target, zero) = (&self.source, &self.target, T::default());
-        let rho = |ds: T, dt: T| T::ratio(ds, dt).sqrt();
         match score {
-            PairScore::DistanceRatio => dispatch(
-                #[inline(always)]
-                || fill_row(source, target, i, first, row, rho),
-            ),
+            PairScore::DistanceRatio => T::fill_ratios(source, target, i, first, row),
             PairScore::DistanceRatioFrom(least) => {
+                T::fill_ratios(source, target, i, first, row);
                 let least = T::from_f64(least);
-                dispatch(
-                    #[inline(always)]
-                    || {
-                        fill_row(source, target, i, first, row, |ds, dt| {
-                            let value = rho(ds, dt);
-                            if value >= least { value } else { zero }
-                        });
-                    },
-                );
+                row.iter_mut().for_each(|entry| *entry = if *entry >= least { *entry } else { zero });
             }
             PairScore::DistanceRatioIndicator(least) => {
+                T::fill_ratios(source, target, i, first, row);
                 let least = T::from_f64(least);
-                dispatch(
-                    #[inline(always)]
-                    || {
-                        fill_row(source, target, i, first, row, |ds, dt| {
-                            if rho(ds, dt) >= least { T::ONE } else { zero }
-                        });
-                    },
-                );
+                // No length is zero where the ratio is not.
+                let agrees = |ratio: T| ratio >= least && ratio > zero;
+                row.iter_mut().for_each(|entry| *entry = if agrees(*entry) { T::ONE } else { zero });
             }
             PairScore::DistanceDifferenceIndicator { tolerance, .. } => {
                 let tolerance = T::from_f64(tolerance * self.scale);
@@ -129,5 +124,32 @@ impl<T: Element> PairPositions<T> {
         let below_any = T::from_f64(-1.0);
         self.source.zero_squared = below_any;
         self.target.zero_squared = below_any;
+    }
+}
+
+fn filled_up<T: Element>(mut axis: Vec<T>) -> Vec<T> {
+    axis.resize(axis.len().next_multiple_of(SINGLES), T::default());
+    axis
+}
+
+impl PairPositions<f64> {
+    /// The same in f32.
+    #[must_use]
+    pub fn to_single(&self) -> PairPositions<f32> {
+        let side = |side: &Side<f64>| {
+            let convert = |axis: &[f64]| axis.iter().map(|&value| value as f32).collect();
+            Side {
+                x: convert(&side.x),
+                y: convert(&side.y),
+                z: convert(&side.z),
+                zero_squared: side.zero_squared as f32,
+            }
+        };
+        PairPositions {
+            source: side(&self.source),
+            target: side(&self.target),
+            scale: self.scale,
+            count: self.count,
+        }
     }
 }

@@ -6,7 +6,7 @@
 
 use super::GroupingMethod;
 use crate::compatibility::kernels::sum;
-use crate::compatibility::matrix::PairMatrix;
+use crate::compatibility::matrix::{Entries, PairMatrix};
 use crate::compatibility::pair_scores::PairScore;
 use crate::error::{Error, at_least_one, positive};
 use crate::selection::otsu::{Cut, Threshold};
@@ -17,6 +17,9 @@ const NO_PAYOFF: f64 = 1e-300;
 
 /// What the strategies that are left out as extinct can hold together, at any later step.
 const EXTINCT: f64 = 1e-12;
+
+/// The same, as a share of the rounding of payoffs, where that is greater.
+const FAR_BELOW_ROUNDING: f64 = 1e-3;
 
 /// The game goes on without the extinct once fewer than this part of the strategies matter.
 const WORTH_SHRINKING: f64 = 0.8;
@@ -143,7 +146,7 @@ impl GameTheory {
                 one_to_one: self.one_to_one,
             },
         };
-        PairMatrix::new(source, target, score, None, execution)
+        PairMatrix::new(source, target, score, None, Entries::SixteenBit, execution)
     }
 
     fn replicate(&self, mut payoff: PairMatrix, execution: &Execution) -> Result<Population> {
@@ -166,7 +169,9 @@ impl GameTheory {
                 break;
             }
             let steps_left = self.iterations - population.steps;
-            let least = least_share(population.shares.len(), population.mean_payoff, steps_left);
+            let extinct =
+                EXTINCT.max(FAR_BELOW_ROUNDING * payoff.rounding()) / population.shares.len() as f64;
+            let least = least_share(extinct, population.mean_payoff, steps_left);
             let matter: Vec<usize> = (0..shares.len()).filter(|&i| shares[i] > least).collect();
             if (matter.len() as f64) < WORTH_SHRINKING * shares.len() as f64 {
                 population.set(&alive, &shares); // the extinct keep the share that they have now
@@ -220,11 +225,10 @@ impl GameTheory {
     }
 }
 
-/// A share that is no greater can't reach `EXTINCT / n` in the steps left: payoffs are at most 1 and the mean
-/// payoff never falls, so no share grows by more than `1 / z` in a step. Leaving all such strategies out
-/// changes no payoff by more than `EXTINCT`.
-fn least_share(n: usize, mean_payoff: f64, steps_left: usize) -> f64 {
-    EXTINCT / n as f64 * mean_payoff.powf(steps_left as f64)
+/// A share that is no greater can't reach `extinct` in the steps left: payoffs are at most 1 and the mean
+/// payoff never falls, so no share grows by more than `1 / z` in a step.
+fn least_share(extinct: f64, mean_payoff: f64, steps_left: usize) -> f64 {
+    extinct * mean_payoff.powf(steps_left as f64)
 }
 
 fn uniform(n: usize) -> Vec<f64> {
@@ -339,7 +343,14 @@ mod tests {
         assert!((few as f64) < WORTH_SHRINKING * n as f64, "nobody has become extinct");
         let execution = Execution::default();
         let positions = input.positions("gtm")?;
-        let whole = PairMatrix::new(positions.0, positions.1, PairScore::DistanceRatio, None, &execution)?;
+        let whole = PairMatrix::new(
+            positions.0,
+            positions.1,
+            PairScore::DistanceRatio,
+            None,
+            Entries::SixteenBit,
+            &execution,
+        )?;
         let mut shares = uniform(n);
         for _ in 0..100 {
             let payoffs = whole.multiply(&shares, &execution)?;

@@ -10,8 +10,11 @@ use crate::execution::Execution;
 /// Power steps before giving up on further digits.
 const MAX_STEPS: usize = 1000;
 
-/// Greatest change of an entry at which the iteration has converged.
-const CONVERGED: f64 = 1e-10;
+/// Greatest error of an entry, as a share of the largest one, with which the iteration ends.
+const CONVERGED: f64 = 1e-9;
+
+/// Change of an entry, as a share of the largest one, from which on products need all their digits.
+const ROUGHLY_CONVERGED: f64 = 2e-6;
 
 /// Progress is told in steps of one percent.
 const PERCENT: usize = 100;
@@ -49,13 +52,14 @@ pub fn principal_eigenvector(
     solver: Eigensolver,
     execution: &Execution,
 ) -> Result<Eigenpair> {
-    let mean_row_sum = matrix.mean_row_sum(execution)?;
-    if mean_row_sum <= 0.0 {
+    let start = uniform(matrix.len());
+    let product = matrix.multiply_roughly(&start, execution)?;
+    if sum(&product) <= 0.0 {
         // Every vector is one of the zero matrix.
-        return Ok(Eigenpair { vector: uniform(matrix.len()), value: 0.0, steps: 0 });
+        return Ok(Eigenpair { vector: start, value: 0.0, steps: 0 });
     }
     match solver {
-        Eigensolver::Power => power_iteration(matrix, SHIFT * mean_row_sum, execution),
+        Eigensolver::Power => power_iteration(matrix, start, product, execution),
         Eigensolver::Dense => dense(matrix, execution),
     }
 }
@@ -65,27 +69,45 @@ fn uniform(n: usize) -> Vec<f64> {
     vec![1.0 / (n.max(1) as f64).sqrt(); n]
 }
 
-fn power_iteration(matrix: &PairMatrix, shift: f64, execution: &Execution) -> Result<Eigenpair> {
-    let mut vector = uniform(matrix.len());
-    let mut value = 0.0;
+/// From `start`, a unit vector of equal entries, and its product with the matrix.
+fn power_iteration(
+    matrix: &PairMatrix,
+    start: Vec<f64>,
+    product: Vec<f64>,
+    execution: &Execution,
+) -> Result<Eigenpair> {
+    let shift = SHIFT * dot(&start, &product); // a share of the mean row sum
+    let (mut vector, mut product) = (start, product);
+    let mut previous_change = f64::INFINITY;
+    let mut roughly = true;
     let mut steps = 0;
-    while steps < MAX_STEPS {
+    loop {
         steps += 1;
-        let mut next = matrix.multiply(&vector, execution)?;
-        value = dot(&vector, &next);
+        let value = dot(&vector, &product);
+        let mut next = product;
         next.iter_mut().zip(&vector).for_each(|(entry, old)| *entry += shift * old);
         let length = dot(&next, &next).sqrt();
         next.iter_mut().for_each(|entry| *entry /= length);
-        let change = next.iter().zip(&vector).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let change = next.iter().zip(&vector).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+            / next.iter().copied().fold(0.0, f64::max);
         vector = next;
-        // The change falls geometrically to the bound.
-        let share = change.max(CONVERGED).log10() / CONVERGED.log10();
-        execution.report((share.max(0.0) * PERCENT as f64) as usize, PERCENT)?;
-        if change < CONVERGED {
-            break;
+        // Changes fall geometrically, so their ratio tells what all later ones sum up to.
+        let ratio = change / previous_change;
+        let known = previous_change.is_finite() && ratio < 1.0;
+        let remaining = if known { change * ratio / (1.0 - ratio) } else { change };
+        let share = change.clamp(CONVERGED, 1.0).log10() / CONVERGED.log10();
+        execution.report((share * PERCENT as f64) as usize, PERCENT)?;
+        if (!roughly && remaining < CONVERGED) || steps == MAX_STEPS {
+            return Ok(Eigenpair { vector, value, steps });
         }
+        previous_change = if roughly && change < ROUGHLY_CONVERGED { f64::INFINITY } else { change };
+        roughly &= change >= ROUGHLY_CONVERGED;
+        product = if roughly {
+            matrix.multiply_roughly(&vector, execution)?
+        } else {
+            matrix.multiply(&vector, execution)?
+        };
     }
-    Ok(Eigenpair { vector, value, steps })
 }
 
 fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
@@ -120,6 +142,7 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compatibility::matrix::Entries;
     use crate::compatibility::pair_scores::PairScore;
     use crate::points::Points;
 
@@ -133,7 +156,14 @@ mod tests {
         let target: Vec<[f64; 3]> = (0..40).map(|i| if i % 3 == 0 { row(i + 7) } else { row(i) }).collect();
         let (source, target) = (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
         let execution = Execution::default();
-        let matrix = PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, &execution)?;
+        let matrix = PairMatrix::new(
+            &source,
+            &target,
+            PairScore::DistanceRatio,
+            None,
+            Entries::Recomputed,
+            &execution,
+        )?;
         for solver in [Eigensolver::Power, Eigensolver::Dense] {
             let pair = principal_eigenvector(&matrix, solver, &execution)?;
             let product = matrix.multiply(&pair.vector, &execution)?;

@@ -1,11 +1,13 @@
 //! Sample consensus: many rigid hypotheses from three correspondences each, the best supported wins.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::counter_rng::sample_three;
 use crate::compatibility::distance::distance_ratio;
-use crate::compatibility::kernels::{Side, count_inliers, dispatch, squared_residual};
+use crate::compatibility::inlier_counter::{InlierCounter, is_inlier};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
@@ -55,12 +57,13 @@ impl SampleConsensus {
         if source.len() < 3 {
             return Ok(None);
         }
-        let sides = (Side::from(source), Side::from(target));
+        let counter = InlierCounter::new(source, target, self.tolerance);
+        let most_inliers = AtomicUsize::new(0);
         let blocks = self.iterations.div_ceil(BLOCK);
         execution.report(0, blocks)?;
         let run_block = |block: usize| {
             execution.advance()?;
-            Ok(self.best_of_block(block, source, target, &sides))
+            Ok(self.best_of_block(block, source, target, &counter, &most_inliers))
         };
         let Some(confidence) = self.confidence else {
             let best =
@@ -101,33 +104,28 @@ impl SampleConsensus {
 
     /// Residual below the tolerance under the model, for each correspondence.
     pub fn inlier_mask(&self, model: &Rigid, source: &Points, target: &Points) -> Vec<bool> {
-        let transform = flatten(model);
-        let squared_tolerance = self.tolerance * self.tolerance;
-        (0..source.len())
-            .map(|i| {
-                squared_residual(&transform, source.get(i).into(), target.get(i).into()) < squared_tolerance
-            })
-            .collect()
+        (0..source.len()).map(|i| is_inlier(model, source, target, i, self.tolerance)).collect()
     }
 
+    /// The best of a block, unless none of it has as many inliers as `most_inliers` says that there are.
     fn best_of_block(
         &self,
         block: usize,
         source: &Points,
         target: &Points,
-        sides: &(Side<f64>, Side<f64>),
+        counter: &InlierCounter,
+        most_inliers: &AtomicUsize,
     ) -> Option<Consensus> {
         let iterations = block * BLOCK..self.iterations.min((block + 1) * BLOCK);
-        let squared_tolerance = self.tolerance * self.tolerance;
+        let mut near = Vec::new();
         let mut best = None;
         for iteration in iterations {
             let sample = sample_three(self.seed, iteration as u64, source.len());
             let Some(model) = self.hypothesis(sample, source, target) else { continue };
-            let transform = flatten(&model);
-            let inliers = dispatch(
-                #[inline(always)]
-                || count_inliers(&sides.0, &sides.1, &transform, squared_tolerance),
-            );
+            // Fewer than others have already can't win; as many may, if it is the earliest.
+            let least = most_inliers.load(Ordering::Relaxed);
+            let Some(inliers) = counter.count(&model, least, &mut near) else { continue };
+            most_inliers.fetch_max(inliers, Ordering::Relaxed);
             best = better(best, Some(Consensus { model, inliers, iteration, iterations: 0 }));
         }
         best
@@ -212,24 +210,6 @@ fn plane_basis(triangle: &[Point3<f64>; 3]) -> [Vector3<f64>; 3] {
     let x = (triangle[1] - triangle[0]).normalize();
     let z = x.cross(&(triangle[2] - triangle[0])).normalize();
     [x, z.cross(&x), z]
-}
-
-fn flatten(model: &Rigid) -> [f64; 12] {
-    let (r, t) = (&model.rotation, &model.translation);
-    [
-        r[(0, 0)],
-        r[(0, 1)],
-        r[(0, 2)],
-        r[(1, 0)],
-        r[(1, 1)],
-        r[(1, 2)],
-        r[(2, 0)],
-        r[(2, 1)],
-        r[(2, 2)],
-        t.x,
-        t.y,
-        t.z,
-    ]
 }
 
 #[cfg(test)]
