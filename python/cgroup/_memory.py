@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-MOST = 2 << 30
-"""A dense matrix never takes more than 2 GiB by default."""
+MOST = 3 << 29
+"""A dense matrix never takes more than 1.5 GiB by default."""
 
 SHARE_OF_FREE = 4
 """Nor more than one part in four of what is free."""
@@ -19,7 +19,7 @@ CONTAINER = Path("/sys/fs/cgroup")
 
 
 def default_max_memory() -> int:
-    """Bytes that a pairwise matrix may take: a quarter of what is free, at most 2 GiB."""
+    """Bytes that a pairwise matrix may take: a quarter of what is free, at most 1.5 GiB."""
     return min(MOST, max(min(_free_on_machine(), _free_in_container()), 0) // SHARE_OF_FREE)
 
 

@@ -8,7 +8,7 @@ A length (``tolerance`` and the like) is in the data's unit; without one it is t
 
 - ``threads``: int or None; threads to compute on, None for all cores. The result does not depend on it.
 - ``max_memory``: int or None; bytes that a pairwise matrix may take, None for a quarter of the memory
-  that is free, at most 2 GiB. A larger matrix is recomputed row by row, with the same result.
+  that is free, at most 1.5 GiB. A larger matrix is recomputed row by row, with the same result.
 - ``progress``: callable or None; called now and then with the share of the work done, in [0,1].
 
 Input that a method can't work with raises `InputError`, a `ValueError`.

@@ -324,8 +324,8 @@ pub struct FillRatios<'a> {
     pub row: &'a mut [f32],
 }
 
-/// Least product of squared lengths that is not taken for 0; far below that of any two points in f32.
-const LEAST_PRODUCT: f32 = 1e-36;
+/// Keeps the ratio at 0 where a length is; far below the product of any two squared lengths in f32.
+const TINY: f32 = 1e-36;
 
 impl LaneWork for FillRatios<'_> {
     type Output = ();
@@ -339,16 +339,16 @@ impl LaneWork for FillRatios<'_> {
             #[inline(always)]
             |axis| axis[..self.row.len()].as_chunks::<SINGLES>().0,
         );
-        let (least, one) = (lanes.splat_singles(LEAST_PRODUCT), lanes.splat_singles(1.0));
+        let tiny = lanes.splat_singles(TINY);
         let others = xs.iter().zip(ys).zip(zs).zip(us).zip(vs).zip(ws);
         for (entries, (((((x, y), z), u), v), w)) in
             self.row.as_chunks_mut::<SINGLES>().0.iter_mut().zip(others)
         {
             let ds = squared_length(lanes, p, [x, y, z]);
             let dt = squared_length(lanes, q, [u, v, w]);
-            let product = lanes.max_singles(lanes.multiply_singles(ds, dt), least);
+            let product = lanes.multiply_add_singles(ds, dt, tiny);
             let ratio = lanes.multiply_singles(lanes.min_singles(ds, dt), lanes.reciprocal_sqrt(product));
-            lanes.store_singles(lanes.min_singles(ratio, one), entries);
+            lanes.store_singles(ratio, entries);
         }
     }
 }

@@ -13,9 +13,6 @@ const MAX_STEPS: usize = 1000;
 /// Greatest error of an entry, as a share of the largest one, with which the iteration ends.
 const CONVERGED: f64 = 1e-9;
 
-/// Change of an entry, as a share of the largest one, from which on products need all their digits.
-const ROUGHLY_CONVERGED: f64 = 2e-6;
-
 /// Progress is told in steps of one percent.
 const PERCENT: usize = 100;
 
@@ -53,7 +50,7 @@ pub fn principal_eigenvector(
     execution: &Execution,
 ) -> Result<Eigenpair> {
     let start = uniform(matrix.len());
-    let product = matrix.multiply_roughly(&start, execution)?;
+    let product = matrix.multiply(&start, execution)?;
     if sum(&product) <= 0.0 {
         // Every vector is one of the zero matrix.
         return Ok(Eigenpair { vector: start, value: 0.0, steps: 0 });
@@ -79,7 +76,6 @@ fn power_iteration(
     let shift = SHIFT * dot(&start, &product); // a share of the mean row sum
     let (mut vector, mut product) = (start, product);
     let mut previous_change = f64::INFINITY;
-    let mut roughly = true;
     let mut steps = 0;
     loop {
         steps += 1;
@@ -97,16 +93,11 @@ fn power_iteration(
         let remaining = if known { change * ratio / (1.0 - ratio) } else { change };
         let share = change.clamp(CONVERGED, 1.0).log10() / CONVERGED.log10();
         execution.report((share * PERCENT as f64) as usize, PERCENT)?;
-        if (!roughly && remaining < CONVERGED) || steps == MAX_STEPS {
+        if remaining < CONVERGED || steps == MAX_STEPS {
             return Ok(Eigenpair { vector, value, steps });
         }
-        previous_change = if roughly && change < ROUGHLY_CONVERGED { f64::INFINITY } else { change };
-        roughly &= change >= ROUGHLY_CONVERGED;
-        product = if roughly {
-            matrix.multiply_roughly(&vector, execution)?
-        } else {
-            matrix.multiply(&vector, execution)?
-        };
+        previous_change = change;
+        product = matrix.multiply(&vector, execution)?;
     }
 }
 
