@@ -1,0 +1,131 @@
+//! What the grouping methods are made of, on seeded problems with one inlier in ten: tests of pairs,
+//! pairwise matrices, residuals, eigenvectors, thresholds. The size stands in the id.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::hint::black_box;
+
+use cgroup::compatibility::distance_agreement::DistanceAgreement;
+use cgroup::compatibility::inlier_counter::InlierCounter;
+use cgroup::compatibility::matrix::{Entries, PairMatrix};
+use cgroup::compatibility::pair_scores::PairScore;
+use cgroup::selection::eigenvector::{Eigensolver, principal_eigenvector};
+use cgroup::selection::otsu::{OtsuMode, otsu};
+use cgroup::selection::sample_consensus::fit_triangle;
+use cgroup::selection::top_k::largest;
+use cgroup::{Execution, Points, Result};
+use common::{Uniform, problem};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+
+/// A length, in units of the problems' resolution.
+const TOLERANCE: f64 = 5.0;
+
+/// Hypotheses whose inliers are counted.
+const MODELS: usize = 100;
+
+fn sides(n: usize) -> Result<(Points, Points)> {
+    let problem = problem(1, n, 0.1, 0.5);
+    let rows = |points: &[nalgebra::Vector3<f64>]| points.iter().map(|&p| p.into()).collect::<Vec<_>>();
+    let source = Points::from_rows("source", &rows(&problem.source))?;
+    Ok((source, Points::from_rows("target", &rows(&problem.target))?))
+}
+
+/// GC's test of pairs; the throughput counts each pair once.
+fn agreement(group: &mut BenchmarkGroup<'_, WallTime>, source: &Points, target: &Points) {
+    group.bench_function(BenchmarkId::new("distance_agreement", source.len()), |b| {
+        let agreement = DistanceAgreement::new(source, target, TOLERANCE);
+        b.iter(|| agreement.counts(&Execution::default()));
+    });
+}
+
+/// A product with the matrix, and the making of it; the throughput counts each pair once.
+fn matrix(group: &mut BenchmarkGroup<'_, WallTime>, source: &Points, target: &Points) {
+    let n = source.len();
+    let x = vec![1.0 / n as f64; n];
+    let ratio = PairScore::DistanceRatio;
+    for (name, entries, max_memory) in [
+        ("stored_16_bit", Entries::SixteenBit, usize::MAX),
+        ("recomputed_16_bit", Entries::SixteenBit, 0),
+        ("recomputed", Entries::Recomputed, 0),
+    ] {
+        let execution = Execution::new(max_memory);
+        let make = || PairMatrix::new(source, target, ratio, None, entries, &execution);
+        if max_memory > 0 {
+            group.bench_function(BenchmarkId::new(format!("matrix/make/{name}"), n), |b| b.iter(make));
+        }
+        let Ok(matrix) = make() else { continue };
+        group.bench_function(BenchmarkId::new(format!("matrix/multiply/{name}"), n), |b| {
+            b.iter(|| matrix.multiply(black_box(&x), &execution));
+        });
+    }
+}
+
+fn pairs(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("pairs");
+    group.sample_size(10);
+    for n in [1_000, 5_000, 20_000] {
+        let Ok((source, target)) = sides(n) else { continue };
+        group.throughput(Throughput::Elements((n * (n - 1) / 2) as u64));
+        agreement(&mut group, &source, &target);
+        matrix(&mut group, &source, &target);
+    }
+}
+
+fn eigenvector(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("eigenvector");
+    group.sample_size(10);
+    let execution = Execution::default();
+    for (solver, n) in [(Eigensolver::Power, 1_000), (Eigensolver::Power, 5_000), (Eigensolver::Dense, 1_000)]
+    {
+        let Ok((source, target)) = sides(n) else { continue };
+        let ratio = PairScore::DistanceRatio;
+        let Ok(matrix) = PairMatrix::new(&source, &target, ratio, None, Entries::Recomputed, &execution)
+        else {
+            continue;
+        };
+        group.bench_function(BenchmarkId::new(format!("{solver:?}").to_lowercase(), n), |b| {
+            b.iter(|| principal_eigenvector(&matrix, solver, &execution));
+        });
+    }
+}
+
+/// RANSAC's steps: a transform from three correspondences, and its inliers.
+fn hypotheses(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("hypotheses");
+    for n in [1_000, 5_000, 100_000] {
+        let Ok((source, target)) = sides(n) else { continue };
+        let models: Vec<_> = (0..MODELS)
+            .map(|k| {
+                let triangle = |points: &Points| [k, k + n / 3, k + n / 2].map(|i| points.get(i % n));
+                fit_triangle(&triangle(&source), &triangle(&target))
+            })
+            .collect();
+        group.bench_function(BenchmarkId::new("sort_into_leaves", n), |b| {
+            b.iter(|| InlierCounter::new(&source, &target, TOLERANCE));
+        });
+        let counter = InlierCounter::new(&source, &target, TOLERANCE);
+        let mut near = Vec::new();
+        group.bench_function(BenchmarkId::new(format!("count_inliers_of_{MODELS}"), n), |b| {
+            b.iter(|| {
+                models.iter().filter_map(|model| counter.count(black_box(model), 0, &mut near)).sum::<usize>()
+            });
+        });
+    }
+}
+
+fn thresholds(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("selection");
+    for n in [1_000, 100_000] {
+        let mut random = Uniform::new(1);
+        let scores: Vec<f64> = (0..n).map(|_| random.next()).collect();
+        for (name, mode) in [("otsu/minmax", OtsuMode::default()), ("otsu/exact", OtsuMode::Exact)] {
+            group.bench_function(BenchmarkId::new(name, n), |b| b.iter(|| otsu(black_box(&scores), mode)));
+        }
+        group.bench_function(BenchmarkId::new("top_200", n), |b| b.iter(|| largest(black_box(&scores), 200)));
+    }
+}
+
+criterion_group!(compatibility, pairs, eigenvector, hypotheses, thresholds);
+criterion_main!(compatibility);
