@@ -64,8 +64,8 @@ PEERS = {
     peer.name: peer
     for peer in (
         _ours("gc", "GC"),
-        Peer("pcl_gc", "PCL GC, sets over 3", "gc", "pcl", threaded=False),
-        Peer("pcl_gc10", "PCL GC, sets over 10", "gc", "pcl", threaded=False),
+        Peer("pcl_gc", "PCL GC, threshold 3", "gc", "pcl", threaded=False),
+        Peer("pcl_gc10", "PCL GC, threshold 10", "gc", "pcl", threaded=False),
         Peer("np_gc", "NumPy GC, n x n", "gc", "numpy", threaded=False, bytes_per_pair=33),
         Peer("np_gc_rows", "NumPy GC, row by row", "gc", "numpy", threaded=False),
         Peer("kiss", "KISS-Matcher", "gc", "library", "kiss_matcher"),

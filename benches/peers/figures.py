@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
 from cgroup.plots import style
@@ -13,7 +14,7 @@ from peers.catalogue import OURS, PEERS, Peer
 from peers.scaling import LEAST_MIB, Curve, Quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -36,13 +37,14 @@ LIBRARY_COLORS = {
 }
 """By the first word of a label."""
 
-MARKERS = ("o", "s", "^", "v", "D")
-"""Of several peers from one library in a panel."""
+VARIANTS = (("o", 0.0), ("s", 0.35), ("^", 0.55), ("v", 0.15))
+"""Marker and share of white of several peers from one library in a panel."""
 
 LEAST_DRAWN = {"seconds": 1e-6, "mib": 0.1}
 UNITS = {"seconds": "seconds per call", "mib": "peak memory above the loaded process, MiB"}
 TITLES = {"seconds": "Time", "mib": "Peak memory"}
 LEGEND_FONT = 6.5
+SIDE = 1.3  # room beside the first and the last n
 
 
 class Look(NamedTuple):
@@ -77,6 +79,7 @@ def scaling_figure(
     title = f"{TITLES[quantity]} over the number of matches n: {share:.0%} inliers, {_threads(max(threads))}"
     figure, axes = panels(len(PANELS) + 1, columns=2, title=title, extra=1.0)
     axes[-1].set_axis_off()
+    sizes = sorted({n for curve in (*curves.values(), *more_threads.values()) for n in curve.sizes})
     for place, (name, methods) in zip(axes, PANELS.items(), strict=False):
         looks = panel_looks(methods)
         for peer in looks:
@@ -85,13 +88,13 @@ def scaling_figure(
         for peer in sorted(looks, key=is_ours):  # ours on top
             if peer in curves:
                 _draw(place, curves[peer], looks[peer], quantity)
-        _finish(place, name, quantity)
+        _finish(place, name, quantity, sizes)
     _explain(axes[-1], more_threads)
     return figure
 
 
 def panel_looks(methods: tuple[str, ...]) -> dict[str, Look]:
-    """Colour by library, or by method for ours; markers tell apart what shares a colour."""
+    """Colour by library, or by method for ours; shades and markers tell apart what comes from one library."""
     looks: dict[str, Look] = {}
     used: dict[str, int] = {}
     for peer in (peer for peer in PEERS.values() if peer.method in methods):
@@ -100,8 +103,10 @@ def panel_looks(methods: tuple[str, ...]) -> dict[str, Look]:
             looks[peer.name] = Look(own.color, own.marker)
         else:
             color = library_color(peer)
-            looks[peer.name] = Look(color, MARKERS[used.get(color, 0) % len(MARKERS)])
+            marker, white = VARIANTS[used.get(color, 0) % len(VARIANTS)]
             used[color] = used.get(color, 0) + 1
+            mixed = (1 - white) * np.array(to_rgb(color)) + white
+            looks[peer.name] = Look(to_hex(mixed), marker)
     return looks
 
 
@@ -122,7 +127,7 @@ def _draw(axes: Axes, curve: Curve, look: Look, quantity: Quantity, *, again: bo
         np.maximum(curve.values, LEAST_DRAWN[quantity]),
         color=look.color,
         marker="" if again else look.marker,
-        markersize=marker_size(look.marker) * (1.0 if ours else 0.7),
+        markersize=marker_size(look.marker) * (1.1 if ours else 0.85),
         markeredgecolor="white",
         markeredgewidth=0.4,
         linestyle=(0, (2.5, 1.2)) if again else "-",
@@ -139,15 +144,15 @@ def _label(curve: Curve, quantity: Quantity) -> str:
     return f"{PEERS[curve.peer].label}{fitted}"
 
 
-def _finish(axes: Axes, name: str, quantity: Quantity) -> None:
+def _finish(axes: Axes, name: str, quantity: Quantity, sizes: Sequence[int]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     finish(axes, title=name, xlabel="n", ylabel=UNITS[quantity])
-    drawn = sorted({float(n) for line in axes.get_lines() for n in np.asarray(line.get_xdata())})
-    if not drawn:
+    if not axes.get_lines():
         axes.text(0.5, 0.5, "nothing recorded", ha="center", transform=axes.transAxes, color=style.QUIET_TEXT)
         return
-    axes.xaxis.set_major_locator(FixedLocator(drawn))
+    axes.set_xlim(sizes[0] / SIDE, sizes[-1] * SIDE)
+    axes.xaxis.set_major_locator(FixedLocator(sizes))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda n, _: f"{n / 1000:g}k" if n >= 1000 else f"{n:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_minor_locator(FixedLocator([]))
@@ -158,7 +163,7 @@ def _finish(axes: Axes, name: str, quantity: Quantity) -> None:
     axes.legend(
         *zip(*ours_first, strict=True),
         loc="upper center",
-        bbox_to_anchor=(0.46, -0.2),
+        bbox_to_anchor=(0.46, -0.18),
         ncols=2,
         frameon=False,
         fontsize=LEGEND_FONT,

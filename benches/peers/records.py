@@ -80,6 +80,8 @@ class Figures:
         Medians over the rounds; memory is the peak of the process above what it held before the call.
     f : float or None
         F-score at 5 pr.
+    rounds : int
+        Number of rounds with a result.
     spread : float
         Slowest round minus fastest, over the median.
     failed, why : str
@@ -89,6 +91,7 @@ class Figures:
     seconds: float | None
     mib: float | None
     f: float | None
+    rounds: int = 0
     spread: float = 0.0
     failed: str = ""
     why: str = ""
@@ -107,9 +110,8 @@ def summary(records: Iterable[dict[str, Any]]) -> Figures:
         if record["peak_mib"] is not None and record["base_mib"] is not None
     ]
     middle = median(times)
-    return Figures(
-        middle, median(peaks) if peaks else None, good[0]["f"], spread=(max(times) - min(times)) / middle
-    )
+    spread = (max(times) - min(times)) / middle
+    return Figures(middle, median(peaks) if peaks else None, good[0]["f"], len(good), spread)
 
 
 def summaries(journal: Journal) -> dict[Run, Figures]:

@@ -64,6 +64,8 @@ def write_report(journal: Journal, out: Path) -> None:
             quantity=quantity,
             share=common_share(works),
         )
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # laying out takes long, and is done
         for ending in ("png", "pdf"):
             figure.savefig(out / f"{name}.{ending}")
 
@@ -81,6 +83,7 @@ def report(journal: Journal, works: Mapping[Run, Figures]) -> str:
         "![memory](memory.png)\n",
         *(line for case in case_keys(works) for line in case_table(works, *case)),
         *failures(works),
+        *not_run(journal, works),
     ]
     return "\n".join(parts)
 
@@ -96,7 +99,7 @@ def machine(journal: Journal) -> Iterator[str]:
     yield f"- {identity['cpu']}, {identity['cores']} cores, {session['memory_gib'] or '?'} GiB"
     yield f"- instruction sets: {', '.join(session['flags']) or 'unknown'}"
     yield f"- {session['system']}, Python {session['python']}"
-    yield f"- load at the start: {session['load']:.2f}{_others(journal)}"
+    yield f"- load at the start: {session['load']:.2f}{_others(journal)}{_spread(journal)}"
     versions = ", ".join(f"{name} {version}" for name, version in sorted(session["versions"].items()))
     yield f"- {versions} (build {identity['build']})"
     for name, why in session["missing"].items():
@@ -110,6 +113,14 @@ def _others(journal: Journal) -> str:
     if not busy:
         return ""
     return f"; other programs used {median(busy):.2f} cores during half of the runs, {max(busy):.2f} at most"
+
+
+def _spread(journal: Journal) -> str:
+    """Say how far rounds differ."""
+    spreads = [figures.spread for figures in summaries(journal).values() if figures.rounds > 1]
+    if not spreads:
+        return ""
+    return f"; slowest and fastest round differ by {median(spreads):.0%} in the median"
 
 
 def targets(works: Mapping[Run, Figures]) -> Iterator[str]:
@@ -177,7 +188,7 @@ def case_table(works: Mapping[Run, Figures], n: int, share: float) -> Iterator[s
 
 
 def failures(works: Mapping[Run, Figures]) -> Iterator[str]:
-    """List what did not finish, and which peers there are no records of."""
+    """List what did not finish."""
     failed = [(work, figures) for work, figures in works.items() if figures.failed]
     if failed:
         yield "## Without a result\n"
@@ -186,10 +197,17 @@ def failures(works: Mapping[Run, Figures]) -> Iterator[str]:
             where = f"n = {work.n:,}, {work.share:.0%} inliers, {_threads(work.threads)}"
             yield f"- {peer.label}, {where}: {figures.why}"
         yield ""
+
+
+def not_run(journal: Journal, works: Mapping[Run, Figures]) -> Iterator[str]:
+    """List the peers that there are no records of."""
+    missing = journal.sessions[-1]["missing"] if journal.sessions else {}
     absent = [peer for peer in PEERS.values() if all(work.peer != peer.name for work in works)]
     if absent:
         yield "## Not run\n"
-        yield from (f"- {peer.label} ({PACKAGES.get(needs(peer), peer.program)})" for peer in absent)
+        for peer in absent:
+            why = missing.get(needs(peer))
+            yield f"- {peer.label}: {'not asked for, or not yet' if why is None else f'not available: {why}'}"
         yield ""
 
 

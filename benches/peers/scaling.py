@@ -42,7 +42,8 @@ class Curve:
         ]
         if len(points) < LEAST_SIZES:
             return float("nan")
-        return float(np.polyfit(*np.log(np.transpose(points)), 1)[0])
+        slope = np.polyfit(*np.log(np.transpose(points)), 1)[0]
+        return round(float(slope), 3) + 0.0  # no negative zero
 
 
 def curves(works: Mapping[Run, Figures], quantity: Quantity, threads: int) -> dict[str, Curve]:
