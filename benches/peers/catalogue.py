@@ -42,7 +42,7 @@ class Peer:
     largest : int
         Largest n that is worth starting.
     common_share_only : bool
-        Its time does not depend on the share of inliers, and is long: run at the common one only.
+        It takes long: run at the common share of inliers only.
     """
 
     name: str
@@ -66,13 +66,21 @@ PEERS = {
         _ours("gc", "GC"),
         Peer("pcl_gc", "PCL GC, threshold 3", "gc", "pcl", threaded=False),
         Peer("pcl_gc10", "PCL GC, threshold 10", "gc", "pcl", threaded=False),
-        Peer("np_gc", "NumPy GC, n x n", "gc", "numpy", threaded=False, bytes_per_pair=33),
+        Peer("np_gc", "NumPy GC, n x n", "gc", "numpy", threaded=False, bytes_per_pair=17),
         Peer("np_gc_rows", "NumPy GC, row by row", "gc", "numpy", threaded=False),
         Peer("kiss", "KISS-Matcher", "gc", "library", "kiss_matcher"),
         _ours("ransac", "RANSAC"),
         Peer("pcl_ransac", "PCL RANSAC", "ransac", "pcl", threaded=False),
         Peer("np_ransac_10k", "NumPy RANSAC", "ransac", "numpy"),
-        Peer("o3d_ransac_10k", "Open3D RANSAC", "ransac", "library", "open3d", largest=5000),
+        Peer(
+            "o3d_ransac_10k",
+            "Open3D RANSAC",
+            "ransac",
+            "library",
+            "open3d",
+            largest=5000,
+            common_share_only=True,
+        ),
         Peer(
             "o3d_ransac_10k_fixed",
             "Open3D RANSAC, confidence 1",
@@ -99,7 +107,7 @@ PEERS = {
             common_share_only=True,
         ),
         _ours("gtm", "GTM"),
-        Peer("np_gtm", "NumPy GTM", "gtm", "numpy", bytes_per_pair=43),
+        Peer("np_gtm", "NumPy GTM", "gtm", "numpy", bytes_per_pair=41),
         _ours("si", "SI"),
         Peer("np_si", "NumPy SI", "si", "numpy", threaded=False),
         _ours("cv", "CV"),

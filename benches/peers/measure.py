@@ -33,7 +33,7 @@ MARK = "@@"
 """Before the record, as libraries print things of their own."""
 
 MOST_REPETITIONS, LEAST_REPETITIONS = 9, 3
-BUDGET = 2.0
+BUDGET = 1.0
 LONG = 15.0
 """Up to 9 repetitions within a budget in seconds, but at least 3; a single one if it takes long."""
 

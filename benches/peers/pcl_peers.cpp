@@ -98,7 +98,7 @@ Frames::Ptr to_frames(const std::vector<float>& values) {
 std::vector<double> measure(const std::function<void()>& call) {
   using Clock = std::chrono::steady_clock;
   constexpr std::size_t kMost = 9, kLeast = 3;
-  constexpr double kBudget = 2.0, kLong = 15.0;
+  constexpr double kBudget = 1.0, kLong = 15.0;
   std::vector<double> times;
   for (;;) {
     const auto start = Clock::now();

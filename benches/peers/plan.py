@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ QUICK_SIZES = (500, 1000)
 SHARES = (0.5, 0.1, 0.03, 0.01)
 SIZE_OF_ALL_SHARES = 5000
 
-SLOW = 5.0
+SLOW = 2.0
 """Seconds per call above which one round is enough."""
 
 
@@ -76,7 +77,7 @@ def is_settled(run: Run, done: Mapping[Run, dict[str, Any]]) -> bool:
 
 
 def hopeless(run: Run, done: Mapping[Run, dict[str, Any]], settings: Settings) -> dict[str, str] | None:
-    """Why a run is not even started, as its record: it can't fit, or fewer matches were already too many."""
+    """Why a run is not even started, as its record: it can't fit, or takes too long by what fewer took."""
     expected = PEERS[run.peer].bytes_per_pair * run.n**2 / 2**20
     if expected > settings.mib:
         return {"failed": "memory", "why": f"not run: would take {expected / 1024:.0f} GiB"}
@@ -87,4 +88,21 @@ def hopeless(run: Run, done: Mapping[Run, dict[str, Any]], settings: Settings) -
             and record.get("failed") in {"time", "memory"}
         ):
             return {"failed": record["failed"], "why": f"not run: n = {other.n:,} was too much already"}
+    expected = extrapolated(run, done)
+    if expected > settings.seconds:
+        return {"failed": "time", "why": f"not run: would take some {expected:,.0f} s"}
     return None
+
+
+def extrapolated(run: Run, done: Mapping[Run, dict[str, Any]]) -> float:
+    """Seconds to expect from a power law through the two next smaller sizes; 0 without them."""
+    smaller = sorted(
+        (other.n, record["median_s"])
+        for other, record in done.items()
+        if other._replace(n=run.n) == run.same_work and other.n < run.n and "failed" not in record
+    )
+    if len(smaller) < 2:
+        return 0.0
+    (n1, t1), (n2, t2) = smaller[-2:]
+    exponent = math.log(t2 / t1) / math.log(n2 / n1)
+    return t2 * (run.n / n2) ** exponent

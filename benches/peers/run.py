@@ -30,7 +30,7 @@ SHORT = 2.0
 
 STOPPED = 130
 
-console = Console(highlight=False)
+console = Console(highlight=False, soft_wrap=True)
 app = typer.Typer(add_completion=False)
 
 
@@ -74,6 +74,7 @@ def main(
         console.print(f"{path} comes from another machine or build: add --fresh, or give another --out.")
         raise typer.Exit(2)
     journal.add_session(session)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the measuring process too
     try:
         run_all(
             settings, [peer for peer in wanted if not environment.why_missing(peer)], environment, journal

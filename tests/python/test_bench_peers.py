@@ -202,6 +202,15 @@ def test_hopeless_runs_are_not_started():
     assert hopeless(large._replace(peer="np_si", threads=2), slow, settings) is None
 
 
+def test_what_grows_beyond_the_limit_is_not_started():
+    small, middle, large = (Run("cgroup_gtm", n, 0.1, 1, 0) for n in (10_000, 20_000, 100_000))
+    done = {small: GOOD | {"median_s": 2.0}, middle: GOOD | {"median_s": 8.0}}
+    assert plan.extrapolated(large, done) == pytest.approx(200)
+    assert hopeless(large, done, Settings())["failed"] == "time"
+    assert hopeless(large, done, Settings(seconds=300.0)) is None
+    assert plan.extrapolated(middle, done) == 0
+
+
 # ---- records
 
 
