@@ -144,7 +144,7 @@ def install(python: Path, module: str, say: Callable[[str], object]) -> str:
         pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         done = _run([*pip, "--retries=1", "--only-binary=:all:", "numpy", PACKAGES[module]])
         if done.returncode != 0:
-            message = f"pip has none for Python {platform.python_version()} here ({_last_line(done)})"
+            message = f"pip has none for Python {platform.python_version()} here: {_last_line(done)}"
             raise MissingError(message)
         found = _version(python, module)
     if found.returncode != 0:

@@ -41,7 +41,7 @@ VARIANTS = (("o", 0.0), ("s", 0.35), ("^", 0.55), ("v", 0.15))
 """Marker and share of white of several peers from one library in a panel."""
 
 LEAST_DRAWN = {"seconds": 1e-6, "mib": 0.1}
-UNITS = {"seconds": "seconds per call", "mib": "peak memory above the loaded process, MiB"}
+UNITS = {"seconds": "seconds per call", "mib": "peak memory of a call, MiB"}
 TITLES = {"seconds": "Time", "mib": "Peak memory"}
 LEGEND_FONT = 6.5
 SIDE = 1.3  # room beside the first and the last n

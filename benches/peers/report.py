@@ -100,8 +100,11 @@ def machine(journal: Journal) -> Iterator[str]:
     yield f"- instruction sets: {', '.join(session['flags']) or 'unknown'}"
     yield f"- {session['system']}, Python {session['python']}"
     yield f"- load at the start: {session['load']:.2f}{_others(journal)}{_spread(journal)}"
-    versions = ", ".join(f"{name} {version}" for name, version in sorted(session["versions"].items()))
-    yield f"- {versions} (build {identity['build']})"
+    versions: dict[str, str] = {}
+    for each in journal.sessions:
+        versions |= each["versions"]
+    listed = ", ".join(f"{name} {version}" for name, version in sorted(versions.items()))
+    yield f"- {listed} (build {identity['build']})"
     for name, why in session["missing"].items():
         yield f"- not available: {PACKAGES.get(name, 'PCL')}: {why}"
     yield ""

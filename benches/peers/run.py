@@ -24,6 +24,7 @@ from peers.records import Journal, Run
 from peers.report import write_report
 
 ROOT = BENCHES.parent
+PCL_BUILD = ROOT / "target" / "pcl-peers"
 FIRST_WAIT, LATER_WAIT = 0.02, 0.2
 SHORT = 2.0
 """Seconds after which a run is looked at less often."""
@@ -67,7 +68,7 @@ def main(
     path = out / "results.jsonl"
     if fresh:
         path.unlink(missing_ok=True)
-    environment = prepare(wanted, venv=venv, build=out / "build", say=console.print)
+    environment = prepare(wanted, venv=venv, build=PCL_BUILD, say=console.print)
     journal = Journal(path)
     session = describe(environment)
     if journal.sessions and journal.sessions[-1]["identity"] != session["identity"]:

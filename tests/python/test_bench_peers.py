@@ -300,7 +300,8 @@ def test_without_a_library(tmp_path, monkeypatch):
 
 
 def test_pcl(case_path):
-    if shutil.which("cmake") is None or not (built := BENCHES.parent / "out/peers/build/pcl_peers").exists():
+    built = run.PCL_BUILD / "pcl_peers"
+    if not built.exists():
         pytest.skip("PCL's peers are not built; make bench-peers builds them")
     command = Environment({"pcl": (str(built),)}).command(PEERS["pcl_gc"], case_path, 1)
     record = run.run_process(command, child_environment(1), seconds=30, mib=4096)
