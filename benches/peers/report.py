@@ -129,6 +129,9 @@ def _spread(journal: Journal) -> str:
 def targets(works: Mapping[Run, Figures]) -> Iterator[str]:
     """How many times longer than ours the peers take, and on what."""
     counts = thread_counts(works)
+    if all(work.n != SIZE_OF_ALL_SHARES for work in works):
+        yield "Nothing is recorded at this size.\n"
+        return
     yield from _header(
         ("ours", "peer", "inliers"),
         [f"{name}, {_threads(count)}" for count in counts for name in ("ours ms", "peer ms", "times ours")],

@@ -367,7 +367,9 @@ def test_the_report_says_what_is_there_and_what_is_not(journal):
 
 
 def test_a_report_of_nothing(tmp_path):
-    assert "No session is recorded." in report(Journal(tmp_path / "results.jsonl"), {})
+    text = report(Journal(tmp_path / "results.jsonl"), {})
+    assert "No session is recorded." in text
+    assert "Nothing is recorded at this size." in text
     figure = scaling_figure({}, {}, quantity="seconds", share=0.1)
     assert all("nothing recorded" in axes.texts[0].get_text() for axes in figure.axes[:-1])
 
