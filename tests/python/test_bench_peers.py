@@ -31,7 +31,7 @@ from peers.records import Journal, Run, summaries, summary  # noqa: E402
 from peers.report import report  # noqa: E402
 from peers.scaling import Curve, common_share, curves  # noqa: E402
 
-N, SHARE = 600, 0.2
+N, SHARE = 300, 0.2
 GOOD = {"median_s": 0.5, "times_s": [0.5], "base_mib": 30.0, "peak_mib": 34.0, "f": 0.9, "others": 0.1}
 
 
