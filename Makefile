@@ -9,6 +9,10 @@ SOURCE ?=
 TARGET ?=
 TRUTH ?=
 
+# Results of the comparison with other libraries, and options: make bench-peers PEERS_ARGS=--quick
+PEERS_OUT ?= out/peers
+PEERS_ARGS ?=
+
 RUST_SOURCES := $(shell find rust -name '*.rs') Cargo.toml Cargo.lock rust/py/Cargo.toml
 MATURIN := env -u CONDA_PREFIX VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin
 
@@ -18,7 +22,7 @@ DEV_EXTRAS := scans,bench,test,dev
 # Runs a command whose output matters only where it fails.
 quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 
-.PHONY: help setup demo test test-rust test-python fmt lint types bench clean
+.PHONY: help setup demo test test-rust test-python fmt lint types bench bench-peers clean
 
 help: ## show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -64,8 +68,11 @@ types: $(VENV)/.ready-dev ## check types, and the stubs against the compiled cor
 bench: | check-tools ## run the criterion benches
 	cargo bench --locked
 
+bench-peers: $(VENV)/.ready-dev ## compare time and memory with PCL, Open3D, NumPy and others
+	@PYTHONPATH=benches $(BIN)/python -m peers.run --out "$(PEERS_OUT)" $(PEERS_ARGS)
+
 clean: ## remove what was built
-	rm -rf $(VENV) target $(OUT) python/cgroup/_core*.so
+	rm -rf $(VENV) .venv-peers target $(OUT) python/cgroup/_core*.so
 
 .PHONY: check-tools
 check-tools:

@@ -1,0 +1,402 @@
+"""The comparison with other libraries: seeded cases, honest records, runs that go on, a report of what is there."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHES = Path(__file__).resolve().parents[2] / "benches"
+if not BENCHES.exists():
+    pytest.skip("the benches are not part of this copy", allow_module_level=True)
+sys.path.insert(0, str(BENCHES))
+
+pytest.importorskip("scipy")
+
+from typer.testing import CliRunner  # noqa: E402
+
+from peers import cgroup_peers, environment, measure, numpy_peers, plan, run  # noqa: E402
+from peers import report as reporting  # noqa: E402
+from peers.answers import quality, rigid, within  # noqa: E402
+from peers.cases import ensure_case, load_case, make_case, read_bin, write_bin  # noqa: E402
+from peers.catalogue import OURS, PEERS, selected  # noqa: E402
+from peers.environment import Environment, MissingError, child_environment, describe, prepare  # noqa: E402
+from peers.figures import PANELS, panel_looks, scaling_figure  # noqa: E402
+from peers.plan import Settings, cases, hopeless, is_settled  # noqa: E402
+from peers.records import Journal, Run, summaries, summary  # noqa: E402
+from peers.report import report  # noqa: E402
+from peers.scaling import Curve, common_share, curves  # noqa: E402
+
+N, SHARE = 300, 0.2
+GOOD = {"median_s": 0.5, "times_s": [0.5], "base_mib": 30.0, "peak_mib": 34.0, "f": 0.9, "others": 0.1}
+
+
+@pytest.fixture(scope="module")
+def case_path(tmp_path_factory):
+    return ensure_case(tmp_path_factory.mktemp("cases"), N, SHARE)
+
+
+@pytest.fixture(scope="module")
+def case(case_path):
+    return load_case(case_path)
+
+
+def local_environment(missing=None):
+    return Environment({"cgroup": (sys.executable,), "numpy": (sys.executable,)}, {}, missing or {})
+
+
+# ---- cases
+
+
+def test_a_case_is_the_same_twice(case, tmp_path, case_path):
+    write_bin(tmp_path / "again.bin", make_case(N, SHARE))
+    assert (tmp_path / "again.bin").read_bytes() == case_path.with_suffix(".bin").read_bytes()
+    for key, value in make_case(N, SHARE).items():
+        np.testing.assert_array_equal(value, case[key], err_msg=key)
+
+
+def test_other_arguments_give_another_case(case):
+    assert not np.array_equal(make_case(N, 0.1)["src"], case["src"])
+
+
+def test_both_files_agree(case, case_path):
+    binary = read_bin(case_path.with_suffix(".bin"))
+    assert binary.keys() == case.keys()
+    for key, value in binary.items():
+        assert value.dtype == case[key].dtype, key
+        np.testing.assert_array_equal(value, case[key], err_msg=key)
+
+
+def test_the_truth_holds(case):
+    assert case["gt"].sum() == N * SHARE
+    np.testing.assert_array_equal(within(case, rigid(case["R"], case["t"])), case["gt"] == 1)
+    assert len(np.unique(case["src"], axis=0)) == N
+    for key in ("lrf_src", "lrf_tgt"):
+        products = np.einsum("nai,nbi->nab", case[key], case[key])
+        np.testing.assert_allclose(products, np.broadcast_to(np.eye(3), products.shape), atol=1e-5)
+        np.testing.assert_allclose(np.linalg.det(case[key]), 1, atol=1e-5)
+
+
+def test_no_case_in_another_file(tmp_path):
+    (tmp_path / "x.bin").write_bytes(b"NOPE" + bytes(8))
+    with pytest.raises(ValueError, match="not a case"):
+        read_bin(tmp_path / "x.bin")
+
+
+# ---- peers
+
+
+def test_every_method_of_ours_is_a_peer():
+    ours = [peer for peer in PEERS.values() if peer.program == "cgroup"]
+    assert {peer.name for peer in ours} == set(cgroup_peers.PEERS)
+    assert {peer.method for peer in PEERS.values()} == {peer.method for peer in ours}
+    assert {peer.name for peer in PEERS.values() if peer.program == "numpy"} == set(numpy_peers.PEERS)
+
+
+@pytest.mark.parametrize("name", cgroup_peers.PEERS)
+def test_our_record_is_complete(name, case_path):
+    record = measure.run("cgroup", name, case_path, 1)
+    assert len(record["times_s"]) == measure.MOST_REPETITIONS
+    assert min(record["times_s"]) <= record["median_s"] <= max(record["times_s"])
+    assert 0 < record["f"] <= 1
+    assert 0 < record["selected"] <= N
+    if sys.platform == "linux":
+        assert record["peak_mib"] >= record["base_mib"] > 0
+    assert json.loads(json.dumps(record)) == record
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance"),
+    [
+        ("np_gc", 0.0),
+        ("np_gc_rows", 0.0),
+        ("np_hough", 0.0),
+        ("np_gtm", 0.02),
+        ("np_cv", 0.02),
+        ("np_si", 0.02),
+        ("np_st_ratio_power", 0.05),
+        ("np_st_ratio_eigsh", 0.05),
+        ("np_st_ratio_eigh", 0.05),
+        ("np_ransac_10k", 0.05),
+    ],
+)
+def test_numpy_computes_what_we_do(name, tolerance, case):
+    ours = cgroup_peers.PEERS[OURS + PEERS[name].method](case, 1)()
+    theirs = numpy_peers.PEERS[name](case, 1)()
+    if tolerance == 0:
+        np.testing.assert_array_equal(theirs[0], ours[0])
+    assert quality(case, theirs)["f"] == pytest.approx(quality(case, ours)["f"], abs=tolerance)
+
+
+def test_quality_of_a_peer_without_an_answer(case):
+    assert quality(case, (None, None)) == {"selected": 0, "precision": 0, "recall": 0, "f": 0}
+
+
+def test_a_long_call_is_made_once(monkeypatch):
+    monkeypatch.setattr(measure, "LONG", 0.0)
+    answer, times = measure.measure(lambda: (None, None))
+    assert answer == (None, None)
+    assert len(times) == 1
+
+
+def test_at_least_three_calls(monkeypatch):
+    monkeypatch.setattr(measure, "BUDGET", 0.0)
+    assert len(measure.measure(lambda: (None, None))[1]) == measure.LEAST_REPETITIONS
+
+
+def test_peers_are_selected_by_patterns():
+    assert [peer.name for peer in selected(["pcl_gc*", "kiss"])] == ["pcl_gc", "pcl_gc10", "kiss"]
+    assert selected([]) == list(PEERS.values())
+    assert selected(["nobody"]) == []
+
+
+# ---- plan
+
+
+def test_all_shares_at_one_size_only():
+    assert list(cases(Settings(sizes=(5000, 500)))) == [
+        (500, 0.1),
+        (5000, 0.5),
+        (5000, 0.1),
+        (5000, 0.03),
+        (5000, 0.01),
+    ]
+    assert list(cases(Settings(sizes=(500,), shares=(0.5, 0.1)))) == [(500, 0.5), (500, 0.1)]
+
+
+def test_rounds_alternate_between_the_peers_of_a_case():
+    runs = list(plan.plan(Settings(sizes=(500,), rounds=2), selected(["cgroup_gc", "np_gc"])))
+    first, second = [[work for work in runs if work.round == number] for number in (0, 1)]
+    assert runs == first + second
+    assert [work._replace(round=1) for work in reversed(first)] == second
+    # A peer without threads runs once.
+    assert [(work.peer, work.threads) for work in first] == [("cgroup_gc", 1), ("cgroup_gc", 2), ("np_gc", 1)]
+
+
+def test_only_ours_run_where_peers_take_too_long():
+    runs = list(plan.plan(Settings(sizes=(5000, 50_000)), list(PEERS.values())))
+    assert {work.peer for work in runs if work.n == 50_000} == set(cgroup_peers.PEERS)
+    assert {work.share for work in runs if work.peer == "np_st_ratio_eigh"} == {0.1}
+
+
+def test_what_is_recorded_is_settled():
+    work = Run("np_gc", 500, 0.1, 1, 0)
+    later = work._replace(round=1)
+    assert not is_settled(work, {})
+    assert is_settled(work, {work: GOOD})
+    assert not is_settled(later, {work: GOOD})
+    assert is_settled(later, {work: GOOD | {"median_s": plan.SLOW * 2}})
+    assert is_settled(later, {work: {"failed": "time", "why": ""}})
+
+
+def test_hopeless_runs_are_not_started():
+    settings = Settings()
+    small, large = Run("np_gtm", 5000, 0.1, 1, 0), Run("np_gtm", 20_000, 0.1, 1, 0)
+    assert hopeless(small, {}, settings) is None
+    assert hopeless(large, {}, settings)["failed"] == "memory"
+    slow = {small._replace(peer="np_si"): {"failed": "time", "why": ""}}
+    assert hopeless(large._replace(peer="np_si"), slow, settings)["failed"] == "time"
+    assert hopeless(large._replace(peer="np_si", threads=2), slow, settings) is None
+
+
+def test_what_grows_beyond_the_limit_is_not_started():
+    small, middle, large = (Run("cgroup_gtm", n, 0.1, 1, 0) for n in (10_000, 20_000, 100_000))
+    done = {small: GOOD | {"median_s": 2.0}, middle: GOOD | {"median_s": 8.0}}
+    assert plan.extrapolated(large, done) == pytest.approx(200)
+    assert hopeless(large, done, Settings())["failed"] == "time"
+    assert hopeless(large, done, Settings(seconds=300.0)) is None
+    assert plan.extrapolated(middle, done) == 0
+
+
+# ---- records
+
+
+def test_a_journal_survives_being_cut_off(tmp_path):
+    path = tmp_path / "results.jsonl"
+    first, second = Run("np_gc", 500, 0.1, 1, 0), Run("np_gc", 500, 0.1, 1, 1)
+    Journal(path).add(first, GOOD)
+    with path.open("a") as file:
+        file.write('{"peer": "np_gc", "n": 50')
+    journal = Journal(path)
+    assert list(journal.runs) == [first]
+    journal.add(second, GOOD)
+    assert list(Journal(path).runs) == [first, second]
+
+
+def test_medians_over_rounds():
+    figures = summary([GOOD | {"median_s": seconds} for seconds in (1.0, 2.0, 4.0)])
+    assert (figures.seconds, figures.mib, figures.rounds, figures.spread) == (2.0, 4.0, 3, 1.5)
+    assert summary([GOOD | {"peak_mib": None, "base_mib": None}]).mib is None
+    assert summary([{"failed": "time", "why": "took more than 120 s"}]).failed == "time"
+
+
+def test_exponents():
+    sizes = (500, 2000, 5000, 10_000)
+    squares = Curve("np_gc", 1, sizes, (1.0, *(n**2 / 1e6 for n in sizes[1:])))
+    assert squares.exponent() == pytest.approx(2)
+    assert np.isnan(squares.exponent(least=30))
+    assert np.isnan(Curve("np_gc", 1, sizes[:3], squares.values[:3]).exponent())
+
+
+# ---- processes
+
+
+def test_what_is_recorded_is_skipped(tmp_path, case_path, monkeypatch):
+    settings = Settings(sizes=(N,), shares=(SHARE,), threads=(1,), rounds=1)
+    journal = Journal(tmp_path / "results.jsonl")
+    shutil.copytree(case_path.parent, tmp_path / "cases")
+    peers = selected(["cgroup_nnsr", "cgroup_ss"])
+    run.run_all(settings, peers[:1], local_environment(), journal)
+    assert [work.peer for work in journal.runs] == ["cgroup_nnsr"]
+    assert journal.runs[Run("cgroup_nnsr", N, SHARE, 1, 0)]["f"] > 0
+
+    started = []
+    monkeypatch.setattr(run, "run_process", lambda command, *_, **__: started.append(command[4]) or GOOD)
+    run.run_all(settings, peers, local_environment(), Journal(journal.path))
+    assert started == ["cgroup_ss"]
+
+
+def test_limits_of_time_and_memory():
+    def ended(code, **limits):
+        command = [sys.executable, "-c", code]
+        return run.run_process(command, child_environment(1), **{"seconds": 30, "mib": 4096} | limits)
+
+    assert ended("import time; time.sleep(60)", seconds=0.3)["failed"] == "time"
+    failure = ended("import sys; sys.exit('no luck')")
+    assert (failure["failed"], failure["why"]) == ("error", "exit code 1: no luck")
+    if sys.platform == "linux":
+        hungry = ended("import time; x = bytearray(b'1') * (200 << 20); time.sleep(60)", mib=100)
+        assert hungry["failed"] == "memory"
+
+
+def test_a_crash_is_recorded_with_its_signal():
+    command = [sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"]
+    assert run.run_process(command, child_environment(1), seconds=30, mib=4096)["why"].startswith(
+        "exit code -9"
+    )
+
+
+def test_without_cmake(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    lines = []
+    found = prepare(selected(["pcl_*", "cgroup_gc"]), venv=tmp_path, build=tmp_path, say=lines.append)
+    assert found.why_missing(PEERS["pcl_gc"]) == "cmake is missing; apt-get install libpcl-dev cmake"
+    assert found.why_missing(PEERS["cgroup_gc"]) == ""
+    assert lines == ["PCL is left out: cmake is missing; apt-get install libpcl-dev cmake"]
+
+
+def test_without_a_library(tmp_path, monkeypatch):
+    def install(*_):
+        message = "pip has none"
+        raise MissingError(message)
+
+    monkeypatch.setattr(environment, "make_venv", lambda *_: Path(sys.executable))
+    monkeypatch.setattr(environment, "install", install)
+    found = prepare(selected(["kiss"]), venv=tmp_path, build=tmp_path, say=lambda _: None)
+    assert found.missing == {"kiss_matcher": "pip has none"}
+
+
+def test_pcl(case_path):
+    built = run.PCL_BUILD / "pcl_peers"
+    if not built.exists():
+        pytest.skip("PCL's peers are not built; make bench-peers builds them")
+    command = Environment({"pcl": (str(built),)}).command(PEERS["pcl_gc"], case_path, 1)
+    record = run.run_process(command, child_environment(1), seconds=30, mib=4096)
+    assert record["f"] > 0.8
+    assert record["peak_mib"] >= record["base_mib"] > 0
+
+
+# ---- command line and report
+
+
+def test_command_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(reporting, "FIGURES", {"seconds": "time"})  # drawing both takes twice as long
+    options = [
+        "--out",
+        str(tmp_path),
+        "--n",
+        "50,60",
+        "--ratio",
+        "0.5",
+        "--peers",
+        "cgroup_ss",
+        "--threads",
+        "1",
+    ]
+    first = CliRunner().invoke(run.app, [*options, "--rounds", "1"], catch_exceptions=False)
+    assert first.exit_code == 0
+    journal = Journal(tmp_path / "results.jsonl")
+    assert [work.n for work in journal.runs] == [50, 60]
+    for name in ("report.md", "time.png", "time.pdf"):
+        assert (tmp_path / name).stat().st_size > 0
+
+    journal.add_session(journal.sessions[0] | {"identity": {"cpu": "another"}})
+    other = CliRunner().invoke(run.app, options)
+    assert other.exit_code == 2
+    assert "another machine or build" in " ".join(other.output.split())
+    assert CliRunner().invoke(run.app, ["--peers", "nobody"]).exit_code == 2
+
+
+@pytest.fixture
+def journal(tmp_path):
+    journal = Journal(tmp_path / "results.jsonl")
+    journal.add_session(
+        describe(local_environment({"pcl": "cmake is missing; apt-get install libpcl-dev cmake"}))
+    )
+    for n in (500, 2000, 5000, 10_000):
+        for threads in (1, 2):
+            for number in range(2):
+                seconds = n**2 * 1e-9 / threads
+                journal.add(Run("cgroup_gc", n, 0.1, threads, number), GOOD | {"median_s": seconds})
+        journal.add(Run("np_gc", n, 0.1, 1, 0), GOOD | {"median_s": n**2 * 1e-8, "peak_mib": 30 + n**2 / 3e4})
+    journal.add(Run("np_gtm", 20_000, 0.1, 1, 0), {"failed": "memory", "why": "not run: would take 16 GiB"})
+    return journal
+
+
+def test_the_report_says_what_is_there_and_what_is_not(journal):
+    text = report(journal, summaries(journal))
+    assert "| cgroup GC | NumPy GC, n x n | 10% | 25.0 | 250 | 10.0 x | 12.5 | 250 | 20.0 x |" in text
+    assert "| cgroup GC | 2.00 | 2.00 | 0.00 | 0.00 |" in text
+    assert "- not available: PCL: cmake is missing; apt-get install libpcl-dev cmake" in text
+    assert "- PCL Hough: not available: cmake is missing" in text
+    assert "- NumPy GTM, n = 20,000, 10% inliers, 1 thread: not run: would take 16 GiB" in text
+    assert "| NumPy GTM | - | too much memory | - | - |" in text
+    assert "- Open3D FGR: not asked for, or not yet" in text
+
+
+def test_a_report_of_nothing(tmp_path):
+    text = report(Journal(tmp_path / "results.jsonl"), {})
+    assert "No session is recorded." in text
+    assert "Nothing is recorded at this size." in text
+    figure = scaling_figure({}, {}, quantity="seconds", share=0.1)
+    assert all("nothing recorded" in axes.texts[0].get_text() for axes in figure.axes[:-1])
+
+
+def test_figures_show_ours_in_bold(journal):
+    works = summaries(journal)
+    dashed = {"cgroup_gc": curves(works, "seconds", 2)["cgroup_gc"]}
+    axes = scaling_figure(curves(works, "seconds", 1), dashed, quantity="seconds", share=0.1).axes[0]
+    widths = {line.get_label(): line.get_linewidth() for line in axes.get_lines()}
+    ours, peer = "cgroup GC  $n^{2.00}$", "NumPy GC, n x n  $n^{2.00}$"
+    assert widths[ours] > 2 * widths[peer]
+    assert len(widths) == 3
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [ours, peer]
+
+
+def test_every_peer_is_drawn_apart():
+    for methods in PANELS.values():
+        looks = panel_looks(methods)
+        assert len(set(looks.values())) == len(looks)
+
+
+def test_curves_of_peers_without_threads_stand_for_any_number(journal):
+    works = summaries(journal)
+    assert common_share(works) == 0.1
+    assert curves(works, "seconds", 2)["np_gc"].sizes == (500, 2000, 5000, 10_000)
+    assert curves(works, "seconds", 2)["cgroup_gc"].values[0] == pytest.approx(1.25e-4)
+    assert "np_gtm" not in curves(works, "seconds", 1)
+    assert report(journal, works).count("## n = 5,000, 10% inliers") == 1
