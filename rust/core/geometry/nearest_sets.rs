@@ -1,0 +1,452 @@
+//! The set of the `count` nearest points of every point of a cloud, in no order: for counts in the hundreds.
+//!
+//! Points are cut into blocks of neighbours, as by a k-d tree. For the queries of one block, the blocks
+//! within reach are listed once; every query then measures whole blocks of that list, which vector
+//! instructions do, and looks for a limit below which exactly `count` distances lie. How far to reach is
+//! guessed from the query before; a guess that proves too low gives way to a bound that is certain.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+#![expect(clippy::needless_bitwise_bool, reason = "`&&` is a branch, which mostly goes the wrong way")]
+
+use rayon::prelude::*;
+
+use super::neighbors::{Neighbor, widest_axis};
+use crate::compatibility::kernels::dispatch;
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::points::Points;
+
+/// Points of a block; all blocks but the last are full.
+const BLOCK: usize = 16;
+/// Blocks of a region, in which near blocks are looked up; also what one task takes.
+const REGION: usize = 16;
+/// By how much a query's greatest squared distance is expected to exceed the one of the query before.
+const SLACK: f64 = 1.25;
+/// Trial limits before ties are looked into.
+const TRIALS: usize = 12;
+/// Index of a place that is left over.
+const NOBODY: u32 = u32::MAX;
+
+/// Finds the sets of nearest points of the points of a cloud.
+#[derive(Debug, Clone)]
+pub struct NearestSets {
+    len: usize,
+    blocks: Vec<Block>,
+    boxes: Boxes,
+    regions: Boxes,
+}
+
+/// Points next to each other; places that are left over are infinitely far.
+#[derive(Debug, Clone)]
+struct Block {
+    coordinates: [[f64; BLOCK]; 3],
+    indices: [u32; BLOCK],
+}
+
+/// An axis-aligned box.
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+/// Boxes as a struct of arrays.
+#[derive(Debug, Clone, Default)]
+struct Boxes {
+    low: [Vec<f64>; 3],
+    high: [Vec<f64>; 3],
+}
+
+/// Holds the points nearer than this, and those at this distance whose index is below `tie_end`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Limit {
+    squared_distance: f64,
+    tie_end: u32,
+}
+
+/// Buffers of one thread.
+#[derive(Debug, Default)]
+struct Workspace {
+    gaps: Vec<f64>,
+    /// Blocks within `reach` (squared) of the queries' block, and their boxes.
+    reach: f64,
+    listed: Vec<u32>,
+    listed_boxes: Boxes,
+    /// Blocks within reach of one query, and the squared distances of their points.
+    measured: Vec<u32>,
+    squared_distances: Vec<[f64; BLOCK]>,
+    ties: Vec<Neighbor>,
+    members: Vec<u32>,
+}
+
+impl NearestSets {
+    /// Cuts the points into blocks. Cost O(N log N), memory about 40 bytes per point.
+    pub fn new(cloud: &Points) -> Self {
+        let mut entries: Vec<([f64; 3], u32)> = cloud.rows().into_iter().zip(0..).collect();
+        arrange(&mut entries);
+        let bounds: Vec<Bounds> = entries.chunks(BLOCK).map(Bounds::of_points).collect();
+        let regions: Vec<Bounds> = bounds.chunks(REGION).map(Bounds::of_boxes).collect();
+        let blocks = entries.chunks(BLOCK).map(Block::new).collect();
+        Self { len: cloud.len(), blocks, boxes: Boxes::new(&bounds), regions: Boxes::new(&regions) }
+    }
+
+    /// Calls `f(index, members)` for every point of the cloud, on all threads; one result per point, in the
+    /// order of the cloud. `members`, in no order, are those of the `count` nearest other points that
+    /// `keep` holds for; ties in distance go to the lowest index.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`] where the caller asked to stop.
+    pub fn map<T, F>(&self, count: usize, keep: &[bool], execution: &Execution, f: F) -> Result<Vec<T>>
+    where
+        T: Copy + Default + Send,
+        F: Fn(usize, &[u32]) -> T + Sync,
+    {
+        let count = count.min(self.len.saturating_sub(1));
+        let keep: Vec<[bool; BLOCK]> = self.blocks.iter().map(|block| block.reorder(keep)).collect();
+        let mut sorted = vec![[T::default(); BLOCK]; self.blocks.len()];
+        let tasks = sorted.par_chunks_mut(REGION).enumerate();
+        tasks.try_for_each_init(Workspace::default, |workspace, (task, results)| {
+            let mut last = None;
+            for (block, results) in (task * REGION..).zip(results) {
+                let own = &self.blocks[block];
+                workspace.list(self, block, self.likely_reach(block, count, last));
+                for (lane, result) in results.iter_mut().enumerate().take(self.len - block * BLOCK) {
+                    execution.check()?;
+                    last = Some(dispatch(
+                        #[inline(always)]
+                        || workspace.search(self, (block, lane), count, last, &keep),
+                    ));
+                    *result = f(own.indices[lane] as usize, &workspace.members);
+                }
+            }
+            Ok(())
+        })?;
+        let mut results = vec![T::default(); self.len];
+        for (block, sorted) in self.blocks.iter().zip(&sorted) {
+            for (&index, &result) in block.indices.iter().zip(sorted).filter(|(index, _)| **index != NOBODY) {
+                results[index as usize] = result;
+            }
+        }
+        Ok(results)
+    }
+
+    /// Squared distance within which every point of the block most likely has `count` others, given the
+    /// squared distance that the query before needed.
+    fn likely_reach(&self, block: usize, count: usize, last: Option<f64>) -> f64 {
+        let Some(last) = last else {
+            return self.certain_reach(block, count);
+        };
+        let own = self.boxes.get(block);
+        let diagonal = squared_norm([0, 1, 2].map(|k| own.high[k] - own.low[k])).sqrt();
+        let reach = last.sqrt() + diagonal;
+        reach * reach
+    }
+
+    /// Squared distance within which every point of the block has `count` others.
+    fn certain_reach(&self, block: usize, count: usize) -> f64 {
+        let needed = count / BLOCK + 2; // one for the point itself, one for a last block that is not full
+        let first = block.saturating_sub(needed / 2).min(self.blocks.len().saturating_sub(needed));
+        let around = first..(first + needed).min(self.blocks.len());
+        let around: Vec<Bounds> = around.map(|other| self.boxes.get(other)).collect();
+        let (around, own) = (Bounds::of_boxes(&around), self.boxes.get(block));
+        squared_norm([0, 1, 2].map(|k| (around.high[k] - own.low[k]).max(own.high[k] - around.low[k])))
+    }
+}
+
+impl Workspace {
+    /// Lists the blocks within `reach` of a block.
+    fn list(&mut self, sets: &NearestSets, block: usize, reach: f64) {
+        let own = sets.boxes.get(block);
+        self.reach = reach;
+        self.listed.clear();
+        self.listed_boxes.clear();
+        sets.regions.gaps(0, sets.regions.len(), &own, &mut self.gaps);
+        let near = |gaps: &[f64]| -> Vec<usize> {
+            gaps.iter().enumerate().filter(|&(_, &gap)| gap <= reach).map(|(place, _)| place).collect()
+        };
+        for region in near(&self.gaps) {
+            let first = region * REGION;
+            let end = (first + REGION).min(sets.blocks.len());
+            sets.boxes.gaps(first, end, &own, &mut self.gaps);
+            for (other, &gap) in (first..end).zip(&self.gaps) {
+                if gap <= reach {
+                    self.listed.push(other as u32);
+                    self.listed_boxes.push(&sets.boxes.get(other));
+                }
+            }
+        }
+    }
+
+    /// Finds the members for the point at `place`, a block and a lane; returns the squared distance that
+    /// was needed.
+    #[inline(always)]
+    fn search(
+        &mut self,
+        sets: &NearestSets,
+        place: (usize, usize),
+        count: usize,
+        last: Option<f64>,
+        keep: &[[bool; BLOCK]],
+    ) -> f64 {
+        self.members.clear();
+        if count == 0 {
+            return 0.0;
+        }
+        let mut reach = last.map_or(self.reach, |last| self.reach.min(last * SLACK));
+        self.measure(sets, place, reach);
+        let mut found = self.count_below(reach.next_up());
+        if found < count {
+            reach = sets.certain_reach(place.0, count);
+            self.list(sets, place.0, reach);
+            self.measure(sets, place, reach);
+            found = self.count_below(reach.next_up());
+        }
+        let limit = self.limit(sets, count, last.unwrap_or(reach), (reach.next_up(), found));
+        self.gather(sets, limit, keep);
+        limit.squared_distance
+    }
+
+    /// Squared distances to the points of all blocks within `reach`; the point itself is infinitely far.
+    #[inline(always)]
+    fn measure(&mut self, sets: &NearestSets, (block, lane): (usize, usize), reach: f64) {
+        let center = sets.blocks[block].coordinates.map(
+            #[inline(always)]
+            |axis| axis[lane],
+        );
+        self.listed_boxes.gaps(0, self.listed.len(), &Bounds { low: center, high: center }, &mut self.gaps);
+        self.measured.resize(self.listed.len(), 0);
+        let mut near = 0;
+        for (&other, &gap) in self.listed.iter().zip(&self.gaps) {
+            self.measured[near] = other;
+            near += usize::from(gap <= reach);
+        }
+        self.measured.truncate(near);
+        self.squared_distances.resize(near, [0.0; BLOCK]);
+        for (&other, squares) in self.measured.iter().zip(&mut self.squared_distances) {
+            let [x, y, z] = &sets.blocks[other as usize].coordinates;
+            for l in 0..BLOCK {
+                squares[l] = squared_norm([center[0] - x[l], center[1] - y[l], center[2] - z[l]]);
+            }
+            if other as usize == block {
+                squares[lane] = f64::INFINITY;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn count_below(&self, limit: f64) -> usize {
+        let mut counts = [0_u64; BLOCK];
+        for squares in &self.squared_distances {
+            for l in 0..BLOCK {
+                counts[l] += u64::from(squares[l] < limit);
+            }
+        }
+        counts.iter().sum::<u64>() as usize
+    }
+
+    /// A limit that holds `count` points. `high` holds at least as many, and how many is given.
+    #[inline(always)]
+    fn limit(&mut self, sets: &NearestSets, count: usize, guess: f64, high: (f64, usize)) -> Limit {
+        let ((mut low, mut below), (mut high, mut within)) = ((0.0, 0), high);
+        if within == count {
+            return Limit { squared_distance: high, tie_end: 0 };
+        }
+        let mut trial = guess;
+        for _ in 0..TRIALS {
+            if trial <= low || trial >= high {
+                let share = ((count - below) as f64 + 0.5) / ((within - below) as f64 + 1.0);
+                trial = low + share * (high - low);
+                if trial <= low || trial >= high {
+                    break;
+                }
+            }
+            let found = self.count_below(trial);
+            if found == count {
+                return Limit { squared_distance: trial, tie_end: 0 };
+            }
+            if found < count {
+                (low, below) = (trial, found);
+            } else {
+                (high, within) = (trial, found);
+            }
+            let share = ((count - below) as f64 + 0.5) / ((within - below) as f64 + 1.0);
+            trial = low + share * (high - low);
+        }
+        self.settle(sets, count - below, low, high)
+    }
+
+    /// The limit that holds `count` of the points in `low..high`, by (distance, index).
+    #[cold]
+    fn settle(&mut self, sets: &NearestSets, count: usize, low: f64, high: f64) -> Limit {
+        self.ties.clear();
+        for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
+            let points = squares.iter().zip(&sets.blocks[block as usize].indices);
+            let between = points.filter(|&(square, _)| (low..high).contains(square));
+            self.ties.extend(between.map(|(&squared_distance, &index)| Neighbor { squared_distance, index }));
+        }
+        let (_, last, _) = self.ties.select_nth_unstable(count - 1);
+        Limit { squared_distance: last.squared_distance, tie_end: last.index + 1 }
+    }
+
+    /// Writes down the members.
+    #[inline(always)]
+    fn gather(&mut self, sets: &NearestSets, limit: Limit, keep: &[[bool; BLOCK]]) {
+        self.members.resize(self.measured.len() * BLOCK, 0);
+        let mut found = 0;
+        for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
+            let (indices, keep) = (&sets.blocks[block as usize].indices, &keep[block as usize]);
+            for l in 0..BLOCK {
+                let tie = (squares[l] == limit.squared_distance) & (indices[l] < limit.tie_end);
+                self.members[found] = indices[l];
+                found += usize::from(((squares[l] < limit.squared_distance) | tie) & keep[l]);
+            }
+        }
+        self.members.truncate(found);
+    }
+}
+
+impl Block {
+    fn new(entries: &[([f64; 3], u32)]) -> Self {
+        let mut block = Self { coordinates: [[f64::INFINITY; BLOCK]; 3], indices: [NOBODY; BLOCK] };
+        for (lane, (point, index)) in entries.iter().enumerate() {
+            for (axis, &coordinate) in block.coordinates.iter_mut().zip(point) {
+                axis[lane] = coordinate;
+            }
+            block.indices[lane] = *index;
+        }
+        block
+    }
+
+    fn reorder(&self, values: &[bool]) -> [bool; BLOCK] {
+        self.indices.map(|index| index != NOBODY && values[index as usize])
+    }
+}
+
+impl Bounds {
+    fn of_points(entries: &[([f64; 3], u32)]) -> Self {
+        let boxes: Vec<Self> = entries.iter().map(|&(point, _)| Self { low: point, high: point }).collect();
+        Self::of_boxes(&boxes)
+    }
+
+    fn of_boxes(boxes: &[Self]) -> Self {
+        let low = |k: usize| boxes.iter().map(|part| part.low[k]).fold(f64::INFINITY, f64::min);
+        let high = |k: usize| boxes.iter().map(|part| part.high[k]).fold(f64::NEG_INFINITY, f64::max);
+        Self { low: [0, 1, 2].map(low), high: [0, 1, 2].map(high) }
+    }
+}
+
+impl Boxes {
+    fn new(boxes: &[Bounds]) -> Self {
+        let mut result = Self::default();
+        boxes.iter().for_each(|bounds| result.push(bounds));
+        result
+    }
+
+    fn len(&self) -> usize {
+        self.low[0].len()
+    }
+
+    fn get(&self, i: usize) -> Bounds {
+        Bounds { low: [0, 1, 2].map(|k| self.low[k][i]), high: [0, 1, 2].map(|k| self.high[k][i]) }
+    }
+
+    fn clear(&mut self) {
+        self.low.iter_mut().chain(&mut self.high).for_each(Vec::clear);
+    }
+
+    fn push(&mut self, bounds: &Bounds) {
+        for k in 0..3 {
+            self.low[k].push(bounds.low[k]);
+            self.high[k].push(bounds.high[k]);
+        }
+    }
+
+    /// Squared distances of the boxes `first..end` from `place`. They round like those of points do, so none
+    /// exceeds that of any two points in the boxes.
+    #[inline(always)]
+    fn gaps(&self, first: usize, end: usize, place: &Bounds, gaps: &mut Vec<f64>) {
+        gaps.resize(end - first, 0.0);
+        let [low_x, low_y, low_z] = [0, 1, 2].map(
+            #[inline(always)]
+            |k| &self.low[k][first..end],
+        );
+        let [high_x, high_y, high_z] = [0, 1, 2].map(
+            #[inline(always)]
+            |k| &self.high[k][first..end],
+        );
+        for (i, gap) in gaps[..end - first].iter_mut().enumerate() {
+            *gap = squared_norm([
+                greater(greater(low_x[i] - place.high[0], place.low[0] - high_x[i]), 0.0),
+                greater(greater(low_y[i] - place.high[1], place.low[1] - high_y[i]), 0.0),
+                greater(greater(low_z[i] - place.high[2], place.low[2] - high_z[i]), 0.0),
+            ]);
+        }
+    }
+}
+
+/// As `f64::max`, without its care for NaN.
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn squared_norm(v: [f64; 3]) -> f64 {
+    v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+}
+
+/// Puts points that are near each other into the same blocks, and near blocks into the same regions.
+fn arrange(entries: &mut [([f64; 3], u32)]) {
+    if entries.len() <= BLOCK {
+        return;
+    }
+    let unit = if entries.len() > BLOCK * REGION { BLOCK * REGION } else { BLOCK };
+    let middle = (entries.len() / 2).next_multiple_of(unit).min((entries.len() - 1) / unit * unit);
+    let axis = widest_axis(entries);
+    entries.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let (left, right) = entries.split_at_mut(middle);
+    rayon::join(|| arrange(left), || arrange(right));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::neighbors::NearestNeighbors;
+
+    /// Against the ordered search, which has a brute-force oracle of its own.
+    fn check(rows: &[[f64; 3]], counts: &[usize]) -> Result<()> {
+        let points = Points::from_rows("points", rows)?;
+        let keep: Vec<bool> = (0..rows.len()).map(|i| i % 5 != 2).collect();
+        for &count in counts {
+            let sums = |indices: &mut dyn Iterator<Item = usize>| {
+                indices.filter(|&i| keep[i]).fold((0, 0, 0), |s: (usize, usize, usize), i| (s.0 + 1, s.1 + i, s.2 ^ (i * i)))
+            };
+            let sets = NearestSets::new(&points).map(count, &keep, &Execution::default(), |_, members| {
+                sums(&mut members.iter().map(|&i| i as usize))
+            })?;
+            let tree = NearestNeighbors::new(&points);
+            let lists = tree.map_points(count, &Execution::default(), |_, found| {
+                sums(&mut found.iter().map(|neighbor| neighbor.index as usize))
+            })?;
+            assert_eq!(sets, lists, "{count} of {}", rows.len());
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_lattice_full_of_ties() -> Result<()> {
+        let rows: Vec<[f64; 3]> =
+            (0..1000).map(|i| [f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)]).collect();
+        check(&rows, &[1, 6, 7, 20, 250, 998, 999, 2000])
+    }
+
+    #[test]
+    fn scattered_points() -> Result<()> {
+        for n in [1, 2, 15, 16, 17, 31, 33, 255, 256, 257, 511, 513, 700] {
+            let rows: Vec<[f64; 3]> =
+                (0..n).map(|i| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin())).collect();
+            check(&rows, &[0, 1, 5, 30, 254, 255, 256, 700])?;
+        }
+        check(&[], &[3])
+    }
+}
