@@ -102,7 +102,7 @@ impl NearestSets {
         F: Fn(usize, &[u32]) -> T + Sync,
     {
         let count = count.min(self.len.saturating_sub(1));
-        let keep: Vec<[bool; BLOCK]> = self.blocks.iter().map(|block| block.reorder(keep)).collect();
+        let keep: Vec<u32> = self.blocks.iter().map(|block| block.bits(keep)).collect();
         let mut sorted = vec![[T::default(); BLOCK]; self.blocks.len()];
         let tasks = sorted.par_chunks_mut(REGION).enumerate();
         tasks.try_for_each_init(Workspace::default, |workspace, (task, results)| {
@@ -186,7 +186,7 @@ impl Workspace {
         place: (usize, usize),
         count: usize,
         last: Option<f64>,
-        keep: &[[bool; BLOCK]],
+        keep: &[u32],
     ) -> f64 {
         self.members.clear();
         if count == 0 {
@@ -195,6 +195,11 @@ impl Workspace {
         let mut reach = last.map_or(self.reach, |last| self.reach.min(last * SLACK));
         self.measure(sets, place, reach);
         let mut found = self.count_below(reach.next_up());
+        if found < count && reach < self.reach {
+            reach = self.reach;
+            self.measure(sets, place, reach);
+            found = self.count_below(reach.next_up());
+        }
         if found < count {
             reach = sets.certain_reach(place.0, count);
             self.list(sets, place.0, reach);
@@ -223,10 +228,7 @@ impl Workspace {
         self.measured.truncate(near);
         self.squared_distances.resize(near, [0.0; BLOCK]);
         for (&other, squares) in self.measured.iter().zip(&mut self.squared_distances) {
-            let [x, y, z] = &sets.blocks[other as usize].coordinates;
-            for l in 0..BLOCK {
-                squares[l] = squared_norm([center[0] - x[l], center[1] - y[l], center[2] - z[l]]);
-            }
+            *squares = sets.blocks[other as usize].squared_distances(center);
             if other as usize == block {
                 squares[lane] = f64::INFINITY;
             }
@@ -290,18 +292,32 @@ impl Workspace {
 
     /// Writes down the members.
     #[inline(always)]
-    fn gather(&mut self, sets: &NearestSets, limit: Limit, keep: &[[bool; BLOCK]]) {
+    fn gather(&mut self, sets: &NearestSets, limit: Limit, keep: &[u32]) {
         self.members.resize(self.measured.len() * BLOCK, 0);
         let mut found = 0;
         for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
-            let (indices, keep) = (&sets.blocks[block as usize].indices, &keep[block as usize]);
-            for l in 0..BLOCK {
-                let tie = (squares[l] == limit.squared_distance) & (indices[l] < limit.tie_end);
-                self.members[found] = indices[l];
-                found += usize::from(((squares[l] < limit.squared_distance) | tie) & keep[l]);
+            let indices = &sets.blocks[block as usize].indices;
+            let mut members = limit.members(squares, indices) & keep[block as usize];
+            while members != 0 {
+                self.members[found] = indices[members.trailing_zeros() as usize];
+                found += 1;
+                members &= members - 1;
             }
         }
         self.members.truncate(found);
+    }
+}
+
+impl Limit {
+    /// Which points of a block it holds, one bit each.
+    #[inline(always)]
+    fn members(&self, squares: &[f64; BLOCK], indices: &[u32; BLOCK]) -> u32 {
+        let mut members = [0_u32; BLOCK];
+        for l in 0..BLOCK {
+            let tie = (squares[l] == self.squared_distance) & (indices[l] < self.tie_end);
+            members[l] = u32::from((squares[l] < self.squared_distance) | tie) << l;
+        }
+        members.iter().fold(0, |all, bit| all | bit)
     }
 }
 
@@ -317,8 +333,20 @@ impl Block {
         block
     }
 
-    fn reorder(&self, values: &[bool]) -> [bool; BLOCK] {
-        self.indices.map(|index| index != NOBODY && values[index as usize])
+    #[inline(always)]
+    fn squared_distances(&self, center: [f64; 3]) -> [f64; BLOCK] {
+        let [x, y, z] = &self.coordinates;
+        let mut squares = [0.0; BLOCK];
+        for l in 0..BLOCK {
+            squares[l] = squared_norm([center[0] - x[l], center[1] - y[l], center[2] - z[l]]);
+        }
+        squares
+    }
+
+    /// Which points `values` holds for, one bit each.
+    fn bits(&self, values: &[bool]) -> u32 {
+        let holds = |index: u32| index != NOBODY && values[index as usize];
+        (0..BLOCK).fold(0, |bits, l| bits | u32::from(holds(self.indices[l])) << l)
     }
 }
 
