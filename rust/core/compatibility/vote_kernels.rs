@@ -9,7 +9,7 @@ use crate::geometry::rigid::Rigid;
 use crate::points::Points;
 
 /// Voters that are looked at together.
-const LANES: usize = 16;
+const LANES: usize = 8;
 
 /// Both points of a correspondence: x, y, z of the source, then of the target.
 pub type PointPair = [f64; 6];

@@ -6,7 +6,6 @@
 //! guessed from the query before; a guess that proves too low gives way to a bound that is certain.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
-#![expect(clippy::needless_bitwise_bool, reason = "`&&` is a branch, which mostly goes the wrong way")]
 
 use rayon::prelude::*;
 
@@ -55,13 +54,6 @@ struct Bounds {
 struct Boxes {
     low: [Vec<f64>; 3],
     high: [Vec<f64>; 3],
-}
-
-/// Holds the points nearer than this, and those at this distance whose index is below `tie_end`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Limit {
-    squared_distance: f64,
-    tie_end: u32,
 }
 
 /// Buffers of one thread.
@@ -208,7 +200,7 @@ impl Workspace {
         }
         let limit = self.limit(sets, count, last.unwrap_or(reach), (reach.next_up(), found));
         self.gather(sets, limit, keep);
-        limit.squared_distance
+        limit
     }
 
     /// Squared distances to the points of all blocks within `reach`; the point itself is infinitely far.
@@ -237,21 +229,16 @@ impl Workspace {
 
     #[inline(always)]
     fn count_below(&self, limit: f64) -> usize {
-        let mut counts = [0_u64; BLOCK];
-        for squares in &self.squared_distances {
-            for l in 0..BLOCK {
-                counts[l] += u64::from(squares[l] < limit);
-            }
-        }
-        counts.iter().sum::<u64>() as usize
+        let squares = self.squared_distances.as_flattened().iter();
+        squares.map(|&square| u64::from(square < limit)).sum::<u64>() as usize
     }
 
     /// A limit that holds `count` points. `high` holds at least as many, and how many is given.
     #[inline(always)]
-    fn limit(&mut self, sets: &NearestSets, count: usize, guess: f64, high: (f64, usize)) -> Limit {
+    fn limit(&mut self, sets: &NearestSets, count: usize, guess: f64, high: (f64, usize)) -> f64 {
         let ((mut low, mut below), (mut high, mut within)) = ((0.0, 0), high);
         if within == count {
-            return Limit { squared_distance: high, tie_end: 0 };
+            return high;
         }
         let mut trial = guess;
         for _ in 0..TRIALS {
@@ -264,7 +251,7 @@ impl Workspace {
             }
             let found = self.count_below(trial);
             if found == count {
-                return Limit { squared_distance: trial, tie_end: 0 };
+                return trial;
             }
             if found < count {
                 (low, below) = (trial, found);
@@ -277,27 +264,36 @@ impl Workspace {
         self.settle(sets, count - below, low, high)
     }
 
-    /// The limit that holds `count` of the points in `low..high`, by (distance, index).
+    /// The limit that holds `count` of the points in `low..high`, by (distance, index): just beyond
+    /// the last of them; ties that do not belong to the set are moved to infinity.
     #[cold]
-    fn settle(&mut self, sets: &NearestSets, count: usize, low: f64, high: f64) -> Limit {
+    fn settle(&mut self, sets: &NearestSets, count: usize, low: f64, high: f64) -> f64 {
         self.ties.clear();
         for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
             let points = squares.iter().zip(&sets.blocks[block as usize].indices);
             let between = points.filter(|&(square, _)| (low..high).contains(square));
             self.ties.extend(between.map(|(&squared_distance, &index)| Neighbor { squared_distance, index }));
         }
-        let (_, last, _) = self.ties.select_nth_unstable(count - 1);
-        Limit { squared_distance: last.squared_distance, tie_end: last.index + 1 }
+        let (_, &mut last, _) = self.ties.select_nth_unstable(count - 1);
+        let limit = last.squared_distance.next_up();
+        for (&block, squares) in self.measured.iter().zip(&mut self.squared_distances) {
+            for (square, &index) in squares.iter_mut().zip(&sets.blocks[block as usize].indices) {
+                if *square == last.squared_distance && index > last.index {
+                    *square = f64::INFINITY;
+                }
+            }
+        }
+        limit
     }
 
-    /// Writes down the members.
+    /// Writes down the points nearer than the limit that are to be kept.
     #[inline(always)]
-    fn gather(&mut self, sets: &NearestSets, limit: Limit, keep: &[u32]) {
+    fn gather(&mut self, sets: &NearestSets, limit: f64, keep: &[u32]) {
         self.members.resize(self.measured.len() * BLOCK, 0);
         let mut found = 0;
         for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
             let indices = &sets.blocks[block as usize].indices;
-            let mut members = limit.members(squares, indices) & keep[block as usize];
+            let mut members = bits_below(squares, limit) & keep[block as usize];
             while members != 0 {
                 self.members[found] = indices[members.trailing_zeros() as usize];
                 found += 1;
@@ -308,17 +304,14 @@ impl Workspace {
     }
 }
 
-impl Limit {
-    /// Which points of a block it holds, one bit each.
-    #[inline(always)]
-    fn members(&self, squares: &[f64; BLOCK], indices: &[u32; BLOCK]) -> u32 {
-        let mut members = [0_u32; BLOCK];
-        for l in 0..BLOCK {
-            let tie = (squares[l] == self.squared_distance) & (indices[l] < self.tie_end);
-            members[l] = u32::from((squares[l] < self.squared_distance) | tie) << l;
-        }
-        members.iter().fold(0, |all, bit| all | bit)
+/// Which values are below the limit, one bit each.
+#[inline(always)]
+fn bits_below(values: &[f64; BLOCK], limit: f64) -> u32 {
+    let mut bits = [0_u64; BLOCK];
+    for l in 0..BLOCK {
+        bits[l] = u64::from(values[l] < limit) << l;
     }
+    bits.iter().fold(0, |all, bit| all | bit) as u32
 }
 
 impl Block {
