@@ -9,7 +9,7 @@ use crate::geometry::rigid::Rigid;
 use crate::points::Points;
 
 /// Voters that are looked at together.
-const LANES: usize = 8;
+const LANES: usize = 32;
 
 /// Both points of a correspondence: x, y, z of the source, then of the target.
 pub type PointPair = [f64; 6];
@@ -32,114 +32,111 @@ pub struct RigidityTest {
 }
 
 impl RigidityTest {
-    /// Whether `min(ds/dt, dt/ds) > sigma`, given the squares of `ds` and `dt`.
+    /// Whether `min(ds/dt, dt/ds) > sigma`.
     #[inline(always)]
-    fn passes(&self, squared_ds: f64, squared_dt: f64) -> bool {
-        let (ds, dt) = (squared_ds.sqrt(), squared_dt.sqrt());
+    fn passes(&self, i: &PointPair, j: &PointPair) -> bool {
+        let ds = length([i[0] - j[0], i[1] - j[1], i[2] - j[2]]);
+        let dt = length([i[3] - j[3], i[4] - j[4], i[5] - j[5]]);
         let (shorter, longer) = if ds < dt { (ds, dt) } else { (dt, ds) };
         // Zero length stands for coincident points, which support nothing.
         (ds > self.zero_source) & (dt > self.zero_target) & (shorter / longer > self.min_ratio)
     }
 }
 
-/// Correspondences in groups of [`LANES`], as a struct of arrays. What is left over of the last group has an
-/// infinitely distant target, which fails every test.
-#[derive(Debug, Clone, Default)]
-pub struct Voters {
-    len: usize,
-    groups: Vec<[[f64; LANES]; 6]>,
+/// Correspondences as a struct of arrays. Where some are left over, their targets are infinitely far away,
+/// which fails every test.
+type Group = [[f64; LANES]; 6];
+
+/// How many of `voters` have `rho_ij > sigma` with the correspondence `i`.
+pub fn count_rigid(pairs: &[PointPair], voters: &[u32], i: &PointPair, test: &RigidityTest) -> usize {
+    dispatch(
+        #[inline(always)]
+        || {
+            let mut count = 0;
+            for voters in voters.chunks(LANES) {
+                let group = gather(pairs, voters);
+                count += count_if(
+                    &group,
+                    #[inline(always)]
+                    |j| test.passes(i, j),
+                );
+            }
+            count
+        },
+    )
 }
 
+/// Correspondences that vote on all others by their poses.
+#[derive(Debug, Clone)]
+pub struct Voters(Vec<Group>);
+
 impl Voters {
-    /// The voters with these indices.
-    pub fn new(pairs: &[PointPair], indices: impl ExactSizeIterator<Item = usize>) -> Self {
-        let mut voters = Self::default();
-        voters.fill(pairs, indices);
-        voters
+    /// The correspondences with these indices.
+    pub fn new(pairs: &[PointPair], indices: &[u32]) -> Self {
+        Self(indices.chunks(LANES).map(|indices| gather(pairs, indices)).collect())
     }
 
-    /// Replaces the voters.
-    #[inline(always)]
-    pub fn fill(&mut self, pairs: &[PointPair], indices: impl ExactSizeIterator<Item = usize>) {
-        const NOBODY: [[f64; LANES]; 6] =
-            [[0.0; LANES], [0.0; LANES], [0.0; LANES], [f64::INFINITY; LANES], [0.0; LANES], [0.0; LANES]];
-        self.len = indices.len();
-        self.groups.clear();
-        self.groups.resize(self.len.div_ceil(LANES), NOBODY);
-        for (place, index) in indices.enumerate() {
-            let group = &mut self.groups[place / LANES];
-            for (axis, &coordinate) in group.iter_mut().zip(&pairs[index]) {
-                axis[place % LANES] = coordinate;
-            }
-        }
-    }
-
-    /// Number of voters.
-    pub fn len(&self) -> usize {
-        self.len
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len == 0
-    }
-
-    /// How many voters j have `rho_ij > sigma` with the correspondence `i`.
-    pub fn count_rigid(&self, i: &PointPair, test: &RigidityTest) -> usize {
-        dispatch(
-            #[inline(always)]
-            || self.groups.iter().map(|group| rigid(group, i, test).iter().sum::<u64>()).sum::<u64>(),
-        ) as usize
-    }
-
-    /// How many of them also have `|R p_j + t - p'_j|^2 < limit`.
+    /// How many voters j have `|R p_j + t - p'_j|^2 < limit` and `rho_ij > sigma`.
     pub fn count_carried(&self, i: &PointPair, test: &RigidityTest, pose: &Rigid, limit: f64) -> usize {
         let transform = by_rows(pose);
         dispatch(
             #[inline(always)]
             || {
                 let mut count = 0;
-                for group in &self.groups {
-                    let carried = carried(group, &transform, limit);
-                    // A wrong pose carries nobody along, and lengths are dear.
-                    if carried.iter().fold(0, |any, vote| any | vote) != 0 {
-                        let rigid = rigid(group, i, test);
-                        count += carried.iter().zip(rigid).map(|(a, b)| a & b).sum::<u64>();
+                for group in &self.0 {
+                    // A wrong pose carries hardly anybody along, and lengths take longer than residuals.
+                    let carried = count_if(
+                        group,
+                        #[inline(always)]
+                        |j| squared_miss(&transform, j) < limit,
+                    );
+                    if carried > 0 {
+                        count += count_if(
+                            group,
+                            #[inline(always)]
+                            |j| (squared_miss(&transform, j) < limit) & test.passes(i, j),
+                        );
                     }
                 }
                 count
             },
-        ) as usize
+        )
     }
 }
 
-/// The test of every voter of a group: 0 or 1.
+/// At most [`LANES`] correspondences.
 #[inline(always)]
-fn rigid(group: &[[f64; LANES]; 6], i: &PointPair, test: &RigidityTest) -> [u64; LANES] {
+fn gather(pairs: &[PointPair], indices: &[u32]) -> Group {
+    let mut group = [[0.0; LANES]; 6];
+    group[3][indices.len()..].fill(f64::INFINITY);
+    for (lane, &index) in indices.iter().enumerate() {
+        let pair = &pairs[index as usize];
+        for k in 0..6 {
+            group[k][lane] = pair[k];
+        }
+    }
+    group
+}
+
+#[inline(always)]
+fn count_if(group: &Group, test: impl Fn(&PointPair) -> bool) -> usize {
     let [sx, sy, sz, tx, ty, tz] = group;
-    let mut votes = [0; LANES];
+    let mut count = 0_u64;
     for l in 0..LANES {
-        let squared_ds = squared_norm([i[0] - sx[l], i[1] - sy[l], i[2] - sz[l]]);
-        let squared_dt = squared_norm([i[3] - tx[l], i[4] - ty[l], i[5] - tz[l]]);
-        votes[l] = u64::from(test.passes(squared_ds, squared_dt));
+        count += u64::from(test(&[sx[l], sy[l], sz[l], tx[l], ty[l], tz[l]]));
     }
-    votes
+    count as usize
 }
 
 #[inline(always)]
-fn carried(group: &[[f64; LANES]; 6], transform: &[f64; 12], limit: f64) -> [u64; LANES] {
-    let [sx, sy, sz, tx, ty, tz] = group;
-    let mut votes = [0; LANES];
-    for l in 0..LANES {
-        let residual = squared_residual(transform, [sx[l], sy[l], sz[l]], [tx[l], ty[l], tz[l]]);
-        votes[l] = u64::from(residual < limit);
-    }
-    votes
+fn length(v: [f64; 3]) -> f64 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
+/// `|R p_j + t - p'_j|^2`.
 #[inline(always)]
-fn squared_norm(v: [f64; 3]) -> f64 {
-    v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+fn squared_miss(transform: &[f64; 12], [x, y, z, u, v, w]: &PointPair) -> f64 {
+    squared_residual(transform, [*x, *y, *z], [*u, *v, *w])
 }
 
 /// R by rows, then t.

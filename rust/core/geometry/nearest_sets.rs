@@ -290,12 +290,13 @@ impl Workspace {
     #[inline(always)]
     fn gather(&mut self, sets: &NearestSets, limit: f64, keep: &[u32]) {
         self.members.resize(self.measured.len() * BLOCK, 0);
+        let all = self.members.as_mut_slice();
         let mut found = 0;
         for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
             let indices = &sets.blocks[block as usize].indices;
             let mut members = bits_below(squares, limit) & keep[block as usize];
             while members != 0 {
-                self.members[found] = indices[members.trailing_zeros() as usize];
+                all[found] = indices[members.trailing_zeros() as usize];
                 found += 1;
                 members &= members - 1;
             }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::GroupingMethod;
 use crate::compatibility::consistency::pose_of;
-use crate::compatibility::vote_kernels::{PointPair, RigidityTest, Voters, point_pairs, square_limit};
+use crate::compatibility::vote_kernels::{PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit};
 use crate::correspondences::Frame;
 use crate::error::{at_least_one, fraction};
 use crate::geometry::nearest_sets::NearestSets;
@@ -139,8 +139,8 @@ impl Ballot<'_> {
     fn local_votes(&self, distinctive: &[bool], execution: &Execution) -> Result<Vec<Votes>> {
         // C_L = N_i and L
         NearestSets::new(self.source).map(self.neighbors, distinctive, execution, |i, members| {
-            let voters = Voters::new(&self.pairs, members.iter().map(|&j| j as usize));
-            Votes { support: voters.count_rigid(&self.pairs[i], &self.rigidity), cast: voters.len() }
+            let support = count_rigid(&self.pairs, members, &self.pairs[i], &self.rigidity);
+            Votes { support, cast: members.len() }
         })
     }
 
@@ -149,7 +149,8 @@ impl Ballot<'_> {
         execution.report(0, self.source.len())?;
         let mut cast = vec![voters.len(); self.source.len()];
         voters.iter().for_each(|&i| cast[i] -= 1);
-        let voters = Voters::new(&self.pairs, voters.iter().copied());
+        let voters: Vec<u32> = voters.iter().map(|&i| i as u32).collect();
+        let voters = Voters::new(&self.pairs, &voters);
         let limit = square_limit(self.tolerance);
         let votes_on = |i: usize| {
             execution.advance()?;
