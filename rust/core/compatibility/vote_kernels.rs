@@ -158,3 +158,94 @@ pub fn square_limit(length: f64) -> f64 {
     }
     square
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compatibility::consistency::residual;
+    use crate::compatibility::distance::distance_ratio;
+    use crate::error::Result;
+    use nalgebra::{Rotation3, Vector3};
+
+    struct Problem {
+        source: Points,
+        target: Points,
+        pairs: Vec<PointPair>,
+        test: RigidityTest,
+    }
+
+    impl Problem {
+        fn new(source: &[[f64; 3]], target: &[[f64; 3]], min_ratio: f64) -> Result<Self> {
+            let (source, target) =
+                (Points::from_rows("source", source)?, Points::from_rows("target", target)?);
+            let (zero_source, zero_target) = (source.zero_length(), target.zero_length());
+            let test = RigidityTest { zero_source, zero_target, min_ratio };
+            Ok(Self { pairs: point_pairs(&source, &target), source, target, test })
+        }
+
+        fn is_rigid(&self, i: usize, j: usize) -> bool {
+            let (ds, dt) = (self.source.distance(i, j), self.target.distance(i, j));
+            let RigidityTest { zero_source, zero_target, min_ratio } = self.test;
+            distance_ratio(ds, dt, zero_source, zero_target) > min_ratio
+        }
+
+        fn check(&self, pose: &Rigid, tolerance: f64) {
+            let limit = square_limit(tolerance);
+            for (i, pair) in self.pairs.iter().enumerate() {
+                for voters in [0..self.pairs.len(), i..i + 1, 0..i % 70] {
+                    let indices: Vec<u32> = voters.clone().map(|j| j as u32).collect();
+                    let rigid = voters.clone().filter(|&j| self.is_rigid(i, j)).count();
+                    assert_eq!(count_rigid(&self.pairs, &indices, pair, &self.test), rigid);
+                    let is_carried = |j: usize| residual(pose, j, &self.source, &self.target) < tolerance;
+                    let carried = voters.filter(|&j| is_carried(j) && self.is_rigid(i, j)).count();
+                    let group = Voters::new(&self.pairs, &indices);
+                    assert_eq!(group.count_carried(pair, &self.test, pose, limit), carried);
+                }
+            }
+        }
+    }
+
+    fn rigid(angles: [f64; 3], translation: [f64; 3]) -> Rigid {
+        let rotation = Rotation3::from_scaled_axis(Vector3::from(angles)).into_inner();
+        Rigid { rotation, translation: Vector3::from(translation) }
+    }
+
+    #[test]
+    fn votes_are_those_of_the_scalar_tests() -> Result<()> {
+        for (seed, noise) in [(1.0, 0.01), (2.0, 0.3), (3.0, 2.0)] {
+            let wave = |i: i32, f: f64| (f64::from(i) * f + seed).sin();
+            let source: Vec<_> = (0..130).map(|i| [1.1, 2.3, 3.7].map(|f| 9.0 * wave(i, f))).collect();
+            let pose = rigid([0.3, seed, 0.1], [0.0; 3]);
+            let moved = source.iter().map(|&p| pose.apply(&p.into()));
+            let target: Vec<_> =
+                moved.zip(0..).map(|(p, i)| [p.x + noise * wave(i, 7.7), p.y, p.z + noise]).collect();
+            let problem = Problem::new(&source, &target, 0.9)?;
+            problem.check(&pose, 0.8);
+            problem.check(&rigid([0.5, 0.1, seed], [0.1, 0.0, 3.0]), 4.0);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn ties_and_coincident_points_vote_as_in_the_scalar_tests() -> Result<()> {
+        // Lattices have many ratios of exactly 1/2, and residuals of exactly 5.
+        let lattice = |i: u32| [f64::from(i % 5), f64::from(i / 5 % 5), f64::from(i / 25 % 4)];
+        let source: Vec<_> = (0..150).map(lattice).collect();
+        let target: Vec<_> = (0..150).map(|i| lattice(i * 7 % 150).map(|x| 2.0 * x)).collect();
+        for min_ratio in [0.0, 0.5, 1.0] {
+            let problem = Problem::new(&source, &target, min_ratio)?;
+            problem.check(&rigid([0.0; 3], [3.0, 4.0, 0.0]), 5.0);
+            problem.check(&rigid([0.0; 3], [0.0; 3]), 1e300);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn square_limit_decides_as_the_root_does() {
+        let lengths = (1..1000).map(|i| f64::from(i).sin().abs() * 10.0);
+        for length in lengths.chain([1.0, 5.0, 1e-300, 3e-162, 1e-154, 1e153, 1e200, f64::MAX]) {
+            let limit = square_limit(length);
+            assert!(limit.sqrt() >= length && limit.next_down().sqrt() < length, "{length}");
+        }
+    }
+}

@@ -7,10 +7,12 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
+use std::ops::Range;
+
+use pulp::Arch;
 use rayon::prelude::*;
 
 use super::neighbors::{Neighbor, widest_axis};
-use crate::compatibility::kernels::dispatch;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
@@ -54,6 +56,15 @@ struct Bounds {
 struct Boxes {
     low: [Vec<f64>; 3],
     high: [Vec<f64>; 3],
+}
+
+/// Two limits, fewer points than wanted below the one, more below the other.
+#[derive(Debug, Clone, Copy)]
+struct Bracket {
+    low: f64,
+    below_low: usize,
+    high: f64,
+    below_high: usize,
 }
 
 /// Buffers of one thread.
@@ -104,7 +115,7 @@ impl NearestSets {
                 workspace.list(self, block, self.likely_reach(block, count, last));
                 for (lane, result) in results.iter_mut().enumerate().take(self.len - block * BLOCK) {
                     execution.check()?;
-                    last = Some(dispatch(
+                    last = Some(Arch::new().dispatch(
                         #[inline(always)]
                         || workspace.search(self, (block, lane), count, last, &keep),
                     ));
@@ -185,27 +196,24 @@ impl Workspace {
             return 0.0;
         }
         let mut reach = last.map_or(self.reach, |last| self.reach.min(last * SLACK));
-        self.measure(sets, place, reach);
-        let mut found = self.count_below(reach.next_up());
-        if found < count && reach < self.reach {
+        let mut found = self.measure(sets, place, reach);
+        while found < count {
+            if reach >= self.reach {
+                self.list(sets, place.0, sets.certain_reach(place.0, count));
+            }
             reach = self.reach;
-            self.measure(sets, place, reach);
-            found = self.count_below(reach.next_up());
+            found = self.measure(sets, place, reach);
         }
-        if found < count {
-            reach = sets.certain_reach(place.0, count);
-            self.list(sets, place.0, reach);
-            self.measure(sets, place, reach);
-            found = self.count_below(reach.next_up());
-        }
-        let limit = self.limit(sets, count, last.unwrap_or(reach), (reach.next_up(), found));
+        let bracket = Bracket { low: 0.0, below_low: 0, high: reach.next_up(), below_high: found };
+        let limit = self.limit(sets, count, last, bracket);
         self.gather(sets, limit, keep);
         limit
     }
 
-    /// Squared distances to the points of all blocks within `reach`; the point itself is infinitely far.
+    /// Squared distances to the points of all blocks within `reach`, and how many points are within it. The
+    /// point itself counts as infinitely far.
     #[inline(always)]
-    fn measure(&mut self, sets: &NearestSets, (block, lane): (usize, usize), reach: f64) {
+    fn measure(&mut self, sets: &NearestSets, (block, lane): (usize, usize), reach: f64) -> usize {
         let center = sets.blocks[block].coordinates.map(
             #[inline(always)]
             |axis| axis[lane],
@@ -225,6 +233,7 @@ impl Workspace {
                 squares[lane] = f64::INFINITY;
             }
         }
+        self.count_below(reach.next_up())
     }
 
     #[inline(always)]
@@ -233,57 +242,50 @@ impl Workspace {
         squares.map(|&square| u64::from(square < limit)).sum::<u64>() as usize
     }
 
-    /// A limit that holds `count` points. `high` holds at least as many, and how many is given.
+    /// A limit with `count` points below it.
     #[inline(always)]
-    fn limit(&mut self, sets: &NearestSets, count: usize, guess: f64, high: (f64, usize)) -> f64 {
-        let ((mut low, mut below), (mut high, mut within)) = ((0.0, 0), high);
-        if within == count {
-            return high;
+    fn limit(&mut self, sets: &NearestSets, count: usize, guess: Option<f64>, mut bracket: Bracket) -> f64 {
+        if bracket.below_high == count {
+            return bracket.high;
         }
-        let mut trial = guess;
+        let mut trial = guess.filter(|&guess| bracket.contains(guess)).unwrap_or(bracket.interpolate(count));
         for _ in 0..TRIALS {
-            if trial <= low || trial >= high {
-                let share = ((count - below) as f64 + 0.5) / ((within - below) as f64 + 1.0);
-                trial = low + share * (high - low);
-                if trial <= low || trial >= high {
-                    break;
-                }
+            if !bracket.contains(trial) {
+                break; // no number is left in between
             }
             let found = self.count_below(trial);
             if found == count {
                 return trial;
             }
             if found < count {
-                (low, below) = (trial, found);
+                (bracket.low, bracket.below_low) = (trial, found);
             } else {
-                (high, within) = (trial, found);
+                (bracket.high, bracket.below_high) = (trial, found);
             }
-            let share = ((count - below) as f64 + 0.5) / ((within - below) as f64 + 1.0);
-            trial = low + share * (high - low);
+            trial = bracket.interpolate(count);
         }
-        self.settle(sets, count - below, low, high)
+        self.settle(sets, count - bracket.below_low, bracket.low..bracket.high)
     }
 
-    /// The limit that holds `count` of the points in `low..high`, by (distance, index): just beyond
-    /// the last of them; ties that do not belong to the set are moved to infinity.
+    /// The limit that holds the `count` first of those points whose squared distance is in a range, by
+    /// (distance, index). All that come after the last are moved to infinity, ties with it included.
     #[cold]
-    fn settle(&mut self, sets: &NearestSets, count: usize, low: f64, high: f64) -> f64 {
+    fn settle(&mut self, sets: &NearestSets, count: usize, range: Range<f64>) -> f64 {
         self.ties.clear();
         for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
             let points = squares.iter().zip(&sets.blocks[block as usize].indices);
-            let between = points.filter(|&(square, _)| (low..high).contains(square));
+            let between = points.filter(|&(square, _)| range.contains(square));
             self.ties.extend(between.map(|(&squared_distance, &index)| Neighbor { squared_distance, index }));
         }
         let (_, &mut last, _) = self.ties.select_nth_unstable(count - 1);
-        let limit = last.squared_distance.next_up();
         for (&block, squares) in self.measured.iter().zip(&mut self.squared_distances) {
             for (square, &index) in squares.iter_mut().zip(&sets.blocks[block as usize].indices) {
-                if *square == last.squared_distance && index > last.index {
+                if (Neighbor { squared_distance: *square, index }) > last {
                     *square = f64::INFINITY;
                 }
             }
         }
-        limit
+        last.squared_distance.next_up()
     }
 
     /// Writes down the points nearer than the limit that are to be kept.
@@ -302,6 +304,20 @@ impl Workspace {
             }
         }
         self.members.truncate(found);
+    }
+}
+
+impl Bracket {
+    #[inline(always)]
+    fn contains(&self, trial: f64) -> bool {
+        self.low < trial && trial < self.high
+    }
+
+    /// Where `count` points would be below, were their squared distances spread evenly.
+    #[inline(always)]
+    fn interpolate(&self, count: usize) -> f64 {
+        let (wanted, all) = (count - self.below_low, self.below_high - self.below_low);
+        self.low + (wanted as f64 + 0.5) / (all as f64 + 1.0) * (self.high - self.low)
     }
 }
 
@@ -433,42 +449,84 @@ fn arrange(entries: &mut [([f64; 3], u32)]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::neighbors::NearestNeighbors;
 
-    /// Against the ordered search, which has a brute-force oracle of its own.
+    fn brute_force(points: &Points, query: usize, count: usize, keep: &[bool]) -> Vec<u32> {
+        let mut all: Vec<_> = (0..points.len())
+            .filter(|&i| i != query)
+            .map(|i| {
+                let d = points.get(query) - points.get(i);
+                Neighbor { squared_distance: squared_norm(d.into()), index: i as u32 }
+            })
+            .collect();
+        all.sort_unstable();
+        let nearest = all.iter().take(count).map(|neighbor| neighbor.index);
+        let mut members: Vec<u32> = nearest.filter(|&index| keep[index as usize]).collect();
+        members.sort_unstable();
+        members
+    }
+
     fn check(rows: &[[f64; 3]], counts: &[usize]) -> Result<()> {
         let points = Points::from_rows("points", rows)?;
-        let keep: Vec<bool> = (0..rows.len()).map(|i| i % 5 != 2).collect();
+        let sets = NearestSets::new(&points);
         for &count in counts {
-            let sums = |indices: &mut dyn Iterator<Item = usize>| {
-                indices.filter(|&i| keep[i]).fold((0, 0, 0), |s: (usize, usize, usize), i| (s.0 + 1, s.1 + i, s.2 ^ (i * i)))
-            };
-            let sets = NearestSets::new(&points).map(count, &keep, &Execution::default(), |_, members| {
-                sums(&mut members.iter().map(|&i| i as usize))
-            })?;
-            let tree = NearestNeighbors::new(&points);
-            let lists = tree.map_points(count, &Execution::default(), |_, found| {
-                sums(&mut found.iter().map(|neighbor| neighbor.index as usize))
-            })?;
-            assert_eq!(sets, lists, "{count} of {}", rows.len());
+            for keep in [vec![true; rows.len()], (0..rows.len()).map(|i| i % 5 == 2).collect()] {
+                let agrees = sets.map(count, &keep, &Execution::default(), |query, members| {
+                    let mut members = members.to_vec();
+                    members.sort_unstable();
+                    members == brute_force(&points, query, count, &keep)
+                })?;
+                assert_eq!(agrees, vec![true; rows.len()], "{count} of {}", rows.len());
+            }
+        }
+        Ok(())
+    }
+
+    fn scattered(n: u32) -> Vec<[f64; 3]> {
+        (0..n).map(|i| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin())).collect()
+    }
+
+    #[test]
+    fn any_number_of_points() -> Result<()> {
+        for n in [0, 1, 2, 15, 16, 17, 33, 255, 256, 257, 513, 700] {
+            check(&scattered(n), &[0, 1, 5, 30, 255, 256, 900])?;
         }
         Ok(())
     }
 
     #[test]
     fn a_lattice_full_of_ties() -> Result<()> {
-        let rows: Vec<[f64; 3]> =
-            (0..1000).map(|i| [f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)]).collect();
-        check(&rows, &[1, 6, 7, 20, 250, 998, 999, 2000])
+        let lattice = |i: u32| [f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)];
+        check(&(0..700).map(lattice).collect::<Vec<_>>(), &[1, 6, 7, 20, 250, 698, 699])
     }
 
     #[test]
-    fn scattered_points() -> Result<()> {
-        for n in [1, 2, 15, 16, 17, 31, 33, 255, 256, 257, 511, 513, 700] {
-            let rows: Vec<[f64; 3]> =
-                (0..n).map(|i| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin())).collect();
-            check(&rows, &[0, 1, 5, 30, 254, 255, 256, 700])?;
-        }
-        check(&[], &[3])
+    fn coincident_and_collinear_points() -> Result<()> {
+        check(&[[1.0, 2.0, 3.0]; 300], &[1, 5, 250, 299])?;
+        check(&(0..400).map(|i| [f64::from(i / 8 % 25), 1.0, 0.0]).collect::<Vec<_>>(), &[3, 40, 250])?;
+        check(&(0..400).map(|i| [f64::from(i * 7 % 400); 3]).collect::<Vec<_>>(), &[1, 2, 39, 250])
+    }
+
+    #[test]
+    fn density_that_changes_abruptly() -> Result<()> {
+        let mut rows = scattered(300);
+        rows.extend(scattered(300).iter().map(|row| row.map(|x| x * 1e-6 + 3.0)));
+        rows.extend(scattered(40).iter().map(|row| row.map(|x| x * 1e9)));
+        check(&rows, &[1, 20, 250, 330])
+    }
+
+    #[test]
+    fn distances_whose_squares_vanish() -> Result<()> {
+        let tiny = (1..150).flat_map(|i| [1e-170 * f64::from(i), -1e-170 * f64::from(i)]);
+        let rows: Vec<[f64; 3]> = [1.0, -1.0].into_iter().chain(tiny).map(|x| [x, 0.0, 0.0]).collect();
+        check(&rows, &[1, 30, 250])
+    }
+
+    #[test]
+    fn an_interrupted_search_says_so() -> Result<()> {
+        let sets = NearestSets::new(&Points::from_rows("points", &scattered(50))?);
+        let execution = Execution::default();
+        execution.interrupt();
+        assert_eq!(sets.map(3, &[true; 50], &execution, |_, _| ()), Err(crate::Error::Interrupted));
+        Ok(())
     }
 }

@@ -7,7 +7,9 @@ use rayon::prelude::*;
 
 use super::GroupingMethod;
 use crate::compatibility::consistency::pose_of;
-use crate::compatibility::vote_kernels::{PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit};
+use crate::compatibility::vote_kernels::{
+    PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit,
+};
 use crate::correspondences::Frame;
 use crate::error::{at_least_one, fraction};
 use crate::geometry::nearest_sets::NearestSets;
