@@ -24,7 +24,7 @@ const REGION: usize = 16;
 /// By how much a query's greatest squared distance is expected to exceed the one of the query before.
 const SLACK: f64 = 1.25;
 /// Trial limits before ties are looked into.
-const TRIALS: usize = 12;
+const TRIALS: usize = 8;
 /// Index of a place that is left over.
 const NOBODY: u32 = u32::MAX;
 
