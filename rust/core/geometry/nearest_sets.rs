@@ -24,7 +24,7 @@ const REGION: usize = 16;
 /// By how much a query's greatest squared distance is expected to exceed the one of the query before.
 const SLACK: f64 = 1.25;
 /// Trial limits before ties are looked into.
-const TRIALS: usize = 8;
+const TRIALS: usize = 10;
 /// Index of a place that is left over.
 const NOBODY: u32 = u32::MAX;
 
@@ -115,9 +115,10 @@ impl NearestSets {
                 workspace.list(self, block, self.likely_reach(block, count, last));
                 for (lane, result) in results.iter_mut().enumerate().take(self.len - block * BLOCK) {
                     execution.check()?;
+                    let search = Search { sets: self, workspace, block, lane, count, last, keep: &keep };
                     last = Some(Arch::new().dispatch(
                         #[inline(always)]
-                        || workspace.search(self, (block, lane), count, last, &keep),
+                        || search.run(),
                     ));
                     *result = f(own.indices[lane] as usize, &workspace.members);
                 }
@@ -180,38 +181,8 @@ impl Workspace {
         }
     }
 
-    /// Finds the members for the point at `place`, a block and a lane; returns the squared distance that
-    /// was needed.
-    #[inline(always)]
-    fn search(
-        &mut self,
-        sets: &NearestSets,
-        place: (usize, usize),
-        count: usize,
-        last: Option<f64>,
-        keep: &[u32],
-    ) -> f64 {
-        self.members.clear();
-        if count == 0 {
-            return 0.0;
-        }
-        let mut reach = last.map_or(self.reach, |last| self.reach.min(last * SLACK));
-        let mut found = self.measure(sets, place, reach);
-        while found < count {
-            if reach >= self.reach {
-                self.list(sets, place.0, sets.certain_reach(place.0, count));
-            }
-            reach = self.reach;
-            found = self.measure(sets, place, reach);
-        }
-        let bracket = Bracket { low: 0.0, below_low: 0, high: reach.next_up(), below_high: found };
-        let limit = self.limit(sets, count, last, bracket);
-        self.gather(sets, limit, keep);
-        limit
-    }
-
-    /// Squared distances to the points of all blocks within `reach`, and how many points are within it. The
-    /// point itself counts as infinitely far.
+    /// Measures all blocks within `reach` of the point in a lane of a block: squared distances to their
+    /// points, and how many are within it. The point itself counts as infinitely far.
     #[inline(always)]
     fn measure(&mut self, sets: &NearestSets, (block, lane): (usize, usize), reach: f64) -> usize {
         let center = sets.blocks[block].coordinates.map(
@@ -304,6 +275,44 @@ impl Workspace {
             }
         }
         self.members.truncate(found);
+    }
+}
+
+/// The search for the members of one point's set.
+struct Search<'a> {
+    sets: &'a NearestSets,
+    workspace: &'a mut Workspace,
+    block: usize,
+    lane: usize,
+    count: usize,
+    /// Squared distance that the query before needed.
+    last: Option<f64>,
+    keep: &'a [u32],
+}
+
+impl Search<'_> {
+    /// Leaves the members in the workspace; returns the squared distance that was needed. Takes `self`, since
+    /// a closure that only borrows is not sure to be inlined, and so compiled for the best instruction set.
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let Self { sets, workspace, block, lane, count, last, keep } = self;
+        workspace.members.clear();
+        if count == 0 {
+            return 0.0;
+        }
+        let mut reach = last.map_or(workspace.reach, |last| workspace.reach.min(last * SLACK));
+        let mut found = workspace.measure(sets, (block, lane), reach);
+        while found < count {
+            if reach >= workspace.reach {
+                workspace.list(sets, block, sets.certain_reach(block, count));
+            }
+            reach = workspace.reach;
+            found = workspace.measure(sets, (block, lane), reach);
+        }
+        let bracket = Bracket { low: 0.0, below_low: 0, high: reach.next_up(), below_high: found };
+        let limit = workspace.limit(sets, count, last, bracket);
+        workspace.gather(sets, limit, keep);
+        limit
     }
 }
 
