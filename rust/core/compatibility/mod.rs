@@ -9,3 +9,4 @@ pub mod lanes;
 pub mod lrf_angle;
 pub mod matrix;
 pub mod pair_scores;
+pub mod vote_kernels;

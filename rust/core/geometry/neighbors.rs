@@ -215,7 +215,8 @@ fn build(entries: &mut [([f64; 3], u32)], node: usize, nodes: &mut Vec<Node>) {
     build(right, 2 * node + 2, nodes);
 }
 
-fn widest_axis(entries: &[([f64; 3], u32)]) -> usize {
+/// Axis along which the points extend farthest.
+pub(super) fn widest_axis(entries: &[([f64; 3], u32)]) -> usize {
     let extent = |k: usize| {
         let values = entries.iter().map(|entry| entry.0[k]);
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));

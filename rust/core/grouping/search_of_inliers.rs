@@ -6,11 +6,13 @@
 use rayon::prelude::*;
 
 use super::GroupingMethod;
-use crate::compatibility::consistency::{pose_of, residual};
-use crate::compatibility::distance::distance_ratio;
+use crate::compatibility::consistency::pose_of;
+use crate::compatibility::vote_kernels::{
+    PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit,
+};
 use crate::correspondences::Frame;
 use crate::error::{at_least_one, fraction};
-use crate::geometry::neighbors::NearestNeighbors;
+use crate::geometry::nearest_sets::NearestSets;
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::{largest, smallest};
 use crate::{Correspondences, Execution, Grouping, Points, Result};
@@ -75,7 +77,20 @@ impl GroupingMethod for SearchOfInliers {
         let (source_frames, target_frames) = correspondences.frames("si")?;
         let ratio = correspondences.ratio("si")?;
         let tolerance = correspondences.length("tolerance", self.tolerance, 5.0)?;
-        let ballot = Ballot { source, target, source_frames, target_frames, tolerance, method: *self };
+        let ballot = Ballot {
+            source,
+            target,
+            source_frames,
+            target_frames,
+            pairs: point_pairs(source, target),
+            rigidity: RigidityTest {
+                zero_source: source.zero_length(),
+                zero_target: target.zero_length(),
+                min_ratio: self.min_distance_ratio,
+            },
+            tolerance,
+            neighbors: self.neighbors,
+        };
 
         let distinctive: Vec<bool> = ratio.iter().map(|&r| r < self.lowe_ratio).collect(); // L
         let local = ballot.local_votes(&distinctive, execution)?; // Y_L, C_L
@@ -115,51 +130,40 @@ struct Ballot<'a> {
     target: &'a Points,
     source_frames: &'a [Frame],
     target_frames: &'a [Frame],
+    pairs: Vec<PointPair>,
+    rigidity: RigidityTest,
     tolerance: f64,
-    method: SearchOfInliers,
+    neighbors: usize,
 }
 
 impl Ballot<'_> {
     /// Distinctive correspondences among the nearest source keypoints vote by rigidity.
     fn local_votes(&self, distinctive: &[bool], execution: &Execution) -> Result<Vec<Votes>> {
-        let tree = NearestNeighbors::new(self.source);
-        tree.map_points(self.method.neighbors, execution, |i, nearest| {
-            let voters = nearest.iter().map(|found| found.index as usize); // N_i
-            count(voters.filter(|&j| distinctive[j]), |j| self.is_rigid(i, j)) // C_L = N_i and L
+        // C_L = N_i and L
+        NearestSets::new(self.source).map(self.neighbors, distinctive, execution, |i, members| {
+            let support = count_rigid(&self.pairs, members, &self.pairs[i], &self.rigidity);
+            Votes { support, cast: members.len() }
         })
     }
 
-    /// Global voters must agree with the pose of `i` as well.
+    /// Global voters must agree with the pose of `i` as well; `i` has no vote of its own.
     fn global_votes(&self, voters: &[usize], execution: &Execution) -> Result<Vec<Votes>> {
         execution.report(0, self.source.len())?;
+        let mut cast = vec![voters.len(); self.source.len()];
+        voters.iter().for_each(|&i| cast[i] -= 1);
+        let voters: Vec<u32> = voters.iter().map(|&i| i as u32).collect();
+        let voters = Voters::new(&self.pairs, &voters);
+        let limit = square_limit(self.tolerance);
         let votes_on = |i: usize| {
             execution.advance()?;
             let pose = pose_of(i, self.source, self.target, &self.source_frames[i], &self.target_frames[i]);
-            let others = voters.iter().copied().filter(|&j| j != i);
-            Ok(count(others, |j| {
-                pose.as_ref().is_some_and(|pose| {
-                    residual(pose, j, self.source, self.target) < self.tolerance && self.is_rigid(i, j)
-                })
-            }))
+            // Its distances are 0, so `i` would never support itself.
+            let support =
+                pose.map_or(0, |pose| voters.count_carried(&self.pairs[i], &self.rigidity, &pose, limit));
+            Ok(Votes { support, cast: cast[i] })
         };
         (0..self.source.len()).into_par_iter().with_min_len(16).map(votes_on).collect()
     }
-
-    /// `rho_ij > sigma`.
-    fn is_rigid(&self, i: usize, j: usize) -> bool {
-        let (ds, dt) = (self.source.distance(i, j), self.target.distance(i, j));
-        distance_ratio(ds, dt, self.source.zero_length(), self.target.zero_length())
-            > self.method.min_distance_ratio
-    }
-}
-
-fn count(voters: impl Iterator<Item = usize>, supports: impl Fn(usize) -> bool) -> Votes {
-    let mut votes = Votes::default();
-    for j in voters {
-        votes.cast += 1;
-        votes.support += usize::from(supports(j));
-    }
-    votes
 }
 
 #[cfg(test)]

@@ -1,0 +1,251 @@
+//! Votes of many correspondences on one, several at a time; every vote is that of
+//! [`distance_ratio`](super::distance::distance_ratio) and [`residual`](super::consistency::residual).
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+#![expect(clippy::needless_bitwise_bool, reason = "`&&` is a branch, which stops vectorisation")]
+
+use super::kernels::{dispatch, squared_residual};
+use crate::geometry::rigid::Rigid;
+use crate::points::Points;
+
+/// Voters that are looked at together.
+const LANES: usize = 32;
+
+/// Both points of a correspondence: x, y, z of the source, then of the target.
+pub type PointPair = [f64; 6];
+
+/// Both points of every correspondence.
+pub fn point_pairs(source: &Points, target: &Points) -> Vec<PointPair> {
+    let sides = source.rows().into_iter().zip(target.rows());
+    sides.map(|([x, y, z], [u, v, w])| [x, y, z, u, v, w]).collect()
+}
+
+/// The test `rho_ij > sigma`.
+#[derive(Debug, Clone, Copy)]
+pub struct RigidityTest {
+    /// Length up to which an edge counts as zero, in the source.
+    pub zero_source: f64,
+    /// The same in the target.
+    pub zero_target: f64,
+    /// sigma, not negative.
+    pub min_ratio: f64,
+}
+
+impl RigidityTest {
+    /// Whether `min(ds/dt, dt/ds) > sigma`.
+    #[inline(always)]
+    fn passes(&self, i: &PointPair, j: &PointPair) -> bool {
+        let ds = length([i[0] - j[0], i[1] - j[1], i[2] - j[2]]);
+        let dt = length([i[3] - j[3], i[4] - j[4], i[5] - j[5]]);
+        let (shorter, longer) = if ds < dt { (ds, dt) } else { (dt, ds) };
+        // Zero length stands for coincident points, which support nothing.
+        (ds > self.zero_source) & (dt > self.zero_target) & (shorter / longer > self.min_ratio)
+    }
+}
+
+/// Correspondences as a struct of arrays. Where some are left over, their targets are infinitely far away,
+/// which fails every test.
+type Group = [[f64; LANES]; 6];
+
+/// How many of `voters` have `rho_ij > sigma` with the correspondence `i`.
+pub fn count_rigid(pairs: &[PointPair], voters: &[u32], i: &PointPair, test: &RigidityTest) -> usize {
+    dispatch(
+        #[inline(always)]
+        || {
+            let mut count = 0;
+            for voters in voters.chunks(LANES) {
+                let group = gather(pairs, voters);
+                count += count_if(
+                    &group,
+                    #[inline(always)]
+                    |j| test.passes(i, j),
+                );
+            }
+            count
+        },
+    )
+}
+
+/// Correspondences that vote on all others by their poses.
+#[derive(Debug, Clone)]
+pub struct Voters(Vec<Group>);
+
+impl Voters {
+    /// The correspondences with these indices.
+    pub fn new(pairs: &[PointPair], indices: &[u32]) -> Self {
+        Self(indices.chunks(LANES).map(|indices| gather(pairs, indices)).collect())
+    }
+
+    /// How many voters j have `|R p_j + t - p'_j|^2 < limit` and `rho_ij > sigma`.
+    pub fn count_carried(&self, i: &PointPair, test: &RigidityTest, pose: &Rigid, limit: f64) -> usize {
+        let transform = by_rows(pose);
+        dispatch(
+            #[inline(always)]
+            || {
+                let mut count = 0;
+                for group in &self.0 {
+                    // A wrong pose carries hardly anybody along, and lengths take longer than residuals.
+                    let carried = count_if(
+                        group,
+                        #[inline(always)]
+                        |j| squared_miss(&transform, j) < limit,
+                    );
+                    if carried > 0 {
+                        count += count_if(
+                            group,
+                            #[inline(always)]
+                            |j| (squared_miss(&transform, j) < limit) & test.passes(i, j),
+                        );
+                    }
+                }
+                count
+            },
+        )
+    }
+}
+
+/// At most [`LANES`] correspondences.
+#[inline(always)]
+fn gather(pairs: &[PointPair], indices: &[u32]) -> Group {
+    let mut group = [[0.0; LANES]; 6];
+    group[3][indices.len()..].fill(f64::INFINITY);
+    for (lane, &index) in indices.iter().enumerate() {
+        let pair = &pairs[index as usize];
+        for k in 0..6 {
+            group[k][lane] = pair[k];
+        }
+    }
+    group
+}
+
+#[inline(always)]
+fn count_if(group: &Group, test: impl Fn(&PointPair) -> bool) -> usize {
+    let [sx, sy, sz, tx, ty, tz] = group;
+    let mut count = 0_u64;
+    for l in 0..LANES {
+        count += u64::from(test(&[sx[l], sy[l], sz[l], tx[l], ty[l], tz[l]]));
+    }
+    count as usize
+}
+
+#[inline(always)]
+fn length(v: [f64; 3]) -> f64 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
+
+/// `|R p_j + t - p'_j|^2`.
+#[inline(always)]
+fn squared_miss(transform: &[f64; 12], [x, y, z, u, v, w]: &PointPair) -> f64 {
+    squared_residual(transform, [*x, *y, *z], [*u, *v, *w])
+}
+
+/// R by rows, then t.
+fn by_rows(pose: &Rigid) -> [f64; 12] {
+    let mut transform = [0.0; 12];
+    transform[..9].copy_from_slice(pose.rotation.transpose().as_slice());
+    transform[9..].copy_from_slice(pose.translation.as_slice());
+    transform
+}
+
+/// The least number whose square root is not below `length`: `sqrt(s) < length` exactly where `s` is below it.
+pub fn square_limit(length: f64) -> f64 {
+    let mut square = length * length;
+    while square > 0.0 && square.sqrt() >= length {
+        square = square.next_down();
+    }
+    while square.sqrt() < length {
+        square = square.next_up();
+    }
+    square
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compatibility::consistency::residual;
+    use crate::compatibility::distance::distance_ratio;
+    use crate::error::Result;
+    use nalgebra::{Rotation3, Vector3};
+
+    struct Problem {
+        source: Points,
+        target: Points,
+        pairs: Vec<PointPair>,
+        test: RigidityTest,
+    }
+
+    impl Problem {
+        fn new(source: &[[f64; 3]], target: &[[f64; 3]], min_ratio: f64) -> Result<Self> {
+            let (source, target) =
+                (Points::from_rows("source", source)?, Points::from_rows("target", target)?);
+            let (zero_source, zero_target) = (source.zero_length(), target.zero_length());
+            let test = RigidityTest { zero_source, zero_target, min_ratio };
+            Ok(Self { pairs: point_pairs(&source, &target), source, target, test })
+        }
+
+        fn is_rigid(&self, i: usize, j: usize) -> bool {
+            let (ds, dt) = (self.source.distance(i, j), self.target.distance(i, j));
+            let RigidityTest { zero_source, zero_target, min_ratio } = self.test;
+            distance_ratio(ds, dt, zero_source, zero_target) > min_ratio
+        }
+
+        fn check(&self, pose: &Rigid, tolerance: f64) {
+            let limit = square_limit(tolerance);
+            for (i, pair) in self.pairs.iter().enumerate() {
+                for voters in [0..self.pairs.len(), i..i + 1, 0..i % 70] {
+                    let indices: Vec<u32> = voters.clone().map(|j| j as u32).collect();
+                    let rigid = voters.clone().filter(|&j| self.is_rigid(i, j)).count();
+                    assert_eq!(count_rigid(&self.pairs, &indices, pair, &self.test), rigid);
+                    let is_carried = |j: usize| residual(pose, j, &self.source, &self.target) < tolerance;
+                    let carried = voters.filter(|&j| is_carried(j) && self.is_rigid(i, j)).count();
+                    let group = Voters::new(&self.pairs, &indices);
+                    assert_eq!(group.count_carried(pair, &self.test, pose, limit), carried);
+                }
+            }
+        }
+    }
+
+    fn rigid(angles: [f64; 3], translation: [f64; 3]) -> Rigid {
+        let rotation = Rotation3::from_scaled_axis(Vector3::from(angles)).into_inner();
+        Rigid { rotation, translation: Vector3::from(translation) }
+    }
+
+    #[test]
+    fn votes_are_those_of_the_scalar_tests() -> Result<()> {
+        for (seed, noise) in [(1.0, 0.01), (2.0, 0.3), (3.0, 2.0)] {
+            let wave = |i: i32, f: f64| (f64::from(i) * f + seed).sin();
+            let source: Vec<_> = (0..130).map(|i| [1.1, 2.3, 3.7].map(|f| 9.0 * wave(i, f))).collect();
+            let pose = rigid([0.3, seed, 0.1], [0.0; 3]);
+            let moved = source.iter().map(|&p| pose.apply(&p.into()));
+            let target: Vec<_> =
+                moved.zip(0..).map(|(p, i)| [p.x + noise * wave(i, 7.7), p.y, p.z + noise]).collect();
+            let problem = Problem::new(&source, &target, 0.9)?;
+            problem.check(&pose, 0.8);
+            problem.check(&rigid([0.5, 0.1, seed], [0.1, 0.0, 3.0]), 4.0);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn ties_and_coincident_points_vote_as_in_the_scalar_tests() -> Result<()> {
+        // Lattices have many ratios of exactly 1/2, and residuals of exactly 5.
+        let lattice = |i: u32| [f64::from(i % 5), f64::from(i / 5 % 5), f64::from(i / 25 % 4)];
+        let source: Vec<_> = (0..150).map(lattice).collect();
+        let target: Vec<_> = (0..150).map(|i| lattice(i * 7 % 150).map(|x| 2.0 * x)).collect();
+        for min_ratio in [0.0, 0.5, 1.0] {
+            let problem = Problem::new(&source, &target, min_ratio)?;
+            problem.check(&rigid([0.0; 3], [3.0, 4.0, 0.0]), 5.0);
+            problem.check(&rigid([0.0; 3], [0.0; 3]), 1e300);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn square_limit_decides_as_the_root_does() {
+        let lengths = (1..1000).map(|i| f64::from(i).sin().abs() * 10.0);
+        for length in lengths.chain([1.0, 5.0, 1e-300, 3e-162, 1e-154, 1e153, 1e200, f64::MAX]) {
+            let limit = square_limit(length);
+            assert!(limit.sqrt() >= length && limit.next_down().sqrt() < length, "{length}");
+        }
+    }
+}
