@@ -4,7 +4,7 @@
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "`&&` is a branch, which stops vectorisation")]
 
-use super::kernels::{dispatch, squared_residual};
+use super::kernels::dispatch;
 use crate::geometry::rigid::Rigid;
 use crate::points::Points;
 
@@ -157,6 +157,16 @@ pub fn square_limit(length: f64) -> f64 {
         square = square.next_up();
     }
     square
+}
+
+/// `|R p + t - q|^2`; `transform` is R by rows, then t.
+#[inline(always)]
+fn squared_residual(transform: &[f64; 12], p: [f64; 3], q: [f64; 3]) -> f64 {
+    let [r0, r1, r2, r3, r4, r5, r6, r7, r8, t0, t1, t2] = *transform;
+    let x = r0 * p[0] + r1 * p[1] + r2 * p[2] + t0 - q[0];
+    let y = r3 * p[0] + r4 * p[1] + r5 * p[2] + t1 - q[1];
+    let z = r6 * p[0] + r7 * p[1] + r8 * p[2] + t2 - q[2];
+    x * x + y * y + z * z
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ const NO_PAYOFF: f64 = 1e-300;
 const EXTINCT: f64 = 1e-12;
 
 /// The same, as a share of the rounding of payoffs, where that is greater.
-const FAR_BELOW_ROUNDING: f64 = 1e-3;
+const WITHIN_ROUNDING: f64 = 0.1;
 
 /// The game goes on without the extinct once fewer than this part of the strategies matter.
 const WORTH_SHRINKING: f64 = 0.8;
@@ -170,7 +170,7 @@ impl GameTheory {
             }
             let steps_left = self.iterations - population.steps;
             let extinct =
-                EXTINCT.max(FAR_BELOW_ROUNDING * payoff.rounding()) / population.shares.len() as f64;
+                EXTINCT.max(WITHIN_ROUNDING * payoff.rounding()) / population.shares.len() as f64;
             let least = least_share(extinct, population.mean_payoff, steps_left);
             let matter: Vec<usize> = (0..shares.len()).filter(|&i| shares[i] > least).collect();
             if (matter.len() as f64) < WORTH_SHRINKING * shares.len() as f64 {
