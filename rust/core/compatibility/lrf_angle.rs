@@ -1,23 +1,19 @@
 //! Angle between two local reference frames, the paper's `e(L_i, L_j)` (CV).
 
-use nalgebra::Matrix3;
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
-/// Rotation angle between two frames in degrees: `acos((trace(A B^T) - 1) / 2)`.
-#[inline]
-pub fn frame_angle_degrees(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
-    ((a.dot(b) - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
-}
+use super::vector_math::Arithmetic;
+use crate::geometry::angle::atan2;
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::{Rotation3, Vector3};
-
-    #[test]
-    fn is_the_angle_of_the_relative_rotation() {
-        let a = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3).into_inner();
-        let b = Rotation3::from_axis_angle(&Vector3::z_axis(), 1.1).into_inner();
-        assert!((frame_angle_degrees(&a, &b) - 0.8_f64.to_degrees()).abs() < 1e-9);
-        assert!(frame_angle_degrees(&a, &a) < 1e-5);
-    }
+/// `e(L_i, L_j) - e(L'_i, L'_j)` in radians, up to its sign; an angle is given by its cosine,
+/// `(trace(A B^T) - 1) / 2`, and lies in 0..=pi.
+///
+/// One arctangent of the difference's sine and cosine, in place of two arccosines.
+#[inline(always)]
+pub fn angle_difference<A: Arithmetic>(arithmetic: A, source_cosine: f64, target_cosine: f64) -> f64 {
+    let source_sine = arithmetic.multiply_add(-source_cosine, source_cosine, 1.0).sqrt();
+    let target_sine = arithmetic.multiply_add(-target_cosine, target_cosine, 1.0).sqrt();
+    let sine = source_sine * target_cosine - source_cosine * target_sine;
+    let cosine = arithmetic.multiply_add(source_cosine, target_cosine, source_sine * target_sine);
+    atan2(sine, cosine)
 }

@@ -7,3 +7,4 @@ pub mod lanes;
 pub mod lrf_angle;
 pub mod matrix;
 pub mod pair_scores;
+pub mod vector_math;

@@ -4,11 +4,13 @@
 //! `s_i = sum_j exp(-(|ds - dt| / delta_r)^2 - (|e(L_i, L_j) - e(L'_i, L'_j)| / delta_L)^2)` over the 200
 //! correspondences with the best nearest-neighbour ratio. Cost O(n voters).
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
 use rayon::prelude::*;
 
 use super::GroupingMethod;
-use crate::compatibility::distance::distance_difference;
-use crate::compatibility::lrf_angle::frame_angle_degrees;
+use crate::compatibility::lrf_angle::angle_difference;
+use crate::compatibility::vector_math::{Arithmetic, ArithmeticWork, exp_of_negative, with_arithmetic};
 use crate::correspondences::Frame;
 use crate::error::{at_least_one, positive};
 use crate::selection::otsu::{Cut, Threshold};
@@ -48,61 +50,169 @@ impl GroupingMethod for ConsistencyVoting {
         let (source_frames, target_frames) = correspondences.frames("cv")?;
         let ratio = correspondences.ratio("cv")?;
         self.threshold.validate()?;
-        let pairs = Pairs {
-            source,
-            target,
-            source_frames,
-            target_frames,
-            distance_scale: correspondences.length("distance_scale", self.distance_scale, 10.0)?,
-            angle_scale: positive("angle_scale", self.angle_scale)?,
-        };
+        let distance_scale = correspondences.length("distance_scale", self.distance_scale, 10.0)?;
+        let angle_scale = positive("angle_scale", self.angle_scale)?.to_radians();
+        let matches = Matches { source, target, source_frames, target_frames };
+
         let voters = smallest(ratio, at_least_one("voters", self.voters)?); // V: top k by 1 - d1/d2
-        let scores = self.count_votes(&pairs, &voters, execution)?; // s_i = sum_j D_ij
+        let ballot = Ballot::new(&matches, &voters, distance_scale, angle_scale);
+        let scores = self.count_votes(&matches, &ballot, execution)?; // s_i = sum_j D_ij
         let Cut { mask, threshold } = self.threshold.above(&scores); // s_i > t_cv
         Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() })
     }
 }
 
 impl ConsistencyVoting {
-    fn count_votes(&self, pairs: &Pairs, voters: &[usize], execution: &Execution) -> Result<Vec<f64>> {
-        execution.report(0, pairs.source.len())?;
-        (0..pairs.source.len())
-            .into_par_iter()
-            .with_min_len(16)
-            .map(|i| {
-                execution.advance()?;
-                let others = voters.iter().filter(|&&j| !(self.exclude_self && j == i));
-                Ok(others.map(|&j| pairs.vote(i, j)).sum())
-            })
-            .collect()
+    fn count_votes(&self, matches: &Matches, ballot: &Ballot, execution: &Execution) -> Result<Vec<f64>> {
+        execution.report(0, matches.source.len())?;
+        let votes_on = |i: usize| {
+            execution.advance()?;
+            let own = if self.exclude_self { ballot.voters.iter().position(|&j| j == i) } else { None };
+            Ok(matches.terms(i).map_or(0.0, |candidate| ballot.votes_on(candidate, own)))
+        };
+        (0..matches.source.len()).into_par_iter().with_min_len(16).map(votes_on).collect()
     }
 }
 
-struct Pairs<'a> {
+struct Matches<'a> {
     source: &'a Points,
     target: &'a Points,
     source_frames: &'a [Frame],
     target_frames: &'a [Frame],
-    distance_scale: f64,
-    angle_scale: f64,
 }
 
-impl Pairs<'_> {
-    /// `D_ij`; 0 where a frame is missing.
-    fn vote(&self, i: usize, j: usize) -> f64 {
-        let (Some(source_i), Some(source_j)) = (&self.source_frames[i], &self.source_frames[j]) else {
-            return 0.0;
-        };
-        let (Some(target_i), Some(target_j)) = (&self.target_frames[i], &self.target_frames[j]) else {
-            return 0.0;
-        };
-        let difference = distance_difference(self.source.distance(i, j), self.target.distance(i, j));
-        let source_angle = frame_angle_degrees(source_i, source_j); // e(L_i, L_j)
-        let target_angle = frame_angle_degrees(target_i, target_j); // e(L'_i, L'_j)
-        let distance_term = (difference / self.distance_scale).powi(2);
-        let angle_term = ((source_angle - target_angle) / self.angle_scale).powi(2);
-        (-distance_term - angle_term).exp()
+impl Matches<'_> {
+    /// What the votes on or by `i` are computed from; nothing where a frame is missing.
+    fn terms(&self, i: usize) -> Option<Terms<f64>> {
+        let (source_frame, target_frame) = (self.source_frames[i]?, self.target_frames[i]?);
+        Some(Terms {
+            points: [self.source.get(i).into(), self.target.get(i).into()],
+            frames: [source_frame, target_frame].map(|axes| std::array::from_fn(|k| axes[k])),
+        })
     }
+}
+
+/// Point and frame of both sides, source first: of one correspondence, or of each voter of a group.
+#[derive(Clone, Copy)]
+struct Terms<T> {
+    points: [[T; 3]; 2],
+    frames: [[T; 9]; 2],
+}
+
+/// Voters that a vector instruction takes at once, or two of them.
+const LANES: usize = 8;
+
+type Group = Terms<[f64; LANES]>;
+
+impl Group {
+    /// Voters that are far away in the source alone: their votes are 0.
+    const NOBODY: Self =
+        Self { points: [[[f64::INFINITY; LANES]; 3], [[0.0; LANES]; 3]], frames: [[[0.0; LANES]; 9]; 2] };
+
+    fn of(voters: &[(usize, Terms<f64>)]) -> Self {
+        let mut group = Self::NOBODY;
+        for (lane, (_, voter)) in voters.iter().enumerate() {
+            for side in 0..2 {
+                (0..3).for_each(|axis| group.points[side][axis][lane] = voter.points[side][axis]);
+                (0..9).for_each(|entry| group.frames[side][entry][lane] = voter.frames[side][entry]);
+            }
+        }
+        group
+    }
+}
+
+/// The voters that have frames.
+struct Ballot {
+    voters: Vec<usize>,
+    groups: Vec<Group>,
+    /// `1 / delta_r`
+    distance_factor: f64,
+    /// `1 / delta_L`, `delta_L` in radians.
+    angle_factor: f64,
+}
+
+impl Ballot {
+    fn new(matches: &Matches, voters: &[usize], distance_scale: f64, angle_scale: f64) -> Self {
+        let framed: Vec<_> = voters.iter().filter_map(|&j| Some((j, matches.terms(j)?))).collect();
+        Self {
+            voters: framed.iter().map(|(j, _)| *j).collect(),
+            groups: framed.chunks(LANES).map(Group::of).collect(),
+            // Finite, so that a difference of 0 stays 0.
+            distance_factor: distance_scale.recip().min(f64::MAX),
+            angle_factor: angle_scale.recip().min(f64::MAX),
+        }
+    }
+
+    /// `sum_j D_ij`, without the vote of voter number `left_out`.
+    fn votes_on(&self, candidate: Terms<f64>, left_out: Option<usize>) -> f64 {
+        with_arithmetic(VotesOn { ballot: self, candidate, left_out })
+    }
+}
+
+struct VotesOn<'a> {
+    ballot: &'a Ballot,
+    candidate: Terms<f64>,
+    left_out: Option<usize>,
+}
+
+impl ArithmeticWork for VotesOn<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<A: Arithmetic>(mut self, arithmetic: A) -> f64 {
+        self.candidate.frames.as_flattened_mut().iter_mut().for_each(|entry| *entry *= 0.5);
+        let mut sums = [0.0; LANES];
+        for (number, group) in self.ballot.groups.iter().enumerate() {
+            let mut votes = [0.0; LANES];
+            for lane in 0..LANES {
+                votes[lane] = self.vote(arithmetic, group, lane);
+            }
+            match self.left_out {
+                Some(voter) if voter / LANES == number => votes[voter % LANES] = 0.0,
+                _ => {}
+            }
+            for lane in 0..LANES {
+                sums[lane] += votes[lane];
+            }
+        }
+        sums.iter().sum()
+    }
+}
+
+impl VotesOn<'_> {
+    /// `D_ij = exp(-(|ds - dt| / delta_r)^2 - (|e - e'| / delta_L)^2)`
+    #[inline(always)]
+    fn vote<A: Arithmetic>(&self, arithmetic: A, group: &Group, lane: usize) -> f64 {
+        let [ds, dt] = [0, 1].map(
+            #[inline(always)]
+            |side| edge(arithmetic, &self.candidate.points[side], &group.points[side], lane),
+        );
+        let [source, target] = [0, 1].map(
+            #[inline(always)]
+            |side| cosine(arithmetic, &self.candidate.frames[side], &group.frames[side], lane),
+        );
+        let distance_term = (ds - dt) * self.ballot.distance_factor;
+        let angle_term = angle_difference(arithmetic, source, target) * self.ballot.angle_factor;
+        let squares = arithmetic.multiply_add(distance_term, distance_term, angle_term * angle_term);
+        exp_of_negative(arithmetic, -squares)
+    }
+}
+
+/// `|p_i - p_j|`
+#[inline(always)]
+fn edge<A: Arithmetic>(arithmetic: A, point: &[f64; 3], others: &[[f64; LANES]; 3], lane: usize) -> f64 {
+    let [x, y, z] = [point[0] - others[0][lane], point[1] - others[1][lane], point[2] - others[2][lane]];
+    arithmetic.multiply_add(x, x, arithmetic.multiply_add(y, y, z * z)).sqrt()
+}
+
+/// `cos e = (trace(L_i L_j^T) - 1) / 2`
+#[inline(always)]
+fn cosine<A: Arithmetic>(arithmetic: A, halved: &[f64; 9], others: &[[f64; LANES]; 9], lane: usize) -> f64 {
+    let mut cosine = -0.5;
+    for entry in 0..9 {
+        cosine = arithmetic.multiply_add(halved[entry], others[entry][lane], cosine);
+    }
+    cosine.clamp(-1.0, 1.0)
 }
 
 #[cfg(test)]
