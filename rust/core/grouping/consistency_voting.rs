@@ -13,6 +13,7 @@ use crate::compatibility::lrf_angle::angle_difference;
 use crate::compatibility::vector_math::{Arithmetic, ArithmeticWork, exp_of_negative, with_arithmetic};
 use crate::correspondences::Frame;
 use crate::error::{at_least_one, positive};
+use crate::geometry::angle::atan2_by;
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::smallest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
@@ -92,39 +93,42 @@ impl Matches<'_> {
     }
 }
 
-/// Point and frame of both sides, source first: of one correspondence, or of each voter of a group.
+/// Point and frame of both sides, source first: of one correspondence, or of each voter of a block.
 #[derive(Clone, Copy)]
 struct Terms<T> {
     points: [[T; 3]; 2],
     frames: [[T; 9]; 2],
 }
 
-/// Voters that a vector instruction takes at once, or two of them.
+/// Voters in a block: whole registers, and the default number of voters fills whole blocks.
+const BLOCK: usize = 40;
+
+/// Lanes of the sum over voters.
 const LANES: usize = 8;
 
-type Group = Terms<[f64; LANES]>;
+type Block = Terms<[f64; BLOCK]>;
 
-impl Group {
-    /// Voters that are far away in the source alone: their votes are 0.
+impl Block {
+    /// Voters so far away, in the source alone, that their votes are 0.
     const NOBODY: Self =
-        Self { points: [[[f64::INFINITY; LANES]; 3], [[0.0; LANES]; 3]], frames: [[[0.0; LANES]; 9]; 2] };
+        Self { points: [[[f64::INFINITY; BLOCK]; 3], [[0.0; BLOCK]; 3]], frames: [[[0.0; BLOCK]; 9]; 2] };
 
     fn of(voters: &[(usize, Terms<f64>)]) -> Self {
-        let mut group = Self::NOBODY;
-        for (lane, (_, voter)) in voters.iter().enumerate() {
+        let mut block = Self::NOBODY;
+        for (j, (_, voter)) in voters.iter().enumerate() {
             for side in 0..2 {
-                (0..3).for_each(|axis| group.points[side][axis][lane] = voter.points[side][axis]);
-                (0..9).for_each(|entry| group.frames[side][entry][lane] = voter.frames[side][entry]);
+                (0..3).for_each(|axis| block.points[side][axis][j] = voter.points[side][axis]);
+                (0..9).for_each(|entry| block.frames[side][entry][j] = voter.frames[side][entry]);
             }
         }
-        group
+        block
     }
 }
 
 /// The voters that have frames.
 struct Ballot {
     voters: Vec<usize>,
-    groups: Vec<Group>,
+    blocks: Vec<Block>,
     /// `1 / delta_r`
     distance_factor: f64,
     /// `1 / delta_L`, `delta_L` in radians.
@@ -136,14 +140,14 @@ impl Ballot {
         let framed: Vec<_> = voters.iter().filter_map(|&j| Some((j, matches.terms(j)?))).collect();
         Self {
             voters: framed.iter().map(|(j, _)| *j).collect(),
-            groups: framed.chunks(LANES).map(Group::of).collect(),
+            blocks: framed.chunks(BLOCK).map(Block::of).collect(),
             // Finite, so that a difference of 0 stays 0.
             distance_factor: distance_scale.recip().min(f64::MAX),
             angle_factor: angle_scale.recip().min(f64::MAX),
         }
     }
 
-    /// `sum_j D_ij`, without the vote of voter number `left_out`.
+    /// `sum_j D_ij`, without the vote of the voter of number `left_out`.
     fn votes_on(&self, candidate: Terms<f64>, left_out: Option<usize>) -> f64 {
         with_arithmetic(VotesOn { ballot: self, candidate, left_out })
     }
@@ -162,17 +166,14 @@ impl ArithmeticWork for VotesOn<'_> {
     fn run<A: Arithmetic>(mut self, arithmetic: A) -> f64 {
         self.candidate.frames.as_flattened_mut().iter_mut().for_each(|entry| *entry *= 0.5);
         let mut sums = [0.0; LANES];
-        for (number, group) in self.ballot.groups.iter().enumerate() {
-            let mut votes = [0.0; LANES];
-            for lane in 0..LANES {
-                votes[lane] = self.vote(arithmetic, group, lane);
-            }
+        for (number, block) in self.ballot.blocks.iter().enumerate() {
+            let mut votes = self.votes(arithmetic, block);
             match self.left_out {
-                Some(voter) if voter / LANES == number => votes[voter % LANES] = 0.0,
+                Some(voter) if voter / BLOCK == number => votes[voter % BLOCK] = 0.0,
                 _ => {}
             }
-            for lane in 0..LANES {
-                sums[lane] += votes[lane];
+            for j in 0..BLOCK {
+                sums[j % LANES] += votes[j];
             }
         }
         sums.iter().sum()
@@ -180,37 +181,53 @@ impl ArithmeticWork for VotesOn<'_> {
 }
 
 impl VotesOn<'_> {
-    /// `D_ij = exp(-(|ds - dt| / delta_r)^2 - (|e - e'| / delta_L)^2)`
+    /// `D_ij = exp(-(|ds - dt| / delta_r)^2 - (|e - e'| / delta_L)^2)` of each voter: in several short loops,
+    /// because the processor works on several rounds of a loop at once only where they are short.
     #[inline(always)]
-    fn vote<A: Arithmetic>(&self, arithmetic: A, group: &Group, lane: usize) -> f64 {
-        let [ds, dt] = [0, 1].map(
-            #[inline(always)]
-            |side| edge(arithmetic, &self.candidate.points[side], &group.points[side], lane),
-        );
-        let [source, target] = [0, 1].map(
-            #[inline(always)]
-            |side| cosine(arithmetic, &self.candidate.frames[side], &group.frames[side], lane),
-        );
-        let distance_term = (ds - dt) * self.ballot.distance_factor;
-        let angle_term = angle_difference(arithmetic, source, target) * self.ballot.angle_factor;
-        let squares = arithmetic.multiply_add(distance_term, distance_term, angle_term * angle_term);
-        exp_of_negative(arithmetic, -squares)
+    fn votes<A: Arithmetic>(&self, arithmetic: A, block: &Block) -> [f64; BLOCK] {
+        let Terms { points, frames } = &self.candidate;
+        let mut exponents = [0.0; BLOCK];
+        for j in 0..BLOCK {
+            let ds = edge(arithmetic, &points[0], &block.points[0], j);
+            let dt = edge(arithmetic, &points[1], &block.points[1], j);
+            let term = (ds - dt) * self.ballot.distance_factor;
+            exponents[j] = -(term * term);
+        }
+        let mut cosines = [[0.0; BLOCK]; 2];
+        for side in 0..2 {
+            for j in 0..BLOCK {
+                cosines[side][j] = cosine(arithmetic, &frames[side], &block.frames[side], j);
+            }
+        }
+        let [mut sine, mut cosine] = [[0.0; BLOCK]; 2]; // of the difference of the angles
+        for j in 0..BLOCK {
+            [sine[j], cosine[j]] = angle_difference(arithmetic, [cosines[0][j], cosines[1][j]]);
+        }
+        for j in 0..BLOCK {
+            let term = atan2_by(arithmetic, sine[j], cosine[j]) * self.ballot.angle_factor;
+            exponents[j] -= term * term;
+        }
+        let mut votes = [0.0; BLOCK];
+        for j in 0..BLOCK {
+            votes[j] = exp_of_negative(arithmetic, exponents[j]);
+        }
+        votes
     }
 }
 
 /// `|p_i - p_j|`
 #[inline(always)]
-fn edge<A: Arithmetic>(arithmetic: A, point: &[f64; 3], others: &[[f64; LANES]; 3], lane: usize) -> f64 {
-    let [x, y, z] = [point[0] - others[0][lane], point[1] - others[1][lane], point[2] - others[2][lane]];
+fn edge<A: Arithmetic>(arithmetic: A, point: &[f64; 3], others: &[[f64; BLOCK]; 3], j: usize) -> f64 {
+    let [x, y, z] = [point[0] - others[0][j], point[1] - others[1][j], point[2] - others[2][j]];
     arithmetic.multiply_add(x, x, arithmetic.multiply_add(y, y, z * z)).sqrt()
 }
 
-/// `cos e = (trace(L_i L_j^T) - 1) / 2`
+/// `cos e = (trace(L_i L_j^T) - 1) / 2`, with the entries of `L_i` halved.
 #[inline(always)]
-fn cosine<A: Arithmetic>(arithmetic: A, halved: &[f64; 9], others: &[[f64; LANES]; 9], lane: usize) -> f64 {
+fn cosine<A: Arithmetic>(arithmetic: A, halved: &[f64; 9], others: &[[f64; BLOCK]; 9], j: usize) -> f64 {
     let mut cosine = -0.5;
     for entry in 0..9 {
-        cosine = arithmetic.multiply_add(halved[entry], others[entry][lane], cosine);
+        cosine = arithmetic.multiply_add(halved[entry], others[entry][j], cosine);
     }
     cosine.clamp(-1.0, 1.0)
 }
@@ -247,6 +264,76 @@ mod tests {
         let method = ConsistencyVoting { voters: 1, exclude_self: true, ..ConsistencyVoting::default() };
         let scores = method.group(&problem()?, &Execution::default())?.scores.unwrap_or_default();
         assert!(scores[0].abs() < 1e-15);
+        Ok(())
+    }
+
+    /// Points and frames all over the place; every fifth frame is missing.
+    fn clutter(n: usize) -> Result<Correspondences> {
+        let number = |i: usize, k: usize| 30.0 * ((i * 37 + k * 101) as f64).sin();
+        let rows =
+            |side: usize| (0..n).map(|i| [0, 1, 2].map(|k| number(i, 3 * side + k))).collect::<Vec<_>>();
+        let frame = |i: usize, side: usize| {
+            let axis = Vector3::new(number(i, 7 + side), number(i, 9), number(i, 11 + side));
+            (i % 5 != side).then(|| Rotation3::new(axis).into_inner())
+        };
+        Correspondences::new(&rows(0), &rows(1))?
+            .with_ratio((0..n).map(|i| 0.5 + number(i, 13) / 60.0).collect())?
+            .with_frames((0..n).map(|i| frame(i, 0)).collect(), (0..n).map(|i| frame(i, 1)).collect())
+    }
+
+    /// `D_ij` as the paper has it.
+    fn vote(input: &Correspondences, method: &ConsistencyVoting, i: usize, j: usize) -> Result<f64> {
+        let (source, target) = input.positions("cv")?;
+        let (source_frames, target_frames) = input.frames("cv")?;
+        let angle = |frames: &[Frame]| {
+            let cosine = (frames[i]?.dot(&frames[j]?) - 1.0) / 2.0;
+            Some(cosine.clamp(-1.0, 1.0).acos().to_degrees())
+        };
+        let (Some(source_angle), Some(target_angle)) = (angle(source_frames), angle(target_frames)) else {
+            return Ok(0.0);
+        };
+        let distance = (source.distance(i, j) - target.distance(i, j)) / method.distance_scale.unwrap_or(1.0);
+        let angle = (source_angle - target_angle) / method.angle_scale;
+        Ok((-distance.powi(2) - angle.powi(2)).exp())
+    }
+
+    #[test]
+    fn votes_equal_the_plain_formula() -> Result<()> {
+        for (n, voters, exclude_self) in [(1, 1, false), (97, 41, true), (130, 200, false), (130, 80, true)] {
+            let input = clutter(n)?;
+            let method = ConsistencyVoting {
+                distance_scale: Some(20.0),
+                angle_scale: 45.0,
+                voters,
+                exclude_self,
+                ..ConsistencyVoting::default()
+            };
+            let scores = method.group(&input, &Execution::default())?.scores.unwrap_or_default();
+            for (i, score) in scores.iter().enumerate() {
+                let mut expected = 0.0;
+                for j in smallest(input.ratio("cv")?, voters) {
+                    if !(exclude_self && i == j) {
+                        expected += vote(&input, &method, i, j)?;
+                    }
+                }
+                assert!((score - expected).abs() <= 1e-12 * expected.max(1e-3), "{i}: {score} {expected}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn extreme_scales_give_votes_of_one_or_zero() -> Result<()> {
+        let mut input = clutter(60)?;
+        input = Correspondences::new(&input.positions("cv")?.0.rows(), &input.positions("cv")?.0.rows())?
+            .with_ratio(vec![0.5; 60])?
+            .with_frames(vec![Some(Matrix3::identity()); 60], vec![Some(Matrix3::identity()); 60])?;
+        for scale in [5e-324, 1e-300, 1e300] {
+            let method =
+                ConsistencyVoting { distance_scale: Some(scale), angle_scale: scale, ..Default::default() };
+            let scores = method.group(&input, &Execution::default())?.scores.unwrap_or_default();
+            assert!(scores.iter().all(|score| (score - 60.0).abs() < 1e-9), "{scale}: {scores:?}");
+        }
         Ok(())
     }
 }
