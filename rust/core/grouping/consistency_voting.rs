@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use super::GroupingMethod;
 use crate::compatibility::lrf_angle::angle_difference;
 use crate::compatibility::vector_math::{Arithmetic, ArithmeticWork, exp_of_negative, with_arithmetic};
-use crate::correspondences::Frame;
 use crate::error::{at_least_one, positive};
+use crate::frames::Frames;
 use crate::geometry::angle::atan2_by;
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::smallest;
@@ -78,14 +78,14 @@ impl ConsistencyVoting {
 struct Matches<'a> {
     source: &'a Points,
     target: &'a Points,
-    source_frames: &'a [Frame],
-    target_frames: &'a [Frame],
+    source_frames: &'a Frames,
+    target_frames: &'a Frames,
 }
 
 impl Matches<'_> {
     /// What the votes on or by `i` are computed from; nothing where a frame is missing.
     fn terms(&self, i: usize) -> Option<Terms<f64>> {
-        let (source_frame, target_frame) = (self.source_frames[i]?, self.target_frames[i]?);
+        let (source_frame, target_frame) = (self.source_frames.get(i)?, self.target_frames.get(i)?);
         Some(Terms {
             points: [self.source.get(i).into(), self.target.get(i).into()],
             frames: [source_frame, target_frame].map(|axes| std::array::from_fn(|k| axes[k])),
@@ -235,6 +235,7 @@ fn cosine<A: Arithmetic>(arithmetic: A, halved: &[f64; 9], others: &[[f64; BLOCK
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frames::Frame;
     use nalgebra::{Matrix3, Rotation3, Vector3};
 
     fn problem() -> Result<Correspondences> {
@@ -276,17 +277,18 @@ mod tests {
             let axis = Vector3::new(number(i, 7 + side), number(i, 9), number(i, 11 + side));
             (i % 5 != side).then(|| Rotation3::new(axis).into_inner())
         };
+        let frames = |side: usize| (0..n).map(|i| frame(i, side)).collect::<Vec<Frame>>();
         Correspondences::new(&rows(0), &rows(1))?
             .with_ratio((0..n).map(|i| 0.5 + number(i, 13) / 60.0).collect())?
-            .with_frames((0..n).map(|i| frame(i, 0)).collect(), (0..n).map(|i| frame(i, 1)).collect())
+            .with_frames(frames(0), frames(1))
     }
 
     /// `D_ij` as the paper has it.
     fn vote(input: &Correspondences, method: &ConsistencyVoting, i: usize, j: usize) -> Result<f64> {
         let (source, target) = input.positions("cv")?;
         let (source_frames, target_frames) = input.frames("cv")?;
-        let angle = |frames: &[Frame]| {
-            let cosine = (frames[i]?.dot(&frames[j]?) - 1.0) / 2.0;
+        let angle = |frames: &Frames| {
+            let cosine = (frames.get(i)?.dot(&frames.get(j)?) - 1.0) / 2.0;
             Some(cosine.clamp(-1.0, 1.0).acos().to_degrees())
         };
         let (Some(source_angle), Some(target_angle)) = (angle(source_frames), angle(target_frames)) else {

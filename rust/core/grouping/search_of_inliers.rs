@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::GroupingMethod;
 use crate::compatibility::consistency::{pose_of, residual};
 use crate::compatibility::distance::distance_ratio;
-use crate::correspondences::Frame;
 use crate::error::{at_least_one, fraction};
+use crate::frames::Frames;
 use crate::geometry::neighbors::NearestNeighbors;
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::{largest, smallest};
@@ -113,8 +113,8 @@ impl SearchOfInliers {
 struct Ballot<'a> {
     source: &'a Points,
     target: &'a Points,
-    source_frames: &'a [Frame],
-    target_frames: &'a [Frame],
+    source_frames: &'a Frames,
+    target_frames: &'a Frames,
     tolerance: f64,
     method: SearchOfInliers,
 }
@@ -134,7 +134,8 @@ impl Ballot<'_> {
         execution.report(0, self.source.len())?;
         let votes_on = |i: usize| {
             execution.advance()?;
-            let pose = pose_of(i, self.source, self.target, &self.source_frames[i], &self.target_frames[i]);
+            let frames = (self.source_frames.get(i), self.target_frames.get(i));
+            let pose = pose_of(i, self.source, self.target, &frames.0, &frames.1);
             let others = voters.iter().copied().filter(|&j| j != i);
             Ok(count(others, |j| {
                 pose.as_ref().is_some_and(|pose| {
