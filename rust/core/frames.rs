@@ -45,12 +45,18 @@ impl Frames {
     }
 
     /// Frame `i`.
-    #[inline]
     pub fn get(&self, i: usize) -> Frame {
-        match self {
-            Self::Single(blocks) => frame(&blocks[i]),
-            Self::Double(blocks) => frame(&blocks[i]),
-        }
+        self.block(i).map(|axes| Matrix3::from_row_slice(&axes))
+    }
+
+    /// Frame `i` row by row.
+    #[inline]
+    pub fn block(&self, i: usize) -> Option<FrameBlock<f64>> {
+        let block = match self {
+            Self::Single(blocks) => blocks[i].map(f64::from),
+            Self::Double(blocks) => blocks[i],
+        };
+        (!is_missing(&block)).then_some(block)
     }
 
     /// Refuses anything but rotations (to 1e-3) and missing frames.
@@ -69,9 +75,8 @@ impl Frames {
 }
 
 #[inline]
-fn frame<T: Copy + Into<f64>>(block: &FrameBlock<T>) -> Frame {
-    let axes = block.map(Into::into);
-    (!axes.iter().any(|value| value.is_nan())).then(|| Matrix3::from_row_slice(&axes))
+fn is_missing(block: &FrameBlock<f64>) -> bool {
+    block.iter().fold(false, |missing, value| missing | value.is_nan())
 }
 
 /// Greatest entry of `A A^T - I`, or a reflection, that still passes for a rotation.
@@ -83,7 +88,8 @@ const LANES: usize = 8;
 fn first_wrong<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> Option<usize> {
     let suspects = |(group, blocks): (usize, &[FrameBlock<T>])| {
         let deviations = deviations(blocks);
-        let wrong = |lane: &usize| deviations[*lane] > TOLERANCE && frame(&blocks[*lane]).is_some();
+        let wrong =
+            |lane: &usize| deviations[*lane] > TOLERANCE && !is_missing(&blocks[*lane].map(Into::into));
         (0..blocks.len()).find(wrong).map(|lane| group * LANES + lane)
     };
     blocks.chunks(LANES).enumerate().find_map(suspects)

@@ -85,10 +85,9 @@ struct Matches<'a> {
 impl Matches<'_> {
     /// What the votes on or by `i` are computed from; nothing where a frame is missing.
     fn terms(&self, i: usize) -> Option<Terms<f64>> {
-        let (source_frame, target_frame) = (self.source_frames.get(i)?, self.target_frames.get(i)?);
         Some(Terms {
             points: [self.source.get(i).into(), self.target.get(i).into()],
-            frames: [source_frame, target_frame].map(|axes| std::array::from_fn(|k| axes[k])),
+            frames: [self.source_frames.block(i)?, self.target_frames.block(i)?],
         })
     }
 }

@@ -20,7 +20,7 @@ const NO_SPREAD: f64 = 1e-9;
 const MAX_BINS: f64 = 2_097_151.0;
 
 /// A grid of no more bins has a counter for each.
-const MOST_COUNTERS: usize = 1 << 16;
+const MOST_COUNTERS: u64 = 1 << 16;
 
 /// How votes are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -46,8 +46,7 @@ pub enum Neighborhood {
 
 impl Neighborhood {
     /// Whether the bin that lies so many bins away belongs to it.
-    fn reaches(self, steps: [i64; 3]) -> bool {
-        let [x, y, z] = steps.map(i64::abs);
+    fn reaches(self, [x, y, z]: [u32; 3]) -> bool {
         match self {
             Self::None => x + y + z == 0,
             Self::Faces => x + y + z <= 1,
@@ -154,12 +153,12 @@ impl HoughVoting {
         let Some(grid) = Grid::over(votes, self.bins, self.bin_size, target.diagonal())? else {
             return Ok(Grouping::empty(n));
         };
-        let bins: Vec<[i64; 3]> = votes.iter().map(|(_, vote)| grid.clamped_bin(vote)).collect();
+        let bins: Vec<[u32; 3]> = votes.iter().map(|(_, vote)| grid.clamped_bin(vote)).collect();
         let Some((peak, most)) = grid.fullest(&bins) else {
             return Ok(Grouping::empty(n));
         };
         let is_selected =
-            |bin: &[i64; 3]| self.neighbors.reaches([0, 1, 2].map(|axis| bin[axis] - peak[axis]));
+            |bin: &[u32; 3]| self.neighbors.reaches([0, 1, 2].map(|k| bin[k].abs_diff(peak[k])));
         let selected = votes.iter().zip(&bins).filter(|(_, bin)| is_selected(bin)).map(|((i, _), _)| *i);
         Ok(Grouping::from_mask(mask_of(n, selected)).with("peak_votes", most as f64))
     }
@@ -221,12 +220,17 @@ fn cast_votes(correspondences: &Correspondences) -> Result<Vec<Vote>> {
     let (source, target) = correspondences.positions("hough3d")?;
     let (source_frames, target_frames) = correspondences.frames("hough3d")?;
     let centroid = correspondences.centered_source_centroid().unwrap_or_else(Point3::origin);
-    Ok((0..source.len())
-        .filter_map(|i| {
-            let local = source_frames.get(i)? * (centroid - source.get(i));
-            Some((i, target.get(i) + target_frames.get(i)?.transpose() * local))
-        })
-        .collect())
+    let mut votes = Vec::with_capacity(source.len());
+    for i in 0..source.len() {
+        if let (Some(from), Some(to)) = (source_frames.block(i), target_frames.block(i)) {
+            let [x, y, z] = (centroid - source.get(i)).into();
+            let local = [0, 3, 6].map(|row| from[row] * x + from[row + 1] * y + from[row + 2] * z);
+            let global = [0, 1, 2]
+                .map(|column| to[column] * local[0] + to[column + 3] * local[1] + to[column + 6] * local[2]);
+            votes.push((i, target.get(i) + Vector3::from(global)));
+        }
+    }
+    Ok(votes)
 }
 
 /// Regular bins over the votes' bounding box.
@@ -258,36 +262,36 @@ impl Grid {
         Ok(Some(grid))
     }
 
-    fn clamped_bin(&self, vote: &Point3<f64>) -> [i64; 3] {
+    fn clamped_bin(&self, vote: &Point3<f64>) -> [u32; 3] {
         // The cast rounds down: no vote lies below the lowest.
-        let bin = |axis: usize| ((vote[axis] - self.low[axis]) / self.side[axis]) as i64;
-        [0, 1, 2].map(|axis| bin(axis).min(self.bins[axis] - 1))
+        let bin = |axis: usize| ((vote[axis] - self.low[axis]) / self.side[axis]) as u32;
+        [0, 1, 2].map(|axis| bin(axis).min(self.bins[axis] as u32 - 1))
     }
 
     /// The bin that most votes fell into, the first in the order of the linear index, and how many they are.
-    fn fullest(&self, votes: &[[i64; 3]]) -> Option<([i64; 3], usize)> {
-        let [nx, ny, nz] = self.bins;
-        let indices = votes.iter().map(|[x, y, z]| x + nx * (y + ny * z));
-        // At most 2^63 bins: the linear index of the last is an i64 still.
-        let (index, count) = match usize::try_from(i128::from(nx) * i128::from(ny) * i128::from(nz)) {
-            Ok(cells) if cells <= MOST_COUNTERS => most_frequent_below(cells, indices),
+    fn fullest(&self, bins: &[[u32; 3]]) -> Option<([u32; 3], usize)> {
+        // There are at most 2^63 bins, since there are at most 2^21 along an axis.
+        let [nx, ny, nz] = self.bins.map(|count| count as u64);
+        let indices = bins.iter().map(|bin| bin.map(u64::from)).map(|[x, y, z]| x + nx * (y + ny * z));
+        let (index, count) = match nx * ny * nz {
+            cells @ ..=MOST_COUNTERS => most_frequent_below(cells as usize, indices),
             _ => most_frequent(indices.collect()),
         }?;
-        Some(([index % nx, index / nx % ny, index / nx / ny], count))
+        Some(([index % nx, index / nx % ny, index / nx / ny].map(|bin| bin as u32), count))
     }
 }
 
 /// The number that comes most often, the least of several, and how often; none reaches `end`.
-fn most_frequent_below(end: usize, numbers: impl Iterator<Item = i64>) -> Option<(i64, usize)> {
+fn most_frequent_below(end: usize, numbers: impl Iterator<Item = u64>) -> Option<(u64, usize)> {
     let mut counts = vec![0_u32; end];
     numbers.for_each(|number| counts[number as usize] += 1);
     let most = counts.iter().copied().max().filter(|&most| most > 0)?;
     let first = counts.iter().position(|&count| count == most)?;
-    Some((first as i64, most as usize))
+    Some((first as u64, most as usize))
 }
 
 /// The number that comes most often, the least of several, and how often.
-fn most_frequent(mut numbers: Vec<i64>) -> Option<(i64, usize)> {
+fn most_frequent(mut numbers: Vec<u64>) -> Option<(u64, usize)> {
     numbers.sort_unstable();
     let runs = numbers.chunk_by(|a, b| a == b).map(|run| (run[0], run.len()));
     runs.reduce(|best, run| if run.1 > best.1 { run } else { best })
