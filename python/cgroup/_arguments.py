@@ -41,7 +41,7 @@ def in_double(array: RealArray) -> FloatArray:
 
 
 def as_reals(name: str, value: ArrayLike) -> RealArray:
-    """Return `value` as a contiguous, aligned float32 or float64 array; not copied where it is one already."""
+    """Return `value` as a contiguous, aligned float32 or float64 array; not copied where it is one."""
     if np.ma.is_masked(value):
         message = f"{name}: got a masked array; drop its masked rows first"
         raise InputError(message)

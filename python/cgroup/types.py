@@ -102,7 +102,7 @@ def _own(array: RealArray) -> FloatArray:
 
 
 class Fields(NamedTuple):
-    """What a method gets of `Correspondences`, as the caller holds it: of the right shapes, in float32 or 64."""
+    """What a method gets of `Correspondences`: of the right shapes, in the precision that the caller has."""
 
     source: RealArray
     target: RealArray
@@ -135,8 +135,7 @@ def checked_fields(
     partners = real_points("target", target)
     if len(partners) != n:
         message = (
-            f"target: got {len(partners)} rows, but source has {n}; "
-            "row i of one matches row i of the other"
+            f"target: got {len(partners)} rows, but source has {n}; row i of one matches row i of the other"
         )
         raise InputError(message)
     return Fields(

@@ -105,8 +105,8 @@ fn deviations<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> [f64; LANES] {
         #[inline(always)]
         || {
             let mut deviations = [0.0; LANES];
-            for lane in 0..LANES {
-                deviations[lane] = deviation(&entries, lane);
+            for (lane, deviation) in deviations.iter_mut().enumerate() {
+                *deviation = deviation_of(&entries, lane);
             }
             deviations
         },
@@ -114,7 +114,7 @@ fn deviations<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> [f64; LANES] {
 }
 
 #[inline(always)]
-fn deviation(entries: &[[f64; LANES]; 9], lane: usize) -> f64 {
+fn deviation_of(entries: &[[f64; LANES]; 9], lane: usize) -> f64 {
     let [x, y, z] = [axis(entries, 0, lane), axis(entries, 1, lane), axis(entries, 2, lane)];
     let entries = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(z, z) - 1.0, dot(x, y), dot(x, z), dot(y, z)];
     let mut greatest = if dot(cross(x, y), z) < 0.0 { f64::INFINITY } else { 0.0 };

@@ -139,7 +139,8 @@ fn extremes(values: &[f64]) -> (f64, f64) {
 }
 
 fn validate<T: Copy + Into<f64>>(name: &str, rows: &[[T; 3]]) -> Result<()> {
-    let wrong = |row: &[T; 3]| row.iter().any(|&value| !(value.into().abs() <= MAX_COORDINATE));
+    let wrong =
+        |row: &[T; 3]| row.iter().any(|&value| !(-MAX_COORDINATE..=MAX_COORDINATE).contains(&value.into()));
     let Some(i) = rows.iter().position(wrong) else { return Ok(()) };
     let row: [f64; 3] = rows[i].map(Into::into);
     let remedy = if row.iter().all(|value| value.is_finite()) {

@@ -43,7 +43,7 @@ mod tests {
     #[test]
     fn agrees_with_two_arccosines() {
         let mut cosines = vec![0.0, -0.0, 5e-324, -f64::MIN_POSITIVE, 1e-17, -1e-9];
-        for bound in [0.5_f64, -0.5, 1.0, -1.0, 0.707_106_781_186_547_6, -0.923_879_532_511_286_7] {
+        for bound in [0.5_f64, -0.5, 1.0, -1.0, std::f64::consts::FRAC_1_SQRT_2, -0.923_879_532_511_286_7] {
             cosines.extend([bound, bound.next_down().max(-1.0), bound.next_up().min(1.0)]);
             cosines.extend((1..16).map(|k| bound * (1.0 - 10_f64.powi(-k))));
         }

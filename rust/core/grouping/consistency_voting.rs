@@ -186,16 +186,16 @@ impl VotesOn<'_> {
     fn votes<A: Arithmetic>(&self, arithmetic: A, block: &Block) -> [f64; BLOCK] {
         let Terms { points, frames } = &self.candidate;
         let mut exponents = [0.0; BLOCK];
-        for j in 0..BLOCK {
+        for (j, exponent) in exponents.iter_mut().enumerate() {
             let ds = edge(arithmetic, &points[0], &block.points[0], j);
             let dt = edge(arithmetic, &points[1], &block.points[1], j);
             let term = (ds - dt) * self.ballot.distance_factor;
-            exponents[j] = -(term * term);
+            *exponent = -(term * term);
         }
         let mut cosines = [[0.0; BLOCK]; 2];
         for side in 0..2 {
-            for j in 0..BLOCK {
-                cosines[side][j] = cosine(arithmetic, &frames[side], &block.frames[side], j);
+            for (j, cosine) in cosines[side].iter_mut().enumerate() {
+                *cosine = cosine_between(arithmetic, &frames[side], &block.frames[side], j);
             }
         }
         let [mut sine, mut cosine] = [[0.0; BLOCK]; 2]; // of the difference of the angles
@@ -223,7 +223,12 @@ fn edge<A: Arithmetic>(arithmetic: A, point: &[f64; 3], others: &[[f64; BLOCK]; 
 
 /// `cos e = (trace(L_i L_j^T) - 1) / 2`, with the entries of `L_i` halved.
 #[inline(always)]
-fn cosine<A: Arithmetic>(arithmetic: A, halved: &[f64; 9], others: &[[f64; BLOCK]; 9], j: usize) -> f64 {
+fn cosine_between<A: Arithmetic>(
+    arithmetic: A,
+    halved: &[f64; 9],
+    others: &[[f64; BLOCK]; 9],
+    j: usize,
+) -> f64 {
     let mut cosine = -0.5;
     for entry in 0..9 {
         cosine = arithmetic.multiply_add(halved[entry], others[entry][j], cosine);
