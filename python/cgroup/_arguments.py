@@ -12,13 +12,36 @@ from cgroup.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup.types import FloatArray
+    from cgroup.types import FloatArray, RealArray
 
 LARGEST_COUNT = 2**64 - 1
+
+AS_THEY_ARE = (np.dtype(np.float32), np.dtype(np.float64))
+"""Types of numbers that the compiled core reads without a conversion."""
 
 
 def as_floats(name: str, value: ArrayLike) -> FloatArray:
     """Return `value` as a contiguous, aligned float64 array; not copied where it is one already."""
+    return in_double(as_reals(name, value))
+
+
+def as_points(name: str, value: ArrayLike) -> FloatArray:
+    """Return `value` as (n,3) float64."""
+    return in_double(real_points(name, value))
+
+
+def as_frames(name: str, value: ArrayLike, rows: int) -> FloatArray:
+    """Return `value` as (n,3,3) float64; rows of a block are the x, y and z axes."""
+    return in_double(real_frames(name, value, rows))
+
+
+def in_double(array: RealArray) -> FloatArray:
+    """Return `array` as float64; not copied where it is that already."""
+    return array.astype(np.float64, copy=False)
+
+
+def as_reals(name: str, value: ArrayLike) -> RealArray:
+    """Return `value` as a contiguous, aligned float32 or float64 array; not copied where it is one."""
     if np.ma.is_masked(value):
         message = f"{name}: got a masked array; drop its masked rows first"
         raise InputError(message)
@@ -32,13 +55,17 @@ def as_floats(name: str, value: ArrayLike) -> FloatArray:
     if array.dtype.kind not in "fiub":
         message = f"{name}: got an array of {array.dtype}; give real numbers"
         raise InputError(message)
+    if array.dtype not in AS_THEY_ARE:
+        array = array.astype(np.float64)
+    if array.flags.c_contiguous and array.flags.aligned:
+        return array
     # Fields of packed records are neither aligned nor a whole number of elements apart.
-    return np.require(array, np.float64, ["C_CONTIGUOUS", "ALIGNED"])
+    return np.require(array, None, ["C_CONTIGUOUS", "ALIGNED"])
 
 
-def as_points(name: str, value: ArrayLike) -> FloatArray:
-    """Return `value` as (n,3) float64."""
-    array = as_floats(name, value)
+def real_points(name: str, value: ArrayLike) -> RealArray:
+    """Return `value` as (n,3) float32 or float64."""
+    array = as_reals(name, value)
     if array.shape == (0,):
         return array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
@@ -48,9 +75,9 @@ def as_points(name: str, value: ArrayLike) -> FloatArray:
     return array
 
 
-def as_vector(name: str, value: ArrayLike, rows: int | None) -> FloatArray:
-    """Return `value` as (n,) float64 with n = `rows`, where that is known."""
-    array = as_floats(name, value)
+def real_vector(name: str, value: ArrayLike, rows: int | None) -> RealArray:
+    """Return `value` as (n,) float32 or float64 with n = `rows`, where that is known."""
+    array = as_reals(name, value)
     if array.ndim != 1 or (rows is not None and len(array) != rows):
         expected = "(n,)" if rows is None else f"({rows},)"
         message = f"{name}: got shape {_shape(array)}; give {expected}: one number per correspondence"
@@ -58,9 +85,9 @@ def as_vector(name: str, value: ArrayLike, rows: int | None) -> FloatArray:
     return array
 
 
-def as_frames(name: str, value: ArrayLike, rows: int) -> FloatArray:
-    """Return `value` as (n,3,3) float64; rows of a block are the x, y and z axes."""
-    array = as_floats(name, value)
+def real_frames(name: str, value: ArrayLike, rows: int) -> RealArray:
+    """Return `value` as (n,3,3) float32 or float64; rows of a block are the x, y and z axes."""
+    array = as_reals(name, value)
     if array.size == 0 and rows == 0:
         return array.reshape(0, 3, 3)
     if array.shape != (rows, 3, 3):
@@ -72,12 +99,14 @@ def as_frames(name: str, value: ArrayLike, rows: int) -> FloatArray:
     return array
 
 
-def _shape(array: FloatArray) -> str:
+def _shape(array: RealArray) -> str:
     return "(" + ",".join(map(str, array.shape)) + ")"
 
 
 def as_count(name: str, value: object, least: int) -> int:
     """Return a whole number of at least `least`."""
+    if type(value) is int and least <= value <= LARGEST_COUNT:
+        return value
     try:
         number = operator.index(value)  # type: ignore[arg-type] # pyright: ignore[reportArgumentType]
     except TypeError:
@@ -90,6 +119,8 @@ def as_count(name: str, value: object, least: int) -> int:
 
 def as_number(name: str, value: object) -> float:
     """Return a real number."""
+    if type(value) is float:
+        return value
     if isinstance(value, (bool, str)) or np.ndim(value) != 0:  # pyright: ignore[reportArgumentType]
         message = f"{name}: got {value!r}; give a number"
         raise InputError(message)

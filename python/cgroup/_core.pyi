@@ -4,7 +4,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup.types import Correspondences, FloatArray, IndexArray, RawGrouping, RunOptions
+from cgroup.types import Fields, FloatArray, IndexArray, RawGrouping, RealArray, RunOptions
 
 _DescriptorArray: TypeAlias = NDArray[np.float32]
 _Threshold: TypeAlias = float | Literal["otsu"]
@@ -39,10 +39,10 @@ __all__ = [
 __version__: str
 DEBUG_BUILD: bool
 
-def ss(similarity: FloatArray, threshold: _Threshold, otsu: str, bins: int) -> RawGrouping: ...
-def nnsr(ratio: FloatArray, max_ratio: float) -> RawGrouping: ...
+def ss(similarity: RealArray, threshold: _Threshold, otsu: str, bins: int) -> RawGrouping: ...
+def nnsr(ratio: RealArray, max_ratio: float) -> RawGrouping: ...
 def si(
-    fields: Correspondences,
+    fields: Fields,
     run_options: RunOptions,
     *,
     tolerance: float | None,
@@ -54,7 +54,7 @@ def si(
     otsu: str,
 ) -> RawGrouping: ...
 def cv(
-    fields: Correspondences,
+    fields: Fields,
     run_options: RunOptions,
     *,
     distance_scale: float | None,
@@ -65,7 +65,7 @@ def cv(
     otsu: str,
 ) -> RawGrouping: ...
 def ransac(
-    fields: Correspondences,
+    fields: Fields,
     run_options: RunOptions,
     *,
     tolerance: float | None,
@@ -76,7 +76,7 @@ def ransac(
     confidence: float | None,
 ) -> RawGrouping: ...
 def st(
-    fields: Correspondences,
+    fields: Fields,
     run_options: RunOptions,
     *,
     min_distance_ratio: float,
@@ -87,7 +87,7 @@ def st(
     recompute: bool,
 ) -> RawGrouping: ...
 def gc(
-    fields: Correspondences,
+    fields: Fields,
     run_options: RunOptions,
     *,
     tolerance: float | None,
@@ -98,7 +98,7 @@ def gc(
     seed: int,
 ) -> RawGrouping: ...
 def hough3d(
-    fields: Correspondences,
+    fields: Fields,
     run_options: RunOptions,
     *,
     variant: str,
@@ -112,7 +112,7 @@ def hough3d(
     seed: int,
 ) -> RawGrouping: ...
 def gtm(
-    fields: Correspondences,
+    fields: Fields,
     run_options: RunOptions,
     *,
     iterations: int,
@@ -124,7 +124,7 @@ def gtm(
     convergence_tolerance: float | None,
     dynamics: str,
 ) -> RawGrouping: ...
-def rigid_fit(source: FloatArray, target: FloatArray) -> FloatArray: ...
+def rigid_fit(source: RealArray, target: RealArray) -> FloatArray: ...
 def resolution(points: FloatArray, run_options: RunOptions, ignore_zero: bool) -> float: ...
 def normals(
     points: FloatArray,

@@ -21,14 +21,23 @@ import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from cgroup import _core
-from cgroup._arguments import as_count, as_vector
+from cgroup._arguments import as_count, real_vector
 from cgroup._memory import default_max_memory
 from cgroup._options import checked, run_options
 from cgroup.errors import InputError
-from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray, Grouping, RawGrouping
+from cgroup.types import (
+    OPTIONAL_FIELDS,
+    Correspondences,
+    Fields,
+    FloatArray,
+    Grouping,
+    RawGrouping,
+    checked_fields,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -74,7 +83,7 @@ def ss(
     """
     run_options(threads, 0, None)
     options = checked({"threshold": threshold, "otsu": otsu, "bins": bins})
-    return _grouping(_core.ss(as_vector("similarity", similarity, None), **options))
+    return _grouping(_core.ss(real_vector("similarity", similarity, None), **options))
 
 
 def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8, threads: int | None = None) -> Grouping:
@@ -98,7 +107,7 @@ def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8, threads: int | None = None
         Its scores are ``1 - ratio``.
     """
     run_options(threads, 0, None)
-    return _grouping(_core.nnsr(as_vector("ratio", ratio, None), **checked({"max_ratio": max_ratio})))
+    return _grouping(_core.nnsr(real_vector("ratio", ratio, None), **checked({"max_ratio": max_ratio})))
 
 
 def si(
@@ -156,7 +165,7 @@ def si(
     Grouping
         Its scores are shares of votes, in [0,1].
     """
-    fields = Correspondences(
+    fields = checked_fields(
         source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
     )
     run = run_options(threads, 0, progress)
@@ -225,7 +234,7 @@ def cv(
     Grouping
         Its scores are sums of votes, in [0, voters].
     """
-    fields = Correspondences(
+    fields = checked_fields(
         source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
     )
     run = run_options(threads, 0, progress)
@@ -286,7 +295,7 @@ def ransac(
     Grouping
         Its `model` is the transform (4,4) behind the selection. Without any inlier the group is empty.
     """
-    fields = Correspondences(source, target, resolution=resolution)
+    fields = checked_fields(source, target, resolution=resolution)
     run = run_options(threads, 0, progress)
     options = checked(
         {
@@ -347,7 +356,7 @@ def st(
     Grouping
         Its scores are the entries of the principal eigenvector.
     """
-    fields = Correspondences(source, target, similarity=similarity)
+    fields = checked_fields(source, target, similarity=similarity)
     run = run_options(threads, max_memory, progress)
     options = checked(
         {
@@ -409,7 +418,7 @@ def gc(
     Grouping
         Its scores are the sizes of the star clusters (star variant).
     """
-    fields = Correspondences(source, target, similarity=similarity, resolution=resolution)
+    fields = checked_fields(source, target, similarity=similarity, resolution=resolution)
     run = run_options(threads, 0, progress)
     options = checked(
         {
@@ -483,7 +492,7 @@ def hough3d(
     Grouping
         Without scores.
     """
-    fields = Correspondences(
+    fields = checked_fields(
         source,
         target,
         similarity=similarity,
@@ -559,7 +568,7 @@ def gtm(
     Grouping
         Its scores are the population shares, which sum to 1.
     """
-    fields = Correspondences(source, target, resolution=resolution)
+    fields = checked_fields(source, target, resolution=resolution)
     run = run_options(threads, max_memory, progress)
     options = checked(
         {
@@ -651,7 +660,7 @@ def group(
     if preset not in PRESETS:
         message = f"preset: got {preset!r}; choose one of {', '.join(PRESETS)}"
         raise InputError(message)
-    parameters = inspect.signature(function).parameters
+    parameters = _parameters(function)
     _refuse_unknown(method, options, parameters)
     fields = _fields_for(method, correspondences, parameters)
     result = function(**{**fields, **PRESETS[preset].get(method, {}), **options})
@@ -690,7 +699,7 @@ def group_many(
             raise InterruptedError
 
     options = {"threads": 1, **options}
-    parameters = inspect.signature(METHODS[method]).parameters if method in METHODS else {}
+    parameters = _parameters(METHODS[method]) if method in METHODS else {}
     if "max_memory" in parameters:
         options = {"max_memory": default_max_memory() // workers, **options}
     if "progress" in parameters:
@@ -701,6 +710,11 @@ def group_many(
     finally:
         stopped.set()
         pool.shutdown(cancel_futures=True)
+
+
+@cache
+def _parameters(function: Callable[..., Grouping]) -> Mapping[str, inspect.Parameter]:
+    return inspect.signature(function).parameters
 
 
 def _refuse_unknown(method: str, options: Mapping[str, Any], parameters: Mapping[str, Any]) -> None:
@@ -730,7 +744,8 @@ def _fields_for(
     return fields
 
 
-def _grouping(raw: RawGrouping, fields: Correspondences | None = None) -> Grouping:
+def _grouping(raw: RawGrouping, fields: Fields | None = None) -> Grouping:
     mask, scores, threshold, model, diagnostics = raw
-    positions = None if fields is None else (fields.source, fields.target)
+    # Copies of one's own: the caller's buffers may hold other points by the time of transform().
+    positions = None if fields is None else (fields.source.copy(), fields.target.copy())
     return Grouping(mask, scores, threshold, model, diagnostics, positions)

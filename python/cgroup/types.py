@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cgroup import _core
-from cgroup._arguments import as_floats, as_frames, as_number, as_points, as_vector
+from cgroup._arguments import as_number, as_reals, real_frames, real_points, real_vector
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 FloatArray: TypeAlias = NDArray[np.float64]
+RealArray: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IndexArray: TypeAlias = NDArray[np.int64]
 
@@ -73,35 +74,18 @@ class Correspondences:
         resolution: float | None = None,
         source_centroid: ArrayLike | None = None,
     ) -> None:
-        points = as_points("source", source)
-        n = len(points)
-        if (source_lrf is None) != (target_lrf is None):
-            missing = "source_lrf" if source_lrf is None else "target_lrf"
-            message = f"{missing}: missing; frames are needed on both sides or on neither"
-            raise InputError(message)
-        partners = as_points("target", target)
-        if len(partners) != n:
-            message = (
-                f"target: got {len(partners)} rows, but source has {n}; "
-                "row i of one matches row i of the other"
-            )
-            raise InputError(message)
-        self._set("source", points)
-        self._set("target", partners)
-        self._set("similarity", None if similarity is None else as_vector("similarity", similarity, n))
-        self._set("ratio", None if ratio is None else as_vector("ratio", ratio, n))
-        self._set("source_lrf", None if source_lrf is None else as_frames("source_lrf", source_lrf, n))
-        self._set("target_lrf", None if target_lrf is None else as_frames("target_lrf", target_lrf, n))
-        self._set("resolution", None if resolution is None else as_number("resolution", resolution))
-        self._set("source_centroid", None if source_centroid is None else _centroid(source_centroid))
-
-    def _set(self, name: str, value: object) -> None:
-        if isinstance(value, np.ndarray):
-            # A copy of one's own: the caller's buffer may hold the next frame by the time of transform().
-            copy: FloatArray = value.copy()
-            copy.flags.writeable = False
-            value = copy
-        object.__setattr__(self, name, value)
+        fields = checked_fields(
+            source,
+            target,
+            similarity=similarity,
+            ratio=ratio,
+            source_lrf=source_lrf,
+            target_lrf=target_lrf,
+            resolution=resolution,
+            source_centroid=source_centroid,
+        )
+        for name, value in fields._asdict().items():
+            object.__setattr__(self, name, _own(value) if isinstance(value, np.ndarray) else value)
 
     def __len__(self) -> int:
         return len(self.source)
@@ -111,8 +95,63 @@ class Correspondences:
         return f"Correspondences(n={len(self)}, fields={['source', 'target', *given]})"
 
 
-def _centroid(value: ArrayLike) -> FloatArray:
-    array = as_floats("source_centroid", value)
+def _own(array: RealArray) -> FloatArray:
+    copy: FloatArray = array.astype(np.float64)
+    copy.flags.writeable = False
+    return copy
+
+
+class Fields(NamedTuple):
+    """What a method gets of `Correspondences`: of the right shapes, in the precision that the caller has."""
+
+    source: RealArray
+    target: RealArray
+    similarity: RealArray | None
+    ratio: RealArray | None
+    source_lrf: RealArray | None
+    target_lrf: RealArray | None
+    resolution: float | None
+    source_centroid: RealArray | None
+
+
+def checked_fields(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    similarity: ArrayLike | None = None,
+    ratio: ArrayLike | None = None,
+    source_lrf: ArrayLike | None = None,
+    target_lrf: ArrayLike | None = None,
+    resolution: float | None = None,
+    source_centroid: ArrayLike | None = None,
+) -> Fields:
+    """Check the fields of `Correspondences` for their shapes and types; nothing is copied without need."""
+    points = real_points("source", source)
+    n = len(points)
+    if (source_lrf is None) != (target_lrf is None):
+        missing = "source_lrf" if source_lrf is None else "target_lrf"
+        message = f"{missing}: missing; frames are needed on both sides or on neither"
+        raise InputError(message)
+    partners = real_points("target", target)
+    if len(partners) != n:
+        message = (
+            f"target: got {len(partners)} rows, but source has {n}; row i of one matches row i of the other"
+        )
+        raise InputError(message)
+    return Fields(
+        points,
+        partners,
+        None if similarity is None else real_vector("similarity", similarity, n),
+        None if ratio is None else real_vector("ratio", ratio, n),
+        None if source_lrf is None else real_frames("source_lrf", source_lrf, n),
+        None if target_lrf is None else real_frames("target_lrf", target_lrf, n),
+        None if resolution is None else as_number("resolution", resolution),
+        None if source_centroid is None else _centroid(source_centroid),
+    )
+
+
+def _centroid(value: ArrayLike) -> RealArray:
+    array = as_reals("source_centroid", value)
     if array.shape != (3,):
         message = f"source_centroid: got shape {array.shape}; give the three coordinates of one point"
         raise InputError(message)
@@ -145,7 +184,7 @@ class Grouping:
     threshold: float | None
     model: FloatArray | None
     diagnostics: dict[str, float]
-    _positions: tuple[FloatArray, FloatArray] | None = field(default=None, repr=False)
+    _positions: tuple[RealArray, RealArray] | None = field(default=None, repr=False)
 
     @property
     def indices(self) -> IndexArray:

@@ -1,12 +1,12 @@
 //! Putative matches between two shapes, validated once at the door.
 
-use nalgebra::{Matrix3, Point3};
+use nalgebra::Point3;
 
 use crate::error::{Error, Result, positive};
+use crate::frames::Frames;
 use crate::points::{MAX_COORDINATE, Points};
 
-/// A local reference frame: rows are the x, y and z axes. `None`: no frame could be computed.
-pub type Frame = Option<Matrix3<f64>>;
+pub use crate::frames::Frame;
 
 /// `n` correspondences; row `i` of every field describes the same match.
 ///
@@ -17,7 +17,7 @@ pub struct Correspondences {
     positions: Option<(Points, Points)>,
     similarity: Option<Vec<f64>>,
     ratio: Option<Vec<f64>>,
-    frames: Option<(Vec<Frame>, Vec<Frame>)>,
+    frames: Option<(Frames, Frames)>,
     resolution: Option<f64>,
     source_centroid: Option<Point3<f64>>,
 }
@@ -33,9 +33,16 @@ impl Correspondences {
     /// # Errors
     /// [`Error::InvalidInput`] for unequal lengths, or coordinates that are not finite.
     pub fn new(source: &[[f64; 3]], target: &[[f64; 3]]) -> Result<Self> {
+        Self::between(Points::from_rows("source", source)?, Points::from_rows("target", target)?)
+    }
+
+    /// Correspondences between the points of two sets, in their order.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for unequal lengths.
+    pub fn between(source: Points, target: Points) -> Result<Self> {
         check_len("target", target.len(), source.len())?;
-        let positions = (Points::from_rows("source", source)?, Points::from_rows("target", target)?);
-        Ok(Self { len: source.len(), positions: Some(positions), ..Self::default() })
+        Ok(Self { len: source.len(), positions: Some((source, target)), ..Self::default() })
     }
 
     /// Adds descriptor similarities, higher is better. Negative infinity stands for "no descriptor".
@@ -75,10 +82,13 @@ impl Correspondences {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] for a wrong length, or a frame that is not a rotation to 1e-3.
-    pub fn with_frames(mut self, source: Vec<Frame>, target: Vec<Frame>) -> Result<Self> {
-        check_frames("source_lrf", &source, self.len)?;
-        check_frames("target_lrf", &target, self.len)?;
-        self.frames = Some((source, target));
+    pub fn with_frames(mut self, source: impl Into<Frames>, target: impl Into<Frames>) -> Result<Self> {
+        let frames = (source.into(), target.into());
+        for (name, side) in [("source_lrf", &frames.0), ("target_lrf", &frames.1)] {
+            check_len(name, side.len(), self.len)?;
+            side.validate(name)?;
+        }
+        self.frames = Some(frames);
         Ok(self)
     }
 
@@ -154,13 +164,10 @@ impl Correspondences {
     ///
     /// # Errors
     /// [`Error::MissingField`] where there are none.
-    pub fn frames(&self, method: &'static str) -> Result<(&[Frame], &[Frame])> {
+    pub fn frames(&self, method: &'static str) -> Result<(&Frames, &Frames)> {
         let remedy = "compute local reference frames at the keypoints of both clouds (SHOT's, for one)";
-        self.frames.as_ref().map(|(s, t)| (s.as_slice(), t.as_slice())).ok_or(Error::MissingField {
-            method,
-            field: "source_lrf",
-            remedy,
-        })
+        let missing = Error::MissingField { method, field: "source_lrf", remedy };
+        self.frames.as_ref().map(|(s, t)| (s, t)).ok_or(missing)
     }
 
     /// The length `given`, or else `factor` times the resolution.
@@ -194,17 +201,4 @@ fn check_len(name: &str, got: usize, expected: usize) -> Result<()> {
     }
     let remedy = format!("every field needs one row per correspondence, here {expected}");
     Err(Error::invalid(name, format!("{got} rows"), remedy))
-}
-
-fn check_frames(name: &str, frames: &[Frame], expected: usize) -> Result<()> {
-    check_len(name, frames.len(), expected)?;
-    for (i, frame) in frames.iter().enumerate() {
-        let Some(axes) = frame else { continue };
-        let deviation = (axes * axes.transpose() - Matrix3::identity()).amax();
-        if deviation > 1e-3 || axes.determinant() < 0.0 {
-            let remedy = "rows must be orthonormal, right-handed x, y, z axes; use NaN for 'no frame'";
-            return Err(Error::invalid(name, format!("a frame that is no rotation in row {i}"), remedy));
-        }
-    }
-    Ok(())
 }

@@ -24,6 +24,7 @@ pub mod correspondences;
 pub mod error;
 pub mod execution;
 pub mod features;
+pub mod frames;
 pub mod geometry;
 pub mod grouping;
 pub mod grouping_result;

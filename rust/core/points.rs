@@ -1,7 +1,10 @@
 //! A set of 3D points as three coordinate arrays, centred so that distances lose no digits.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
 use nalgebra::{Point3, Vector3};
 
+use crate::compatibility::kernels::dispatch;
 use crate::error::{Error, Result};
 
 /// Coordinates beyond this magnitude cannot be squared and summed safely.
@@ -32,12 +35,16 @@ impl Points {
     /// # Errors
     /// [`Error::InvalidInput`] naming the first row that is not finite, or too large to square.
     pub fn from_rows(name: &str, rows: &[[f64; 3]]) -> Result<Self> {
+        Self::from_numbers(name, rows)
+    }
+
+    /// The same from rows of numbers of either precision.
+    ///
+    /// # Errors
+    /// As [`Self::from_rows`].
+    pub fn from_numbers<T: Copy + Into<f64>>(name: &str, rows: &[[T; 3]]) -> Result<Self> {
         validate(name, rows)?;
-        let points = Self::centered(rows);
-        let extent = [&points.x, &points.y, &points.z]
-            .into_iter()
-            .flatten()
-            .fold(0.0, |most: f64, v| most.max(v.abs()));
+        let (points, extent) = Self::centered(rows);
         if extent > 0.0 && extent < MIN_EXTENT {
             let remedy = "distances that small can't be squared; use a smaller unit";
             return Err(Error::invalid(name, format!("points within {extent:e} of each other"), remedy));
@@ -45,13 +52,16 @@ impl Points {
         Ok(points)
     }
 
-    fn centered(rows: &[[f64; 3]]) -> Self {
+    /// The points, and the greatest magnitude of a centred coordinate.
+    fn centered<T: Copy + Into<f64>>(rows: &[[T; 3]]) -> (Self, f64) {
         let count = rows.len().max(1) as f64;
-        let center = rows.iter().map(|&row| Vector3::from(row) / count).sum::<Vector3<f64>>();
-        let axis = |k: usize| rows.iter().map(|row| row[k] - center[k]).collect::<Vec<f64>>();
+        let total = rows.iter().map(|row| Vector3::from(row.map(Into::into))).sum::<Vector3<f64>>();
+        let center = total / count;
+        let axis = |k: usize| rows.iter().map(|row| row[k].into() - center[k]).collect::<Vec<f64>>();
         let mut points = Self { x: axis(0), y: axis(1), z: axis(2), center, diagonal: 0.0 };
-        points.diagonal = points.bounding_box_diagonal();
-        points
+        let extremes = points.extremes();
+        points.diagonal = Vector3::from(extremes.map(|(low, high)| (high - low).max(0.0))).norm();
+        (points, extremes.iter().fold(0.0, |most: f64, (low, high)| most.max(-low).max(*high)))
     }
 
     /// Number of points.
@@ -94,7 +104,7 @@ impl Points {
     /// The points `indices` alone, centred anew.
     #[must_use]
     pub fn subset(&self, indices: &[usize]) -> Self {
-        Self::centered(&indices.iter().map(|&i| self.get(i).into()).collect::<Vec<_>>())
+        Self::centered::<f64>(&indices.iter().map(|&i| self.get(i).into()).collect::<Vec<_>>()).0
     }
 
     /// Centred rows, for spatial indices.
@@ -102,28 +112,43 @@ impl Points {
         (0..self.len()).map(|i| [self.x[i], self.y[i], self.z[i]]).collect()
     }
 
-    fn bounding_box_diagonal(&self) -> f64 {
-        let extent = |axis: &[f64]| {
-            let low = axis.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = axis.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            (high - low).max(0.0)
-        };
-        Vector3::new(extent(&self.x), extent(&self.y), extent(&self.z)).norm()
+    /// Least and greatest coordinate of each axis.
+    fn extremes(&self) -> [(f64, f64); 3] {
+        [&self.x, &self.y, &self.z].map(|axis| {
+            dispatch(
+                #[inline(always)]
+                || extremes(axis),
+            )
+        })
     }
 }
 
-fn validate(name: &str, rows: &[[f64; 3]]) -> Result<()> {
-    for (i, row) in rows.iter().enumerate() {
-        if row.iter().any(|value| !value.is_finite()) {
-            let remedy = "coordinates must be finite; drop or repair such rows first";
-            return Err(Error::invalid(name, format!("{row:?} in row {i}"), remedy));
-        }
-        if row.iter().any(|value| value.abs() > MAX_COORDINATE) {
-            let remedy = "coordinates beyond 1e150 can't be squared; use a larger unit";
-            return Err(Error::invalid(name, format!("{row:?} in row {i}"), remedy));
+/// Lanes of a vectorised search for the extremes.
+const LANES: usize = 8;
+
+#[inline(always)]
+fn extremes(values: &[f64]) -> (f64, f64) {
+    let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+    for chunk in values.chunks(LANES) {
+        for (lane, &value) in chunk.iter().enumerate() {
+            low[lane] = if value < low[lane] { value } else { low[lane] };
+            high[lane] = if value > high[lane] { value } else { high[lane] };
         }
     }
-    Ok(())
+    (low.into_iter().fold(f64::INFINITY, f64::min), high.into_iter().fold(f64::NEG_INFINITY, f64::max))
+}
+
+fn validate<T: Copy + Into<f64>>(name: &str, rows: &[[T; 3]]) -> Result<()> {
+    let wrong =
+        |row: &[T; 3]| row.iter().any(|&value| !(-MAX_COORDINATE..=MAX_COORDINATE).contains(&value.into()));
+    let Some(i) = rows.iter().position(wrong) else { return Ok(()) };
+    let row: [f64; 3] = rows[i].map(Into::into);
+    let remedy = if row.iter().all(|value| value.is_finite()) {
+        "coordinates beyond 1e150 can't be squared; use a larger unit"
+    } else {
+        "coordinates must be finite; drop or repair such rows first"
+    };
+    Err(Error::invalid(name, format!("{row:?} in row {i}"), remedy))
 }
 
 #[cfg(test)]

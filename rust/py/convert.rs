@@ -1,53 +1,105 @@
 //! Between numpy arrays and the core's types; nothing else touches arrays.
 
-use cgroup::correspondences::Frame;
+use cgroup::frames::{Frame, Frames};
 use cgroup::selection::otsu::{OtsuMode, Threshold};
-use cgroup::{Correspondences, Error, Grouping};
+use cgroup::{Correspondences, Error, Grouping, Points};
 use nalgebra::{Matrix3, Matrix4};
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::ndarray::{ArrayView2, Dimension, Ix1, Ix2, Ix3};
+use numpy::{
+    PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray2, PyReadonlyArray3,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{InputError, to_python};
 
-/// The fields of a Python `Correspondences`, whose shapes and types that class has checked.
+/// A contiguous array of either precision.
+pub enum Reals<'py, D: Dimension> {
+    /// float32
+    Single(PyReadonlyArray<'py, f32, D>),
+    /// float64
+    Double(PyReadonlyArray<'py, f64, D>),
+}
+
+impl<'py, D: Dimension> FromPyObject<'_, 'py> for Reals<'py, D> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        match object.cast::<PyArray<f32, D>>() {
+            Ok(array) => Ok(Self::Single(array.try_readonly()?)),
+            Err(_) => Ok(Self::Double(object.cast::<PyArray<f64, D>>()?.try_readonly()?)),
+        }
+    }
+}
+
+/// A Python `Fields`; that class has checked shapes and types.
 #[derive(FromPyObject)]
 pub struct Fields<'py> {
-    source: PyReadonlyArray2<'py, f64>,
-    target: PyReadonlyArray2<'py, f64>,
-    similarity: Option<PyReadonlyArray1<'py, f64>>,
-    ratio: Option<PyReadonlyArray1<'py, f64>>,
-    source_lrf: Option<PyReadonlyArray3<'py, f64>>,
-    target_lrf: Option<PyReadonlyArray3<'py, f64>>,
+    source: Reals<'py, Ix2>,
+    target: Reals<'py, Ix2>,
+    similarity: Option<Reals<'py, Ix1>>,
+    ratio: Option<Reals<'py, Ix1>>,
+    source_lrf: Option<Reals<'py, Ix3>>,
+    target_lrf: Option<Reals<'py, Ix3>>,
     resolution: Option<f64>,
-    source_centroid: Option<PyReadonlyArray1<'py, f64>>,
+    source_centroid: Option<Reals<'py, Ix1>>,
 }
 
 impl Fields<'_> {
     /// The core's correspondences.
     pub fn to_core(&self) -> PyResult<Correspondences> {
-        self.build().map_err(|error| to_python(&error))
-    }
-
-    fn build(&self) -> Result<Correspondences, Error> {
-        let mut result = Correspondences::new(&points(&self.source), &points(&self.target))?;
+        let (source, target) = (self.source.points("source")?, self.target.points("target")?);
+        let mut result = checked(Correspondences::between(source, target))?;
         if let Some(similarity) = &self.similarity {
-            result = result.with_similarity(vector(similarity))?;
+            result = checked(result.with_similarity(similarity.vector()?))?;
         }
         if let Some(ratio) = &self.ratio {
-            result = result.with_ratio(vector(ratio))?;
+            result = checked(result.with_ratio(ratio.vector()?))?;
         }
         if let (Some(source), Some(target)) = (&self.source_lrf, &self.target_lrf) {
-            result = result.with_frames(frames(source), frames(target))?;
+            result = checked(result.with_frames(source.frames()?, target.frames()?))?;
         }
         if let Some(resolution) = self.resolution {
-            result = result.with_resolution(resolution)?;
+            result = checked(result.with_resolution(resolution))?;
         }
-        if let Some(centroid) = &self.source_centroid {
-            let c = centroid.as_array();
-            result = result.with_source_centroid([c[0], c[1], c[2]])?;
+        if let Some([x, y, z]) = self.source_centroid.as_ref().map(Reals::vector).transpose()?.as_deref() {
+            result = checked(result.with_source_centroid([*x, *y, *z]))?;
         }
         Ok(result)
+    }
+}
+
+fn checked<T>(result: Result<T, Error>) -> PyResult<T> {
+    result.map_err(|error| to_python(&error))
+}
+
+impl Reals<'_, Ix2> {
+    /// A set of points; `name` is used in the error message.
+    pub fn points(&self, name: &str) -> PyResult<Points> {
+        checked(match self {
+            Self::Single(array) => Points::from_numbers(name, array.as_slice()?.as_chunks::<3>().0),
+            Self::Double(array) => Points::from_numbers(name, array.as_slice()?.as_chunks::<3>().0),
+        })
+    }
+}
+
+impl Reals<'_, Ix1> {
+    /// The numbers.
+    pub fn vector(&self) -> PyResult<Vec<f64>> {
+        Ok(match self {
+            Self::Single(array) => array.as_slice()?.iter().copied().map(f64::from).collect(),
+            Self::Double(array) => array.as_slice()?.to_vec(),
+        })
+    }
+}
+
+impl Reals<'_, Ix3> {
+    /// Frames, one per block.
+    pub fn frames(&self) -> PyResult<Frames> {
+        Ok(match self {
+            Self::Single(array) => Frames::Single(array.as_slice()?.as_chunks().0.to_vec()),
+            Self::Double(array) => Frames::Double(array.as_slice()?.as_chunks().0.to_vec()),
+        })
     }
 }
 
@@ -56,14 +108,9 @@ pub fn points(array: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
     array.as_array().rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect()
 }
 
-/// Numbers from an (n,) array.
-pub fn vector(array: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
-    array.as_array().iter().copied().collect()
-}
-
 /// Frames from an (n,3,3) array; a block with NaN is no frame.
 pub fn frames(array: &PyReadonlyArray3<'_, f64>) -> Vec<Frame> {
-    let to_frame = |block: numpy::ndarray::ArrayView2<'_, f64>| {
+    let to_frame = |block: ArrayView2<'_, f64>| {
         let axes = Matrix3::from_fn(|row, column| block[(row, column)]);
         (!axes.iter().any(|value| value.is_nan())).then_some(axes)
     };

@@ -12,13 +12,17 @@ use cgroup::grouping::similarity_score::SimilarityScore;
 use cgroup::grouping::spectral::{Affinity, Conflict, Diagonal, Spectral};
 use cgroup::selection::eigenvector::Eigensolver;
 use cgroup::selection::otsu::DEFAULT_BINS;
-use cgroup::{Correspondences, GroupingMethod, Points};
-use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use cgroup::{Correspondences, GroupingMethod};
+use numpy::PyArray2;
+use numpy::ndarray::{Ix1, Ix2};
 use pyo3::prelude::*;
 
-use crate::convert::{self, Fields, PyGrouping, ThresholdOption, choose, threshold as to_threshold};
+use crate::convert::{self, Fields, PyGrouping, Reals, ThresholdOption, choose, threshold as to_threshold};
 use crate::error::InputError;
 use crate::run::{RunOptions, run, run_inline};
+
+/// Votes of 3DHV that are counted within a millisecond: on the calling thread, which need not wait for another.
+const MOST_VOTES_INLINE: usize = 20_000;
 
 fn group<'py>(
     py: Python<'py>,
@@ -26,7 +30,15 @@ fn group<'py>(
     options: &RunOptions,
     method: impl GroupingMethod + Send + 'static,
 ) -> PyResult<PyGrouping<'py>> {
-    let correspondences = fields.to_core()?;
+    group_on_pool(py, fields.to_core()?, options, method)
+}
+
+fn group_on_pool<'py>(
+    py: Python<'py>,
+    correspondences: Correspondences,
+    options: &RunOptions,
+    method: impl GroupingMethod + Send + 'static,
+) -> PyResult<PyGrouping<'py>> {
     let result = run(py, options, move |execution| method.group(&correspondences, execution))?;
     convert::grouping(py, result)
 }
@@ -35,24 +47,20 @@ fn group<'py>(
 #[pyfunction]
 pub fn ss<'py>(
     py: Python<'py>,
-    similarity: PyReadonlyArray1<'py, f64>,
+    similarity: Reals<'py, Ix1>,
     threshold: ThresholdOption,
     otsu: &str,
     bins: usize,
 ) -> PyResult<PyGrouping<'py>> {
-    let scores = convert::vector(&similarity);
+    let scores = similarity.vector()?;
     let method = SimilarityScore { threshold: to_threshold(&threshold, otsu, bins)? };
     group_inline(py, Correspondences::without_positions(scores.len()).with_similarity(scores), &method)
 }
 
 /// NNSR. Takes microseconds, so it runs on the calling thread.
 #[pyfunction]
-pub fn nnsr<'py>(
-    py: Python<'py>,
-    ratio: PyReadonlyArray1<'py, f64>,
-    max_ratio: f64,
-) -> PyResult<PyGrouping<'py>> {
-    let ratio = convert::vector(&ratio);
+pub fn nnsr<'py>(py: Python<'py>, ratio: Reals<'py, Ix1>, max_ratio: f64) -> PyResult<PyGrouping<'py>> {
+    let ratio = ratio.vector()?;
     let input = Correspondences::without_positions(ratio.len()).with_ratio(ratio);
     group_inline(py, input, &NearestNeighborRatio { max_ratio })
 }
@@ -228,7 +236,11 @@ pub fn hough3d<'py>(
         iterations,
         seed,
     };
-    group(py, &fields, &run_options, method)
+    let correspondences = fields.to_core()?;
+    if method.variant == hough_voting::Variant::Grid && correspondences.len() <= MOST_VOTES_INLINE {
+        return group_inline(py, Ok(correspondences), &method);
+    }
+    group_on_pool(py, correspondences, &run_options, method)
 }
 
 /// GTM.
@@ -268,12 +280,11 @@ pub fn gtm<'py>(
 #[pyfunction]
 pub fn rigid_fit<'py>(
     py: Python<'py>,
-    source: PyReadonlyArray2<'py, f64>,
-    target: PyReadonlyArray2<'py, f64>,
+    source: Reals<'py, Ix2>,
+    target: Reals<'py, Ix2>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (source, target) = (convert::points(&source), convert::points(&target));
+    let (source, target) = (source.points("source")?, target.points("target")?);
     let fit = run_inline(py, |_| {
-        let (source, target) = (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
         let all: Vec<usize> = (0..source.len()).collect();
         fit_group(&source, &target, &all)
     });

@@ -128,6 +128,36 @@ def test_float32_means_the_same_numbers(method):
     np.testing.assert_array_equal(got.mask, expected.mask)
 
 
+def directly(method, change):
+    """Call the method's own function, with no `Correspondences` in between."""
+    function = METHODS[method]
+    arrays = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "source_centroid")
+    taken = inspect.signature(function).parameters
+    fields = {name: change(getattr(PROBLEM, name)) for name in arrays if name in taken}
+    return function(**fields, **({"resolution": 1.0} if "resolution" in taken else {}))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("method", METHODS)
+def test_single_precision_is_read_as_it_lies(method, layout):
+    got = directly(method, lambda array: layout(array.astype(np.float32)))
+    expected = directly(method, lambda array: array.astype(np.float32).astype(np.float64))
+    np.testing.assert_array_equal(got.mask, expected.mask)
+    np.testing.assert_array_equal(got.scores, expected.scores)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_wrong_rows_are_named_in_either_precision(dtype):
+    arrays = {name: getattr(PROBLEM, name).astype(dtype) for name in ("source_lrf", "target_lrf")}
+    arrays["target_lrf"][17] *= 1.1
+    with pytest.raises(InputError, match="target_lrf.*row 17"):
+        cgroup.hough3d(PROBLEM.source, PROBLEM.target, **arrays)
+    source = PROBLEM.source.astype(dtype)
+    source[23, 1] = np.inf
+    with pytest.raises(InputError, match="source.*row 23"):
+        cgroup.gc(source, PROBLEM.target, tolerance=1.0)
+
+
 def test_memory_mapped_points(tmp_path):
     for name in ("source", "target"):
         np.save(tmp_path / f"{name}.npy", getattr(PROBLEM, name))

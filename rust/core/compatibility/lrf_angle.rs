@@ -1,23 +1,63 @@
 //! Angle between two local reference frames, the paper's `e(L_i, L_j)` (CV).
 
-use nalgebra::Matrix3;
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
-/// Rotation angle between two frames in degrees: `acos((trace(A B^T) - 1) / 2)`.
-#[inline]
-pub fn frame_angle_degrees(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
-    ((a.dot(b) - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
+use super::vector_math::Arithmetic;
+
+/// Sine and cosine of the difference of two angles in 0..=pi, which are given by their cosines.
+#[inline(always)]
+pub fn angle_difference<A: Arithmetic>(arithmetic: A, cosines: [f64; 2]) -> [f64; 2] {
+    let sines = cosines.map(
+        #[inline(always)]
+        |cosine| arithmetic.multiply_add(-cosine, cosine, 1.0).sqrt(),
+    );
+    [
+        sines[0] * cosines[1] - cosines[0] * sines[1], // 0 where the angles are equal
+        arithmetic.multiply_add(cosines[0], cosines[1], sines[0] * sines[1]),
+    ]
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::vector_math::{ArithmeticWork, Separate, with_arithmetic};
     use super::*;
-    use nalgebra::{Rotation3, Vector3};
+    use crate::geometry::angle::atan2_by;
+
+    /// The difference of the angles of many pairs of cosines, as a loop that is vectorised.
+    struct Differences<'a>(&'a [[f64; 2]]);
+
+    impl ArithmeticWork for Differences<'_> {
+        type Output = Vec<f64>;
+
+        #[inline(always)]
+        fn run<A: Arithmetic>(self, arithmetic: A) -> Vec<f64> {
+            let mut differences = vec![0.0; self.0.len()];
+            for (difference, &cosines) in differences.iter_mut().zip(self.0) {
+                let [sine, cosine] = angle_difference(arithmetic, cosines);
+                *difference = atan2_by(arithmetic, sine, cosine).abs();
+            }
+            differences
+        }
+    }
 
     #[test]
-    fn is_the_angle_of_the_relative_rotation() {
-        let a = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3).into_inner();
-        let b = Rotation3::from_axis_angle(&Vector3::z_axis(), 1.1).into_inner();
-        assert!((frame_angle_degrees(&a, &b) - 0.8_f64.to_degrees()).abs() < 1e-9);
-        assert!(frame_angle_degrees(&a, &a) < 1e-5);
+    fn agrees_with_two_arccosines() {
+        let mut cosines = vec![0.0, -0.0, 5e-324, -f64::MIN_POSITIVE, 1e-17, -1e-9];
+        for bound in [0.5_f64, -0.5, 1.0, -1.0, std::f64::consts::FRAC_1_SQRT_2, -0.923_879_532_511_286_7] {
+            cosines.extend([bound, bound.next_down().max(-1.0), bound.next_up().min(1.0)]);
+            cosines.extend((1..16).map(|k| bound * (1.0 - 10_f64.powi(-k))));
+        }
+        cosines.extend((0..200).map(|k| (0.37 * f64::from(k * k)).sin()));
+        let pairs: Vec<[f64; 2]> =
+            cosines.iter().flat_map(|&a| cosines.iter().map(move |&b| [a, b])).collect();
+        for differences in [with_arithmetic(Differences(&pairs)), Differences(&pairs).run(Separate)] {
+            for ([a, b], difference) in pairs.iter().zip(differences) {
+                let expected = (a.acos() - b.acos()).abs();
+                // A cosine's last digit moves an angle near 0 or pi by more.
+                let allowed =
+                    1e-15 + 1e-16 / (1.0 - a * a).max(1e-16).sqrt() + 1e-16 / (1.0 - b * b).max(1e-16).sqrt();
+                assert!((difference - expected).abs() <= allowed, "{a} {b}: {difference} {expected}");
+            }
+        }
     }
 }

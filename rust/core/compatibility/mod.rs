@@ -9,4 +9,5 @@ pub mod lanes;
 pub mod lrf_angle;
 pub mod matrix;
 pub mod pair_scores;
+pub mod vector_math;
 pub mod vote_kernels;

@@ -1,6 +1,10 @@
 //! An arctangent without branches or table look-ups, so that loops over it run on vector units.
 
+#![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
+
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+use crate::compatibility::vector_math::{Arithmetic, Separate, polynomial};
 
 /// Tangent of 22.5 degrees: beyond it an angle is measured from 45 degrees.
 const TAN_PI_8: f64 = 0.414_213_562_373_095_03;
@@ -22,8 +26,13 @@ const COEFFICIENTS: [f64; 10] = [
 
 /// Angle of the vector (x, y) from the x axis, in -pi..=pi; 0 for the zero vector. Error below 1e-15.
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
 pub fn atan2(y: f64, x: f64) -> f64 {
+    atan2_by(Separate, y, x)
+}
+
+/// The same in the arithmetic given.
+#[inline(always)]
+pub fn atan2_by<A: Arithmetic>(arithmetic: A, y: f64, x: f64) -> f64 {
     let (across, along) = (y.abs(), x.abs());
     let (low, high) = if across < along { (across, along) } else { (along, across) };
     let is_steep = low > TAN_PI_8 * high;
@@ -31,8 +40,8 @@ pub fn atan2(y: f64, x: f64) -> f64 {
     let denominator = if is_steep { low + high } else { high };
     let t = numerator / if denominator > 0.0 { denominator } else { 1.0 };
     let square = t * t;
-    let series = COEFFICIENTS.iter().rev().fold(0.0, |sum, coefficient| sum * square + coefficient);
-    let octant = t * series + if is_steep { FRAC_PI_4 } else { 0.0 };
+    let series = polynomial(arithmetic, &COEFFICIENTS, square);
+    let octant = arithmetic.multiply_add(t, series, if is_steep { FRAC_PI_4 } else { 0.0 });
     let quadrant = if across > along { FRAC_PI_2 - octant } else { octant };
     let half = if x < 0.0 { PI - quadrant } else { quadrant };
     if y < 0.0 { -half } else { half }

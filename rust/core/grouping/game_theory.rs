@@ -169,8 +169,7 @@ impl GameTheory {
                 break;
             }
             let steps_left = self.iterations - population.steps;
-            let extinct =
-                EXTINCT.max(WITHIN_ROUNDING * payoff.rounding()) / population.shares.len() as f64;
+            let extinct = EXTINCT.max(WITHIN_ROUNDING * payoff.rounding()) / population.shares.len() as f64;
             let least = least_share(extinct, population.mean_payoff, steps_left);
             let matter: Vec<usize> = (0..shares.len()).filter(|&i| shares[i] > least).collect();
             if (matter.len() as f64) < WORTH_SHRINKING * shares.len() as f64 {

@@ -19,6 +19,9 @@ const NO_SPREAD: f64 = 1e-9;
 /// Bins per axis beyond this can't be told apart in the grid's index.
 const MAX_BINS: f64 = 2_097_151.0;
 
+/// A grid of no more bins has a counter for each.
+const MOST_COUNTERS: u64 = 1 << 16;
+
 /// How votes are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Variant {
@@ -39,6 +42,17 @@ pub enum Neighborhood {
     Faces,
     /// All 26 around it.
     All,
+}
+
+impl Neighborhood {
+    /// Whether the bin that lies so many bins away belongs to it.
+    fn reaches(self, [x, y, z]: [u32; 3]) -> bool {
+        match self {
+            Self::None => x + y + z == 0,
+            Self::Faces => x + y + z <= 1,
+            Self::All => x.max(y).max(z) <= 1,
+        }
+    }
 }
 
 /// Parameters of 3D Hough voting.
@@ -139,38 +153,14 @@ impl HoughVoting {
         let Some(grid) = Grid::over(votes, self.bins, self.bin_size, target.diagonal())? else {
             return Ok(Grouping::empty(n));
         };
-        let mut voters: BTreeMap<Bin, Vec<usize>> = BTreeMap::new();
-        for (i, vote) in votes {
-            voters.entry(Bin::new(grid.clamped_bin(vote))).or_default().push(*i);
-        }
-        // The first of the fullest, in the order of the linear index.
-        let fullest = voters.iter().fold(None, |best: Option<(&Bin, usize)>, (bin, members)| match best {
-            Some((_, most)) if most >= members.len() => best,
-            _ => Some((bin, members.len())),
-        });
-        let Some((peak, most)) = fullest else {
+        let bins: Vec<[u32; 3]> = votes.iter().map(|(_, vote)| grid.clamped_bin(vote)).collect();
+        let Some((peak, most)) = grid.fullest(&bins) else {
             return Ok(Grouping::empty(n));
         };
-        let selected = self.around(*peak).into_iter().filter_map(|bin| voters.get(&bin)).flatten().copied();
+        let is_selected =
+            |bin: &[u32; 3]| self.neighbors.reaches([0, 1, 2].map(|k| bin[k].abs_diff(peak[k])));
+        let selected = votes.iter().zip(&bins).filter(|(_, bin)| is_selected(bin)).map(|((i, _), _)| *i);
         Ok(Grouping::from_mask(mask_of(n, selected)).with("peak_votes", most as f64))
-    }
-
-    /// The peak and its neighbours; those outside the grid hold no voters.
-    fn around(&self, peak: Bin) -> Vec<Bin> {
-        let [x, y, z] = peak.coordinates();
-        let reach = match self.neighbors {
-            Neighborhood::None => 0,
-            Neighborhood::Faces => 1,
-            Neighborhood::All => 3,
-        };
-        let mut bins = Vec::with_capacity(27);
-        for (dz, dy, dx) in offsets() {
-            let inside = [x + dx, y + dy, z + dz].iter().all(|&k| (0..=MAX_BINS as i64).contains(&k));
-            if dx.abs() + dy.abs() + dz.abs() <= reach && inside {
-                bins.push(Bin::new([x + dx, y + dy, z + dz]));
-            }
-        }
-        bins
     }
 
     fn group_by_maxima(
@@ -230,12 +220,17 @@ fn cast_votes(correspondences: &Correspondences) -> Result<Vec<Vote>> {
     let (source, target) = correspondences.positions("hough3d")?;
     let (source_frames, target_frames) = correspondences.frames("hough3d")?;
     let centroid = correspondences.centered_source_centroid().unwrap_or_else(Point3::origin);
-    Ok((0..source.len())
-        .filter_map(|i| {
-            let local = source_frames[i].as_ref()? * (centroid - source.get(i));
-            Some((i, target.get(i) + target_frames[i].as_ref()?.transpose() * local))
-        })
-        .collect())
+    let mut votes = Vec::with_capacity(source.len());
+    for i in 0..source.len() {
+        if let (Some(from), Some(to)) = (source_frames.block(i), target_frames.block(i)) {
+            let [x, y, z] = (centroid - source.get(i)).into();
+            let local = [0, 3, 6].map(|row| from[row] * x + from[row + 1] * y + from[row + 2] * z);
+            let global = [0, 1, 2]
+                .map(|column| to[column] * local[0] + to[column + 3] * local[1] + to[column + 6] * local[2]);
+            votes.push((i, target.get(i) + Vector3::from(global)));
+        }
+    }
+    Ok(votes)
 }
 
 /// Regular bins over the votes' bounding box.
@@ -267,12 +262,39 @@ impl Grid {
         Ok(Some(grid))
     }
 
-    fn clamped_bin(&self, vote: &Point3<f64>) -> [i64; 3] {
-        [0, 1, 2].map(|axis| {
-            let bin = ((vote[axis] - self.low[axis]) / self.side[axis]).floor() as i64;
-            bin.clamp(0, self.bins[axis] - 1)
-        })
+    fn clamped_bin(&self, vote: &Point3<f64>) -> [u32; 3] {
+        // The cast rounds down: no vote lies below the lowest.
+        let bin = |axis: usize| ((vote[axis] - self.low[axis]) / self.side[axis]) as u32;
+        [0, 1, 2].map(|axis| bin(axis).min(self.bins[axis] as u32 - 1))
     }
+
+    /// The bin that most votes fell into, the first in the order of the linear index, and how many they are.
+    fn fullest(&self, bins: &[[u32; 3]]) -> Option<([u32; 3], usize)> {
+        // There are at most 2^63 bins, since there are at most 2^21 along an axis.
+        let [nx, ny, nz] = self.bins.map(|count| count as u64);
+        let indices = bins.iter().map(|bin| bin.map(u64::from)).map(|[x, y, z]| x + nx * (y + ny * z));
+        let (index, count) = match nx * ny * nz {
+            cells @ ..=MOST_COUNTERS => most_frequent_below(cells as usize, indices),
+            _ => most_frequent(indices.collect()),
+        }?;
+        Some(([index % nx, index / nx % ny, index / nx / ny].map(|bin| bin as u32), count))
+    }
+}
+
+/// The number that comes most often, the least of several, and how often; none reaches `end`.
+fn most_frequent_below(end: usize, numbers: impl Iterator<Item = u64>) -> Option<(u64, usize)> {
+    let mut counts = vec![0_u32; end];
+    numbers.for_each(|number| counts[number as usize] += 1);
+    let most = counts.iter().copied().max().filter(|&most| most > 0)?;
+    let first = counts.iter().position(|&count| count == most)?;
+    Some((first as u64, most as usize))
+}
+
+/// The number that comes most often, the least of several, and how often.
+fn most_frequent(mut numbers: Vec<u64>) -> Option<(u64, usize)> {
+    numbers.sort_unstable();
+    let runs = numbers.chunk_by(|a, b| a == b).map(|run| (run[0], run.len()));
+    runs.reduce(|best, run| if run.1 > best.1 { run } else { best })
 }
 
 fn bounding_box(votes: &[Vote]) -> Option<(Point3<f64>, Vector3<f64>)> {
@@ -434,6 +456,28 @@ mod tests {
                 ..HoughVoting::default()
             };
             assert_eq!(method.group(&input, &Execution::default())?.mask, expected);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn the_least_of_the_most_frequent_counts() {
+        for numbers in [vec![], vec![3], vec![5, 2, 2, 5, 9], vec![9, 0, 9, 7, 7, 0, 0], vec![4, 4, 4]] {
+            let counted = most_frequent_below(10, numbers.iter().copied());
+            assert_eq!(most_frequent(numbers), counted);
+        }
+        assert_eq!(most_frequent(vec![5, 2, 2, 5, 9]), Some((2, 2)));
+    }
+
+    #[test]
+    fn fine_grids_select_what_coarse_ones_do() -> Result<()> {
+        // Ten votes in each of two far corners, and 0.4 bins of a fine grid between those of a corner.
+        let shift = |i: usize| if i < 10 { [4e-7 * i as f64 / 10.0; 3] } else { [1.0; 3] };
+        let shifts: Vec<_> = (0..20).map(shift).collect();
+        let expected: Vec<bool> = (0..20).map(|i| i < 10).collect();
+        for bins in [2, 40, 41, 1_000, 1_000_000, 2_097_151] {
+            let method = HoughVoting { bins, ..HoughVoting::default() };
+            assert_eq!(method.group(&problem(&shifts)?, &Execution::default())?.mask, expected, "{bins}");
         }
         Ok(())
     }

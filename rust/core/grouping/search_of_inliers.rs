@@ -10,8 +10,8 @@ use crate::compatibility::consistency::pose_of;
 use crate::compatibility::vote_kernels::{
     PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit,
 };
-use crate::correspondences::Frame;
 use crate::error::{at_least_one, fraction};
+use crate::frames::Frames;
 use crate::geometry::nearest_sets::NearestSets;
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::{largest, smallest};
@@ -128,8 +128,8 @@ impl SearchOfInliers {
 struct Ballot<'a> {
     source: &'a Points,
     target: &'a Points,
-    source_frames: &'a [Frame],
-    target_frames: &'a [Frame],
+    source_frames: &'a Frames,
+    target_frames: &'a Frames,
     pairs: Vec<PointPair>,
     rigidity: RigidityTest,
     tolerance: f64,
@@ -156,7 +156,8 @@ impl Ballot<'_> {
         let limit = square_limit(self.tolerance);
         let votes_on = |i: usize| {
             execution.advance()?;
-            let pose = pose_of(i, self.source, self.target, &self.source_frames[i], &self.target_frames[i]);
+            let frames = (self.source_frames.get(i), self.target_frames.get(i));
+            let pose = pose_of(i, self.source, self.target, &frames.0, &frames.1);
             // Its distances are 0, so `i` would never support itself.
             let support =
                 pose.map_or(0, |pose| voters.count_carried(&self.pairs[i], &self.rigidity, &pose, limit));
