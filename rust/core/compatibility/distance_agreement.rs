@@ -18,6 +18,12 @@ use crate::points::Points;
 /// Columns of a tile: its coordinates and counts fit the first-level cache.
 const TILE: usize = 1024;
 
+/// Columns of a tile that are looked through together for pairs that f32 can't tell.
+const STRIP: usize = 128;
+
+/// Rows that are compared with a column at a time.
+const GROUP: usize = 4;
+
 /// Bands are whole multiples of this many rows, so that tiles start at whole vectors of any width.
 const ROW_STEP: usize = 16;
 
@@ -30,8 +36,11 @@ const BANDS: usize = 64;
 /// Half a unit in the last place of 1 in f32.
 const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
 
-/// No difference of lengths reaches this many diagonals of the bounding box.
+/// Scaled lengths are far below this, and so are their differences.
 const BEYOND_ALL: f64 = 4.0;
+
+/// Of a correspondence: source x, y, z, target x, y, z, and the squared norms of these two points.
+type Terms<T> = [T; 8];
 
 /// The test `|ds - dt| < tolerance` on pairs of correspondences.
 #[derive(Debug)]
@@ -39,50 +48,59 @@ pub struct DistanceAgreement<'a> {
     source: &'a Points,
     target: &'a Points,
     tolerance: f64,
-    /// Source x, y, z, then target x, y, z, scaled to about 1; filled up with NaN, which agrees with nothing.
-    axes: [Vec<f32>; 6],
+    /// Scaled to at most 1; filled up with NaN, which agrees with nothing.
+    terms: Terms<Vec<f32>>,
     criterion: Criterion,
 }
 
-/// With a, b the squared lengths and t the tolerance: `|sqrt a - sqrt b| < t` exactly if
-/// `s |s| - 4 a b < 0`, where `s = a + b - t^2`. In f32 the left side is off by no more than
-/// `g (quadratic g + linear)`, where `g = a + b + t^2`:
+/// With a, b the squared lengths and t the tolerance, `|sqrt a - sqrt b| < t` exactly if
+/// `(a - b)^2 + min(t^4 - 2 t^2 (a + b), -t^2 (a + b)) < 0`: the first of the two where `a + b > t^2`, and
+/// elsewhere, where it always holds, the second. Lengths come from norms and products,
+/// `|p - q|^2 = |p|^2 - 2 p q + |q|^2`, of points that are no farther than R from the origin.
 ///
-/// - scaled coordinates are below 1.5, so rounding them shifts a length by less than 16 roundings, and
-///   the difference of two lengths by less than 32; that moves the left side by `4 t |s|` times as much;
-/// - evaluating it adds less than 16 roundings of `g^2`.
+/// In f32 the left side is off by less than `slack` wherever that could change its sign. With u = 2^-24:
+/// rounded coordinates shift a length by less than 4 u R, which moves the left side by less than
+/// `16 u R t (a + b)`; a length's square is off by less than 16 u R^2, and as `|a - b| < 4 R t` near the
+/// threshold, that moves it by less than `500 u R^3 t + 200 u R^2 t^2`.
 #[derive(Debug, Clone, Copy)]
 struct Criterion {
     squared_tolerance: f32,
-    quadratic: f32,
-    linear: f32,
+    slack: f32,
 }
 
 impl Criterion {
-    fn new(tolerance: f64) -> Self {
-        Self {
-            squared_tolerance: (tolerance * tolerance) as f32,
-            quadratic: (32.0 * ROUNDING) as f32,
-            linear: (256.0 * ROUNDING * tolerance) as f32,
-        }
+    fn new(tolerance: f64, radius: f64) -> Self {
+        let (t, r) = (tolerance, radius);
+        let slack = 1024.0 * t * r.powi(3) + 256.0 * (t * r).powi(2) + 8.0 * t.powi(4);
+        let slack = slack + 8192.0 * ROUNDING * r.powi(4);
+        Self { squared_tolerance: (t * t) as f32, slack: (ROUNDING * slack) as f32 }
     }
 }
 
 impl<'a> DistanceAgreement<'a> {
     /// Of matched points; the tolerance is a length in their unit.
     pub fn new(source: &'a Points, target: &'a Points, tolerance: f64) -> Self {
-        let extent = source.diagonal().max(target.diagonal());
+        let sides = [source, target];
+        let farthest = sides.map(|points| points.rows().iter().map(squared_norm).fold(0.0, f64::max).sqrt());
+        let farthest = farthest[0].max(farthest[1]);
         // A power of two, so that scaling is exact.
-        let scale = if extent > 0.0 { (-extent.log2().round()).exp2() } else { 1.0 };
-        let padded = source.len().next_multiple_of(TILE) + TILE;
-        let axis = |values: &Vec<f64>| {
-            let mut scaled: Vec<f32> = values.iter().map(|value| (value * scale) as f32).collect();
-            scaled.resize(padded, f32::NAN);
-            scaled
+        let scale = if farthest > 0.0 { (-farthest.log2().ceil()).exp2() } else { 1.0 };
+        let padded = source.len().next_multiple_of(ROW_STEP);
+        let filled_up = |mut values: Vec<f32>| {
+            values.resize(padded, f32::NAN);
+            values
         };
-        let axes = [&source.x, &source.y, &source.z, &target.x, &target.y, &target.z].map(axis);
-        let criterion = Criterion::new((tolerance * scale).min(BEYOND_ALL));
-        Self { source, target, tolerance, axes, criterion }
+        let axis = |values: &Vec<f64>| filled_up(values.iter().map(|value| (value * scale) as f32).collect());
+        let [[px, py, pz], [qx, qy, qz]] =
+            sides.map(|points| [axis(&points.x), axis(&points.y), axis(&points.z)]);
+        let norms = |x: &[f32], y: &[f32], z: &[f32]| {
+            let rows = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z].map(f64::from));
+            rows.map(|row| squared_norm(&row) as f32).collect::<Vec<_>>()
+        };
+        let (p_norms, q_norms) = (norms(&px, &py, &pz), norms(&qx, &qy, &qz));
+        let criterion = Criterion::new((tolerance * scale).min(BEYOND_ALL), farthest * scale);
+        let terms = [px, py, pz, qx, qy, qz, p_norms, q_norms];
+        Self { source, target, tolerance, terms, criterion }
     }
 
     /// Whether a pair agrees, in f64.
@@ -113,23 +131,27 @@ impl<'a> DistanceAgreement<'a> {
     /// What the rows of a band add to their own counts, and to those of all after them.
     fn band_counts(&self, band: &Range<usize>, execution: &Execution) -> Result<Vec<u32>> {
         let n = self.source.len();
-        let mut counts = vec![0; n.next_multiple_of(TILE) + TILE - band.start];
-        let square_end = band.end.next_multiple_of(ROW_STEP);
+        let mut counts = vec![0; n.next_multiple_of(ROW_STEP) - band.start];
+        let rows = band.start..band.end.next_multiple_of(ROW_STEP);
         let mut ignored = vec![0; TILE];
-        for first in (band.start..square_end).step_by(TILE) {
-            let columns = first..(first + TILE).min(square_end);
-            for i in band.clone() {
-                // Both of a pair are rows here; a correspondence agrees with itself.
+        for first in rows.clone().step_by(TILE) {
+            // Both of a pair are rows here, and so is the row itself, which agrees.
+            let columns = first..(first + TILE).min(rows.end);
+            for i in rows.clone().step_by(GROUP) {
                 let inside = self.count_part(i, &columns, &mut ignored[..columns.len()]);
-                counts[i - band.start] += inside - u32::from(columns.contains(&i));
+                for (row, inside) in (i..).zip(inside) {
+                    counts[row - band.start] += inside - u32::from(columns.contains(&row) && row < n);
+                }
             }
         }
-        for first in (square_end..n).step_by(TILE) {
+        for first in (rows.end..n).step_by(TILE) {
             execution.check()?;
-            let (own, after) = counts.split_at_mut(square_end - band.start);
-            let mirrored = &mut after[first - square_end..first - square_end + TILE];
-            for (i, count) in band.clone().zip(own) {
-                *count += self.count_part(i, &(first..first + TILE), mirrored);
+            let (own, after) = counts.split_at_mut(rows.len());
+            let columns = first..(first + TILE).min(n.next_multiple_of(ROW_STEP));
+            let mirrored = &mut after[first - rows.end..columns.end - rows.end];
+            for (i, own) in rows.clone().step_by(GROUP).zip(own.chunks_exact_mut(GROUP)) {
+                let inside = self.count_part(i, &columns, mirrored);
+                own.iter_mut().zip(inside).for_each(|(count, more)| *count += more);
             }
         }
         counts.truncate(n - band.start);
@@ -137,93 +159,164 @@ impl<'a> DistanceAgreement<'a> {
         Ok(counts)
     }
 
-    /// How many of the columns agree with row `i`; each that does counts one more in `mirrored`.
-    fn count_part(&self, i: usize, columns: &Range<usize>, mirrored: &mut [u32]) -> u32 {
-        let axes = [0, 1, 2, 3, 4, 5].map(|axis| &self.axes[axis][columns.clone()]);
-        let point = [0, 1, 2, 3, 4, 5].map(|axis| self.axes[axis][i]);
-        let row = Row { point, axes, criterion: self.criterion };
-        let found = Arch::new().dispatch(CountInside { row, mirrored: &mut *mirrored });
-        let mut count = found.inside;
-        if found.unsure {
-            let mut flags = [NEAR_NEITHER; TILE];
-            let flags = &mut flags[..columns.len()];
-            Arch::new().dispatch(FlagUnsure { row, flags: &mut *flags });
-            for (k, flag) in flags.iter().enumerate().filter(|&(_, &flag)| flag != NEAR_NEITHER) {
-                let (counted, agrees) =
-                    (u32::from(*flag == NEAR_INSIDE), u32::from(self.agree(i, columns.start + k)));
-                count = count + agrees - counted;
-                mirrored[k] = mirrored[k] + agrees - counted;
+    /// How many of the columns agree with each row of the group from `i` on; each that does counts one more
+    /// in `mirrored`.
+    fn count_part(&self, i: usize, columns: &Range<usize>, mirrored: &mut [u32]) -> [u32; GROUP] {
+        let columns_of = [0, 1, 2, 3, 4, 5, 6, 7].map(|term| &self.terms[term][columns.clone()]);
+        let row = |i: usize| {
+            RowTerms::new([0, 1, 2, 3, 4, 5, 6, 7].map(|term| self.terms[term][i]), self.criterion)
+        };
+        let rows = [row(i), row(i + 1), row(i + 2), row(i + 3)];
+        let slack = self.criterion.slack;
+        let count = CountInside { rows, columns: columns_of, slack, mirrored: &mut *mirrored };
+        let Found { mut inside, unsure } = Arch::new().dispatch(count);
+        for row in (0..GROUP).filter(|&row| unsure[row]) {
+            for first in (0..columns.len()).step_by(STRIP) {
+                let strip = first..(first + STRIP).min(columns.len());
+                let part = [0, 1, 2, 3, 4, 5, 6, 7].map(|term| &columns_of[term][strip.clone()]);
+                let mut flags = [SURE; STRIP];
+                let flags = &mut flags[..strip.len()];
+                let flag = FlagUnsure { row: rows[row], columns: part, slack, flags: &mut *flags };
+                if !Arch::new().dispatch(flag) {
+                    continue;
+                }
+                for (k, flag) in (first..).zip(flags).filter(|(_, flag)| **flag != SURE) {
+                    let counted = u32::from(*flag == COUNTED);
+                    let agrees = u32::from(self.agree(i + row, columns.start + k));
+                    inside[row] = inside[row] + agrees - counted;
+                    mirrored[k] = mirrored[k] + agrees - counted;
+                }
             }
         }
-        count
+        inside
     }
+}
+
+fn squared_norm(row: &[f64; 3]) -> f64 {
+    row.iter().map(|value| value * value).sum()
 }
 
 /// Flag of a pair that f32 can tell.
-const NEAR_NEITHER: u32 = 0;
+const SURE: u32 = 0;
 
-/// Flag of a pair that f32 took to disagree, too close to be sure.
-const NEAR_OUTSIDE: u32 = 1;
+/// Flag of a pair that was not counted, and may have to be.
+const MISSED: u32 = 1;
 
-/// Flag of a pair that f32 took to agree, too close to be sure.
-const NEAR_INSIDE: u32 = 2;
+/// Flag of a pair that was counted, and may not have to be.
+const COUNTED: u32 = 2;
 
-/// A correspondence and the ones it is compared with.
+/// What a row has to do with the criterion's left side.
 #[derive(Clone, Copy)]
-struct Row<'a> {
-    point: [f32; 6],
-    axes: [&'a [f32]; 6],
-    criterion: Criterion,
+struct RowTerms {
+    /// `-2 p`, then `-2 p'`.
+    minus_twice: [f32; 6],
+    /// `|p|^2 - |p'|^2`.
+    difference: f32,
+    minus_square: f32,
+    /// `t^4 - 2 t^2 (|p|^2 + |p'|^2)`.
+    wide: f32,
+    /// `-t^2 (|p|^2 + |p'|^2)`.
+    narrow: f32,
 }
 
-/// The left side of the criterion, and how far off it may be.
-struct Decision<S: Simd> {
-    left: S::f32s,
-    slack: S::f32s,
-}
-
-impl Row<'_> {
-    /// In whole vectors; bands and tiles are cut so that nothing is left over.
-    #[inline(always)]
-    fn decisions<S: Simd>(self, simd: S, mut each: impl FnMut(usize, Decision<S>)) {
-        let [px, py, pz, qx, qy, qz] = self.point.map(
-            #[inline(always)]
-            |value| simd.splat_f32s(value),
-        );
-        let [xs, ys, zs, us, vs, ws] = self.axes.map(
-            #[inline(always)]
-            |axis| S::as_simd_f32s(axis).0,
-        );
-        let squared_tolerance = simd.splat_f32s(self.criterion.squared_tolerance);
-        let quadratic = simd.splat_f32s(self.criterion.quadratic);
-        let linear = simd.splat_f32s(self.criterion.linear);
-        let minus_four = simd.splat_f32s(-4.0);
-        let columns = xs.iter().zip(ys).zip(zs).zip(us).zip(vs).zip(ws).enumerate();
-        for (k, (((((x, y), z), u), v), w)) in columns {
-            let (dx, dy, dz) = (simd.sub_f32s(*x, px), simd.sub_f32s(*y, py), simd.sub_f32s(*z, pz));
-            let (du, dv, dw) = (simd.sub_f32s(*u, qx), simd.sub_f32s(*v, qy), simd.sub_f32s(*w, qz));
-            let a = simd.mul_add_e_f32s(dx, dx, simd.mul_add_e_f32s(dy, dy, simd.mul_f32s(dz, dz)));
-            let b = simd.mul_add_e_f32s(du, du, simd.mul_add_e_f32s(dv, dv, simd.mul_f32s(dw, dw)));
-            let sum = simd.add_f32s(a, b);
-            let s = simd.sub_f32s(sum, squared_tolerance);
-            let g = simd.add_f32s(sum, squared_tolerance);
-            let signed_square = simd.mul_f32s(s, simd.abs_f32s(s));
-            let left = simd.mul_add_e_f32s(a, simd.mul_f32s(b, minus_four), signed_square);
-            let slack = simd.mul_f32s(g, simd.mul_add_e_f32s(g, quadratic, linear));
-            each(k, Decision { left, slack });
+impl RowTerms {
+    fn new([px, py, pz, qx, qy, qz, p_norm, q_norm]: Terms<f32>, criterion: Criterion) -> Self {
+        let square = f64::from(criterion.squared_tolerance);
+        let norms = f64::from(p_norm) + f64::from(q_norm);
+        Self {
+            minus_twice: [px, py, pz, qx, qy, qz].map(|value| -2.0 * value),
+            difference: (f64::from(p_norm) - f64::from(q_norm)) as f32,
+            minus_square: -criterion.squared_tolerance,
+            wide: (square * (square - 2.0 * norms)) as f32,
+            narrow: (-square * norms) as f32,
         }
     }
 }
 
-/// Pairs that agree as far as f32 can tell, and whether some are too close to be sure.
+/// The same in every lane.
+#[derive(Clone, Copy)]
+struct RowLanes<S: Simd> {
+    minus_twice: [S::f32s; 6],
+    difference: S::f32s,
+    minus_square: S::f32s,
+    minus_twice_square: S::f32s,
+    wide: S::f32s,
+    narrow: S::f32s,
+}
+
+impl<S: Simd> RowLanes<S> {
+    #[inline(always)]
+    fn new(simd: S, row: RowTerms) -> Self {
+        let [px, py, pz, qx, qy, qz] = row.minus_twice;
+        Self {
+            minus_twice: [
+                simd.splat_f32s(px),
+                simd.splat_f32s(py),
+                simd.splat_f32s(pz),
+                simd.splat_f32s(qx),
+                simd.splat_f32s(qy),
+                simd.splat_f32s(qz),
+            ],
+            difference: simd.splat_f32s(row.difference),
+            minus_square: simd.splat_f32s(row.minus_square),
+            minus_twice_square: simd.splat_f32s(2.0 * row.minus_square),
+            wide: simd.splat_f32s(row.wide),
+            narrow: simd.splat_f32s(row.narrow),
+        }
+    }
+
+    /// The criterion's left side for several columns.
+    #[inline(always)]
+    fn left_side(&self, simd: S, [px, py, pz, qx, qy, qz, p_norm, q_norm]: &Terms<S::f32s>) -> S::f32s {
+        let [x, y, z, u, v, w] = self.minus_twice;
+        let a = simd.mul_add_e_f32s(*pz, z, *p_norm);
+        let a = simd.mul_add_e_f32s(*px, x, simd.mul_add_e_f32s(*py, y, a));
+        let b = simd.mul_add_e_f32s(*qz, w, *q_norm);
+        let b = simd.mul_add_e_f32s(*qx, u, simd.mul_add_e_f32s(*qy, v, b));
+        let difference = simd.add_f32s(simd.sub_f32s(a, b), self.difference);
+        let sum = simd.add_f32s(a, b);
+        let wide = simd.mul_add_e_f32s(sum, self.minus_twice_square, self.wide);
+        let narrow = simd.mul_add_e_f32s(sum, self.minus_square, self.narrow);
+        simd.mul_add_e_f32s(difference, difference, simd.min_f32s(wide, narrow))
+    }
+}
+
+/// Columns in whole vectors; bands and tiles are cut so that nothing is left over.
+struct Columns<'a, S: Simd>(Terms<&'a [S::f32s]>);
+
+impl<'a, S: Simd> Columns<'a, S> {
+    #[inline(always)]
+    fn new(_: S, [px, py, pz, qx, qy, qz, p_norm, q_norm]: Terms<&'a [f32]>, vectors: usize) -> Self {
+        Self([
+            &S::as_simd_f32s(px).0[..vectors],
+            &S::as_simd_f32s(py).0[..vectors],
+            &S::as_simd_f32s(pz).0[..vectors],
+            &S::as_simd_f32s(qx).0[..vectors],
+            &S::as_simd_f32s(qy).0[..vectors],
+            &S::as_simd_f32s(qz).0[..vectors],
+            &S::as_simd_f32s(p_norm).0[..vectors],
+            &S::as_simd_f32s(q_norm).0[..vectors],
+        ])
+    }
+
+    #[inline(always)]
+    fn get(&self, j: usize) -> Terms<S::f32s> {
+        let [px, py, pz, qx, qy, qz, p_norm, q_norm] = self.0;
+        [px[j], py[j], pz[j], qx[j], qy[j], qz[j], p_norm[j], q_norm[j]]
+    }
+}
+
+/// For each row, the columns that agree as far as f32 can tell, and whether some are too close to be sure.
 struct Found {
-    inside: u32,
-    unsure: bool,
+    inside: [u32; GROUP],
+    unsure: [bool; GROUP],
 }
 
 /// Counts the pairs that agree as far as f32 can tell.
 struct CountInside<'a> {
-    row: Row<'a>,
+    rows: [RowTerms; GROUP],
+    columns: Terms<&'a [f32]>,
+    slack: f32,
     mirrored: &'a mut [u32],
 }
 
@@ -232,50 +325,75 @@ impl WithSimd for CountInside<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Found {
-        let mirrored = S::as_mut_simd_u32s(self.mirrored).0;
+        let [row0, row1, row2, row3] = self.rows;
+        let rows = [
+            RowLanes::new(simd, row0),
+            RowLanes::new(simd, row1),
+            RowLanes::new(simd, row2),
+            RowLanes::new(simd, row3),
+        ];
         let (zero, one) = (simd.splat_u32s(0), simd.splat_u32s(1));
-        let mut inside = zero;
-        let mut least_margin = simd.splat_f32s(f32::INFINITY);
-        self.row.decisions(
-            simd,
-            #[inline(always)]
-            |k, Decision { left, slack }| {
+        let mut inside = [zero; GROUP];
+        let mut least = [simd.splat_f32s(f32::INFINITY); GROUP];
+        let mirrored = S::as_mut_simd_u32s(self.mirrored).0;
+        let columns = Columns::new(simd, self.columns, mirrored.len());
+        for (j, mirrored) in mirrored.iter_mut().enumerate() {
+            let column = columns.get(j);
+            let mut sum = *mirrored;
+            for k in 0..GROUP {
+                let left = rows[k].left_side(simd, &column);
                 let counted = simd.select_u32s(simd.less_than_f32s(left, simd.splat_f32s(0.0)), one, zero);
-                inside = simd.add_u32s(inside, counted);
-                mirrored[k] = simd.add_u32s(mirrored[k], counted);
+                inside[k] = simd.add_u32s(inside[k], counted);
+                sum = simd.add_u32s(sum, counted);
                 // NaN, which fills up the last tile, is the first operand: the second is taken then.
-                least_margin = simd.min_f32s(simd.sub_f32s(simd.abs_f32s(left), slack), least_margin);
-            },
-        );
-        let lanes: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&inside));
-        Found { inside: lanes.iter().sum(), unsure: simd.reduce_min_f32s(least_margin) <= 0.0 }
+                least[k] = simd.min_f32s(simd.abs_f32s(left), least[k]);
+            }
+            *mirrored = sum;
+        }
+        Found {
+            inside: [0, 1, 2, 3].map(|k| {
+                let lanes: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&inside[k]));
+                lanes.iter().sum()
+            }),
+            unsure: [
+                simd.reduce_min_f32s(least[0]) <= self.slack,
+                simd.reduce_min_f32s(least[1]) <= self.slack,
+                simd.reduce_min_f32s(least[2]) <= self.slack,
+                simd.reduce_min_f32s(least[3]) <= self.slack,
+            ],
+        }
     }
 }
 
-/// Marks the pairs that f32 can't tell.
+/// Marks the columns that f32 can't tell, and says whether there are any.
 struct FlagUnsure<'a> {
-    row: Row<'a>,
+    row: RowTerms,
+    columns: Terms<&'a [f32]>,
+    slack: f32,
     flags: &'a mut [u32],
 }
 
 impl WithSimd for FlagUnsure<'_> {
-    type Output = ();
+    type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let row = RowLanes::new(simd, self.row);
         let flags = S::as_mut_simd_u32s(self.flags).0;
-        let [neither, outside, inside] =
-            [NEAR_NEITHER, NEAR_OUTSIDE, NEAR_INSIDE].map(|flag| simd.splat_u32s(flag));
-        let zero = simd.splat_f32s(0.0);
-        self.row.decisions(
-            simd,
-            #[inline(always)]
-            |k, Decision { left, slack }| {
-                let side = simd.select_u32s(simd.less_than_f32s(left, zero), inside, outside);
-                let near = simd.less_than_or_equal_f32s(simd.sub_f32s(simd.abs_f32s(left), slack), zero);
-                flags[k] = simd.select_u32s(near, side, neither);
-            },
-        );
+        let columns = Columns::new(simd, self.columns, flags.len());
+        let (zero, slack) = (simd.splat_f32s(0.0), simd.splat_f32s(self.slack));
+        let (sure, missed, counted) =
+            (simd.splat_u32s(SURE), simd.splat_u32s(MISSED), simd.splat_u32s(COUNTED));
+        let mut any = sure;
+        for (j, flags) in flags.iter_mut().enumerate() {
+            let left = row.left_side(simd, &columns.get(j));
+            let flag = simd.select_u32s(simd.less_than_f32s(left, zero), counted, missed);
+            let near = simd.less_than_or_equal_f32s(simd.abs_f32s(left), slack);
+            *flags = simd.select_u32s(near, flag, sure);
+            any = simd.or_u32s(any, *flags);
+        }
+        let lanes: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&any));
+        lanes.iter().any(|&flag| flag != SURE)
     }
 }
 
