@@ -15,17 +15,17 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
 
-/// Columns of a tile: its coordinates and counts fit the first-level cache.
-const TILE: usize = 1024;
+/// Correspondences of a block; bands and strips are whole blocks.
+const BLOCK: usize = 16;
 
-/// Columns of a tile that are looked through together for pairs that f32 can't tell.
-const STRIP: usize = 128;
+/// Columns that are looked through together for pairs that f32 can't tell.
+const STRIP: usize = 256;
+
+/// Columns of a tile: few enough for the second-level cache.
+const TILE: usize = 4096;
 
 /// Rows that are compared with a column at a time.
 const GROUP: usize = 4;
-
-/// Bands are whole multiples of this many rows, so that tiles start at whole vectors of any width.
-const ROW_STEP: usize = 16;
 
 /// Fewest rows of a band.
 const MIN_BAND: usize = 64;
@@ -42,6 +42,11 @@ const BEYOND_ALL: f64 = 4.0;
 /// Of a correspondence: source x, y, z, target x, y, z, and the squared norms of these two points.
 type Terms<T> = [T; 8];
 
+/// The terms of correspondences next to each other.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+struct Block(Terms<[f32; BLOCK]>);
+
 /// The test `|ds - dt| < tolerance` on pairs of correspondences.
 #[derive(Debug)]
 pub struct DistanceAgreement<'a> {
@@ -49,7 +54,7 @@ pub struct DistanceAgreement<'a> {
     target: &'a Points,
     tolerance: f64,
     /// Scaled to at most 1; filled up with NaN, which agrees with nothing.
-    terms: Terms<Vec<f32>>,
+    blocks: Vec<Block>,
     criterion: Criterion,
 }
 
@@ -85,22 +90,19 @@ impl<'a> DistanceAgreement<'a> {
         let farthest = farthest[0].max(farthest[1]);
         // A power of two, so that scaling is exact.
         let scale = if farthest > 0.0 { (-farthest.log2().ceil()).exp2() } else { 1.0 };
-        let padded = source.len().next_multiple_of(ROW_STEP);
-        let filled_up = |mut values: Vec<f32>| {
-            values.resize(padded, f32::NAN);
-            values
-        };
-        let axis = |values: &Vec<f64>| filled_up(values.iter().map(|value| (value * scale) as f32).collect());
-        let [[px, py, pz], [qx, qy, qz]] =
-            sides.map(|points| [axis(&points.x), axis(&points.y), axis(&points.z)]);
-        let norms = |x: &[f32], y: &[f32], z: &[f32]| {
-            let rows = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z].map(f64::from));
-            rows.map(|row| squared_norm(&row) as f32).collect::<Vec<_>>()
-        };
-        let (p_norms, q_norms) = (norms(&px, &py, &pz), norms(&qx, &qy, &qz));
         let criterion = Criterion::new((tolerance * scale).min(BEYOND_ALL), farthest * scale);
-        let terms = [px, py, pz, qx, qy, qz, p_norms, q_norms];
-        Self { source, target, tolerance, terms, criterion }
+        let mut blocks = vec![Block([[f32::NAN; BLOCK]; 8]); source.len().div_ceil(BLOCK)];
+        for i in 0..source.len() {
+            let [p, q] =
+                sides.map(|points| <[f64; 3]>::from(points.get(i)).map(|value| (value * scale) as f32));
+            // Of the rounded coordinates, whose distances they stand for.
+            let [p_norm, q_norm] = [p, q].map(|point| squared_norm(&point.map(f64::from)) as f32);
+            let terms = [p[0], p[1], p[2], q[0], q[1], q[2], p_norm, q_norm];
+            for (term, value) in blocks[i / BLOCK].0.iter_mut().zip(terms) {
+                term[i % BLOCK] = value;
+            }
+        }
+        Self { source, target, tolerance, blocks, criterion }
     }
 
     /// Whether a pair agrees, in f64.
@@ -115,7 +117,7 @@ impl<'a> DistanceAgreement<'a> {
     /// [`crate::Error::Interrupted`].
     pub fn counts(&self, execution: &Execution) -> Result<Vec<u32>> {
         let n = self.source.len();
-        let height = n.div_ceil(BANDS).next_multiple_of(ROW_STEP).max(MIN_BAND);
+        let height = n.div_ceil(BANDS).next_multiple_of(BLOCK).max(MIN_BAND);
         let bands: Vec<Range<usize>> =
             (0..n).step_by(height).map(|first| first..(first + height).min(n)).collect();
         execution.report(0, bands.len())?;
@@ -131,8 +133,8 @@ impl<'a> DistanceAgreement<'a> {
     /// What the rows of a band add to their own counts, and to those of all after them.
     fn band_counts(&self, band: &Range<usize>, execution: &Execution) -> Result<Vec<u32>> {
         let n = self.source.len();
-        let mut counts = vec![0; n.next_multiple_of(ROW_STEP) - band.start];
-        let rows = band.start..band.end.next_multiple_of(ROW_STEP);
+        let mut counts = vec![0; n.next_multiple_of(BLOCK) - band.start];
+        let rows = band.start..band.end.next_multiple_of(BLOCK);
         let mut ignored = vec![0; TILE];
         for first in rows.clone().step_by(TILE) {
             // Both of a pair are rows here, and so is the row itself, which agrees.
@@ -147,7 +149,7 @@ impl<'a> DistanceAgreement<'a> {
         for first in (rows.end..n).step_by(TILE) {
             execution.check()?;
             let (own, after) = counts.split_at_mut(rows.len());
-            let columns = first..(first + TILE).min(n.next_multiple_of(ROW_STEP));
+            let columns = first..(first + TILE).min(n.next_multiple_of(BLOCK));
             let mirrored = &mut after[first - rows.end..columns.end - rows.end];
             for (i, own) in rows.clone().step_by(GROUP).zip(own.chunks_exact_mut(GROUP)) {
                 let inside = self.count_part(i, &columns, mirrored);
@@ -162,29 +164,29 @@ impl<'a> DistanceAgreement<'a> {
     /// How many of the columns agree with each row of the group from `i` on; each that does counts one more
     /// in `mirrored`.
     fn count_part(&self, i: usize, columns: &Range<usize>, mirrored: &mut [u32]) -> [u32; GROUP] {
-        let columns_of = [0, 1, 2, 3, 4, 5, 6, 7].map(|term| &self.terms[term][columns.clone()]);
-        let row = |i: usize| {
-            RowTerms::new([0, 1, 2, 3, 4, 5, 6, 7].map(|term| self.terms[term][i]), self.criterion)
-        };
+        let row =
+            |i: usize| RowTerms::new(self.blocks[i / BLOCK].0.map(|term| term[i % BLOCK]), self.criterion);
         let rows = [row(i), row(i + 1), row(i + 2), row(i + 3)];
+        let blocks = &self.blocks[columns.start / BLOCK..columns.end / BLOCK];
         let slack = self.criterion.slack;
-        let count = CountInside { rows, columns: columns_of, slack, mirrored: &mut *mirrored };
+        let count = CountInside { rows, blocks, slack, mirrored: &mut *mirrored };
         let Found { mut inside, unsure } = Arch::new().dispatch(count);
-        for row in (0..GROUP).filter(|&row| unsure[row]) {
-            for first in (0..columns.len()).step_by(STRIP) {
-                let strip = first..(first + STRIP).min(columns.len());
-                let part = [0, 1, 2, 3, 4, 5, 6, 7].map(|term| &columns_of[term][strip.clone()]);
-                let mut flags = [SURE; STRIP];
-                let flags = &mut flags[..strip.len()];
-                let flag = FlagUnsure { row: rows[row], columns: part, slack, flags: &mut *flags };
-                if !Arch::new().dispatch(flag) {
-                    continue;
-                }
-                for (k, flag) in (first..).zip(flags).filter(|(_, flag)| **flag != SURE) {
-                    let counted = u32::from(*flag == COUNTED);
-                    let agrees = u32::from(self.agree(i + row, columns.start + k));
-                    inside[row] = inside[row] + agrees - counted;
-                    mirrored[k] = mirrored[k] + agrees - counted;
+        for (row, mut strips) in unsure.into_iter().enumerate() {
+            while strips != 0 {
+                let first = strips.trailing_zeros() as usize * STRIP;
+                strips &= strips - 1;
+                let blocks = &blocks[first / BLOCK..columns.len().min(first + STRIP) / BLOCK];
+                for (block, first) in blocks.iter().zip((first..).step_by(BLOCK)) {
+                    let flags = Arch::new().dispatch(FlagUnsure { row: rows[row], block, slack });
+                    if flags == [SURE; BLOCK] {
+                        continue;
+                    }
+                    for (k, flag) in (first..).zip(flags).filter(|&(_, flag)| flag != SURE) {
+                        let counted = u32::from(flag == COUNTED);
+                        let agrees = u32::from(self.agree(i + row, columns.start + k));
+                        inside[row] = inside[row] + agrees - counted;
+                        mirrored[k] = mirrored[k] + agrees - counted;
+                    }
                 }
             }
         }
@@ -281,41 +283,33 @@ impl<S: Simd> RowLanes<S> {
     }
 }
 
-/// Columns in whole vectors; bands and tiles are cut so that nothing is left over.
-struct Columns<'a, S: Simd>(Terms<&'a [S::f32s]>);
-
-impl<'a, S: Simd> Columns<'a, S> {
-    #[inline(always)]
-    fn new(_: S, [px, py, pz, qx, qy, qz, p_norm, q_norm]: Terms<&'a [f32]>, vectors: usize) -> Self {
-        Self([
-            &S::as_simd_f32s(px).0[..vectors],
-            &S::as_simd_f32s(py).0[..vectors],
-            &S::as_simd_f32s(pz).0[..vectors],
-            &S::as_simd_f32s(qx).0[..vectors],
-            &S::as_simd_f32s(qy).0[..vectors],
-            &S::as_simd_f32s(qz).0[..vectors],
-            &S::as_simd_f32s(p_norm).0[..vectors],
-            &S::as_simd_f32s(q_norm).0[..vectors],
-        ])
-    }
-
-    #[inline(always)]
-    fn get(&self, j: usize) -> Terms<S::f32s> {
-        let [px, py, pz, qx, qy, qz, p_norm, q_norm] = self.0;
-        [px[j], py[j], pz[j], qx[j], qy[j], qz[j], p_norm[j], q_norm[j]]
-    }
+/// One vector's part of a block.
+#[inline(always)]
+fn part<S: Simd>(_: S, block: &Block, part: usize) -> Terms<S::f32s> {
+    let [px, py, pz, qx, qy, qz, p_norm, q_norm] = &block.0;
+    [
+        S::as_simd_f32s(px).0[part],
+        S::as_simd_f32s(py).0[part],
+        S::as_simd_f32s(pz).0[part],
+        S::as_simd_f32s(qx).0[part],
+        S::as_simd_f32s(qy).0[part],
+        S::as_simd_f32s(qz).0[part],
+        S::as_simd_f32s(p_norm).0[part],
+        S::as_simd_f32s(q_norm).0[part],
+    ]
 }
 
-/// For each row, the columns that agree as far as f32 can tell, and whether some are too close to be sure.
+/// For each row, the columns that agree as far as f32 can tell, and one bit per strip: whether some of it
+/// are too close to be sure.
 struct Found {
     inside: [u32; GROUP],
-    unsure: [bool; GROUP],
+    unsure: [u32; GROUP],
 }
 
 /// Counts the pairs that agree as far as f32 can tell.
 struct CountInside<'a> {
     rows: [RowTerms; GROUP],
-    columns: Terms<&'a [f32]>,
+    blocks: &'a [Block],
     slack: f32,
     mirrored: &'a mut [u32],
 }
@@ -334,66 +328,63 @@ impl WithSimd for CountInside<'_> {
         ];
         let (zero, one) = (simd.splat_u32s(0), simd.splat_u32s(1));
         let mut inside = [zero; GROUP];
-        let mut least = [simd.splat_f32s(f32::INFINITY); GROUP];
-        let mirrored = S::as_mut_simd_u32s(self.mirrored).0;
-        let columns = Columns::new(simd, self.columns, mirrored.len());
-        for (j, mirrored) in mirrored.iter_mut().enumerate() {
-            let column = columns.get(j);
-            let mut sum = *mirrored;
-            for k in 0..GROUP {
-                let left = rows[k].left_side(simd, &column);
-                let counted = simd.select_u32s(simd.less_than_f32s(left, simd.splat_f32s(0.0)), one, zero);
-                inside[k] = simd.add_u32s(inside[k], counted);
-                sum = simd.add_u32s(sum, counted);
-                // NaN, which fills up the last tile, is the first operand: the second is taken then.
-                least[k] = simd.min_f32s(simd.abs_f32s(left), least[k]);
+        let mut unsure = [0; GROUP];
+        let strips = self.blocks.chunks(STRIP / BLOCK).zip(self.mirrored.chunks_mut(STRIP));
+        for (strip, (blocks, mirrored)) in strips.enumerate() {
+            let mut least = [simd.splat_f32s(f32::INFINITY); GROUP];
+            for (block, mirrored) in blocks.iter().zip(mirrored.as_chunks_mut::<BLOCK>().0) {
+                let mirrored = S::as_mut_simd_u32s(mirrored).0;
+                for (p, mirrored) in mirrored.iter_mut().enumerate() {
+                    let columns = part(simd, block, p);
+                    let mut sum = *mirrored;
+                    for k in 0..GROUP {
+                        let left = rows[k].left_side(simd, &columns);
+                        let agrees = simd.less_than_f32s(left, simd.splat_f32s(0.0));
+                        let counted = simd.select_u32s(agrees, one, zero);
+                        inside[k] = simd.add_u32s(inside[k], counted);
+                        sum = simd.add_u32s(sum, counted);
+                        // NaN, which fills up the last block, comes first: the second is taken then.
+                        least[k] = simd.min_f32s(simd.abs_f32s(left), least[k]);
+                    }
+                    *mirrored = sum;
+                }
             }
-            *mirrored = sum;
+            for k in 0..GROUP {
+                unsure[k] |= u32::from(simd.reduce_min_f32s(least[k]) <= self.slack) << strip;
+            }
         }
-        Found {
-            inside: [0, 1, 2, 3].map(|k| {
-                let lanes: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&inside[k]));
-                lanes.iter().sum()
-            }),
-            unsure: [
-                simd.reduce_min_f32s(least[0]) <= self.slack,
-                simd.reduce_min_f32s(least[1]) <= self.slack,
-                simd.reduce_min_f32s(least[2]) <= self.slack,
-                simd.reduce_min_f32s(least[3]) <= self.slack,
-            ],
+        let mut found = Found { inside: [0; GROUP], unsure };
+        for (sum, lanes) in found.inside.iter_mut().zip(&inside) {
+            *sum = bytemuck::cast_slice::<S::u32s, u32>(std::slice::from_ref(lanes)).iter().sum();
         }
+        found
     }
 }
 
-/// Marks the columns that f32 can't tell, and says whether there are any.
+/// Marks the columns of a block that f32 can't tell.
 struct FlagUnsure<'a> {
     row: RowTerms,
-    columns: Terms<&'a [f32]>,
+    block: &'a Block,
     slack: f32,
-    flags: &'a mut [u32],
 }
 
 impl WithSimd for FlagUnsure<'_> {
-    type Output = bool;
+    type Output = [u32; BLOCK];
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> bool {
+    fn with_simd<S: Simd>(self, simd: S) -> [u32; BLOCK] {
         let row = RowLanes::new(simd, self.row);
-        let flags = S::as_mut_simd_u32s(self.flags).0;
-        let columns = Columns::new(simd, self.columns, flags.len());
         let (zero, slack) = (simd.splat_f32s(0.0), simd.splat_f32s(self.slack));
         let (sure, missed, counted) =
             (simd.splat_u32s(SURE), simd.splat_u32s(MISSED), simd.splat_u32s(COUNTED));
-        let mut any = sure;
-        for (j, flags) in flags.iter_mut().enumerate() {
-            let left = row.left_side(simd, &columns.get(j));
+        let mut flags = [SURE; BLOCK];
+        for (p, flags) in S::as_mut_simd_u32s(&mut flags).0.iter_mut().enumerate() {
+            let left = row.left_side(simd, &part(simd, self.block, p));
             let flag = simd.select_u32s(simd.less_than_f32s(left, zero), counted, missed);
             let near = simd.less_than_or_equal_f32s(simd.abs_f32s(left), slack);
             *flags = simd.select_u32s(near, flag, sure);
-            any = simd.or_u32s(any, *flags);
         }
-        let lanes: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&any));
-        lanes.iter().any(|&flag| flag != SURE)
+        flags
     }
 }
 

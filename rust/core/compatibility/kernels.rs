@@ -255,11 +255,14 @@ impl SingleEntry for u16 {
     }
 }
 
+/// Entries of [`ROW_GROUP`] rows in one run of memory: [`SINGLES`] columns of the first, then of the second, ...
+pub const INTERLEAVED: usize = ROW_GROUP * SINGLES;
+
 /// [`RowsTimesVector`] in f32, for whole groups of [`SINGLES`] columns. Its sums are short ones: the caller
 /// adds those of tiles in f64.
 pub struct RowsTimesVectorSingle<'a, T> {
-    /// As long as `x`, each.
-    pub rows: [&'a [T]; ROW_GROUP],
+    /// [`INTERLEAVED`] entries for every group of columns.
+    pub entries: &'a [T],
     /// The vector at the rows' columns.
     pub x: &'a [f32],
     /// The vector at the rows themselves.
@@ -273,19 +276,15 @@ impl<T: SingleEntry> LaneWork for RowsTimesVectorSingle<'_, T> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Self::Output {
-        let [row0, row1, row2, row3] = self.rows.map(
-            #[inline(always)]
-            |row| row[..self.x.len()].as_chunks::<SINGLES>().0,
-        );
         let x_groups = self.x.as_chunks::<SINGLES>().0;
         let below_groups = self.mirrored.as_chunks_mut::<SINGLES>().0;
-        let [w0, w1, w2, w3] = self.weights.map(
-            #[inline(always)]
-            |weight| lanes.splat_singles(weight),
-        );
+        let [w0, w1, w2, w3] = self.weights;
+        let (w0, w1) = (lanes.splat_singles(w0), lanes.splat_singles(w1));
+        let (w2, w3) = (lanes.splat_singles(w2), lanes.splat_singles(w3));
         let [mut s0, mut s1, mut s2, mut s3] = [lanes.splat_singles(0.0); ROW_GROUP];
-        let entries = row0.iter().zip(row1).zip(row2).zip(row3);
-        for ((x, below), (((e0, e1), e2), e3)) in x_groups.iter().zip(below_groups).zip(entries) {
+        let groups = self.entries.as_chunks::<INTERLEAVED>().0;
+        for ((x, below), entries) in x_groups.iter().zip(below_groups).zip(groups) {
+            let [e0, e1, e2, e3] = entries.as_chunks::<SINGLES>().0 else { continue };
             let (factor, mut sum) = (lanes.load_singles(x), lanes.load_singles(below));
             let e0 = T::load(lanes, e0);
             s0 = lanes.multiply_add_singles(e0, factor, s0);

@@ -9,12 +9,13 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::kernels::{Element, ROW_GROUP, RowsTimesVector, RowsTimesVectorSingle, SingleEntry, dispatch};
-use super::lanes::{SINGLES, with_lanes};
+use super::kernels::{Element, INTERLEAVED, ROW_GROUP, RowsTimesVector, RowsTimesVectorSingle, SingleEntry};
+use super::lanes::{LaneWork, Lanes, SINGLES, with_lanes};
 use super::pair_scores::{PairPositions, PairScore};
 use crate::error::Result;
 use crate::execution::Execution;
@@ -101,24 +102,14 @@ impl PairMatrix {
         }
         let cut = Cut { rows: positions.len(), columns: positions.len() };
         let form = if positions.len() <= DOUBLE_LIMIT {
-            Form::Double(cut.fill_if_fits(execution, |i, first, row: &mut [f64]| {
-                positions.fill_part(score, i, first, row);
-            })?)
+            Form::Double(cut.fill_if_fits(execution, fill_rows(&positions, score))?)
         } else {
-            let cut = cut.in_whole_groups();
             let singles = positions.to_single();
             match entries {
                 Entries::Recomputed => Form::Single(singles),
                 Entries::SixteenBit => {
-                    let stored = cut.fill_if_fits(execution, |i, first, row: &mut [u16]| {
-                        let mut scores = [0.0; TILE];
-                        let scores = &mut scores[..row.len()];
-                        singles.fill_part(score, i, first, scores);
-                        dispatch(
-                            #[inline(always)]
-                            || to_levels(scores, row),
-                        );
-                    })?;
+                    let cut = cut.in_whole_groups();
+                    let stored = cut.fill_if_fits(execution, fill_levels(&singles, score))?;
                     Form::SixteenBit(singles, stored)
                 }
             }
@@ -164,20 +155,19 @@ impl PairMatrix {
         let product = match &self.form {
             Form::Double(Some(stored)) => cut.multiply::<f64, _>(&Stored(stored), x, execution)?,
             Form::Double(None) => {
-                let computed = Computed { positions: &self.positions, score, finish: |_| () };
-                cut.multiply::<f64, _>(&computed, x, execution)?
+                cut.multiply::<f64, _>(&Computed::new(fill_rows(&self.positions, score)), x, execution)?
             }
             Form::Single(positions) => {
-                let computed = Computed { positions, score, finish: |_| () };
-                cut.in_whole_groups().multiply::<f64, _>(&computed, x, execution)?
+                let rows = Computed::new(fill_rows(positions, score));
+                cut.in_whole_groups().multiply::<f64, _>(&rows, x, execution)?
             }
             // Sums in f32 are off by less than entries of 16 bits.
             Form::SixteenBit(_, Some(stored)) => {
                 from_levels(cut.in_whole_groups().multiply::<f32, _>(&Stored(stored), x, execution)?)
             }
             Form::SixteenBit(positions, None) => {
-                let computed = Computed { positions, score, finish: round_to_levels };
-                from_levels(cut.in_whole_groups().multiply::<f32, _>(&computed, x, execution)?)
+                let rows = Computed::<f32, _>::new(fill_levels(positions, score));
+                from_levels(cut.in_whole_groups().multiply::<f32, _>(&rows, x, execution)?)
             }
         };
         Ok(self.plus_diagonal(product, x))
@@ -210,27 +200,87 @@ impl PairMatrix {
     }
 }
 
-/// [`ROUND`] plus the nearest multiple of 1 / [`LEVELS`], in these units.
-#[inline(always)]
-fn level(score: f32) -> f32 {
-    score * LEVELS + ROUND
-}
-
+/// From sums in units of 1 / [`LEVELS`].
 fn from_levels(sums: Vec<f64>) -> Vec<f64> {
     sums.into_iter().map(|sum| sum / f64::from(LEVELS)).collect()
 }
 
-fn round_to_levels(scores: &mut [f32]) {
-    dispatch(
-        #[inline(always)]
-        || scores.iter_mut().for_each(|score| *score = level(*score) - ROUND),
-    );
+/// Some rows at some columns; entries of rows that are left over to a whole group are not looked at.
+#[derive(Debug, Clone)]
+struct Part {
+    rows: Range<usize>,
+    columns: Range<usize>,
 }
 
-#[inline(always)]
-fn to_levels(scores: &[f32], levels: &mut [u16]) {
-    for (score, stored) in scores.iter().zip(levels) {
-        *stored = level(*score).to_bits() as u16;
+/// Writes a part, row after row.
+fn fill_rows<T: Element>(
+    positions: &PairPositions<T>,
+    score: PairScore,
+) -> impl Fn(&Part, &mut [T]) + Sync + '_ {
+    move |part, entries| {
+        for (i, row) in part.rows.clone().zip(entries.chunks_exact_mut(part.columns.len())) {
+            positions.fill_part(score, i, part.columns.start, row);
+        }
+    }
+}
+
+/// Writes a part rounded to 16 bits, its rows interleaved.
+fn fill_levels<T: Level>(
+    positions: &PairPositions<f32>,
+    score: PairScore,
+) -> impl Fn(&Part, &mut [T]) + Sync + '_ {
+    move |part, entries| {
+        let mut scores = [0.0; TILE];
+        let scores = &mut scores[..part.columns.len()];
+        for (row, i) in part.rows.clone().enumerate() {
+            positions.fill_part(score, i, part.columns.start, scores);
+            let groups = entries.as_chunks_mut::<INTERLEAVED>().0;
+            with_lanes(Interleave { scores, groups, row });
+        }
+    }
+}
+
+/// Rounds the scores of one row, and spreads them over interleaved ones.
+struct Interleave<'a, T> {
+    scores: &'a [f32],
+    groups: &'a mut [[T; INTERLEAVED]],
+    row: usize,
+}
+
+impl<T: Level> LaneWork for Interleave<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let (levels, round) = (lanes.splat_singles(LEVELS), lanes.splat_singles(ROUND));
+        for (scores, group) in self.scores.as_chunks::<SINGLES>().0.iter().zip(self.groups) {
+            let rounded = lanes.multiply_add_singles(lanes.load_singles(scores), levels, round);
+            T::store(lanes, rounded, &mut group.as_chunks_mut::<SINGLES>().0[self.row]);
+        }
+    }
+}
+
+/// A multiple of 1 / [`LEVELS`], in these units.
+trait Level: SingleEntry {
+    /// From sums of levels and [`ROUND`].
+    fn store<L: Lanes>(lanes: L, rounded: L::Singles, entries: &mut [Self; SINGLES]);
+}
+
+impl Level for f32 {
+    #[inline(always)]
+    fn store<L: Lanes>(lanes: L, rounded: L::Singles, entries: &mut [Self; SINGLES]) {
+        lanes.store_singles(lanes.subtract_singles(rounded, lanes.splat_singles(ROUND)), entries);
+    }
+}
+
+impl Level for u16 {
+    #[inline(always)]
+    fn store<L: Lanes>(lanes: L, rounded: L::Singles, entries: &mut [Self; SINGLES]) {
+        let mut sums = [0.0_f32; SINGLES];
+        lanes.store_singles(rounded, &mut sums);
+        for (entry, sum) in entries.iter_mut().zip(sums) {
+            *entry = sum.to_bits() as Self;
+        }
     }
 }
 
@@ -265,7 +315,7 @@ impl Cut {
     fn tiles(self, band: usize, rows: &Range<usize>) -> impl Iterator<Item = Tile> {
         let cut =
             |from: usize, to: usize| (from..to).step_by(TILE).map(move |first| first..(first + TILE).min(to));
-        let (height, square_end) = (rows.len(), self.square_end(rows));
+        let (height, square_end) = (rows.len().next_multiple_of(ROW_GROUP), self.square_end(rows));
         cut(rows.start, square_end).chain(cut(square_end, self.columns)).scan(0, move |offset, columns| {
             let tile = Tile { band, offset: *offset, columns };
             *offset += height * tile.columns.len();
@@ -278,23 +328,28 @@ impl Cut {
         if rows.end == self.rows { self.columns } else { rows.end }
     }
 
-    /// All tiles, filled row by row, if they fit into memory.
+    /// Entries of a band; its rows are filled up to whole groups.
+    fn band_entries(self, rows: &Range<usize>) -> usize {
+        rows.len().next_multiple_of(ROW_GROUP).saturating_mul(self.columns - rows.start)
+    }
+
+    /// All tiles, filled group by group of rows, if they fit into memory.
     fn fill_if_fits<T: Copy + Default + Send>(
         self,
         execution: &Execution,
-        fill: impl Fn(usize, usize, &mut [T]) + Sync,
+        fill: impl Fn(&Part, &mut [T]) + Sync,
     ) -> Result<Option<Vec<Vec<T>>>> {
-        let entries: usize =
-            self.bands().map(|(_, rows)| rows.len().saturating_mul(self.columns - rows.start)).sum();
+        let entries: usize = self.bands().map(|(_, rows)| self.band_entries(&rows)).sum();
         if entries == 0 || entries.saturating_mul(size_of::<T>()) > execution.max_memory {
             return Ok(None);
         }
         let fill_band = |(band, rows): (usize, Range<usize>)| {
-            let mut entries = vec![T::default(); rows.len() * (self.columns - rows.start)];
+            let mut entries = vec![T::default(); self.band_entries(&rows)];
             for Tile { offset, columns, .. } in self.tiles(band, &rows) {
-                let tile = &mut entries[offset..offset + rows.len() * columns.len()];
-                for (i, row) in rows.clone().zip(tile.chunks_exact_mut(columns.len())) {
-                    fill(i, columns.start, row);
+                for (group, entries) in
+                    groups(&rows).zip(entries[offset..].chunks_exact_mut(ROW_GROUP * columns.len()))
+                {
+                    fill(&Part { rows: group, columns: columns.clone() }, entries);
                 }
                 execution.check()?;
             }
@@ -304,7 +359,7 @@ impl Cut {
     }
 
     /// The product with `x`, its short sums in the numbers `N`.
-    fn multiply<N: Number + Sums<R::Entry>, R: Rows>(
+    fn multiply<N: Sums<R::Entry>, R: Rows>(
         self,
         matrix: &R,
         x: &[f64],
@@ -329,7 +384,7 @@ impl Cut {
         Ok(result)
     }
 
-    fn multiply_band<N: Number + Sums<R::Entry>, R: Rows>(
+    fn multiply_band<N: Sums<R::Entry>, R: Rows>(
         self,
         matrix: &R,
         band: usize,
@@ -347,8 +402,7 @@ impl Cut {
             for first in rows.clone().step_by(SHORT_SUM) {
                 let part = first..(first + SHORT_SUM).min(rows.end);
                 let mut below = [N::default(); TILE];
-                for group in part.clone().step_by(ROW_GROUP) {
-                    let group = group..(group + ROW_GROUP).min(part.end);
+                for group in groups(&part) {
                     let entries = matrix.rows(&tile, &rows, &group, &mut buffer);
                     let products =
                         N::add_products(entries, &x[columns.clone()], &x[group.clone()], &mut below);
@@ -365,6 +419,12 @@ impl Cut {
     }
 }
 
+/// The rows in groups.
+fn groups(rows: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
+    let Range { start, end } = *rows;
+    (start..end).step_by(ROW_GROUP).map(move |first| first..(first + ROW_GROUP).min(end))
+}
+
 /// What the rows of a band contribute to a product.
 struct BandProduct {
     rows: Range<usize>,
@@ -378,7 +438,7 @@ struct BandProduct {
 trait Rows: Sync {
     type Entry: Copy + Default;
 
-    /// Some rows of a tile, one after the other.
+    /// A group of rows of a tile.
     fn rows<'a>(
         &'a self,
         tile: &Tile,
@@ -402,19 +462,23 @@ impl<T: Copy + Default + Sync> Rows for Stored<'_, T> {
         _: &'a mut Vec<T>,
     ) -> &'a [T] {
         let first = tile.offset + (group.start - band.start) * tile.columns.len();
-        &self.0[tile.band][first..first + group.len() * tile.columns.len()]
+        &self.0[tile.band][first..first + ROW_GROUP * tile.columns.len()]
     }
 }
 
 /// Rows computed on demand.
-struct Computed<'a, T> {
-    positions: &'a PairPositions<T>,
-    score: PairScore,
-    /// What is done to a row's scores.
-    finish: fn(&mut [T]),
+struct Computed<T, F> {
+    fill: F,
+    entries: PhantomData<fn() -> T>,
 }
 
-impl<T: Element> Rows for Computed<'_, T> {
+impl<T, F: Fn(&Part, &mut [T])> Computed<T, F> {
+    fn new(fill: F) -> Self {
+        Self { fill, entries: PhantomData }
+    }
+}
+
+impl<T: Copy + Default, F: Fn(&Part, &mut [T]) + Sync> Rows for Computed<T, F> {
     type Entry = T;
 
     fn rows<'a>(
@@ -424,12 +488,8 @@ impl<T: Element> Rows for Computed<'_, T> {
         group: &Range<usize>,
         buffer: &'a mut Vec<T>,
     ) -> &'a [T] {
-        let width = tile.columns.len();
-        buffer.resize(group.len() * width, T::default());
-        for (i, row) in group.clone().zip(buffer.chunks_exact_mut(width)) {
-            self.positions.fill_part(self.score, i, tile.columns.start, row);
-            (self.finish)(row);
-        }
+        buffer.resize(ROW_GROUP * tile.columns.len(), T::default());
+        (self.fill)(&Part { rows: group.clone(), columns: tile.columns.clone() }, buffer);
         buffer
     }
 }
@@ -461,38 +521,32 @@ impl Number for f32 {
 }
 
 /// Sums in this kind of number for entries of the kind `T`.
-trait Sums<T>: Sized {
-    /// Sums of the rows' entries times `x`; onto `below` the sums of their columns' entries times the rows'
-    /// `weights`.
+trait Sums<T>: Number {
+    /// Sums of a group of rows' entries times `x`; onto `below` the sums of their columns' entries times the
+    /// rows' `weights`.
     fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP];
+
+    /// With weight 0 for rows that are left over.
+    fn filled_up(weights: &[Self]) -> [Self; ROW_GROUP] {
+        std::array::from_fn(|row| weights.get(row).copied().unwrap_or_default())
+    }
 }
 
 impl<T: Element> Sums<T> for f64 {
+    /// Entries are in the order of rows.
     fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP] {
-        let (rows, weights) = group_of_rows(entries, x.len(), weights);
+        let rows = std::array::from_fn(|row| &entries[row * x.len()..(row + 1) * x.len()]);
+        let weights = <Self as Sums<T>>::filled_up(weights);
         with_lanes(RowsTimesVector { rows, x, weights, mirrored: &mut below[..x.len()] })
     }
 }
 
 impl<T: SingleEntry> Sums<T> for f32 {
+    /// Entries are interleaved.
     fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP] {
-        let (rows, weights) = group_of_rows(entries, x.len(), weights);
-        with_lanes(RowsTimesVectorSingle { rows, x, weights, mirrored: &mut below[..x.len()] })
+        let weights = <Self as Sums<T>>::filled_up(weights);
+        with_lanes(RowsTimesVectorSingle { entries, x, weights, mirrored: &mut below[..x.len()] })
     }
-}
-
-/// The rows and their weights; where there are fewer, the first again with weight 0.
-fn group_of_rows<'a, T, N: Number>(
-    entries: &'a [T],
-    width: usize,
-    weights: &[N],
-) -> ([&'a [T]; ROW_GROUP], [N; ROW_GROUP]) {
-    let mut rows = [&entries[..width]; ROW_GROUP];
-    let mut all_weights = [N::default(); ROW_GROUP];
-    for (k, (row, &weight)) in entries.chunks_exact(width).zip(weights).enumerate() {
-        (rows[k], all_weights[k]) = (row, weight);
-    }
-    (rows, all_weights)
 }
 
 #[cfg(test)]
