@@ -8,7 +8,7 @@ use std::hint::black_box;
 
 use cgroup::compatibility::distance_agreement::DistanceAgreement;
 use cgroup::compatibility::inlier_counter::InlierCounter;
-use cgroup::compatibility::matrix::{Entries, PairMatrix};
+use cgroup::compatibility::matrix::PairMatrix;
 use cgroup::compatibility::pair_scores::PairScore;
 use cgroup::selection::eigenvector::{Eigensolver, principal_eigenvector};
 use cgroup::selection::otsu::{OtsuMode, otsu};
@@ -45,20 +45,19 @@ fn matrix(group: &mut BenchmarkGroup<'_, WallTime>, source: &Points, target: &Po
     let n = source.len();
     let x = vec![1.0 / n as f64; n];
     let ratio = PairScore::DistanceRatio;
-    for (name, entries, max_memory) in [
-        ("stored_16_bit", Entries::SixteenBit, usize::MAX),
-        ("recomputed_16_bit", Entries::SixteenBit, 0),
-        ("recomputed", Entries::Recomputed, 0),
-    ] {
+    for (name, max_memory) in [("stored", usize::MAX), ("recomputed", 0)] {
         let execution = Execution::new(max_memory);
-        let make = || PairMatrix::new(source, target, ratio, None, entries, &execution);
-        if max_memory > 0 {
-            group.bench_function(BenchmarkId::new(format!("matrix/make/{name}"), n), |b| b.iter(make));
-        }
+        let make = || PairMatrix::new(source, target, ratio, None, &execution);
         let Ok(matrix) = make() else { continue };
-        group.bench_function(BenchmarkId::new(format!("matrix/multiply/{name}"), n), |b| {
-            b.iter(|| matrix.multiply(black_box(&x), &execution));
+        group.bench_function(BenchmarkId::new(format!("matrix/multiply_rounded/{name}"), n), |b| {
+            b.iter(|| matrix.multiply_rounded(black_box(&x), &execution));
         });
+        if max_memory > 0 {
+            group.bench_function(BenchmarkId::new("matrix/make", n), |b| b.iter(make));
+            group.bench_function(BenchmarkId::new("matrix/multiply", n), |b| {
+                b.iter(|| matrix.multiply(black_box(&x), &execution));
+            });
+        }
     }
 }
 
@@ -81,8 +80,7 @@ fn eigenvector(criterion: &mut Criterion) {
     {
         let Ok((source, target)) = sides(n) else { continue };
         let ratio = PairScore::DistanceRatio;
-        let Ok(matrix) = PairMatrix::new(&source, &target, ratio, None, Entries::Recomputed, &execution)
-        else {
+        let Ok(matrix) = PairMatrix::new(&source, &target, ratio, None, &execution) else {
             continue;
         };
         group.bench_function(BenchmarkId::new(format!("{solver:?}").to_lowercase(), n), |b| {

@@ -4,8 +4,8 @@
 //! these into tiles that fit the first-level cache; each entry is used twice, for its row and, mirrored,
 //! for its column. The cut depends on the size alone, so sums are the same for any number of threads.
 //!
-//! Up to [`DOUBLE_LIMIT`] correspondences all is in f64. Beyond, reading f32 from memory takes longer than
-//! computing it, so entries are either computed in f32 for each product, or rounded to 16 bits and stored.
+//! Up to [`DOUBLE_LIMIT`] correspondences all is in f64. Beyond, entries are kept rounded to 16 bits, as
+//! reading wider ones from memory takes about as long as computing them in f32 for each product.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -46,22 +46,12 @@ const ROUND: f32 = 8_388_608.0;
 /// Entries of an f32 vector below this are taken for 0: their products would be subnormal, which is slow.
 const NEGLIGIBLE: f64 = 1e-30;
 
-/// How the entries of a matrix beyond [`DOUBLE_LIMIT`] are kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Entries {
-    /// Computed in f32 for each product: for the few products of an eigenvector.
-    Recomputed,
-    /// Rounded to multiples of 1/65535, and stored while they fit: for the many products of a game.
-    SixteenBit,
-}
-
 /// Symmetric matrix of pair scores with a given diagonal.
 #[derive(Debug)]
 pub struct PairMatrix {
     positions: PairPositions<f64>,
     score: PairScore,
     diagonal: Option<Vec<f64>>,
-    entries: Entries,
     form: Form,
 }
 
@@ -69,8 +59,8 @@ pub struct PairMatrix {
 enum Form {
     /// Tile after tile of every band, if all of them fit.
     Double(Option<Vec<Vec<f64>>>),
-    Single(PairPositions<f32>),
-    SixteenBit(PairPositions<f32>, Option<Vec<Vec<u16>>>),
+    /// The same, rounded; and what they are computed from.
+    Rounded(PairPositions<f32>, Option<Vec<Vec<u16>>>),
 }
 
 impl PairMatrix {
@@ -83,18 +73,16 @@ impl PairMatrix {
         target: &Points,
         score: PairScore,
         diagonal: Option<Vec<f64>>,
-        entries: Entries,
         execution: &Execution,
     ) -> Result<Self> {
         let positions = PairPositions::new(source, target);
-        Self::of(positions, score, diagonal, entries, execution)
+        Self::of(positions, score, diagonal, execution)
     }
 
     fn of(
         mut positions: PairPositions<f64>,
         score: PairScore,
         diagonal: Option<Vec<f64>>,
-        entries: Entries,
         execution: &Execution,
     ) -> Result<Self> {
         if matches!(score, PairScore::DistanceDifferenceIndicator { one_to_one: false, .. }) {
@@ -105,16 +93,10 @@ impl PairMatrix {
             Form::Double(cut.fill_if_fits(execution, fill_rows(&positions, score))?)
         } else {
             let singles = positions.to_single();
-            match entries {
-                Entries::Recomputed => Form::Single(singles),
-                Entries::SixteenBit => {
-                    let cut = cut.in_whole_groups();
-                    let stored = cut.fill_if_fits(execution, fill_levels(&singles, score))?;
-                    Form::SixteenBit(singles, stored)
-                }
-            }
+            let stored = cut.in_whole_groups().fill_if_fits(execution, fill_levels(&singles, score))?;
+            Form::Rounded(singles, stored)
         };
-        Ok(Self { positions, score, diagonal, entries, form })
+        Ok(Self { positions, score, diagonal, form })
     }
 
     /// The matrix of the correspondences `indices` alone.
@@ -123,7 +105,7 @@ impl PairMatrix {
     /// [`crate::Error::Interrupted`].
     pub fn subset(&self, indices: &[usize], execution: &Execution) -> Result<Self> {
         let diagonal = self.diagonal.as_ref().map(|values| indices.iter().map(|&i| values[i]).collect());
-        Self::of(self.positions.subset(indices), self.score, diagonal, self.entries, execution)
+        Self::of(self.positions.subset(indices), self.score, diagonal, execution)
     }
 
     /// The matrix of the correspondences `indices` alone, in place of this one: never both in memory.
@@ -150,27 +132,41 @@ impl PairMatrix {
     /// # Errors
     /// [`crate::Error::Interrupted`].
     pub fn multiply(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
-        let score = self.score;
-        let cut = Cut { rows: self.len(), columns: self.len() };
+        let cut = self.cut();
         let product = match &self.form {
-            Form::Double(Some(stored)) => cut.multiply::<f64, _>(&Stored(stored), x, execution)?,
+            Form::Double(Some(stored)) => cut.multiply::<f64, _>(&Stored(stored), x, execution),
             Form::Double(None) => {
-                cut.multiply::<f64, _>(&Computed::new(fill_rows(&self.positions, score)), x, execution)?
+                let rows = Computed::new(fill_rows(&self.positions, self.score));
+                cut.multiply::<f64, _>(&rows, x, execution)
             }
-            Form::Single(positions) => {
-                let rows = Computed::new(fill_rows(positions, score));
-                cut.in_whole_groups().multiply::<f64, _>(&rows, x, execution)?
-            }
-            // Sums in f32 are off by less than entries of 16 bits.
-            Form::SixteenBit(_, Some(stored)) => {
-                from_levels(cut.in_whole_groups().multiply::<f32, _>(&Stored(stored), x, execution)?)
-            }
-            Form::SixteenBit(positions, None) => {
-                let rows = Computed::<f32, _>::new(fill_levels(positions, score));
-                from_levels(cut.in_whole_groups().multiply::<f32, _>(&rows, x, execution)?)
+            Form::Rounded(positions, _) => {
+                let rows = Computed::new(fill_rows(positions, self.score));
+                cut.in_whole_groups().multiply::<f64, _>(&rows, x, execution)
             }
         };
+        Ok(self.plus_diagonal(product?, x))
+    }
+
+    /// `M x` with the entries that are kept: off by no more than [`Self::rounding`] times the sum of `x`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn multiply_rounded(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
+        let cut = self.cut().in_whole_groups();
+        let levels = match &self.form {
+            Form::Double(_) => return self.multiply(x, execution),
+            Form::Rounded(_, Some(stored)) => cut.multiply::<f32, _>(&Stored(stored), x, execution),
+            Form::Rounded(positions, None) => {
+                let rows = Computed::<f32, _>::new(fill_levels(positions, self.score));
+                cut.multiply::<f32, _>(&rows, x, execution)
+            }
+        };
+        let product = levels?.into_iter().map(|sum| sum / f64::from(LEVELS)).collect();
         Ok(self.plus_diagonal(product, x))
+    }
+
+    fn cut(&self) -> Cut {
+        Cut { rows: self.len(), columns: self.len() }
     }
 
     fn plus_diagonal(&self, mut product: Vec<f64>, x: &[f64]) -> Vec<f64> {
@@ -180,12 +176,11 @@ impl PairMatrix {
         product
     }
 
-    /// Greatest error of an entry as it is multiplied.
+    /// Greatest error of an entry that is kept.
     pub fn rounding(&self) -> f64 {
         match self.form {
             Form::Double(_) => f64::EPSILON,
-            Form::Single(_) => 4.0 * f64::from(f32::EPSILON),
-            Form::SixteenBit(..) => 0.5 / f64::from(LEVELS),
+            Form::Rounded(..) => 0.6 / f64::from(LEVELS),
         }
     }
 
@@ -198,11 +193,6 @@ impl PairMatrix {
         }
         row
     }
-}
-
-/// From sums in units of 1 / [`LEVELS`].
-fn from_levels(sums: Vec<f64>) -> Vec<f64> {
-    sums.into_iter().map(|sum| sum / f64::from(LEVELS)).collect()
 }
 
 /// Some rows at some columns; entries of rows that are left over to a whole group are not looked at.
@@ -563,14 +553,7 @@ mod tests {
     fn hand_computed_ratios() -> Result<()> {
         let (source, target) = sides()?;
         let execution = Execution::default();
-        let matrix = PairMatrix::new(
-            &source,
-            &target,
-            PairScore::DistanceRatio,
-            None,
-            Entries::Recomputed,
-            &execution,
-        )?;
+        let matrix = PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, &execution)?;
         let expected = [0.0, 0.5, 1.0, 3.0 / 10.0_f64.sqrt()];
         for (got, want) in matrix.row(0).iter().zip(expected) {
             assert!((got - want).abs() < 1e-15, "{got} {want}");
@@ -585,7 +568,7 @@ mod tests {
         let execution = Execution::default();
         for (one_to_one, expected) in [(true, 0.0), (false, 1.0)] {
             let score = PairScore::DistanceDifferenceIndicator { tolerance: 1.5, one_to_one };
-            let matrix = PairMatrix::new(&source, &target, score, None, Entries::Recomputed, &execution)?;
+            let matrix = PairMatrix::new(&source, &target, score, None, &execution)?;
             assert!((matrix.row(2)[3] - expected).abs() < 1e-15);
             assert!(matrix.row(2)[2].abs() < 1e-15, "no score with itself");
         }
@@ -607,26 +590,21 @@ mod tests {
             let (source, target) = (turning(n, 0.37)?, turning(n, 0.53)?);
             let diagonal = Some((0..n).map(|i| i as f64).collect());
             let x: Vec<f64> = (0..n).map(|i| (i as f64 * 0.9).sin()).collect();
-            for (score, entries) in [
-                (ratio, Entries::Recomputed),
-                (ratio, Entries::SixteenBit),
-                (from, Entries::Recomputed),
-                (indicator, Entries::SixteenBit),
-                (difference, Entries::SixteenBit),
-            ] {
+            for score in [ratio, from, indicator, difference] {
                 let mut products = Vec::new();
                 for max_memory in [0, usize::MAX] {
                     let execution = Execution::new(max_memory);
-                    let matrix =
-                        PairMatrix::new(&source, &target, score, diagonal.clone(), entries, &execution)?;
-                    let product = matrix.multiply(&x, &execution)?;
+                    let matrix = PairMatrix::new(&source, &target, score, diagonal.clone(), &execution)?;
+                    let (product, rounded) =
+                        (matrix.multiply(&x, &execution)?, matrix.multiply_rounded(&x, &execution)?);
                     // Rounding of entries, and a pair in a million at a threshold.
                     let bound = if n <= DOUBLE_LIMIT { 1e-9 } else { 1.5 + 1e-5 * n as f64 };
-                    for (i, entry) in product.iter().enumerate() {
+                    for (i, (entry, rounded)) in product.iter().zip(&rounded).enumerate() {
                         let plain: f64 = matrix.row(i).iter().zip(&x).map(|(a, b)| a * b).sum();
                         assert!((entry - plain).abs() < bound, "{n} {i} {entry} {plain}");
+                        assert!((rounded - plain).abs() < bound, "{n} {i} {rounded} {plain}");
                     }
-                    products.push(product);
+                    products.push((product, rounded));
                 }
                 assert_eq!(products[0], products[1]);
             }
@@ -640,15 +618,12 @@ mod tests {
         let (source, target) = (turning(n, 0.37)?, turning(n, 0.53)?);
         let x: Vec<f64> = (0..n).map(|i| (i as f64 * 0.9).sin().abs()).collect();
         let execution = Execution::default();
-        for entries in [Entries::Recomputed, Entries::SixteenBit] {
-            let matrix =
-                PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, entries, &execution)?;
-            let product = matrix.multiply(&x, &execution)?;
-            for (i, entry) in product.iter().enumerate() {
-                let plain: f64 = matrix.row(i).iter().zip(&x).map(|(a, b)| a * b).sum();
-                let bound = if entries == Entries::Recomputed { 2e-7 } else { 2e-6 };
-                assert!((entry - plain).abs() < bound * plain, "{i} {entry} {plain}");
-            }
+        let matrix = PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, &execution)?;
+        let (product, rounded) = (matrix.multiply(&x, &execution)?, matrix.multiply_rounded(&x, &execution)?);
+        for (i, (entry, rounded)) in product.iter().zip(rounded).enumerate() {
+            let plain: f64 = matrix.row(i).iter().zip(&x).map(|(a, b)| a * b).sum();
+            assert!((entry - plain).abs() < 2e-7 * plain, "{i} {entry} {plain}");
+            assert!((rounded - plain).abs() < 2e-6 * plain, "{i} {rounded} {plain}");
         }
         Ok(())
     }

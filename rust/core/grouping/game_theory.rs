@@ -6,7 +6,7 @@
 
 use super::GroupingMethod;
 use crate::compatibility::kernels::sum;
-use crate::compatibility::matrix::{Entries, PairMatrix};
+use crate::compatibility::matrix::PairMatrix;
 use crate::compatibility::pair_scores::PairScore;
 use crate::error::{Error, at_least_one, positive};
 use crate::selection::otsu::{Cut, Threshold};
@@ -146,7 +146,7 @@ impl GameTheory {
                 one_to_one: self.one_to_one,
             },
         };
-        PairMatrix::new(source, target, score, None, Entries::SixteenBit, execution)
+        PairMatrix::new(source, target, score, None, execution)
     }
 
     fn replicate(&self, mut payoff: PairMatrix, execution: &Execution) -> Result<Population> {
@@ -154,7 +154,7 @@ impl GameTheory {
         let mut alive: Vec<usize> = (0..shares.len()).collect();
         let mut population = Population { shares: shares.clone(), mean_payoff: 0.0, steps: 0 };
         while population.steps < self.iterations {
-            let payoffs = payoff.multiply(&shares, execution)?; // y = Pi x
+            let payoffs = payoff.multiply_rounded(&shares, execution)?; // y = Pi x
             let products: Vec<f64> = shares.iter().zip(&payoffs).map(|(x, y)| x * y).collect();
             population.mean_payoff = sum(&products); // z = x' Pi x
             if population.mean_payoff <= NO_PAYOFF {
@@ -342,14 +342,7 @@ mod tests {
         assert!((few as f64) < WORTH_SHRINKING * n as f64, "nobody has become extinct");
         let execution = Execution::default();
         let positions = input.positions("gtm")?;
-        let whole = PairMatrix::new(
-            positions.0,
-            positions.1,
-            PairScore::DistanceRatio,
-            None,
-            Entries::SixteenBit,
-            &execution,
-        )?;
+        let whole = PairMatrix::new(positions.0, positions.1, PairScore::DistanceRatio, None, &execution)?;
         let mut shares = uniform(n);
         for _ in 0..100 {
             let payoffs = whole.multiply(&shares, &execution)?;

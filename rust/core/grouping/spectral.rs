@@ -5,7 +5,7 @@
 //! Cost O(n^2) per power step and O(n selected) for the acceptance.
 
 use super::GroupingMethod;
-use crate::compatibility::matrix::{Entries, PairMatrix};
+use crate::compatibility::matrix::PairMatrix;
 use crate::compatibility::pair_scores::{PairPositions, PairScore};
 use crate::error::fraction;
 use crate::grouping_result::mask_of;
@@ -90,8 +90,7 @@ impl GroupingMethod for Spectral {
         fraction("min_distance_ratio", self.min_distance_ratio)?;
         let (source, target) = correspondences.positions("st")?;
         let diagonal = self.diagonal(correspondences)?;
-        let affinity =
-            PairMatrix::new(source, target, self.pair_score(), diagonal, Entries::Recomputed, execution)?; // M
+        let affinity = PairMatrix::new(source, target, self.pair_score(), diagonal, execution)?; // M
         let eigenpair = principal_eigenvector(&affinity, self.eigensolver, execution)?; // M v = lambda v
         if eigenpair.value <= 0.0 || source.len() < 2 {
             return Ok(report(eigenpair, Vec::new())); // nobody supports anybody

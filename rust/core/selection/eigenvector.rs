@@ -13,6 +13,13 @@ const MAX_STEPS: usize = 1000;
 /// Greatest error of an entry, as a share of the largest one, with which the iteration ends.
 const CONVERGED: f64 = 1e-9;
 
+/// Change of an entry, as a share of the largest one, from which on entries of the matrix have to be exact:
+/// about what their rounding makes.
+const ROUGHLY_CONVERGED: f64 = 3e-7;
+
+/// Smaller changes that don't fall to half may be due to rounding as well.
+const DOUBTFUL: f64 = 1e-5;
+
 /// Progress is told in steps of one percent.
 const PERCENT: usize = 100;
 
@@ -50,7 +57,7 @@ pub fn principal_eigenvector(
     execution: &Execution,
 ) -> Result<Eigenpair> {
     let start = uniform(matrix.len());
-    let product = matrix.multiply(&start, execution)?;
+    let product = matrix.multiply_rounded(&start, execution)?;
     if sum(&product) <= 0.0 {
         // Every vector is one of the zero matrix.
         return Ok(Eigenpair { vector: start, value: 0.0, steps: 0 });
@@ -76,7 +83,7 @@ fn power_iteration(
     let shift = SHIFT * dot(&start, &product); // a share of the mean row sum
     let (mut vector, mut product) = (start, product);
     let mut previous_change = f64::INFINITY;
-    let mut steps = 0;
+    let (mut steps, mut exact) = (0, false);
     loop {
         steps += 1;
         let value = dot(&vector, &product);
@@ -93,11 +100,17 @@ fn power_iteration(
         let remaining = if known { change * ratio / (1.0 - ratio) } else { change };
         let share = change.clamp(CONVERGED, 1.0).log10() / CONVERGED.log10();
         execution.report((share * PERCENT as f64) as usize, PERCENT)?;
-        if remaining < CONVERGED || steps == MAX_STEPS {
+        if (exact && remaining < CONVERGED) || steps == MAX_STEPS {
             return Ok(Eigenpair { vector, value, steps });
         }
-        previous_change = change;
-        product = matrix.multiply(&vector, execution)?;
+        let refine = !exact && (change < ROUGHLY_CONVERGED || (change < DOUBTFUL && ratio > 0.5));
+        previous_change = if refine { f64::INFINITY } else { change };
+        exact |= refine;
+        product = if exact {
+            matrix.multiply(&vector, execution)?
+        } else {
+            matrix.multiply_rounded(&vector, execution)?
+        };
     }
 }
 
@@ -133,7 +146,6 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compatibility::matrix::Entries;
     use crate::compatibility::pair_scores::PairScore;
     use crate::points::Points;
 
@@ -147,14 +159,7 @@ mod tests {
         let target: Vec<[f64; 3]> = (0..40).map(|i| if i % 3 == 0 { row(i + 7) } else { row(i) }).collect();
         let (source, target) = (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
         let execution = Execution::default();
-        let matrix = PairMatrix::new(
-            &source,
-            &target,
-            PairScore::DistanceRatio,
-            None,
-            Entries::Recomputed,
-            &execution,
-        )?;
+        let matrix = PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, &execution)?;
         for solver in [Eigensolver::Power, Eigensolver::Dense] {
             let pair = principal_eigenvector(&matrix, solver, &execution)?;
             let product = matrix.multiply(&pair.vector, &execution)?;
