@@ -2,7 +2,8 @@
 //!
 //! The paper, section 3.2 (after Rodola, Albarelli, Bergamasco, Torsello, IJCV 2013). Each
 //! correspondence is a strategy, the payoff of a pair is its distance ratio, and a population that
-//! starts uniform evolves by replicator dynamics. Cost O(n^2) per step.
+//! starts uniform evolves by replicator dynamics. Cost O(n^2) per step. Payoffs of more than
+//! [`DOUBLE_LIMIT`](crate::compatibility::matrix::DOUBLE_LIMIT) correspondences are rounded to 16 bits, 8e-6 at most.
 
 use super::GroupingMethod;
 use crate::compatibility::kernels::sum;
