@@ -28,9 +28,9 @@ def test_a_quarter_of_what_is_free(system):
     assert _memory.default_max_memory() == GIB
 
 
-def test_at_most_two_gibibytes(system):
+def test_at_most_one_and_a_half_gibibytes(system):
     system(available_kib=400 << 20, limit="max")
-    assert _memory.default_max_memory() == 2 * GIB
+    assert _memory.default_max_memory() == GIB * 3 // 2
 
 
 def test_a_container_has_its_own_limit(system):
