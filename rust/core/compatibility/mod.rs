@@ -9,5 +9,6 @@ pub mod lanes;
 pub mod lrf_angle;
 pub mod matrix;
 pub mod pair_scores;
+mod tiles;
 pub mod vector_math;
 pub mod vote_kernels;

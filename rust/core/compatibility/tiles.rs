@@ -1,0 +1,307 @@
+//! How a symmetric matrix is cut: into bands of rows, and these into tiles that fit the first-level cache.
+//!
+//! Only the part from the diagonal to the right is looked at; each entry is used twice, for its row and,
+//! mirrored, for its column. The cut depends on the size alone, so sums are the same for any number of threads.
+
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::kernels::{Element, ROW_GROUP, RowsTimesVector, RowsTimesVectorSingle, SingleEntry};
+use super::lanes::{SINGLES, with_lanes};
+use crate::error::Result;
+use crate::execution::Execution;
+
+/// Bands that the rows are cut into: enough for many threads, few enough that their sums are cheap to add.
+const BANDS: usize = 64;
+
+/// Fewest rows of a band. So few correspondences are summed row by row, so that equal rows, as
+/// duplicates have, get bit-equal products.
+const MIN_BAND: usize = 256;
+
+/// Columns of a tile.
+pub(super) const TILE: usize = 1024;
+
+/// Rows of a tile whose products with f32 vectors are summed in f32.
+const SHORT_SUM: usize = 256;
+
+/// Entries of an f32 vector below this are taken for 0: their products would be subnormal, which is slow.
+const NEGLIGIBLE: f64 = 1e-30;
+
+/// Some rows at some columns; entries of rows that are left over to a whole group are not looked at.
+#[derive(Debug, Clone)]
+pub(super) struct Part {
+    pub(super) rows: Range<usize>,
+    pub(super) columns: Range<usize>,
+}
+
+/// How the matrix is cut.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cut {
+    rows: usize,
+    columns: usize,
+}
+
+/// Where a tile lies: in which band, from where in its entries, and which columns.
+pub(super) struct Tile {
+    band: usize,
+    offset: usize,
+    columns: Range<usize>,
+}
+
+impl Cut {
+    /// Of a matrix of that many rows and columns.
+    pub(super) fn of(size: usize) -> Self {
+        Self { rows: size, columns: size }
+    }
+
+    /// With columns filled up to whole groups of f32.
+    pub(super) fn in_whole_groups(self) -> Self {
+        Self { columns: self.rows.next_multiple_of(SINGLES), ..self }
+    }
+
+    /// Rows of the bands, in whole groups but for the last one.
+    fn bands(self) -> impl IndexedParallelIterator<Item = (usize, Range<usize>)> {
+        let height = self.rows.div_ceil(BANDS).next_multiple_of(SINGLES).max(MIN_BAND);
+        let bands = (0..self.rows.div_ceil(height)).into_par_iter();
+        bands.map(move |band| (band, band * height..((band + 1) * height).min(self.rows)))
+    }
+
+    /// Tiles of a band: first its square on the diagonal, then what is right of it.
+    fn tiles(self, band: usize, rows: &Range<usize>) -> impl Iterator<Item = Tile> {
+        let cut =
+            |from: usize, to: usize| (from..to).step_by(TILE).map(move |first| first..(first + TILE).min(to));
+        let (height, square_end) = (rows.len().next_multiple_of(ROW_GROUP), self.square_end(rows));
+        cut(rows.start, square_end).chain(cut(square_end, self.columns)).scan(0, move |offset, columns| {
+            let tile = Tile { band, offset: *offset, columns };
+            *offset += height * tile.columns.len();
+            Some(tile)
+        })
+    }
+
+    /// The first column right of the band's square; the last band's square takes all.
+    fn square_end(self, rows: &Range<usize>) -> usize {
+        if rows.end == self.rows { self.columns } else { rows.end }
+    }
+
+    /// Entries of a band; its rows are filled up to whole groups.
+    fn band_entries(self, rows: &Range<usize>) -> usize {
+        rows.len().next_multiple_of(ROW_GROUP).saturating_mul(self.columns - rows.start)
+    }
+
+    /// All tiles, filled group by group of rows, if they fit into memory.
+    pub(super) fn fill_if_fits<T: Copy + Default + Send>(
+        self,
+        execution: &Execution,
+        fill: impl Fn(&Part, &mut [T]) + Sync,
+    ) -> Result<Option<Vec<Vec<T>>>> {
+        let entries: usize = self.bands().map(|(_, rows)| self.band_entries(&rows)).sum();
+        if entries == 0 || entries.saturating_mul(size_of::<T>()) > execution.max_memory {
+            return Ok(None);
+        }
+        let fill_band = |(band, rows): (usize, Range<usize>)| {
+            let mut entries = vec![T::default(); self.band_entries(&rows)];
+            for Tile { offset, columns, .. } in self.tiles(band, &rows) {
+                for (group, entries) in
+                    groups(&rows).zip(entries[offset..].chunks_exact_mut(ROW_GROUP * columns.len()))
+                {
+                    fill(&Part { rows: group, columns: columns.clone() }, entries);
+                }
+                execution.check()?;
+            }
+            Ok(entries)
+        };
+        self.bands().map(fill_band).collect::<Result<_>>().map(Some)
+    }
+
+    /// The product with `x`, its short sums in the numbers `N`.
+    pub(super) fn multiply<N: Sums<R::Entry>, R: Rows>(
+        self,
+        matrix: &R,
+        x: &[f64],
+        execution: &Execution,
+    ) -> Result<Vec<f64>> {
+        let x: Vec<N> =
+            (0..self.columns).map(|j| N::from_f64(x.get(j).copied().unwrap_or_default())).collect();
+        let products: Vec<BandProduct> = self
+            .bands()
+            .map(|(band, rows)| self.multiply_band(matrix, band, rows, &x, execution))
+            .collect::<Result<_>>()?;
+        let mut result: Vec<f64> = products.iter().flat_map(|product| product.own.iter().copied()).collect();
+        result.par_chunks_mut(TILE).enumerate().for_each(|(chunk, entries)| {
+            let first = chunk * TILE;
+            for BandProduct { rows, mirrored, .. } in &products {
+                let (skipped, shift) = (rows.end.saturating_sub(first), first.saturating_sub(rows.end));
+                for (entry, below) in entries.iter_mut().skip(skipped).zip(mirrored.iter().skip(shift)) {
+                    *entry += below;
+                }
+            }
+        });
+        Ok(result)
+    }
+
+    fn multiply_band<N: Sums<R::Entry>, R: Rows>(
+        self,
+        matrix: &R,
+        band: usize,
+        rows: Range<usize>,
+        x: &[N],
+        execution: &Execution,
+    ) -> Result<BandProduct> {
+        let square_end = self.square_end(&rows);
+        let mut own = vec![0.0; rows.len()];
+        let mut mirrored = vec![0.0; self.columns - square_end];
+        let mut buffer = Vec::new();
+        for tile in self.tiles(band, &rows) {
+            execution.check()?;
+            let columns = &tile.columns;
+            for first in rows.clone().step_by(SHORT_SUM) {
+                let part = first..(first + SHORT_SUM).min(rows.end);
+                let mut below = [N::default(); TILE];
+                for group in groups(&part) {
+                    let entries = matrix.rows(&tile, &rows, &group, &mut buffer);
+                    let products =
+                        N::add_products(entries, &x[columns.clone()], &x[group.clone()], &mut below);
+                    let own = &mut own[group.start - rows.start..group.end - rows.start];
+                    own.iter_mut().zip(products).for_each(|(entry, product)| *entry += product);
+                }
+                if columns.start >= square_end {
+                    let mirrored = &mut mirrored[columns.start - square_end..columns.end - square_end];
+                    mirrored.iter_mut().zip(below).for_each(|(entry, sum)| *entry += sum.to_f64());
+                }
+            }
+        }
+        Ok(BandProduct { rows, own, mirrored })
+    }
+}
+
+/// The rows in groups.
+fn groups(rows: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
+    let Range { start, end } = *rows;
+    (start..end).step_by(ROW_GROUP).map(move |first| first..(first + ROW_GROUP).min(end))
+}
+
+/// What the rows of a band contribute to a product.
+struct BandProduct {
+    rows: Range<usize>,
+    /// To their own entries.
+    own: Vec<f64>,
+    /// To the entries after the band.
+    mirrored: Vec<f64>,
+}
+
+/// Where the rows of tiles come from.
+pub(super) trait Rows: Sync {
+    type Entry: Copy + Default;
+
+    /// A group of rows of a tile.
+    fn rows<'a>(
+        &'a self,
+        tile: &Tile,
+        band: &Range<usize>,
+        group: &Range<usize>,
+        buffer: &'a mut Vec<Self::Entry>,
+    ) -> &'a [Self::Entry];
+}
+
+/// Rows kept in memory.
+pub(super) struct Stored<'a, T>(pub(super) &'a [Vec<T>]);
+
+impl<T: Copy + Default + Sync> Rows for Stored<'_, T> {
+    type Entry = T;
+
+    fn rows<'a>(
+        &'a self,
+        tile: &Tile,
+        band: &Range<usize>,
+        group: &Range<usize>,
+        _: &'a mut Vec<T>,
+    ) -> &'a [T] {
+        let first = tile.offset + (group.start - band.start) * tile.columns.len();
+        &self.0[tile.band][first..first + ROW_GROUP * tile.columns.len()]
+    }
+}
+
+/// Rows computed on demand.
+pub(super) struct Computed<T, F> {
+    fill: F,
+    entries: PhantomData<fn() -> T>,
+}
+
+impl<T, F: Fn(&Part, &mut [T])> Computed<T, F> {
+    pub(super) fn new(fill: F) -> Self {
+        Self { fill, entries: PhantomData }
+    }
+}
+
+impl<T: Copy + Default, F: Fn(&Part, &mut [T]) + Sync> Rows for Computed<T, F> {
+    type Entry = T;
+
+    fn rows<'a>(
+        &'a self,
+        tile: &Tile,
+        _: &Range<usize>,
+        group: &Range<usize>,
+        buffer: &'a mut Vec<T>,
+    ) -> &'a [T] {
+        buffer.resize(ROW_GROUP * tile.columns.len(), T::default());
+        (self.fill)(&Part { rows: group.clone(), columns: tile.columns.clone() }, buffer);
+        buffer
+    }
+}
+
+/// Numbers that products are added up in.
+pub(super) trait Number: Copy + Default + Send + Sync {
+    fn from_f64(value: f64) -> Self;
+    fn to_f64(self) -> f64;
+}
+
+impl Number for f64 {
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Number for f32 {
+    fn from_f64(value: f64) -> Self {
+        if value.abs() < NEGLIGIBLE { 0.0 } else { value as Self }
+    }
+
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+/// Sums in this kind of number for entries of the kind `T`.
+pub(super) trait Sums<T>: Number {
+    /// Sums of a group of rows' entries times `x`; onto `below` the sums of their columns' entries times the
+    /// rows' `weights`.
+    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP];
+
+    /// With weight 0 for rows that are left over.
+    fn filled_up(weights: &[Self]) -> [Self; ROW_GROUP] {
+        std::array::from_fn(|row| weights.get(row).copied().unwrap_or_default())
+    }
+}
+
+impl<T: Element> Sums<T> for f64 {
+    /// Entries are in the order of rows.
+    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP] {
+        let rows = std::array::from_fn(|row| &entries[row * x.len()..(row + 1) * x.len()]);
+        let weights = <Self as Sums<T>>::filled_up(weights);
+        with_lanes(RowsTimesVector { rows, x, weights, mirrored: &mut below[..x.len()] })
+    }
+}
+
+impl<T: SingleEntry> Sums<T> for f32 {
+    /// Entries are interleaved.
+    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP] {
+        let weights = <Self as Sums<T>>::filled_up(weights);
+        with_lanes(RowsTimesVectorSingle { entries, x, weights, mirrored: &mut below[..x.len()] })
+    }
+}
