@@ -151,6 +151,12 @@ fn validate<T: Copy + Into<f64>>(name: &str, rows: &[[T; 3]]) -> Result<()> {
     Err(Error::invalid(name, format!("{row:?} in row {i}"), remedy))
 }
 
+/// The power of two, which scales exactly, by which lengths up to `extent` come to about 1; their squares in f32
+/// would under- or overflow without it.
+pub fn unit_scale(extent: f64) -> f64 {
+    if extent > 0.0 { (-extent.log2().round()).exp2() } else { 1.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

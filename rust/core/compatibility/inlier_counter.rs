@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use super::lanes::{LaneWork, Lanes, SINGLES, with_lanes};
 use crate::geometry::rigid::Rigid;
-use crate::points::Points;
+use crate::points::{Points, unit_scale};
 
 /// More than f32 can be off in a residual between points that are scaled to about 1.
 const ROUNDING: f64 = 1e-5;
@@ -46,8 +46,7 @@ pub struct InlierCounter<'a> {
 impl<'a> InlierCounter<'a> {
     /// Sorts the correspondences; an inlier's residual is below the tolerance, a length in the data's unit.
     pub fn new(source: &'a Points, target: &'a Points, tolerance: f64) -> Self {
-        let extent = source.diagonal().max(target.diagonal());
-        let scale = if extent > 0.0 { (-extent.log2().round()).exp2() } else { 1.0 };
+        let scale = unit_scale(source.diagonal().max(target.diagonal()));
         let scaled_tolerance = (tolerance * scale).min(BEYOND_ALL);
         let mut order: Vec<usize> = (0..source.len()).collect();
         let all = [&source.x, &source.y, &source.z, &target.x, &target.y, &target.z].map(Vec::as_slice);
@@ -60,13 +59,13 @@ impl<'a> InlierCounter<'a> {
             members: all.map(|axis| filled_up(order.iter().map(|&i| (axis[i] * scale) as f32).collect())),
             centers: Axes::default(),
             squared_reach: Vec::new(),
-            squared_sure: square(scaled_tolerance - ROUNDING) as f32 * (1.0 - f32::EPSILON),
+            squared_sure: match scaled_tolerance - ROUNDING {
+                sure if sure > 0.0 => square(sure) as f32 * (1.0 - f32::EPSILON),
+                _ => -1.0, // no residual is
+            },
             squared_possible: square(scaled_tolerance + ROUNDING) as f32 * (1.0 + f32::EPSILON),
             order,
         };
-        if scaled_tolerance <= ROUNDING {
-            counter.squared_sure = -1.0;
-        }
         counter.enclose_leaves(scaled_tolerance);
         counter
     }

@@ -2,7 +2,7 @@
 
 use super::kernels::{Element, Side, dispatch, fill_row};
 use super::lanes::SINGLES;
-use crate::points::Points;
+use crate::points::{Points, unit_scale};
 
 /// What a pair of correspondences scores. Pairs with a zero-length edge score 0 unless said otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +27,7 @@ pub enum PairScore {
 pub struct PairPositions<T> {
     source: Side<T>,
     target: Side<T>,
-    /// Factor from the data's unit to the stored one; f32 squares would under- or overflow without it.
+    /// Factor from the data's unit to the stored one.
     scale: f64,
     /// Number of correspondences; the axes are filled up to whole groups with a point that nobody asks for.
     count: usize,
@@ -36,9 +36,7 @@ pub struct PairPositions<T> {
 impl<T: Element> PairPositions<T> {
     /// Converts the coordinates.
     pub fn new(source: &Points, target: &Points) -> Self {
-        // A power of two, so that scaling is exact.
-        let extent = source.diagonal().max(target.diagonal());
-        let scale = if extent > 0.0 { (-extent.log2().round()).exp2() } else { 1.0 };
+        let scale = unit_scale(source.diagonal().max(target.diagonal()));
         let side = |points: &Points| {
             let convert =
                 |axis: &[f64]| filled_up(axis.iter().map(|value| T::from_f64(value * scale)).collect());

@@ -43,9 +43,10 @@ pub(super) struct Cut {
     columns: usize,
 }
 
-/// Where a tile lies: in which band, from where in its entries, and which columns.
+/// Where a tile lies: in which band, whose first row that is, from where in its entries, and which columns.
 pub(super) struct Tile {
     band: usize,
+    first_row: usize,
     offset: usize,
     columns: Range<usize>,
 }
@@ -72,9 +73,10 @@ impl Cut {
     fn tiles(self, band: usize, rows: &Range<usize>) -> impl Iterator<Item = Tile> {
         let cut =
             |from: usize, to: usize| (from..to).step_by(TILE).map(move |first| first..(first + TILE).min(to));
-        let (height, square_end) = (rows.len().next_multiple_of(ROW_GROUP), self.square_end(rows));
+        let (first_row, square_end) = (rows.start, self.square_end(rows));
+        let height = rows.len().next_multiple_of(ROW_GROUP);
         cut(rows.start, square_end).chain(cut(square_end, self.columns)).scan(0, move |offset, columns| {
-            let tile = Tile { band, offset: *offset, columns };
+            let tile = Tile { band, first_row, offset: *offset, columns };
             *offset += height * tile.columns.len();
             Some(tile)
         })
@@ -160,7 +162,7 @@ impl Cut {
                 let part = first..(first + SHORT_SUM).min(rows.end);
                 let mut below = [N::default(); TILE];
                 for group in groups(&part) {
-                    let entries = matrix.rows(&tile, &rows, &group, &mut buffer);
+                    let entries = matrix.rows(&tile, &group, &mut buffer);
                     let products =
                         N::add_products(entries, &x[columns.clone()], &x[group.clone()], &mut below);
                     let own = &mut own[group.start - rows.start..group.end - rows.start];
@@ -199,7 +201,6 @@ pub(super) trait Rows: Sync {
     fn rows<'a>(
         &'a self,
         tile: &Tile,
-        band: &Range<usize>,
         group: &Range<usize>,
         buffer: &'a mut Vec<Self::Entry>,
     ) -> &'a [Self::Entry];
@@ -211,14 +212,8 @@ pub(super) struct Stored<'a, T>(pub(super) &'a [Vec<T>]);
 impl<T: Copy + Default + Sync> Rows for Stored<'_, T> {
     type Entry = T;
 
-    fn rows<'a>(
-        &'a self,
-        tile: &Tile,
-        band: &Range<usize>,
-        group: &Range<usize>,
-        _: &'a mut Vec<T>,
-    ) -> &'a [T] {
-        let first = tile.offset + (group.start - band.start) * tile.columns.len();
+    fn rows<'a>(&'a self, tile: &Tile, group: &Range<usize>, _: &'a mut Vec<T>) -> &'a [T] {
+        let first = tile.offset + (group.start - tile.first_row) * tile.columns.len();
         &self.0[tile.band][first..first + ROW_GROUP * tile.columns.len()]
     }
 }
@@ -238,13 +233,7 @@ impl<T, F: Fn(&Part, &mut [T])> Computed<T, F> {
 impl<T: Copy + Default, F: Fn(&Part, &mut [T]) + Sync> Rows for Computed<T, F> {
     type Entry = T;
 
-    fn rows<'a>(
-        &'a self,
-        tile: &Tile,
-        _: &Range<usize>,
-        group: &Range<usize>,
-        buffer: &'a mut Vec<T>,
-    ) -> &'a [T] {
+    fn rows<'a>(&'a self, tile: &Tile, group: &Range<usize>, buffer: &'a mut Vec<T>) -> &'a [T] {
         buffer.resize(ROW_GROUP * tile.columns.len(), T::default());
         (self.fill)(&Part { rows: group.clone(), columns: tile.columns.clone() }, buffer);
         buffer
