@@ -18,25 +18,14 @@ import warnings as _warnings
 from cgroup import _core
 from cgroup._core import __version__
 from cgroup.errors import CgroupError, InputError, NoConsensusError
-from cgroup.methods import (
-    METHODS,
-    PRESETS,
-    cv,
-    gc,
-    group,
-    group_many,
-    gtm,
-    hough3d,
-    nnsr,
-    ransac,
-    si,
-    ss,
-    st,
-)
+from cgroup.group import group, group_many
+from cgroup.methods import cv, gc, gtm, hough3d, nnsr, ransac, si, ss, st
+from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
 from cgroup.types import Correspondences, Grouping
 
 __all__ = [
     "METHODS",
+    "PAPER_METHODS",
     "PRESETS",
     "CgroupError",
     "Correspondences",

@@ -26,7 +26,7 @@ from cgroup.cli_benchmark import benchmark_app
 from cgroup.errors import CgroupError, InputError
 from cgroup.evaluation import correct_matches
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
-from cgroup.methods import METHODS, group
+from cgroup.group import group
 from cgroup.registration import (
     Descriptor,
     Detector,
@@ -37,6 +37,7 @@ from cgroup.registration import (
     detect,
     register,
 )
+from cgroup.registry import METHODS
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ import numpy as np
 from cgroup import features
 from cgroup._arguments import as_points
 from cgroup.errors import InputError
+from cgroup.group import group
 from cgroup.io import PointCloud
-from cgroup.methods import group
 from cgroup.types import Correspondences, DescribedCloud
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ import numpy as np
 
 from cgroup._plugins import load_plugin
 from cgroup.errors import InputError
-from cgroup.methods import ALIASES, METHODS, group
+from cgroup.group import group
+from cgroup.registry import ALIASES, METHODS
 from cgroup.types import OPTIONAL_FIELDS, Correspondences, Grouping
 
 if TYPE_CHECKING:

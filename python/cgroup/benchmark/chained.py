@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.methods import group
+from cgroup.group import group
 from cgroup.types import Correspondences, Grouping
 
 if TYPE_CHECKING:

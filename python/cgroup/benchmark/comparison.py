@@ -13,8 +13,9 @@ import numpy as np
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import correct_matches, rotation_error, score_group, translation_error
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
+from cgroup.group import group
 from cgroup.io import write_file
-from cgroup.methods import METHODS, group
+from cgroup.registry import METHODS
 
 if TYPE_CHECKING:
     import os

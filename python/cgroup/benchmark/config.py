@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from cgroup.benchmark.candidates import Candidate, candidate
 from cgroup.benchmark.cases import COMBINATIONS
 from cgroup.errors import InputError
-from cgroup.methods import METHODS
+from cgroup.registry import METHODS
 
 if sys.version_info >= (3, 11):
     import tomllib

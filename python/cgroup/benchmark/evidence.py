@@ -21,7 +21,7 @@ from cgroup.benchmark.paper import (
     Experiment,
 )
 from cgroup.evaluation.bins import binned
-from cgroup.methods import METHODS
+from cgroup.registry import PAPER_METHODS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,7 +131,7 @@ class Evidence:
 
     frame: pd.DataFrame
     timing: pd.DataFrame
-    methods: tuple[str, ...] = tuple(METHODS)
+    methods: tuple[str, ...] = PAPER_METHODS
     _samples: dict[tuple[str, str], Sample | None] = field(default_factory=dict, repr=False)
 
     def sample(self, experiment: str, place: str) -> Sample | None:

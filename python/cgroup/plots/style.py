@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from cgroup.registry import METHOD_INFO
+
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
@@ -24,15 +26,8 @@ class MethodStyle(NamedTuple):
 _INDIVIDUAL: LineStyleType = (0, (4, 1.5))
 
 METHOD_STYLES = {
-    "ss": MethodStyle("SS", "#DDCC77", "o", _INDIVIDUAL),
-    "nnsr": MethodStyle("NNSR", "#999933", "s", _INDIVIDUAL),
-    "si": MethodStyle("SI", "#88CCEE", "^", _INDIVIDUAL),
-    "cv": MethodStyle("CV", "#44AA99", "v", _INDIVIDUAL),
-    "ransac": MethodStyle("RANSAC", "#117733", "D"),
-    "st": MethodStyle("ST", "#AA4499", "P"),
-    "gc": MethodStyle("GC", "#882255", "X"),
-    "3dhv": MethodStyle("3DHV", "#CC6677", "<"),
-    "gtm": MethodStyle("GTM", "#332288", "*"),
+    info.name: MethodStyle(info.label, info.color, info.marker, _INDIVIDUAL if info.individual else "-")
+    for info in METHOD_INFO.values()
 }
 
 _FURTHER_MARKERS = ("h", "p", "8", "d", ">", "H")
