@@ -18,16 +18,17 @@ import pandas as pd
 import pytest
 
 import benchmark_fakes
-from cgroup.benchmark import records, scoring, stages, timing
+from cgroup.benchmark import records
 from cgroup.benchmark.config import parse_config
-from cgroup.benchmark.run import run
-from cgroup.benchmark.store import RECORDS, only_writer
+from cgroup.benchmark.records.lock import only_writer
+from cgroup.benchmark.records.store import RECORDS
+from cgroup.benchmark.run import run, scoring, stages, timing
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cgroup.benchmark.results import Scored
+    from cgroup.benchmark.records.types import Scored
 
 from benchmark_runs import CLOUDS, MATCHES, contents, serial
 
@@ -304,7 +305,7 @@ def test_a_dask_cluster_that_loses_a_worker(
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"backend": "ray"}, "backend: ray isn't installed; pip install"),
+        ({"backend": "ray"}, "backend: got 'ray'; choose one of loky, dask, threading"),
         ({"backend": "dask"}, "scheduler: needed by the dask backend"),
         ({"backend": "slurm"}, "backend: got 'slurm'; choose one of loky"),
         ({"workers": 0}, "workers: got 0"),

@@ -11,11 +11,12 @@ import pandas as pd
 import pytest
 from benchmark_frames import paper_frame, paper_timing
 
-from cgroup.benchmark import report
 from cgroup.benchmark.claims import CLAIMS
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
-from cgroup.benchmark.report_tables import failure_table, method_cell, number, ranking_table, score_table
+from cgroup.benchmark.report import page as report
+from cgroup.benchmark.report import sections
+from cgroup.benchmark.report.tables import failure_table, method_cell, number, ranking_table, score_table
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Page(HTMLParser):
             self.headings.append(data.strip())
 
 
-def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> report.Results:
+def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> report.ReportData:
     datasets = [
         {"name": name, "title": f"Title of {name}", "role": "full-full", "citation": "somebody"}
         for name in frame["dataset"].unique()
@@ -73,13 +74,13 @@ def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> rep
         "config": {"name": "made-up", "seed": 3},
         "missing": {},
     }
-    return report.Results(**(fields | changes))
+    return report.ReportData(**(fields | changes))
 
 
-def write(monkeypatch: pytest.MonkeyPatch, out: Path, given: report.Results) -> tuple[Page, str]:
+def write(monkeypatch: pytest.MonkeyPatch, out: Path, given: report.ReportData) -> tuple[Page, str]:
     """Write the report of made-up results; pictures of pairs need a run's masks, and say so."""
-    monkeypatch.setattr(report.Results, "load", lambda _: given)
-    monkeypatch.setattr(report, "picture", no_picture)
+    monkeypatch.setattr(report.ReportData, "load", lambda _: given)
+    monkeypatch.setattr(sections, "draw_example", no_picture)
     path = report.write_report(out)
     text = path.read_text(encoding="utf-8")
     return Page(text), text

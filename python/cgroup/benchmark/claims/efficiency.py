@@ -13,7 +13,7 @@ from cgroup.benchmark.claims.base import TIME_TIE, Claim, Comparison, Finding, N
 from cgroup.benchmark.claims.measures import at_most, duration, higher, in_top
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
 from cgroup.benchmark.records import exponents
-from cgroup.benchmark.timing import FITTED_FROM
+from cgroup.benchmark.records.exponents import FITTED_FROM
 
 if TYPE_CHECKING:
     import pandas as pd

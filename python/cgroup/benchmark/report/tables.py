@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from cgroup.benchmark import records
 from cgroup.benchmark.claims.base import TIE
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
+from cgroup.evaluation.protocols import PROTOCOL_PREFIX
 from cgroup.plots.levels import protocol_title
 from cgroup.plots.style import METHOD_STYLES, method_style
 
@@ -92,8 +93,8 @@ def words(text: object) -> Cell:
 def method_cell(method: str) -> Cell:
     """Cell of a method, sorted in the paper's order."""
     known = list(METHOD_STYLES)
-    place = known.index(method) if method in known else len(known)
-    return Cell(method_style(method).label, float(place))
+    order = known.index(method) if method in known else len(known)
+    return Cell(method_style(method).label, float(order))
 
 
 def ranking_table(sample: Sample) -> Table:
@@ -114,11 +115,11 @@ def ranking_table(sample: Sample) -> Table:
     order = scores["f_score"].sort_values(ascending=False, kind="stable").index
     rows = [
         (
-            Cell(str(place), float(place)),
+            Cell(str(rank), float(rank)),
             method_cell(str(method)),
-            *(_marked(scores[column], str(method)) for column in columns),
+            *(_mark_best(scores[column], str(method)) for column in columns),
         )
-        for place, method in enumerate(order, start=1)
+        for rank, method in enumerate(order, start=1)
     ]
     return Table("Ranking by F, mean over all levels and pairs", ("rank", "method", *columns.values()), rows)
 
@@ -139,8 +140,8 @@ def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "medi
         One row per experiment, data set and method.
     """
     tables = [(sample, records.aggregate(sample.rows, by=["method"], how=how)) for sample in samples]
-    found = {name for _, table in tables for name in table.columns if name.startswith("ok:")}
-    protocols = sorted(found - {"ok:precision>0.1"})
+    columns = {name for _, table in tables for name in table.columns}
+    protocols = sorted(name for name in columns if name.startswith(PROTOCOL_PREFIX))
     rows = [
         (
             words(sample.experiment.title),
@@ -151,9 +152,9 @@ def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "medi
             *(number(row.get(name, math.nan)) for name in protocols),
         )
         for sample, table in tables
-        for _, row in _in_paper_order(table).iterrows()
+        for _, row in _sort_by_paper(table).iterrows()
     ]
-    titles = [protocol_title(name.removeprefix("ok:")) for name in protocols]
+    titles = [protocol_title(name.removeprefix(PROTOCOL_PREFIX)) for name in protocols]
     headers = ("experiment", "data set", "method", "records", "P", "R", "F", "registered", *titles)
     captions = {
         "macro": "Means over pairs, each with the same weight",
@@ -183,7 +184,7 @@ def timing_table(times: pd.DataFrame, fitted: Mapping[str, float]) -> Table:
             method_cell(method),
             words(PAPER_COMPLEXITY.get(method, MISSING)),
             number(fitted.get(method, math.nan), "{:.2f}"),
-            *(_milliseconds(times.loc[n, method]) for n in times.index),
+            *(_format_milliseconds(times.loc[n, method]) for n in times.index),
         )
         for method in times.columns
     ]
@@ -262,15 +263,15 @@ def plain_table(caption: str, frame: pd.DataFrame, headers: Sequence[str] = ()) 
     return Table(caption, tuple(headers) or tuple(map(str, frame.columns)), rows)
 
 
-def _milliseconds(seconds: float) -> Cell:
+def _format_milliseconds(seconds: float) -> Cell:
     value = 1e3 * seconds
     return number(value, "{:,.0f}" if value >= 100 else "{:.3g}")
 
 
-def _marked(scores: pd.Series, method: str) -> Cell:
+def _mark_best(scores: pd.Series, method: str) -> Cell:
     cell = number(float(scores[method]))
     return cell._replace(best=bool(scores[method] >= scores.max() - TIE))
 
 
-def _in_paper_order(table: pd.DataFrame) -> pd.DataFrame:
+def _sort_by_paper(table: pd.DataFrame) -> pd.DataFrame:
     return table.iloc[sorted(range(len(table)), key=lambda row: method_cell(table["method"].iloc[row]).key)]

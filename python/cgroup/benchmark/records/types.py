@@ -7,7 +7,7 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING
 
 from cgroup import __version__
-from cgroup.benchmark.machine import Machine, this_machine
+from cgroup.benchmark.records.machine import Machine, this_machine
 
 if TYPE_CHECKING:
     from cgroup.benchmark.cases import Case
