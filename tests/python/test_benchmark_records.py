@@ -95,6 +95,19 @@ def test_registered_is_the_papers_criterion_as_stored(tmp_path: Path) -> None:
     assert set(stored.values()) == {True, False}
 
 
+def test_groups_of_a_case(clouds: Path) -> None:
+    frame = records.load(clouds)
+    row = frame[frame["epsilon"] == 5].iloc[0]
+    matches, pose, masks = records.load_groups(clouds, row["case"])
+    assert len(matches) == row["n"]
+    np.testing.assert_allclose(pose[:3, 3], (1, 2, 3))
+    assert list(masks) == ["ss", "gc"]
+    for method, mask in masks.items():
+        np.testing.assert_array_equal(mask, group(matches, method).mask)
+    with pytest.raises(InputError, match="no records of the case nothing"):
+        records.load_groups(clouds, "nothing")
+
+
 def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
     rng = np.random.default_rng(0)
     source = rng.uniform(size=(3000, 3))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from typing import Any, TypeAlias
 
     from cgroup.benchmark.candidates import Candidate
-    from cgroup.benchmark.config import Config, Timing
+    from cgroup.benchmark.config import Config, TimingEntry
     from cgroup.benchmark.records.timings import Timings
     from cgroup.datasets import Dataset, MatchingPair
     from cgroup.types import Correspondences
@@ -71,13 +71,13 @@ class TimingSet:
 
 
 def take_times(
-    config: Config, timing: Timing, records: Timings, root: Path | None, progress: Progress
+    config: Config, timing: TimingEntry, records: Timings, root: Path | None, progress: Progress
 ) -> None:
     """Time every method on every set, unless it has been done on this machine.
 
     Parameters
     ----------
-    config, timing : Config, Timing
+    config, timing : Config, TimingEntry
         What to do.
     records : Timings
         Takes the times; those of one method on one set at a time.
@@ -132,7 +132,7 @@ def measure(call: Callable[[], object], repeats: int) -> list[float]:
 class _Timer:
     """Takes times, and expects those of larger sets from those of smaller ones."""
 
-    def __init__(self, timing: Timing) -> None:
+    def __init__(self, timing: TimingEntry) -> None:
         self._timing = timing
         self._medians: dict[tuple[str, int], list[tuple[int, float]]] = {}
 
