@@ -258,13 +258,19 @@ def test_interrupt_keeps_what_is_finished(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A Dask scheduler and three worker processes, as on several machines."""
+def cluster(
+    tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Three Dask workers and, last, their scheduler, as on several machines.
+
+    The parameter is how many lost workers a task may have been on.
+    """
     file = tmp_path / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     dask = [sys.executable, "-m", "dask"]
     common = ["--scheduler-file", str(file), "--no-dashboard"]
-    scheduler = subprocess.Popen([*dask, "scheduler", *common, "--port", "0"], **quiet)  # pyright: ignore[reportArgumentType]
+    patient = environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=str(getattr(request, "param", 3)))
+    scheduler = subprocess.Popen([*dask, "scheduler", *common, "--port", "0"], env=patient, **quiet)  # pyright: ignore[reportArgumentType]
     command = [*dask, "worker", *common, "--nthreads", "1", "--no-nanny"]
     slow = environment(FAKES_SECONDS="0.05")
     workers = [subprocess.Popen(command, env=slow, cwd=tmp_path, **quiet) for _ in range(3)]  # pyright: ignore[reportArgumentType]
@@ -273,7 +279,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
         while not (file.exists() and file.read_text()):
             assert time.monotonic() < deadline
             time.sleep(0.05)
-        yield json.loads(file.read_text())["address"], workers
+        yield json.loads(file.read_text())["address"], [*workers, scheduler]
     finally:
         for process in (*workers, scheduler):
             process.kill()
@@ -300,6 +306,39 @@ def test_a_dask_cluster_that_loses_a_worker(
     assert killed
     assert workers[0].wait() == -signal.SIGKILL
     assert contents(tmp_path / "out") == expected
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("cluster", [0], indirect=True)
+def test_a_task_that_kills_dask_workers_is_recorded(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:deadly"') + 'pairs = ["m0", "m4"]'
+    assert benchmark_fakes.Matches().load("m4").correspondences.source[0, 0] > 90
+    run(parse_config(text), tmp_path / "out", backend="dask", scheduler=cluster[0])
+    errors = records.load(tmp_path / "out").set_index("pair")["error"]
+    assert errors.to_dict() == {"m0": "", "m4": stages.KILLED}
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], expected: list[tuple[object, ...]], tmp_path: Path
+) -> None:
+    address, (*_, scheduler) = cluster
+
+    def kill_scheduler(stage: str, done: int, _wanted: int) -> None:
+        if stage == "correspond" and done >= 2:
+            scheduler.kill()
+            scheduler.wait()
+
+    dask = pytest.importorskip("dask")
+    lost = pytest.raises(
+        InputError, match="scheduler: lost the connection to tcp://.*; run the command again"
+    )
+    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), lost:
+        run(parse_config(MATCHES), tmp_path, backend="dask", scheduler=address, progress=kill_scheduler)
+    serial(MATCHES, tmp_path)
+    assert contents(tmp_path) == expected
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import os
-from contextlib import contextmanager
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from distributed import Client, KilledWorker, as_completed
@@ -42,7 +43,7 @@ def open_cluster(scheduler: str | None) -> Generator[DaskWorkers, None, None]:
     Raises
     ------
     InputError
-        If no address is known, or nobody answers there.
+        If no address is known, nothing answers there, or the connection is lost later.
     """
     address = scheduler or os.environ.get(SCHEDULER)
     if not address:
@@ -54,7 +55,7 @@ def open_cluster(scheduler: str | None) -> Generator[DaskWorkers, None, None]:
         message = f"scheduler: {address} can't be reached: {error}"
         raise InputError(message) from error
     with client:
-        yield DaskWorkers(client)
+        yield DaskWorkers(client, address)
 
 
 class DaskWorkers:
@@ -64,10 +65,13 @@ class DaskWorkers:
     ----------
     client : distributed.Client
         Connected to the scheduler.
+    address : str
+        Of the scheduler.
     """
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: Client, address: str) -> None:
         self._client = client
+        self._address = address
 
     def call_unordered(
         self, function: Callable[..., Result], tasks: Iterable[Task]
@@ -75,26 +79,42 @@ class DaskWorkers:
         """Call a function with each of many tuples of arguments, see `Workers`.
 
         Arguments travel with their task through the scheduler, so that a lost worker takes none with it.
+
+        Raises
+        ------
+        InputError
+            If the connection to the scheduler is lost.
         """
         waiting = iter(tasks)
         under_way: dict[object, tuple[Future[Any], Task]] = {}
         done = as_completed(loop=self._client.loop, raise_errors=False)
         try:
             while True:
-                for task in itertools.islice(waiting, self._free_places(len(under_way))):
-                    future = self._client.submit(function, *task, pure=False)
-                    under_way[future.key] = future, task
-                    done.add(future)
-                if not under_way:
-                    return
-                future, task = under_way.pop(next(done).key)
-                yield task, _get_result(future)
+                with self._expect_connection():
+                    for task in itertools.islice(waiting, self._count_free(len(under_way))):
+                        future = self._client.submit(function, *task, pure=False)
+                        under_way[future.key] = future, task
+                        done.add(future)
+                    if not under_way:
+                        return
+                    future, task = under_way.pop(next(done).key)
+                    result = _get_result(future)
+                yield task, result
         finally:
-            self._client.cancel([future for future, _ in under_way.values()])
+            with suppress(OSError, CancelledError):
+                self._client.cancel([future for future, _ in under_way.values()])
 
-    def _free_places(self, taken: int) -> int:
+    def _count_free(self, taken: int) -> int:
         threads: Any = self._client.nthreads()  # by worker
         return max(0, _PER_THREAD * max(sum(threads.values()), 1) - taken)
+
+    @contextmanager
+    def _expect_connection(self) -> Generator[None, None, None]:
+        try:
+            yield
+        except (OSError, CancelledError) as error:
+            message = f"scheduler: lost the connection to {self._address}; run the command again to continue"
+            raise InputError(message) from error
 
 
 def _get_result(future: Future[Any]) -> Any:  # noqa: ANN401 - whatever the task returned
