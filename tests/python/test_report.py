@@ -16,7 +16,8 @@ from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
 from cgroup.benchmark.report import page as report
 from cgroup.benchmark.report import sections
-from cgroup.benchmark.report.tables import failure_table, method_cell, number, ranking_table, score_table
+from cgroup.benchmark.report.cells import method_cell, number
+from cgroup.benchmark.report.tables import failure_table, ranking_table, score_table
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -214,3 +215,18 @@ def test_numbers_that_are_missing_sort_last() -> None:
 
 def test_no_failures() -> None:
     assert failure_table(paper_frame("noise")).rows == []
+
+
+def test_one_evidence_serves_claims_and_figures() -> None:
+    frame = paper_frame("noise")
+    tenth = frame[frame["method"] == "gtm"].assign(method="zz")
+    evidence = Evidence(pd.concat([frame, tenth], ignore_index=True), pd.DataFrame())
+    claimed, shown = evidence.sample("noise", "B3R"), evidence.sample("noise", "B3R", every_method=True)
+    assert claimed is not None
+    assert shown is not None
+    assert set(shown.rows["method"]) - set(claimed.rows["method"]) == {"zz"}
+    assert evidence.samples() == [shown]
+    assert [row[1].text for row in ranking_table(shown).rows].count("ZZ") == 1
+    alone = Evidence(frame, pd.DataFrame()).sample("noise", "B3R")
+    assert alone is not None
+    pd.testing.assert_frame_equal(claimed.by_level("f_score"), alone.by_level("f_score"))

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
     from cgroup.benchmark.evidence import Evidence, Sample
     from cgroup.benchmark.paper import Experiment
+    from cgroup.benchmark.report.cells import Table
     from cgroup.benchmark.report.pictures import Picture, PictureBook
-    from cgroup.benchmark.report.tables import Table
 
 
 @dataclass(frozen=True)

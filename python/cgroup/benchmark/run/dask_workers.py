@@ -1,12 +1,13 @@
-"""Workers of a Dask cluster."""
+"""Workers of a Dask cluster, which may come and go while they work."""
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from distributed import Client, KilledWorker, as_completed
 
@@ -17,18 +18,16 @@ if TYPE_CHECKING:
 
     from distributed import Future
 
-    from cgroup.benchmark.run.workers import Task
+    from cgroup.benchmark.run.workers import CallUnordered, Task
 
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 """Environment variable that Dask, too, takes the scheduler's address from."""
 
 _PER_THREAD = 2  # tasks handed out per thread of the cluster: one to work on, one to go on with
 
-Result = TypeVar("Result")
-
 
 @contextmanager
-def open_cluster(scheduler: str | None) -> Generator[DaskWorkers, None, None]:
+def open_cluster(scheduler: str | None) -> Generator[CallUnordered, None, None]:
     """Reach a cluster.
 
     Parameters
@@ -38,12 +37,14 @@ def open_cluster(scheduler: str | None) -> Generator[DaskWorkers, None, None]:
 
     Yields
     ------
-    DaskWorkers
+    CallUnordered
+        Puts the cluster to work. Arguments travel with their task through the scheduler, so that a lost
+        worker takes none with it. Raises `InputError` if the scheduler is lost.
 
     Raises
     ------
     InputError
-        If no address is known, nothing answers there, or the connection is lost later.
+        If no address is known, or nothing answers there.
     """
     address = scheduler or os.environ.get(SCHEDULER)
     if not address:
@@ -55,66 +56,36 @@ def open_cluster(scheduler: str | None) -> Generator[DaskWorkers, None, None]:
         message = f"scheduler: {address} can't be reached: {error}"
         raise InputError(message) from error
     with client:
-        yield DaskWorkers(client, address)
+        yield functools.partial(_call_unordered, client)
 
 
-class DaskWorkers:
-    """Workers that may come and go while they work.
+def _call_unordered(
+    client: Client, function: Callable[..., Any], tasks: Iterable[Task]
+) -> Iterator[tuple[Task, Any]]:
+    waiting = iter(tasks)
+    under_way: dict[object, tuple[Future[Any], Task]] = {}
+    done = as_completed(loop=client.loop, raise_errors=False)
+    try:
+        while True:
+            with _report_lost_scheduler():
+                for task in itertools.islice(waiting, _count_free(client, len(under_way))):
+                    future = client.submit(function, *task, pure=False)
+                    under_way[future.key] = future, task
+                    done.add(future)
+                if not under_way:
+                    return
+                future, task = under_way.pop(next(done).key)
+                result = _get_result(future)
+            yield task, result
+    finally:
+        with suppress(OSError, CancelledError):
+            client.cancel([future for future, _ in under_way.values()])
 
-    Parameters
-    ----------
-    client : distributed.Client
-        Connected to the scheduler.
-    address : str
-        Of the scheduler.
-    """
 
-    def __init__(self, client: Client, address: str) -> None:
-        self._client = client
-        self._address = address
-
-    def call_unordered(
-        self, function: Callable[..., Result], tasks: Iterable[Task]
-    ) -> Iterator[tuple[Task, Result | None]]:
-        """Call a function with each of many tuples of arguments, see `Workers`.
-
-        Arguments travel with their task through the scheduler, so that a lost worker takes none with it.
-
-        Raises
-        ------
-        InputError
-            If the connection to the scheduler is lost.
-        """
-        waiting = iter(tasks)
-        under_way: dict[object, tuple[Future[Any], Task]] = {}
-        done = as_completed(loop=self._client.loop, raise_errors=False)
-        try:
-            while True:
-                with self._expect_connection():
-                    for task in itertools.islice(waiting, self._count_free(len(under_way))):
-                        future = self._client.submit(function, *task, pure=False)
-                        under_way[future.key] = future, task
-                        done.add(future)
-                    if not under_way:
-                        return
-                    future, task = under_way.pop(next(done).key)
-                    result = _get_result(future)
-                yield task, result
-        finally:
-            with suppress(OSError, CancelledError):
-                self._client.cancel([future for future, _ in under_way.values()])
-
-    def _count_free(self, taken: int) -> int:
-        threads: Any = self._client.nthreads()  # by worker
-        return max(0, _PER_THREAD * max(sum(threads.values()), 1) - taken)
-
-    @contextmanager
-    def _expect_connection(self) -> Generator[None, None, None]:
-        try:
-            yield
-        except (OSError, CancelledError) as error:
-            message = f"scheduler: lost the connection to {self._address}; run the command again to continue"
-            raise InputError(message) from error
+def _count_free(client: Client, taken: int) -> int:
+    """Count the tasks that the workers that are there now can take."""
+    threads: Any = client.nthreads()  # by worker
+    return max(0, _PER_THREAD * max(sum(threads.values()), 1) - taken)
 
 
 def _get_result(future: Future[Any]) -> Any:  # noqa: ANN401 - whatever the task returned
@@ -123,3 +94,12 @@ def _get_result(future: Future[Any]) -> Any:  # noqa: ANN401 - whatever the task
         return future.result()
     except KilledWorker:
         return None
+
+
+@contextmanager
+def _report_lost_scheduler() -> Generator[None, None, None]:
+    try:
+        yield
+    except (OSError, CancelledError) as error:
+        message = f"scheduler: the connection is lost ({error}); run the same command again to continue"
+        raise InputError(message) from error

@@ -17,7 +17,7 @@ from cgroup.benchmark.records.timings import Timings
 from cgroup.benchmark.records.types import Grouped, Matched
 from cgroup.benchmark.run import scoring, stages
 from cgroup.benchmark.run.timing import take_times
-from cgroup.benchmark.run.workers import Workers, open_workers
+from cgroup.benchmark.run.workers import open_workers
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from typing import Any, TypeAlias
 
     from cgroup.benchmark.config import Config
+    from cgroup.benchmark.run.workers import CallUnordered
 
     Progress: TypeAlias = Callable[[str, int, int], Any]
 
@@ -113,9 +114,9 @@ def run(
             if retry_failed:
                 store.forget_failures()
             report = _Report(store, progress or ignore_progress)
-            with open_workers(backend, workers, scheduler) as workforce:
-                _correspond(store, workforce, root, report)
-                _group(store, workforce, report)
+            with open_workers(backend, workers, scheduler) as call_unordered:
+                _correspond(store, call_unordered, root, report)
+                _group(store, call_unordered, report)
             _score(store, report)
             if config.timing is not None:
                 take_times(config, config.timing, Timings(store), root, progress or ignore_progress)
@@ -124,17 +125,17 @@ def run(
             store.close()
 
 
-def _correspond(store: Store, workforce: Workers, root: Path | None, report: _Report) -> None:
+def _correspond(store: Store, call_unordered: CallUnordered, root: Path | None, report: _Report) -> None:
     folder = None if root is None else str(root)
     tasks = [(cases, folder) for cases in store.pending_cases(_CASES_AT_ONCE)]
     report.begin("correspond")
-    for (cases, _), matched in workforce.call_unordered(stages.match_cases, tasks) if tasks else ():
+    for (cases, _), matched in call_unordered(stages.match_cases, tasks) if tasks else ():
         records = matched or [Matched(case, error=stages.KILLED) for case in cases]
         store.add_matched(records)
         report.add(len(records))
 
 
-def _group(store: Store, workforce: Workers, report: _Report) -> None:
+def _group(store: Store, call_unordered: CallUnordered, report: _Report) -> None:
     pending = store.pending_groupings()
     report.begin("group")
 
@@ -143,7 +144,7 @@ def _group(store: Store, workforce: Workers, report: _Report) -> None:
         for case_key, seed, methods in pending:
             yield case_key, seed, store.content(case_key), methods
 
-    results = workforce.call_unordered(stages.group_case, tasks()) if pending else ()
+    results = call_unordered(stages.group_case, tasks()) if pending else ()
     for (key, *_, methods), grouped in results:
         records = grouped or [Grouped(key, method.key, error=stages.KILLED) for method in methods]
         store.add_grouped(records)
