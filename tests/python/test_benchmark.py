@@ -28,7 +28,7 @@ from cgroup.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cgroup.benchmark.records.types import Scored
+    from cgroup.benchmark.records.types import ScoreRecord
 
 from benchmark_runs import CLOUDS, MATCHES, contents, serial
 
@@ -70,7 +70,7 @@ def test_each_stage_uses_what_the_ones_before_have_stored(
 ) -> None:
     scored: list[tuple[float, ...]] = []
 
-    def score(*arguments: object) -> list[Scored]:
+    def score(*arguments: object) -> list[ScoreRecord]:
         scored.append(tuple(arguments[-1]))  # pyright: ignore[reportArgumentType]
         return judge(*arguments)  # pyright: ignore[reportArgumentType]
 

@@ -95,7 +95,7 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     InputError
         If none is at hand, or a pair is named that doesn't exist.
     """
-    opened = _Opened(root)
+    opened = _OpenDatasets(root)
     planned = tuple(_plan_experiment(config, experiment, opened) for experiment in config.experiment)
     datasets = tuple(_describe_dataset(name, found, planned) for name, found in opened.found.items())
     plan = Plan(config, planned, datasets)
@@ -106,7 +106,7 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     return plan
 
 
-class _Opened:
+class _OpenDatasets:
     """Data sets, opened once."""
 
     def __init__(self, root: Path | None) -> None:
@@ -126,7 +126,7 @@ class _Opened:
         return name in self.found
 
 
-def _plan_experiment(config: Config, experiment: ExperimentEntry, opened: _Opened) -> PlannedExperiment:
+def _plan_experiment(config: Config, experiment: ExperimentEntry, opened: _OpenDatasets) -> PlannedExperiment:
     at_hand = [name for name in experiment.dataset if opened.open(name)]
     missing = {name: opened.missing[name] for name in experiment.dataset if name not in at_hand}
     cases = tuple(case for name in at_hand for case in _list_cases(config.seed, experiment, name, opened))
@@ -134,7 +134,7 @@ def _plan_experiment(config: Config, experiment: ExperimentEntry, opened: _Opene
     return PlannedExperiment(experiment, cases, tuple(entry.candidate() for entry in entries), missing)
 
 
-def _list_cases(seed: int, experiment: ExperimentEntry, name: str, opened: _Opened) -> Iterator[Case]:
+def _list_cases(seed: int, experiment: ExperimentEntry, name: str, opened: _OpenDatasets) -> Iterator[Case]:
     levels: Sequence[float | None] = experiment.levels or (None,)
     combinations = experiment.combinations
     if opened.found[name].role == "correspondences":

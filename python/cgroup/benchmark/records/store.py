@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cgroup.benchmark.plan import Plan
-    from cgroup.benchmark.records.types import Grouped, Matched, Scored
+    from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord, ScoreRecord
 
 RECORDS = "records.sqlite"
 """Name of the file in a run's folder."""
@@ -225,7 +225,7 @@ class Store:
         query = "select method_key, mask, pose from groupings where case_key = ? and error = ''"
         yield from self.connection.execute(query, (case_key,))
 
-    def add_matched(self, records: Iterable[Matched]) -> None:
+    def add_matchings(self, records: Iterable[MatchingRecord]) -> None:
         """Store records of the first stage, all or none."""
         with self.transaction() as connection:
             for record in records:
@@ -236,7 +236,7 @@ class Store:
                 if not record.error:
                     insert(connection, "arrays", key, record.content, record.truth, record.sample)
 
-    def add_grouped(self, records: Iterable[Grouped]) -> None:
+    def add_groupings(self, records: Iterable[GroupingRecord]) -> None:
         """Store records of the second stage, all or none."""
         with self.transaction() as connection:
             for record in records:
@@ -245,7 +245,7 @@ class Store:
                 how = (record.parameters, record.error, *list_origin(record.provenance))
                 insert(connection, "groupings", record.case_key, record.method_key, *result, *how)
 
-    def add_scored(self, records: Iterable[Scored]) -> None:
+    def add_scores(self, records: Iterable[ScoreRecord]) -> None:
         """Store records of the third stage, all or none."""
         with self.transaction() as connection:
             for record in records:

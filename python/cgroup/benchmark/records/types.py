@@ -27,7 +27,7 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class Matched:
+class MatchingRecord:
     """Record of the first stage.
 
     Attributes
@@ -66,7 +66,7 @@ class Matched:
 
 
 @dataclass(frozen=True)
-class Grouped:
+class GroupingRecord:
     """Record of the second stage.
 
     Attributes
@@ -102,7 +102,7 @@ class Grouped:
 
 
 @dataclass(frozen=True)
-class Scored:
+class ScoreRecord:
     """Record of the third stage: one grouping judged at one threshold.
 
     Attributes

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.benchmark.records.packing import floats_from_bytes, unpack, unpack_mask
-from cgroup.benchmark.records.types import Scored
+from cgroup.benchmark.records.types import ScoreRecord
 from cgroup.datasets.base import moved
 from cgroup.evaluation import match_errors, rotation_error, score_group, translation_error
 from cgroup.evaluation.protocols import PROTOCOLS
@@ -61,7 +61,7 @@ class Truth:
 
 def score_grouping(
     truth: Truth, method_key: str, mask: bytes, pose: bytes | None, epsilons: Sequence[float]
-) -> list[Scored]:
+) -> list[ScoreRecord]:
     """Judge one group at several thresholds.
 
     Parameters
@@ -77,7 +77,7 @@ def score_grouping(
 
     Returns
     -------
-    list of Scored
+    list of ScoreRecord
         One per threshold.
     """
     group = unpack_mask(mask, len(truth.errors))
@@ -91,7 +91,7 @@ def _judge(
     group: BoolArray,
     errors: tuple[float, float, float] | None,
     epsilon: float,
-) -> Scored:
+) -> ScoreRecord:
     score = score_group(group, truth.errors <= epsilon)
     # A group that fixes no pose is as far off as can be.
     rotation, translation, rmse = (np.inf, np.inf, np.inf) if errors is None else errors
@@ -100,7 +100,7 @@ def _judge(
     }
     known = (None, None, None) if errors is None else (rotation, translation, _none_unless_finite(rmse))
     counts = (score.correct, score.selected, score.selected_correct)
-    return Scored(truth.case_key, method_key, epsilon, *counts, *known, json.dumps(verdicts))
+    return ScoreRecord(truth.case_key, method_key, epsilon, *counts, *known, json.dumps(verdicts))
 
 
 def _measure_pose(truth: Truth, pose: FloatArray | None) -> tuple[float, float, float] | None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from cgroup._progress import StageClock
 from cgroup.benchmark.records.packing import floats_as_bytes, pack, pack_mask, unpack
-from cgroup.benchmark.records.types import Grouped, Matched
+from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
 from cgroup.datasets import CorrespondencePair, MatchingPair, open_dataset
 from cgroup.datasets.base import moved
 from cgroup.errors import NoConsensusError
@@ -50,7 +50,7 @@ _PAIRS_KEPT = 2  # loaded pairs that a worker keeps: its next task is often abou
 # --- correspond ----------------------------------------------------------------------------------
 
 
-def match_cases(cases: Sequence[Case], root: str | None) -> list[Matched]:
+def match_cases(cases: Sequence[Case], root: str | None) -> list[MatchingRecord]:
     """Load pairs, disturb them, match them.
 
     Parameters
@@ -62,13 +62,13 @@ def match_cases(cases: Sequence[Case], root: str | None) -> list[Matched]:
 
     Returns
     -------
-    list of Matched
+    list of MatchingRecord
         One each, with the error where there was one.
     """
     return [_match(case, root) for case in cases]
 
 
-def _match(case: Case, root: str | None) -> Matched:
+def _match(case: Case, root: str | None) -> MatchingRecord:
     try:
         pair = _load_pair(case.dataset, case.pair, root)
         if isinstance(pair, CorrespondencePair):
@@ -79,10 +79,10 @@ def _match(case: Case, root: str | None) -> Matched:
             return _match_clouds(case, pair, _add_normals(pair))
         return _match_clouds(case, pair, _load_with_normals(case.dataset, case.pair, root))
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
-        return Matched(case, error=_describe_error(error))
+        return MatchingRecord(case, error=_describe_error(error))
 
 
-def _match_clouds(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, PointCloud]) -> Matched:
+def _match_clouds(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, PointCloud]) -> MatchingRecord:
     """Match the clouds of a pair, which bring the normals that the pair asks for."""
     front: dict[str, Any] = {
         "detector": case.detector,
@@ -100,7 +100,7 @@ def _match_clouds(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, Poin
     truth, pr = pair.T_target_source, _resolution(matches)
     sample = overlap_sample(pair.source.points, pair.target.points, truth, pr, case.rng("sample"))
     clock.stop()
-    return Matched(
+    return MatchingRecord(
         case,
         json.dumps(front | normals),
         seconds=json.dumps({stage: round(seconds, 6) for stage, seconds in clock.seconds.items()}),
@@ -108,17 +108,17 @@ def _match_clouds(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, Poin
     )
 
 
-def _record_ready_made(case: Case, pair: CorrespondencePair) -> Matched:
+def _record_ready_made(case: Case, pair: CorrespondencePair) -> MatchingRecord:
     matches = pair.correspondences
     truth, pr = pair.T_target_source, _resolution(matches)
     sample = overlap_sample(matches.source, matches.target, truth, pr, case.rng("sample"))
-    return Matched(case, **_describe_problem(matches, pair, sample))
+    return MatchingRecord(case, **_describe_problem(matches, pair, sample))
 
 
 def _describe_problem(
     matches: Correspondences, pair: MatchingPair | CorrespondencePair, sample: FloatArray
 ) -> dict[str, Any]:
-    """Fields of `Matched` that are the same wherever the matches come from."""
+    """Fields of `MatchingRecord` that are the same wherever the matches come from."""
     return {
         "content": pack(matches),
         "truth": floats_as_bytes(check_rigid(pair.T_target_source)),
@@ -190,7 +190,9 @@ def _with_normals(cloud: PointCloud, normals: Normals, viewpoint: Viewpoint) -> 
 # --- group ---------------------------------------------------------------------------------------
 
 
-def group_case(case_key: str, seed: int, content: bytes, methods: Sequence[Candidate]) -> list[Grouped]:
+def group_case(
+    case_key: str, seed: int, content: bytes, methods: Sequence[Candidate]
+) -> list[GroupingRecord]:
     """Run methods on the correspondences of one case, on one thread.
 
     Parameters
@@ -206,14 +208,14 @@ def group_case(case_key: str, seed: int, content: bytes, methods: Sequence[Candi
 
     Returns
     -------
-    list of Grouped
+    list of GroupingRecord
         One each, with the error where there was one.
     """
     correspondences = unpack(content)
     return [_group(case_key, seed, correspondences, method) for method in methods]
 
 
-def _group(case_key: str, seed: int, correspondences: Correspondences, method: Candidate) -> Grouped:
+def _group(case_key: str, seed: int, correspondences: Correspondences, method: Candidate) -> GroupingRecord:
     try:
         parameters = {
             "method": method.name,
@@ -222,7 +224,7 @@ def _group(case_key: str, seed: int, correspondences: Correspondences, method: C
         start = time.perf_counter()
         grouping = method.run(correspondences, seed=seed)
         seconds = time.perf_counter() - start
-        return Grouped(
+        return GroupingRecord(
             case_key,
             method.key,
             json.dumps(parameters),
@@ -233,7 +235,7 @@ def _group(case_key: str, seed: int, correspondences: Correspondences, method: C
             json.dumps(grouping.diagnostics, default=float),
         )
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair and method alone
-        return Grouped(case_key, method.key, error=_describe_error(error))
+        return GroupingRecord(case_key, method.key, error=_describe_error(error))
 
 
 def _find_pose(grouping: Grouping) -> bytes | None:
