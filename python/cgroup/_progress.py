@@ -1,4 +1,4 @@
-"""Telling how far a computation is, and taking the time of its stages."""
+"""How far a computation is: times of its stages, and whom it tells."""
 
 from __future__ import annotations
 
@@ -10,32 +10,33 @@ if TYPE_CHECKING:
 
 
 def ignore_progress(*_: object) -> None:
-    """Take any progress report, and do nothing: the default of progress callbacks."""
+    """Do nothing; stands for a progress callback that was not given."""
 
 
 class StageClock:
-    """Takes the time of named stages, and passes on their names.
+    """Takes the time of stages and passes on their names.
 
-    Parameters
+    Attributes
     ----------
-    progress : callable, optional
-        Called with the name of each stage as it begins.
+    seconds : dict of str to float
+        Wall time of each stage that has ended, in order.
     """
 
-    def __init__(self, progress: Callable[[str], Any] | None = None) -> None:
+    def __init__(self, progress: Callable[[str], Any] = ignore_progress) -> None:
         self.seconds: dict[str, float] = {}
-        self._progress = progress or ignore_progress
+        self._progress = progress
         self._stage: str | None = None
         self._since = 0.0
 
     def start(self, stage: str) -> None:
-        """Begin a stage; the one before ends."""
+        """End the stage before, and begin this one."""
         self.stop()
         self._progress(stage)
         self._stage, self._since = stage, time.perf_counter()
 
-    def stop(self) -> None:
-        """End the stage that is under way, if any."""
+    def stop(self) -> dict[str, float]:
+        """End the last stage; return `seconds`."""
         if self._stage is not None:
             self.seconds[self._stage] = time.perf_counter() - self._since
         self._stage = None
+        return self.seconds
