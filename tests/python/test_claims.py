@@ -21,9 +21,11 @@ from cgroup.benchmark.claims import (
     count_verdicts,
     counts_line,
 )
-from cgroup.benchmark.claims.base import Comparison, Finding, decide
-from cgroup.benchmark.claims.explanations import explanations
-from cgroup.benchmark.claims.measures import agreement, in_top, rank, rising
+from cgroup.benchmark.claims.base import Comparison, Finding
+from cgroup.benchmark.claims.claim import Claim
+from cgroup.benchmark.claims.explanations import read_explanations
+from cgroup.benchmark.claims.measures import compare_rankings, correlate_with_levels, expect_in_top, rank
+from cgroup.benchmark.claims.verdict import decide
 from cgroup.benchmark.evidence import Evidence
 
 NO_TIMES = pd.DataFrame()
@@ -193,7 +195,7 @@ def test_missing_methods_and_levels_are_named() -> None:
 )
 def test_share_of_tests_decides(holding: int, need: str, expected: str) -> None:
     tests = [Comparison(place < holding, "text", 0.0) for place in range(4)]
-    claim = CLAIMS[0].__class__("C-00", "6", "Something.", "Something.", lambda _: Finding(tests, need))
+    claim = Claim("C-00", "6", "Something.", "Something.", lambda _: Finding(tests, need))
     assert decide(claim, Evidence(pd.DataFrame(), pd.DataFrame())).verdict == expected
 
 
@@ -202,24 +204,24 @@ def test_numbers_that_are_missing_do_not_count() -> None:
         Comparison(holds=True, text="a", margin=1.0),
         Comparison(holds=False, text="b", margin=float("nan")),
     ]
-    claim = CLAIMS[0].__class__("C-00", "6", "Something.", "Something.", lambda _: Finding(tests))
+    claim = Claim("C-00", "6", "Something.", "Something.", lambda _: Finding(tests))
     assert decide(claim, Evidence(pd.DataFrame(), pd.DataFrame())).verdict == "confirmed"
 
 
 def test_ties_count_for_the_best() -> None:
     scores = pd.Series({"a": 0.90, "b": 0.905, "c": 0.5})
-    assert in_top(scores, "a", 1, "").holds
-    assert not in_top(scores, "c", 2, "").holds
+    assert expect_in_top(scores, "a", 1, "").holds
+    assert not expect_in_top(scores, "c", 2, "").holds
     assert rank(scores, "a") == 1
     assert rank(scores, "c") == 3
 
 
 def test_rank_statistics_of_constant_values() -> None:
-    assert rising([1, 2, 3], [0.5, 0.5, 0.5]) == 0
-    assert rising([1, 2, 3], [0.1, 0.2, 0.3]) == pytest.approx(1)
+    assert correlate_with_levels([1, 2, 3], [0.5, 0.5, 0.5]) == 0
+    assert correlate_with_levels([1, 2, 3], [0.1, 0.2, 0.3]) == pytest.approx(1)
     flat = pd.Series([1.0, 1.0, 1.0])
-    assert agreement(flat, flat) == 1
-    assert agreement(flat, pd.Series([1.0, 2.0, 3.0])) == 0
+    assert compare_rankings(flat, flat) == 1
+    assert compare_rankings(flat, pd.Series([1.0, 2.0, 3.0])) == 0
 
 
 def test_tables_hold_every_verdict() -> None:
@@ -244,4 +246,4 @@ def test_counts_name_every_outcome() -> None:
 
 
 def test_explanations_belong_to_claims() -> None:
-    assert set(explanations()) <= {claim.id for claim in CLAIMS}
+    assert set(read_explanations()) <= {claim.id for claim in CLAIMS}

@@ -86,10 +86,10 @@ class Sample:
     @property
     def description(self) -> str:
         """The data set, what it stands in for, where its pairs come from and how many there are."""
-        return described(self.rows, self.dataset, self.place)
+        return describe_rows(self.rows, self.dataset, self.place)
 
 
-def described(rows: pd.DataFrame, dataset: str, place: str = "") -> str:
+def describe_rows(rows: pd.DataFrame, dataset: str, place: str = "") -> str:
     """Name a data set with what it stands in for, the origin of its pairs and their number.
 
     Parameters
