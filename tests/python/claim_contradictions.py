@@ -1,14 +1,15 @@
 """For each claim, changes of the records after which nothing that it says is true any more.
 
 A change touches the numbers that the statement is about and nothing else, so that other columns need not fit.
-Where a claim has bounds on both sides, there is a contradiction for each.
+Ranks are missed by one, where that is possible. Where a claim has bounds on both sides, there is a
+contradiction for each. The form of no claim keeps a comparison from failing: all of them can fail at once.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from record_changes import Change, above, add, below, but, put, turn_around
+from record_changes import Change, above, add, below, but, put, put_behind, put_faster, put_slower, reorder
 
 
 class Contradiction(NamedTuple):
@@ -35,6 +36,8 @@ COUNTS = {"experiment": "matches"}
 ON_B3R, ON_U3OR, ON_U3M = (
     {"experiment": "combinations", "dataset": dataset} for dataset in ("b3r", "u3or", "stanford")
 )
+# Of seven levels, the lowest first: the rank correlation is 0.79.
+UP_AND_DOWN = dict(enumerate((0.3, 0.1, 0.2, 0.6, 0.4, 0.5, 0.7), start=1))
 LFSH, RCS = ("C2", "C5"), ("C3", "C6")
 
 CONTRADICTIONS = {
@@ -43,8 +46,8 @@ CONTRADICTIONS = {
     "C-03": [_records("no method does well", put("precision", 0.39, level=below(0.2), **NOISE))],
     "C-04": [
         _records(
-            "CV and GTM are ahead of both",
-            put("f_score", 0.9, method=("ransac", "st"), level=below(0.2), **NOISE),
+            "the two are third",
+            put_behind("f_score", ("ransac", "st"), 2, "level", level=below(0.2), **NOISE),
         )
     ],
     "C-05": [
@@ -59,7 +62,7 @@ CONTRADICTIONS = {
     ],
     "C-07": [_records("recall is lower", put("recall", 0.89, **NOISE))],
     "C-08": [_records("GC drops further", add("f_score", -0.3, method="gc", level=above(0.4), **NOISE))],
-    "C-09": [_records("CV and GTM are ahead", put("f_score", 0.8, method=("ransac", "st"), **DENSITY))],
+    "C-09": [_records("the two are third", put_behind("f_score", ("ransac", "st"), 2, "level", **DENSITY))],
     "C-10": [_records("recall is lower", put("recall", 0.89, method=("gtm", "cv"), **DENSITY))],
     "C-11": [
         _records("SS and SI tie", put("precision", 0.5, method=("ss", "si"), level=below(0.35), **DENSITY))
@@ -71,8 +74,8 @@ CONTRADICTIONS = {
     "C-14": [_records("RANSAC is ahead", put("precision", 0.4, method="gtm", experiment="clutter"))],
     "C-15": [_records("RANSAC is ahead", put("precision", 0.4, method="gtm", experiment="occlusion"))],
     "C-16": [
-        _records("GTM recalls second most", put("recall", 0.85, method="gtm", **SCENES)),
-        _records("GTM recalls least", put("recall", 0.0, method="gtm", **SCENES)),
+        _records("GTM recalls second most", put_behind("recall", "gtm", 1, experiment="clutter", epsilon=5)),
+        _records("GTM recalls second least", put_behind("recall", "gtm", 7, experiment="clutter", epsilon=5)),
     ],
     "C-17": [
         _records(
@@ -85,15 +88,20 @@ CONTRADICTIONS = {
     "C-19": [_records("the lead is the same along both", put("recall", 0.92, method="cv", **SCENES))],
     "C-20": [
         _records(
-            "ST is fourth on both",
-            put("f_score", 0.36, method="st", **SCENES),
-            put("f_score", 0.92, method="st", **NOISE),
+            "ST is fourth on U3OR and third on B3R",
+            put_behind("f_score", "st", 3, experiment="clutter", epsilon=5),
+            put_behind("f_score", "st", 2, **NOISE),
         )
     ],
     "C-21": [
-        _records("F falls as views overlap more", put("f_score", lambda rows: 1 - rows["overlap"], **VIEWS))
+        _records(
+            "F also falls as views overlap more",
+            put("f_score", lambda rows: rows["overlap"].rank(method="dense").map(UP_AND_DOWN), **VIEWS),
+        )
     ],
-    "C-22": [_records("RANSAC is ahead", put("precision", 0.5, method="gtm", **VIEWS))],
+    "C-22": [
+        _records("GTM is second", put_behind("precision", "gtm", 1, "overlap", overlap=above(0.7), **VIEWS))
+    ],
     "C-23": [
         _records(
             "GTM leads by 45 points",
@@ -118,10 +126,17 @@ CONTRADICTIONS = {
             put("precision", 0.61, method="ransac", **VIEWS),
         ),
     ],
-    "C-25": [_records("SI and CV recall little", put("recall", 0.1, method=("si", "cv"), **VIEWS))],
-    "C-26": [_records("GC and CV are ahead", put("f_score", 0.2, method=("gtm", "ransac"), **VIEWS))],
+    "C-25": [
+        _records(
+            "CV is second, SI third",
+            put("recall", 0.0, method="si", **VIEWS),
+            put_behind("recall", "cv", 1, "overlap", **VIEWS),
+            put_behind("recall", "si", 2, "overlap", **VIEWS),
+        )
+    ],
+    "C-26": [_records("the two are third", put_behind("f_score", ("gtm", "ransac"), 2, **VIEWS))],
     "C-27": [_records("P falls", put("precision", lambda rows: 1 - rows["epsilon"] / 20, **SCENES))],
-    "C-28": [_records("the two gain nothing", put("precision", 0.8, method=("ransac", "gtm"), **SCENES))],
+    "C-28": [_records("only GC and CV gain", put("precision", 0.8, method=but("gc", "cv"), **SCENES))],
     "C-29": [
         _records(
             "only the others gain",
@@ -129,11 +144,13 @@ CONTRADICTIONS = {
             put("recall", lambda rows: rows["epsilon"] / 100, method=but("si", "cv", "ss"), **SCENES),
         )
     ],
-    "C-29b": [_records("the ranking turns around", put("f_score", turn_around("epsilon"), **SCENES))],
+    "C-29b": [
+        _records("neighbours change places", put("f_score", reorder("epsilon", 1, 2, 2, 2, 2), **SCENES))
+    ],
     "C-30": [_records("all are equally precise", put("precision", 0.3, **COUNTS))],
     "C-31": [_records("precision stays", put("precision", 0.3, **COUNTS))],
-    "C-32": [_records("CV is imprecise", put("precision", 0.1, method="cv", **COUNTS))],
-    "C-33": [_records("SI and CV recall little", put("recall", 0.1, method=("si", "cv"), **COUNTS))],
+    "C-32": [_records("CV is third", put_behind("precision", "cv", 2, "nms_radius", **COUNTS))],
+    "C-33": [_records("the two are third", put_behind("recall", ("si", "cv"), 2, "nms_radius", **COUNTS))],
     "C-34": [
         _records("F only rises", put("f_score", lambda rows: rows["n"] / 10_000, **COUNTS)),
         _records("F only falls", put("f_score", lambda rows: 1 - rows["n"] / 10_000, **COUNTS)),
@@ -145,7 +162,7 @@ CONTRADICTIONS = {
             put("correct", 600, combination=but(*LFSH), **ON_B3R),
         )
     ],
-    "C-36": [_records("RANSAC is ahead", put("precision", 0.96, method="gtm", **ON_B3R))],
+    "C-36": [_records("RANSAC is ahead", put("precision", 0.96, method=("gtm", "st"), **ON_B3R))],
     "C-37": [_records("recall is lower", put("recall", 0.94, method=("cv", "gc", "ransac"), **ON_B3R))],
     "C-38": [
         _records(
@@ -156,10 +173,10 @@ CONTRADICTIONS = {
     ],
     "C-39": [
         _records(
-            "the ranking turns around, and the leaders do badly",
-            put("f_score", turn_around("combination"), **ON_U3OR),
-            put("precision", 0.1, method="gtm", **ON_U3OR),
-            put("recall", 0.1, method=("si", "cv"), **ON_U3OR),
+            "the ranking depends on the combination, GTM is second, SI and CV are third",
+            put("f_score", reorder("combination", 4, 5), **ON_U3OR),
+            put_behind("precision", "gtm", 1, "combination", **ON_U3OR),
+            put_behind("recall", ("si", "cv"), 2, "combination", **ON_U3OR),
         )
     ],
     "C-40": [
@@ -171,12 +188,13 @@ CONTRADICTIONS = {
     ],
     "C-41": [
         _records(
-            "CV, SI, 3DHV and NNSR lead, always in this order",
-            put("f_score", 0.1, method=("gtm", "gc", "ransac", "st"), **ON_U3M),
+            "CV is first; GTM, SI and 3DHV follow; the order of SI, 3DHV and NNSR never changes",
+            put("f_score", 0.1, method=("gc", "ransac", "st"), **ON_U3M),
             put("f_score", 0.6, method="cv", **ON_U3M),
+            put("f_score", 0.55, method="gtm", **ON_U3M),
             put("f_score", 0.5, method="si", **ON_U3M),
             put("f_score", 0.4, method="3dhv", **ON_U3M),
-            put("f_score", 0.3, method="nnsr", **ON_U3M),
+            put("f_score", 0.05, method="nnsr", **ON_U3M),
         )
     ],
     "C-42": [_records("both find half", put("recall", 0.5, method=("si", "cv")))],
@@ -189,7 +207,14 @@ CONTRADICTIONS = {
             put("registered", True, level=below(0.35), **DENSITY),
         )
     ],
-    "C-46": [_records("the two register nothing", put("registered", False, method=("gc", "gtm"), **SCENES))],
+    "C-46": [
+        _records(
+            "GC is second, GTM third",
+            put("registered", 0.0, method="gtm", **SCENES),
+            put_behind("registered", "gc", 1, experiment="clutter", epsilon=5),
+            put_behind("registered", "gtm", 2, experiment="clutter", epsilon=5),
+        )
+    ],
     "C-47": [
         _records(
             "RANSAC and GC do the same",
@@ -207,16 +232,25 @@ CONTRADICTIONS = {
     ],
     "C-49": [
         _records(
-            "the three register nothing", put("registered", False, method=("gtm", "ransac", "gc"), **VIEWS)
+            "GTM is second, RANSAC and GC are fourth",
+            put("registered", 0.0, method=("ransac", "gc"), **VIEWS),
+            put_behind("registered", "gtm", 1, "overlap", **VIEWS),
+            put_behind("registered", ("ransac", "gc"), 3, "overlap", **VIEWS),
         )
     ],
     "C-50": [_records("all pairs are registered", put("registered", True, **VIEWS))],
-    "C-51": [_records("the ranking turns around", put("registered", turn_around("epsilon"), **SCENES))],
+    "C-51": [
+        _records(
+            "neighbours change places, GC and GTM the third and the fourth",
+            put("registered", reorder("epsilon", 1, 2, 2, 2, 2), **SCENES),
+        )
+    ],
     "C-52": [
         _records(
-            "all register all pairs, but for GTM on few matches",
-            put("registered", True, **COUNTS),
-            put("registered", False, method="gtm", n=below(1000), **COUNTS),
+            "four of nine rise, GC is ahead on few matches and level with GTM on many",
+            put("registered", 0.9, **COUNTS),
+            put("registered", 1.0, method="gc", n=below(1000), **COUNTS),
+            put("registered", 1.0, method=("ss", "si", "cv", "st"), n=above(1000), **COUNTS),
         )
     ],
     "C-53": [
@@ -228,20 +262,24 @@ CONTRADICTIONS = {
     ],
     "C-54": [
         _records(
-            "the three register nothing", put("registered", False, method=("gc", "gtm", "nnsr"), **ON_U3OR)
+            "GTM is third, NNSR fourth, SS close to the others",
+            put("registered", 0.0, method="nnsr", **ON_U3OR),
+            put_behind("registered", "gtm", 2, "combination", **ON_U3OR),
+            put_behind("registered", "nnsr", 3, "combination", **ON_U3OR),
+            put_behind("registered", "ss", 8, "combination", **ON_U3OR),
         )
     ],
     "C-55": [
         _records(
-            "GTM registers little, and nothing with C5",
-            put("registered", 0.1, method="gtm", **ON_U3M),
-            put("registered", 0.0, method="gtm", combination="C5", **ON_U3M),
+            "GTM is second, and best with C1",
+            add("registered", -0.1, combination=but("C1"), **ON_U3M),
+            put_behind("registered", "gtm", 1, "combination", **ON_U3M),
         )
     ],
-    "C-56": [_times("the two are fast", put("seconds", 1e-6, method=("st", "ransac")))],
-    "C-57": [_times("the two are slow", put("seconds", 1e3, method=("nnsr", "3dhv")))],
+    "C-56": [_times("two others are slower", put_faster(("st", "ransac"), 2))],
+    "C-57": [_times("two others are faster", put_slower(("nnsr", "3dhv"), 2))],
     "C-58": [_times("they take the same time", put("seconds", 1e-3, method=("ss", "nnsr")))],
-    "C-59": [_times("the two are fast", put("seconds", 1e-6, method=("gtm", "si")))],
+    "C-59": [_times("four others are slower", put_faster(("gtm", "si"), 4))],
     "C-60": [
         _times("CV takes 60 % of it", put("seconds", 1.0, method="si"), put("seconds", 0.6, method="cv")),
     ],
@@ -255,12 +293,14 @@ CONTRADICTIONS = {
             put("precision", 0.49, method=("ss", "nnsr"), **NOISE),
         )
     ],
-    "C-63": [_times("ST is fast", put("seconds", 1e-6, method="st"))],
+    "C-63": [_times("one other is slower", put_faster("st", 1))],
     "C-64": [
         _records(
-            "GC is precise on B3R, and registers nothing elsewhere",
-            put("precision", 1.0, method="gc", **NOISE),
-            put("registered", False, method="gc", dataset=("u3or", "stanford")),
+            "four of eight are more precise than GC on B3R, three register more elsewhere",
+            put("precision", 0.8, method="nnsr", **NOISE),
+            put_behind("precision", "gc", 4, **NOISE),
+            put_behind("registered", "gc", 3, experiment="clutter", epsilon=5),
+            put_behind("registered", "gc", 3, **VIEWS),
         )
     ],
     "C-65": [_records("all do the same", put("precision", 0.5), put("recall", 0.5))],
