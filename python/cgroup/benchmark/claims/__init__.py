@@ -37,6 +37,7 @@ __all__ = [
     "as_json",
     "as_markdown",
     "check_claims",
+    "check_evidence",
     "count_verdicts",
     "counts_line",
 ]
@@ -73,6 +74,10 @@ def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
     list of Verdict
         One per claim, in the paper's order; `CRITERIA` says how they come about.
     """
-    evidence = Evidence(frame, timing)
+    return check_evidence(Evidence(frame, timing))
+
+
+def check_evidence(evidence: Evidence) -> list[Verdict]:
+    """Check all claims as `check_claims` does, on evidence that is at hand."""
     why = read_explanations()
     return [decide(claim, evidence, why.get(claim.id, "")) for claim in CLAIMS]
