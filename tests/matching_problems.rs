@@ -35,7 +35,7 @@ fn means_of_the_distribution() {
     assert_near(mean_of(&drawn.similarity, &drawn, false), 4.0 / 7.0, 0.01);
     let few = problem(1, N, 0.05, 0.5);
     assert_near(mean_of(&few.ratio, &few, true), 6.0 / 7.4, 0.02);
-    assert_near(mean(drawn.source.iter().map(|p| p.norm())), SURFACE_RADIUS, 0.5);
+    assert_near(mean(drawn.source.iter().map(nalgebra::Matrix::norm)), SURFACE_RADIUS, 0.5);
 }
 
 #[test]
