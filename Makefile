@@ -17,12 +17,17 @@ RUST_SOURCES := $(shell find rust -name '*.rs') Cargo.toml Cargo.lock rust/py/Ca
 MATURIN := env -u CONDA_PREFIX VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin
 
 # Named, as the commas would end an argument of `call`.
-DEV_EXTRAS := scans,bench,test,dev
+DEV_EXTRAS := scans,bench,test,dev,docs
 
 # Runs a command whose output matters only where it fails.
 quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 
-.PHONY: help setup demo test test-rust test-python fmt lint types bench bench-peers clean
+# Pages of the Python API, beside those of the crate.
+DOCS_OUT ?= target/docs
+DOCS_MODULES := cgroup $(addprefix cgroup.,benchmark datasets evaluation features io nuisances plots registration types)
+ADVISORIES := https://github.com/rustsec/advisory-db
+
+.PHONY: help setup demo test test-rust test-python fmt lint types docs audit bench bench-peers clean
 
 help: ## show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -56,7 +61,6 @@ lint: $(VENV)/.ready-dev ## check format, lints and who imports whom
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
 	@! cargo tree --locked --package cgroup --edges normal | grep -E ' (pyo3|numpy) ' \
 		|| { echo "the core crate must not depend on pyo3 or numpy"; exit 1; }
-	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --package cgroup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
@@ -64,6 +68,17 @@ lint: $(VENV)/.ready-dev ## check format, lints and who imports whom
 types: $(VENV)/.ready-dev ## check types, and the stubs against the compiled core
 	$(BIN)/basedpyright
 	MYPYPATH=python $(BIN)/python -m mypy.stubtest cgroup._core
+
+docs: $(VENV)/.ready-dev ## build the pages of the Rust and the Python interface
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --package cgroup
+	$(BIN)/python -m pdoc --docformat numpy --output-directory $(DOCS_OUT) $(DOCS_MODULES)
+	@echo "Written: target/doc/cgroup/index.html, $(DOCS_OUT)/index.html"
+
+audit: | check-tools ## check licences, sources and known vulnerabilities of the crates (deny.toml)
+	@command -v cargo-deny >/dev/null || { echo "cargo-deny is missing: cargo install --locked cargo-deny"; exit 1; }
+	cargo deny --locked check licenses bans sources
+	@if cargo deny --locked fetch db >/dev/null 2>&1; then cargo deny --locked check advisories; \
+		else echo "Vulnerabilities are not checked: $(ADVISORIES) can't be reached."; fi
 
 bench: | check-tools ## run the criterion benches
 	cargo bench --locked

@@ -1,18 +1,15 @@
-"""What a peer answers, and how good the answer is."""
+"""What a peer answers, how good the answer is, and whether it is ours."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from peers.cases import INLIER_RESIDUAL, Array, Case
+from cgroup.evaluation import score_group
+from peers.cases import INLIER_RESIDUAL, Array, Case, Mask
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-Mask: TypeAlias = "NDArray[np.bool_]"
 Answer: TypeAlias = "tuple[Mask | None, Array | None]"
 """The selected matches, or None for those within 5 pr of the pose; and the pose (4,4), if there is one."""
 
@@ -28,24 +25,37 @@ def rigid(rotation: Array, translation: Array) -> Array:
     return pose
 
 
-def within(case: Case, pose: Array, residual: float = INLIER_RESIDUAL) -> Mask:
+def within(case: Case, pose: Array) -> Mask:
     """Tell which matches a pose explains."""
     offsets = case["src"].astype(float) @ pose[:3, :3].T + pose[:3, 3] - case["tgt"]
-    return np.einsum("ij,ij->i", offsets, offsets) <= residual**2
+    return np.einsum("ij,ij->i", offsets, offsets) < INLIER_RESIDUAL**2
 
 
-def quality(case: Case, answer: Answer) -> dict[str, float]:
-    """Precision, recall and F of the selection at 5 pr, and how many were selected."""
+def selected_by(case: Case, answer: Answer) -> Mask:
+    """Return the group that an answer stands for; none without mask and pose."""
     mask, pose = answer
-    if mask is None:
-        mask = np.zeros(len(case["gt"]), bool) if pose is None else within(case, pose)
-    correct = case["gt"] == 1
-    hits, selected = int((mask & correct).sum()), int(mask.sum())
-    precision, recall = hits / max(1, selected), hits / max(1, int(correct.sum()))
-    f = 2 * precision * recall / (precision + recall) if hits else 0.0
+    if mask is not None:
+        return mask
+    return np.zeros(len(case["gt"]), bool) if pose is None else within(case, pose)
+
+
+def pack(mask: Mask) -> str:
+    """Write a mask in hexadecimal digits, the first row in the highest bit; `pcl_peers.cpp` does the same."""
+    return np.packbits(mask).tobytes().hex()
+
+
+def unpack(digits: str, n: int) -> Mask:
+    """Read what `pack` wrote."""
+    return np.unpackbits(np.frombuffer(bytes.fromhex(digits), np.uint8), count=n).astype(bool)
+
+
+def judge(case: Case, mask: Mask, ours: Mask | None) -> dict[str, Any]:
+    """Precision, recall and F at 5 pr, and on how many matches the mask differs from ours."""
+    score = score_group(mask, case["gt"] == 1)
     return {
-        "selected": selected,
-        "precision": round(precision, 4),
-        "recall": round(recall, 4),
-        "f": round(f, 4),
+        "selected": score.selected,
+        "precision": round(score.precision, 4),
+        "recall": round(score.recall, 4),
+        "f": round(score.f_score, 4),
+        "differs": None if ours is None else int((mask != ours).sum()),
     }

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from cgroup.registry import METHOD_INFO
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -43,6 +45,8 @@ class Peer:
         Largest n that is worth starting.
     common_share_only : bool
         It takes long: run at the common share of inliers only.
+    note : str
+        Why its mask is not ours.
     """
 
     name: str
@@ -54,70 +58,50 @@ class Peer:
     bytes_per_pair: float = 0.0
     largest: int = LARGEST_OF_PEERS
     common_share_only: bool = False
+    note: str = ""
 
 
-def _ours(method: str, label: str) -> Peer:
-    return Peer(f"{OURS}{method}", f"cgroup {label}", method, "cgroup", largest=1_000_000)
+CLIQUES = "greedy cliques, each filtered by RANSAC, instead of the largest star"
+BINS = "metric bins with interpolation, filtered by RANSAC, instead of 15 bins per axis"
+POSE = "it answers with a pose; what lies within 5 pr of it counts as its group"
+SAMPLES = f"other random samples; {POSE}"
 
+OURS_PEERS = tuple(
+    Peer(f"{OURS}{name}", f"cgroup {info.label}", name, "cgroup", largest=1_000_000)
+    for name, info in METHOD_INFO.items()
+)
+SLOW = {"largest": 5000, "common_share_only": True}
+OPEN3D = ("ransac", "library", "open3d")
+GC_RANSAC = ("ransac", "library", "pygcransac")
+
+OTHERS = (
+    Peer("pcl_gc", "PCL GC, threshold 3", "gc", "pcl", threaded=False, note=CLIQUES),
+    Peer("pcl_gc10", "PCL GC, threshold 10", "gc", "pcl", threaded=False, note=CLIQUES),
+    Peer("np_gc", "NumPy GC, n x n", "gc", "numpy", threaded=False, bytes_per_pair=17),
+    Peer("np_gc_rows", "NumPy GC, row by row", "gc", "numpy", threaded=False),
+    Peer("kiss", "KISS-Matcher", "gc", "library", "kiss_matcher", note=POSE),
+    Peer("pcl_ransac", "PCL RANSAC", "ransac", "pcl", threaded=False, note="other random samples"),
+    Peer("np_ransac_10k", "NumPy RANSAC", "ransac", "numpy"),
+    Peer("o3d_ransac_10k", "Open3D RANSAC", *OPEN3D, note=SAMPLES, **SLOW),
+    Peer("o3d_ransac_10k_fixed", "Open3D RANSAC, confidence 1", *OPEN3D, note=SAMPLES, **SLOW),
+    Peer("o3d_ransac_100k_chk", "Open3D RANSAC, checkers", *OPEN3D, note=SAMPLES),
+    Peer("o3d_fgr", "Open3D FGR", *OPEN3D, note=POSE),
+    Peer("gcransac_uniform", "GC-RANSAC, uniform", *GC_RANSAC, threaded=False, note=SAMPLES),
+    Peer("gcransac_prosac", "GC-RANSAC, PROSAC", *GC_RANSAC, threaded=False, note=SAMPLES),
+    Peer("np_st_ratio_power", "NumPy ST, power steps", "st", "numpy", bytes_per_pair=43),
+    Peer("np_st_ratio_eigsh", "SciPy ST, ARPACK", "st", "numpy", bytes_per_pair=43),
+    Peer("np_st_ratio_eigh", "NumPy ST, LAPACK", "st", "numpy", bytes_per_pair=44, **SLOW),
+    Peer("np_gtm", "NumPy GTM", "gtm", "numpy", bytes_per_pair=41),
+    Peer("np_si", "NumPy SI", "si", "numpy", threaded=False),
+    Peer("np_cv", "NumPy CV", "cv", "numpy"),
+    Peer("pcl_hough", "PCL Hough", "3dhv", "pcl", threaded=False, note=BINS),
+    Peer("np_hough", "NumPy 3DHV", "3dhv", "numpy", threaded=False),
+)
 
 PEERS = {
     peer.name: peer
-    for peer in (
-        _ours("gc", "GC"),
-        Peer("pcl_gc", "PCL GC, threshold 3", "gc", "pcl", threaded=False),
-        Peer("pcl_gc10", "PCL GC, threshold 10", "gc", "pcl", threaded=False),
-        Peer("np_gc", "NumPy GC, n x n", "gc", "numpy", threaded=False, bytes_per_pair=17),
-        Peer("np_gc_rows", "NumPy GC, row by row", "gc", "numpy", threaded=False),
-        Peer("kiss", "KISS-Matcher", "gc", "library", "kiss_matcher"),
-        _ours("ransac", "RANSAC"),
-        Peer("pcl_ransac", "PCL RANSAC", "ransac", "pcl", threaded=False),
-        Peer("np_ransac_10k", "NumPy RANSAC", "ransac", "numpy"),
-        Peer(
-            "o3d_ransac_10k",
-            "Open3D RANSAC",
-            "ransac",
-            "library",
-            "open3d",
-            largest=5000,
-            common_share_only=True,
-        ),
-        Peer(
-            "o3d_ransac_10k_fixed",
-            "Open3D RANSAC, confidence 1",
-            "ransac",
-            "library",
-            "open3d",
-            largest=5000,
-            common_share_only=True,
-        ),
-        Peer("o3d_ransac_100k_chk", "Open3D RANSAC, checkers", "ransac", "library", "open3d"),
-        Peer("o3d_fgr", "Open3D FGR", "ransac", "library", "open3d"),
-        Peer("gcransac_uniform", "GC-RANSAC, uniform", "ransac", "library", "pygcransac", threaded=False),
-        Peer("gcransac_prosac", "GC-RANSAC, PROSAC", "ransac", "library", "pygcransac", threaded=False),
-        _ours("st", "ST"),
-        Peer("np_st_ratio_power", "NumPy ST, power steps", "st", "numpy", bytes_per_pair=43),
-        Peer("np_st_ratio_eigsh", "SciPy ST, ARPACK", "st", "numpy", bytes_per_pair=43),
-        Peer(
-            "np_st_ratio_eigh",
-            "NumPy ST, LAPACK",
-            "st",
-            "numpy",
-            bytes_per_pair=44,
-            largest=5000,
-            common_share_only=True,
-        ),
-        _ours("gtm", "GTM"),
-        Peer("np_gtm", "NumPy GTM", "gtm", "numpy", bytes_per_pair=41),
-        _ours("si", "SI"),
-        Peer("np_si", "NumPy SI", "si", "numpy", threaded=False),
-        _ours("cv", "CV"),
-        Peer("np_cv", "NumPy CV", "cv", "numpy"),
-        _ours("hough3d", "3DHV"),
-        Peer("pcl_hough", "PCL Hough", "hough3d", "pcl", threaded=False),
-        Peer("np_hough", "NumPy 3DHV", "hough3d", "numpy", threaded=False),
-        _ours("nnsr", "NNSR"),
-        _ours("ss", "SS"),
-    )
+    for ours in OURS_PEERS
+    for peer in (ours, *(other for other in OTHERS if other.method == ours.method))
 }
 """All peers, ours first within each method."""
 

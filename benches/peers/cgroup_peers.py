@@ -1,54 +1,41 @@
-"""Our side: the nine methods with the paper's defaults, from plain arrays, conversions timed."""
+"""Our side: all methods with the paper's defaults, from plain arrays, conversions timed."""
 
 from __future__ import annotations
 
+import inspect
 from typing import TYPE_CHECKING, Any
 
-import cgroup
+from cgroup.registry import METHOD_INFO, MethodInfo
 from peers.catalogue import OURS
 
 if TYPE_CHECKING:
     from peers.answers import Answer, Call, Make
     from peers.cases import Case
 
-POINTS = {"src": "source", "tgt": "target"}
-FRAMES = {"lrf_src": "source_lrf", "lrf_tgt": "target_lrf"}
-RATIO = {"ratio": "ratio"}
-
-INPUTS = {
-    "gc": POINTS,
-    "ransac": POINTS,
-    "st": POINTS,
-    "gtm": POINTS,
-    "si": POINTS | FRAMES | RATIO,
-    "cv": POINTS | FRAMES | RATIO,
-    "hough3d": POINTS | FRAMES,
-    "nnsr": RATIO,
-    "ss": {"sim": "similarity"},
+NAMES = {
+    "source": "src",
+    "target": "tgt",
+    "source_lrf": "lrf_src",
+    "target_lrf": "lrf_tgt",
+    "similarity": "sim",
+    "ratio": "ratio",
 }
-"""Which fields of a case a method takes, and by what name."""
-
-OPTIONS: dict[str, dict[str, Any]] = {
-    "gc": {"resolution": 1.0},
-    "ransac": {"resolution": 1.0, "iterations": 10_000},
-    "gtm": {"iterations": 100},
-    "si": {"resolution": 1.0},
-    "cv": {"resolution": 1.0},
-}
+"""Fields of correspondences, and what a case calls them."""
 
 
-def _make(method: str) -> Make:
+def _make(info: MethodInfo) -> Make:
+    taken = inspect.signature(info.function).parameters
+    unit = {"resolution": 1.0} if "resolution" in taken else {}
+
     def make(case: Case, threads: int) -> Call:
-        function = getattr(cgroup, method)
-        given: dict[str, Any] = {name: case[key].astype(float) for key, name in INPUTS[method].items()}
-        given |= OPTIONS.get(method, {})
+        given: dict[str, Any] = {name: case[NAMES[name]].astype(float) for name in info.fields}
 
         def call() -> Answer:
-            return function(**given, threads=threads).mask, None
+            return info.function(**given, **unit, threads=threads).mask, None
 
         return call
 
     return make
 
 
-PEERS: dict[str, Make] = {f"{OURS}{method}": _make(method) for method in INPUTS}
+PEERS: dict[str, Make] = {f"{OURS}{name}": _make(info) for name, info in METHOD_INFO.items()}

@@ -28,7 +28,6 @@ PACKAGES = {"open3d": "open3d", "pygcransac": "pygcransac", "kiss_matcher": "kis
 
 PCL_PACKAGES = "apt-get install libpcl-dev cmake"
 WITHOUT_PCL = 'Could not find a package configuration file provided by "PCL"'
-TELLING_FLAGS = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512vl", "neon", "asimd", "sve")
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -58,7 +57,7 @@ class Environment:
         """Command line that runs a peer on a case."""
         start = self.commands[needs(peer)]
         if peer.program == "pcl":
-            return [*start, peer.name.removeprefix("pcl_"), str(case.with_suffix(".bin"))]
+            return [*start, peer.name.removeprefix("pcl_"), str(case)]
         return [*start, "-m", "peers.measure", peer.program, peer.name, str(case), str(threads)]
 
     def why_missing(self, peer: Peer) -> str:
@@ -173,30 +172,10 @@ def describe(environment: Environment) -> dict[str, Any]:
         "identity": {"cpu": machine.cpu, "cores": machine.cores, "build": build, "numpy": machine.numpy},
         "system": machine.system,
         "python": machine.python,
-        "flags": [flag for flag in TELLING_FLAGS if flag in _flags()],
-        "memory_gib": _memory_gib(),
         "load": os.getloadavg()[0],
         "versions": environment.versions,
         "missing": environment.missing,
     }
-
-
-def _flags() -> set[str]:
-    return set(_proc_value("/proc/cpuinfo", ("flags", "Features")).split())
-
-
-def _memory_gib() -> float | None:
-    kib = _proc_value("/proc/meminfo", ("MemTotal",)).split()
-    return round(int(kib[0]) / 2**20, 1) if kib else None
-
-
-def _proc_value(path: str, names: tuple[str, ...]) -> str:
-    """Value of the first line that starts with one of the names; empty where there is no such file."""
-    try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return ""
-    return next((line.partition(":")[2] for line in lines if line.startswith(names)), "")
 
 
 def _run(command: Sequence[str]) -> subprocess.CompletedProcess[str]:

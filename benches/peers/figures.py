@@ -24,7 +24,7 @@ PANELS = {
     "RANSAC and other pose fits": ("ransac",),
     "ST": ("st",),
     "GTM": ("gtm",),
-    "Voting: SI, CV, 3DHV": ("si", "cv", "hough3d"),
+    "Voting: SI, CV, 3DHV": ("si", "cv", "3dhv"),
 }
 
 LIBRARY_COLORS = {
@@ -98,7 +98,7 @@ def panel_looks(methods: tuple[str, ...]) -> dict[str, Look]:
     looks: dict[str, Look] = {}
     used: dict[str, int] = {}
     for peer in (peer for peer in PEERS.values() if peer.method in methods):
-        own = style.method_style({"hough3d": "3dhv"}.get(peer.method, peer.method))
+        own = style.method_style(peer.method)
         if is_ours(peer.name):
             looks[peer.name] = Look(own.color, own.marker)
         else:

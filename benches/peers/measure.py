@@ -1,6 +1,6 @@
 """Run one peer on one case, and print its record: one process per run, so that peak memory is its own.
 
-``python -m peers.measure PROGRAM PEER CASE.npz THREADS``
+``python -m peers.measure PROGRAM PEER CASE.bin THREADS``
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from peers.answers import quality
+from peers.answers import pack, selected_by
 from peers.cases import load_case
 
 if TYPE_CHECKING:
@@ -85,10 +84,9 @@ def run(program: str, name: str, case_path: Path, threads: int) -> dict[str, Any
     peak = peak_mib()
     return {
         "times_s": [round(seconds, 7) for seconds in times],
-        "median_s": round(median(times), 7),
         "base_mib": base,
         "peak_mib": peak,
-        **quality(case, answer),
+        "mask": pack(selected_by(case, answer)),
     }
 
 

@@ -1,4 +1,4 @@
-"""What a user would write in NumPy and SciPy: the same methods, the same parameters, dense and vectorised.
+"""What a user would write in NumPy and SciPy, dense and vectorised: the very methods, with the same masks.
 
 Conversions that a user could do once are done before the timer starts.
 """
@@ -13,22 +13,24 @@ from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from peers.answers import Answer, Call, Make, Mask, rigid
-from peers.cases import INLIER_RESIDUAL, Array, Case
+from peers.cases import INLIER_RESIDUAL, Array, Case, Mask
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from numpy.typing import NDArray
+
+    from peers.answers import Answer, Call, Make
 
 Solver: TypeAlias = Literal["power", "eigsh", "eigh"]
 
 GC_TOLERANCE = 3.0
-ST_MIN_RATIO = 0.6
+ST_MIN_RATIO, ST_TIE, ST_NO_SUPPORT = 0.6, 1e-9, 1e-12
 GTM_STEPS = 100
-POWER_STEPS, POWER_TOLERANCE = 100, 1e-7
+POWER_STEPS, POWER_TOLERANCE, POWER_SHIFT = 1000, 1e-10, 0.05
 RANSAC_ITERATIONS, RANSAC_BATCH = 10_000, 500
 CV_VOTERS, CV_DISTANCE, CV_ANGLE = 200, 10.0, 10.0
 SI_NEIGHBORS, SI_MIN_RATIO, SI_LOWE = 250, 0.9, 0.8
 HOUGH_BINS = 15
+OTSU_BINS = 100
 
 
 def gc(case: Case, _threads: int) -> Call:
@@ -69,7 +71,7 @@ def gtm(case: Case, _threads: int) -> Call:
         for _ in range(GTM_STEPS):
             gain = payoff @ share
             share = share * gain / (share @ gain)
-        return share > otsu(share), None
+        return above_otsu(share), None
 
     return call
 
@@ -80,31 +82,26 @@ def st(case: Case, _threads: int, solver: Solver) -> Call:
 
     def call() -> Answer:
         affinity = _ratio_matrix(source, target)
-        affinity[affinity < ST_MIN_RATIO] = 0
-        return _without_conflicts(_principal(affinity, solver), lambda i: affinity[i] > 0), None
+        return _without_conflicts(_principal(affinity, solver), affinity), None
 
     return call
 
 
 def ransac(case: Case, _threads: int) -> Call:
-    """Draw 10 000 triples, fit them in batches, and judge every fit by every match."""
+    """Fit 10,000 triples in batches, the same that cgroup draws, and judge every fit by every match."""
     source, target = _floats(case, "src", "tgt")
 
     def call() -> Answer:
-        rng = np.random.default_rng(1)
-        most, pose = -1, np.eye(4)
-        for _ in range(0, RANSAC_ITERATIONS, RANSAC_BATCH):
-            drawn = rng.integers(0, len(source), size=(RANSAC_BATCH, 3))
-            rotations, translations = _kabsch(source[drawn], target[drawn])
-            inliers = np.empty(RANSAC_BATCH, int)
-            for j, (rotation, translation) in enumerate(zip(rotations, translations, strict=True)):
+        drawn = _triples(len(source))
+        best = np.zeros(len(source), bool)
+        for first in range(0, RANSAC_ITERATIONS, RANSAC_BATCH):
+            rows = drawn[first : first + RANSAC_BATCH]
+            for rotation, translation in zip(*_kabsch(source[rows], target[rows]), strict=True):
                 offsets = source @ rotation.T + translation - target
-                squared = np.einsum("ij,ij->i", offsets, offsets)
-                inliers[j] = (squared <= INLIER_RESIDUAL**2).sum()
-            best = int(np.argmax(inliers))
-            if inliers[best] > most:
-                most, pose = inliers[best], rigid(rotations[best], translations[best])
-        return None, pose
+                inliers = np.einsum("ij,ij->i", offsets, offsets) < INLIER_RESIDUAL**2
+                if inliers.sum() > best.sum():
+                    best = inliers
+        return best, None
 
     return call
 
@@ -123,7 +120,7 @@ def cv(case: Case, _threads: int) -> Call:
         rigidity = cdist(source, source[voters]) - cdist(target, target[voters])
         turn = angles(source_frames, voters) - angles(target_frames, voters)
         score = np.exp(-((rigidity / CV_DISTANCE) ** 2) - (turn / CV_ANGLE) ** 2).sum(axis=1)
-        return score > otsu(score), None
+        return above_otsu(score), None
 
     return call
 
@@ -140,7 +137,7 @@ def si(case: Case, _threads: int) -> Call:
     def call() -> Answer:
         near = cKDTree(source).query(source, k=min(count + 1, len(source)))[1]
         others = near != np.arange(len(source))[:, None]
-        voters = (ratio <= SI_LOWE)[near] & others
+        voters = (ratio < SI_LOWE)[near] & others
         rigidity = _ratios(lengths(source, source[near]), lengths(target, target[near]))
         local = (voters & (rigidity > SI_MIN_RATIO)).sum(axis=1)
 
@@ -152,8 +149,10 @@ def si(case: Case, _threads: int) -> Call:
         rigidity = _ratios(lengths(source, source[leaders]), lengths(target, target[leaders]))
         distant = ((rigidity > SI_MIN_RATIO) & (residual < INLIER_RESIDUAL)).sum(axis=1)
 
-        score = (local + distant) / np.maximum(voters.sum(axis=1) + count, 1)
-        return score > otsu(score), None
+        asked = voters.sum(axis=1) + count
+        asked[leaders] -= 1  # nobody votes for itself
+        score = (local + distant) / np.maximum(asked, 1)
+        return above_otsu(score), None
 
     return call
 
@@ -175,16 +174,15 @@ def hough(case: Case, _threads: int) -> Call:
     return call
 
 
-def otsu(values: Array, bins: int = 100) -> float:
-    """Otsu's threshold on equal bins."""
-    counts, edges = np.histogram(values, bins=bins)
-    centers = (edges[1:] + edges[:-1]) / 2
-    below = np.cumsum(counts)
-    above = below[-1] - below
-    sums = np.cumsum(counts * centers)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        variance = below * above * (sums / below - (sums[-1] - sums) / above) ** 2
-    return float(edges[1:][np.nanargmax(variance[:-1])])
+def above_otsu(scores: Array) -> Mask:
+    """Tell which scores lie above Otsu's cut between equal bins."""
+    low, high = scores.min(), scores.max()
+    places = np.minimum((scores - low) / ((high - low) / OTSU_BINS), OTSU_BINS - 1).astype(int)
+    below = np.bincount(places, minlength=OTSU_BINS).cumsum()
+    sums = np.bincount(places, scores, OTSU_BINS).cumsum()
+    above = below[-1] - below[:-1]
+    means = sums[:-1] / below[:-1], (sums[-1] - sums[:-1]) / above
+    return places > np.argmax(below[:-1] * above * (means[0] - means[1]) ** 2)
 
 
 def _floats(case: Case, *keys: str) -> list[Array]:
@@ -207,9 +205,10 @@ def _principal(matrix: Array, solver: Solver) -> Array:
         return np.abs(eigsh(matrix, k=1, which="LA")[1][:, 0])
     if solver == "eigh":
         return np.abs(np.linalg.eigh(matrix)[1][:, -1])
+    shift = POWER_SHIFT * matrix.sum(axis=1).mean()  # so that -lambda can't oscillate
     vector = np.full(len(matrix), len(matrix) ** -0.5)
     for _ in range(POWER_STEPS):
-        product = matrix @ vector
+        product = matrix @ vector + shift * vector
         product /= np.linalg.norm(product)
         change = np.abs(product - vector).max()
         vector = product
@@ -218,14 +217,31 @@ def _principal(matrix: Array, solver: Solver) -> Array:
     return vector
 
 
-def _without_conflicts(vector: Array, compatible: Callable[[int], Mask]) -> Mask:
+def _without_conflicts(vector: Array, affinity: Array) -> Mask:
     """Take the largest entry, drop what conflicts with it, and again (Leordeanu, Hebert)."""
-    vector, selected = vector.copy(), np.zeros(len(vector), bool)
-    while vector[i := int(np.argmax(vector))] > 0:
-        selected[i] = True
-        vector[~compatible(i)] = 0
-        vector[i] = 0
+    left = vector > ST_NO_SUPPORT * vector.max()
+    selected = np.zeros(len(vector), bool)
+    for i in np.argsort(-np.round(vector / (ST_TIE * vector.max())), kind="stable"):
+        if left[i]:
+            selected[i] = True
+            left &= affinity[i] >= ST_MIN_RATIO
     return selected
+
+
+def _triples(n: int) -> NDArray[np.intp]:
+    """Three different rows for each iteration, from the random words that cgroup's RANSAC uses."""
+    words = np.random.Philox(key=0).random_raw(4 * RANSAC_ITERATIONS).reshape(-1, 4)
+    first, second, third = (_below(words[:, i], n - i) for i in range(3))
+    second += second >= first
+    third += third >= np.minimum(first, second)
+    third += third >= np.maximum(first, second)
+    return np.stack([first, second, third], axis=1)
+
+
+def _below(words: NDArray[np.uint64], bound: int) -> NDArray[np.intp]:
+    """Upper 64 bits of the product of a 64-bit word and a bound below 2^32."""
+    high, low, bound = words >> np.uint64(32), words & np.uint64(0xFFFFFFFF), np.uint64(bound)
+    return ((high * bound + (low * bound >> np.uint64(32))) >> np.uint64(32)).astype(np.intp)
 
 
 def _kabsch(source: Array, target: Array) -> tuple[Array, Array]:

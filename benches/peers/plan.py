@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from cgroup.benchmark.records.growth import fit_exponent
 from peers.catalogue import COMMON_SHARE, PEERS, Peer
 from peers.records import Run
 
@@ -103,6 +103,5 @@ def extrapolated(run: Run, done: Mapping[Run, dict[str, Any]]) -> float:
     )
     if len(smaller) < 2:
         return 0.0
-    (n1, t1), (n2, t2) = smaller[-2:]
-    exponent = math.log(t2 / t1) / math.log(n2 / n1)
-    return t2 * (run.n / n2) ** exponent
+    sizes, seconds = zip(*smaller[-2:], strict=True)
+    return seconds[-1] * (run.n / sizes[-1]) ** fit_exponent(sizes, seconds)

@@ -80,6 +80,8 @@ class Figures:
         Medians over the rounds; memory is the peak of the process above what it held before the call.
     f : float or None
         F-score at 5 pr.
+    differs : int or None
+        Matches on which the mask is not ours; None for ours.
     rounds : int
         Number of rounds with a result.
     spread : float
@@ -91,6 +93,7 @@ class Figures:
     seconds: float | None
     mib: float | None
     f: float | None
+    differs: int | None = None
     rounds: int = 0
     spread: float = 0.0
     failed: str = ""
@@ -109,9 +112,11 @@ def summary(records: Iterable[dict[str, Any]]) -> Figures:
         for record in good
         if record["peak_mib"] is not None and record["base_mib"] is not None
     ]
-    middle = median(times)
-    spread = (max(times) - min(times)) / middle
-    return Figures(middle, median(peaks) if peaks else None, good[0]["f"], len(good), spread)
+    seconds = median(times)
+    spread = (max(times) - min(times)) / seconds
+    return Figures(
+        seconds, median(peaks) if peaks else None, good[0]["f"], good[0]["differs"], len(good), spread
+    )
 
 
 def summaries(journal: Journal) -> dict[Run, Figures]:

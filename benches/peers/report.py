@@ -12,28 +12,11 @@ import numpy as np
 from peers.catalogue import OURS, PEERS, Peer
 from peers.environment import PACKAGES, needs
 from peers.figures import is_ours, scaling_figure
-from peers.plan import SHARES, SIZE_OF_ALL_SHARES
 from peers.records import Figures, Journal, Run, summaries
 from peers.scaling import LEAST_MIB, Quantity, common_share, curves
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-TARGETS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
-    ("gc", "pcl_gc", SHARES),
-    ("gc", "np_gc", (0.1,)),
-    ("ransac", "pcl_ransac", (0.03, 0.01)),
-    ("ransac", "np_ransac_10k", (0.03,)),
-    ("gtm", "np_gtm", (0.1,)),
-    ("st", "np_st_ratio_power", (0.1,)),
-    ("st", "np_st_ratio_eigsh", (0.1,)),
-    ("st", "np_st_ratio_eigh", (0.1,)),
-    ("si", "np_si", (0.1,)),
-    ("cv", "np_cv", (0.1,)),
-    ("hough3d", "pcl_hough", (0.1,)),
-    ("hough3d", "np_hough", (0.1,)),
-)
-"""Our method, the peer it is held against, and at which shares of inliers."""
 
 NOTHING = "-"
 PREAMBLE = """# cgroup and its peers
@@ -42,7 +25,7 @@ Medians over the rounds of the median time of a call. F is the F-score at 5 pr. 
 process above what it held before the call. *Times ours* is how many times longer a peer takes than cgroup's
 method on the same number of threads. Peers without threads run on one, and their figures stand for any
 number. PCL, Open3D, GC-RANSAC and KISS-Matcher end with a fit of the pose, so that their F is not the
-grouping's alone.
+grouping's alone. *Differs* counts the matches on which a peer's mask is not that of cgroup's method.
 """
 
 FAILURES = {"time": "too long", "memory": "too much memory", "error": "failed"}
@@ -75,13 +58,12 @@ def report(journal: Journal, works: Mapping[Run, Figures]) -> str:
     parts = [
         PREAMBLE,
         *machine(journal),
-        "## At n = 5,000\n",
-        *targets(works),
         "## Growth\n",
         *growth(works),
         "![time](time.png)\n",
         "![memory](memory.png)\n",
         *(line for case in case_keys(works) for line in case_table(works, *case)),
+        *equality(works),
         *failures(works),
         *not_run(journal, works),
     ]
@@ -96,8 +78,7 @@ def machine(journal: Journal) -> Iterator[str]:
     session = journal.sessions[-1]
     identity = session["identity"]
     yield "## Machine\n"
-    yield f"- {identity['cpu']}, {identity['cores']} cores, {session['memory_gib'] or '?'} GiB"
-    yield f"- instruction sets: {', '.join(session['flags']) or 'unknown'}"
+    yield f"- {identity['cpu']}, {identity['cores']} cores"
     yield f"- {session['system']}, Python {session['python']}"
     yield f"- load at the start: {session['load']:.2f}{_others(journal)}{_spread(journal)}"
     versions: dict[str, str] = {}
@@ -124,27 +105,6 @@ def _spread(journal: Journal) -> str:
     if not spreads:
         return ""
     return f"; slowest and fastest round differ by {median(spreads):.0%} in the median"
-
-
-def targets(works: Mapping[Run, Figures]) -> Iterator[str]:
-    """How many times longer than ours the peers take, and on what."""
-    counts = thread_counts(works)
-    if all(work.n != SIZE_OF_ALL_SHARES for work in works):
-        yield "Nothing is recorded at this size.\n"
-        return
-    yield from _header(
-        ("ours", "peer", "inliers"),
-        [f"{name}, {_threads(count)}" for count in counts for name in ("ours ms", "peer ms", "times ours")],
-    )
-    for method, name, shares in TARGETS:
-        for share in shares:
-            cells = [PEERS[OURS + method].label, PEERS[name].label, f"{share:.0%}"]
-            for count in counts:
-                ours = find(works, PEERS[OURS + method], SIZE_OF_ALL_SHARES, share, count)
-                peer = find(works, PEERS[name], SIZE_OF_ALL_SHARES, share, count)
-                cells += [_time(ours), _time(peer), _ratio(peer, ours)]
-            yield _row(cells)
-    yield ""
 
 
 def growth(works: Mapping[Run, Figures]) -> Iterator[str]:
@@ -176,21 +136,43 @@ def case_table(works: Mapping[Run, Figures], n: int, share: float) -> Iterator[s
     counts = thread_counts(works)
     yield f"## n = {n:,}, {share:.0%} inliers\n"
     names = ("ms", "times ours", "MiB")
-    yield from _header(("", "F"), [f"{name}, {_threads(count)}" for count in counts for name in names])
+    yield from _header(
+        ("", "F", "differs"), [f"{name}, {_threads(count)}" for count in counts for name in names]
+    )
     for peer in PEERS.values():
         found = [find(works, peer, n, share, count) for count in counts]
         if all(figures is None for figures in found):
             continue
-        f = next((figures.f for figures in found if figures and figures.f is not None), None)
+        measured = next((figures for figures in found if figures and figures.f is not None), None)
         cells = [
             f"**{peer.label}**" if is_ours(peer.name) else peer.label,
-            NOTHING if f is None else f"{f:.2f}",
+            NOTHING if measured is None else f"{measured.f:.2f}",
+            _difference(measured),
         ]
         for count, figures in zip(counts, found, strict=True):
             ours = find(works, PEERS[OURS + peer.method], n, share, count)
             cells += [_time(figures), "" if is_ours(peer.name) else _ratio(figures, ours), _memory(figures)]
         yield _row(cells)
     yield ""
+
+
+def equality(works: Mapping[Run, Figures]) -> Iterator[str]:
+    """Whether the masks of each peer are ours, and why not."""
+    rows = []
+    for peer in PEERS.values():
+        known = {
+            (work.n, work.share): figures.differs
+            for work, figures in works.items()
+            if work.peer == peer.name and figures.differs is not None
+        }
+        equal = list(known.values()).count(0)
+        if known:
+            note = peer.note if equal < len(known) else ""
+            rows.append(_row([peer.label, f"in {equal} of {len(known)} cases", note]))
+    if rows:
+        yield "## Masks equal ours\n"
+        yield from _header(("peer", "equal", "if not, why"), ())
+        yield from (*rows, "")
 
 
 def failures(works: Mapping[Run, Figures]) -> Iterator[str]:
@@ -241,6 +223,12 @@ def _time(figures: Figures | None) -> str:
 
 def _memory(figures: Figures | None) -> str:
     return NOTHING if figures is None or figures.mib is None else f"{figures.mib:,.1f}"
+
+
+def _difference(measured: Figures | None) -> str:
+    if measured is None:
+        return NOTHING
+    return "" if measured.differs is None else f"{measured.differs:,}"
 
 
 def _ratio(peer: Figures | None, ours: Figures | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import signal
@@ -9,15 +10,18 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
+from statistics import median
 from typing import IO, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from peers import cgroup_peers
 from peers import plan as planning
-from peers.cases import ensure_case
-from peers.catalogue import PEERS, Peer, selected
+from peers.answers import judge, unpack
+from peers.cases import Mask, ensure_case, load_case
+from peers.catalogue import OURS, PEERS, Peer, selected
 from peers.environment import BENCHES, Environment, child_environment, describe, prepare
 from peers.measure import MARK
 from peers.records import Journal, Run
@@ -123,7 +127,24 @@ def run_next(run: Run, settings: planning.Settings, environment: Environment, jo
         record = run_process(
             command, child_environment(run.threads), seconds=settings.seconds, mib=settings.mib
         )
+        if "failed" not in record:
+            record = assess(record, PEERS[run.peer], case)
     journal.add(run, record)
+
+
+def assess(record: dict[str, Any], peer: Peer, path: Path) -> dict[str, Any]:
+    """Judge the mask of a record, in whose place its quality and its difference from ours stand."""
+    case = load_case(path)
+    ours = None if peer.program == "cgroup" else our_mask(peer.method, path)
+    mask = unpack(record.pop("mask"), len(case["gt"]))
+    return record | {"median_s": round(median(record["times_s"]), 7), **judge(case, mask, ours)}
+
+
+@functools.cache
+def our_mask(method: str, path: Path) -> Mask:
+    """Return the mask of our method on a case."""
+    mask, _ = cgroup_peers.PEERS[OURS + method](load_case(path), os.cpu_count() or 1)()
+    return mask
 
 
 def run_process(

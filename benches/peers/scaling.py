@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-import numpy as np
-
+from cgroup.benchmark.records.growth import FITTED_FROM, fit_exponent
 from peers.catalogue import COMMON_SHARE, PEERS
 
 if TYPE_CHECKING:
@@ -15,9 +14,6 @@ if TYPE_CHECKING:
     from peers.records import Figures, Run
 
 Quantity: TypeAlias = Literal["seconds", "mib"]
-
-LEAST_SIZE = 2000
-"""Exponents are fitted from here on: below, calls are dominated by what doesn't grow."""
 
 LEAST_SIZES = 3
 LEAST_MIB = 1.0
@@ -38,12 +34,11 @@ class Curve:
         points = [
             (n, value)
             for n, value in zip(self.sizes, self.values, strict=True)
-            if n >= LEAST_SIZE and value > least
+            if n >= FITTED_FROM and value > least
         ]
         if len(points) < LEAST_SIZES:
             return float("nan")
-        slope = np.polyfit(*np.log(np.transpose(points)), 1)[0]
-        return round(float(slope), 3) + 0.0  # no negative zero
+        return round(fit_exponent(*zip(*points, strict=True)), 3) + 0.0  # no negative zero
 
 
 def curves(works: Mapping[Run, Figures], quantity: Quantity, threads: int) -> dict[str, Curve]:

@@ -1,4 +1,8 @@
-//! Matching problems with a known answer, for the tests of the public interface.
+//! Matching problems with a known answer, for the tests of the public interface and the benches.
+//!
+//! The same distribution as that of `cgroup.datasets.make_problem` in Python, with `repeated_targets`,
+//! `random_frames` and `frame_error` 0; `tests/matching_problems.rs` and `test_matching_problems.py` hold both
+//! to the same means.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use cgroup::correspondences::Frame;
@@ -13,7 +17,7 @@ use cgroup::grouping::similarity_score::SimilarityScore;
 use cgroup::grouping::spectral::Spectral;
 use cgroup::selection::counter_rng::random_words;
 use cgroup::{Correspondences, GroupingMethod, Result};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// Raw fields of a problem, so that a test can move, scale or reorder them.
 #[derive(Debug, Clone)]
@@ -28,7 +32,20 @@ pub struct Problem {
     pub inliers: Vec<bool>,
 }
 
-/// Uniform numbers in [0, 1), one stream per seed.
+/// A match is correct where the true motion leaves no greater distance.
+const CORRECT_WITHIN: f64 = 5.0;
+
+/// Mean radius of the surface, in units of the resolution, and the axes of the ellipsoid that it bumps.
+const RADIUS: f64 = 100.0;
+const AXES: [f64; 3] = [1.0, 0.7, 0.5];
+
+/// Standard deviation per axis of the true translation.
+const DISTANCE: f64 = 50.0;
+
+/// Share of inliers below which their ratios are nearly those of outliers.
+const FEW_INLIERS: f64 = 0.1;
+
+/// Uniform numbers in [0, 1), one stream per seed, and what is made of them.
 pub struct Uniform {
     seed: u64,
     counter: u64,
@@ -48,15 +65,58 @@ impl Uniform {
         Vector3::from_fn(|_, _| (2.0 * self.next() - 1.0) * half_width)
     }
 
+    /// Box and Muller's method.
+    fn normal(&mut self) -> f64 {
+        let length = (-2.0 * (1.0 - self.next()).ln()).sqrt();
+        length * (std::f64::consts::TAU * self.next()).cos()
+    }
+
+    fn normals(&mut self, deviation: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.normal() * deviation)
+    }
+
+    /// Uniformly distributed.
     pub fn rotation(&mut self) -> Matrix3<f64> {
-        Rotation3::new(self.vector(2.0)).into_inner()
+        let quaternion = Quaternion::new(self.normal(), self.normal(), self.normal(), self.normal());
+        UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix().into_inner()
+    }
+
+    /// Marsaglia and Tsang's method, for shapes of at least 1.
+    fn gamma(&mut self, shape: f64) -> f64 {
+        let d = shape - 1.0 / 3.0;
+        loop {
+            let x = self.normal();
+            let v = (1.0 + x / (9.0 * d).sqrt()).powi(3);
+            if v > 0.0 && self.next().ln() < 0.5 * x * x + d - d * v + d * v.ln() {
+                return d * v;
+            }
+        }
+    }
+
+    fn beta(&mut self, a: f64, b: f64) -> f64 {
+        let (a, b) = (self.gamma(a), self.gamma(b));
+        a / (a + b)
     }
 }
 
-/// `n` correspondences of which `share` follow one rigid motion, up to `noise`.
+/// The point of the bumpy ellipsoid in a direction (before its axes are stretched).
+fn surface(direction: Vector3<f64>) -> Vector3<f64> {
+    let d = direction.normalize();
+    let bumps = 1.0 + 0.10 * (5.0 * d.x + 1.0).sin() * (4.0 * d.y).cos() + 0.08 * (7.0 * d.z).sin();
+    let mean_axis = AXES.iter().sum::<f64>() / 3.0;
+    d.component_mul(&Vector3::from(AXES)) * (RADIUS / mean_axis * bumps)
+}
+
+/// Any point of the surface but one that would be right by accident: that goes to the opposite side.
+fn away_from(p: &Vector3<f64>, direction: Vector3<f64>) -> Vector3<f64> {
+    let near = (surface(direction) - p).norm() <= CORRECT_WITHIN;
+    surface(if near { -direction } else { direction })
+}
+
+/// `n` correspondences of which `share` follow one rigid motion, up to noise of that deviation per axis.
 pub fn problem(seed: u64, n: usize, share: f64, noise: f64) -> Problem {
     let mut random = Uniform::new(seed);
-    let (rotation, shift) = (random.rotation(), random.vector(200.0));
+    let (rotation, shift) = (random.rotation(), random.normals(DISTANCE));
     let mut result = Problem {
         source: Vec::new(),
         target: Vec::new(),
@@ -67,21 +127,27 @@ pub fn problem(seed: u64, n: usize, share: f64, noise: f64) -> Problem {
         resolution: 1.0,
         inliers: Vec::new(),
     };
+    let mut inliers_left = share * n as f64;
     for i in 0..n {
-        let inlier = (i as f64) < share * n as f64;
-        let p = random.vector(100.0);
+        let inlier = random.next() * ((n - i) as f64) < inliers_left.round();
+        inliers_left -= f64::from(u8::from(inlier));
+        let p = surface(random.normals(1.0));
         let frame = random.rotation();
-        let moved = rotation * p + shift + random.vector(noise);
-        let wrong = rotation * random.vector(100.0) + shift;
+        let moved = rotation * p + shift + random.normals(noise);
+        let wrong = rotation * away_from(&p, random.normals(1.0)) + shift;
         result.source.push(p);
         result.target.push(if inlier { moved } else { wrong });
         // Frames have axes as rows; those of an inlier move with the point.
         result.source_frames.push(Some(frame));
         let turned = frame * rotation.transpose();
         result.target_frames.push(Some(if inlier { turned } else { random.rotation() }));
-        let bonus = if inlier { 0.0 } else { 0.3 };
-        result.ratio.push((0.4 + bonus + 0.3 * random.next()).min(1.0));
-        result.similarity.push(0.8 - bonus - 0.2 * random.next());
+        let (ratio, similarity) = match (inlier, share < FEW_INLIERS) {
+            (true, false) => ((4.0, 1.8), (5.0, 2.0)),
+            (true, true) => ((6.0, 1.4), (5.0, 2.0)),
+            (false, _) => ((9.0, 1.2), (4.0, 3.0)),
+        };
+        result.ratio.push(random.beta(ratio.0, ratio.1));
+        result.similarity.push(random.beta(similarity.0, similarity.1));
         result.inliers.push(inlier);
     }
     result

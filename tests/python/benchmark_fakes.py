@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import time
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,9 +27,12 @@ def log(line: str) -> None:
             file.write(line + "\n")
 
 
-def dawdle() -> None:
-    """Take long enough to be killed."""
-    time.sleep(float(os.environ.get("FAKES_SECONDS", "0")))
+def hold(word: str) -> None:
+    """Never return, where FAKES_HOLD is this word, once five other calls have left it in the log."""
+    if os.environ.get("FAKES_HOLD") == word:
+        calls = Path(os.environ["FAKES_LOG"]).read_text(encoding="utf-8").splitlines()
+        if sum(line.startswith(word) for line in calls) > 5:
+            threading.Event().wait()
 
 
 class _Fake(Dataset):
@@ -75,7 +78,7 @@ class Matches(_Fake):
 
     def load(self, name: str) -> CorrespondencePair:
         log(f"load {name}")
-        dawdle()
+        hold("load")
         rng = np.random.default_rng(int(name[1:]))
         source = rng.uniform(0, 100, size=(60, 3))
         target = rng.uniform(0, 100, size=(60, 3))
@@ -102,7 +105,7 @@ def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matchin
 def first(correspondences: Correspondences, *, count: int = 20) -> np.ndarray:
     """Select the first; a method that returns a mask."""
     log(f"first {count}")
-    dawdle()
+    hold("first")
     return np.arange(len(correspondences)) < count
 
 

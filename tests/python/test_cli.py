@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -269,8 +268,24 @@ def test_detect_says_what_is_wrong(
     assert says in err
 
 
-def process(*arguments: object, **options: object) -> subprocess.Popen[str]:
-    code = "from cgroup.cli import main; print('ready', flush=True); main()"
+READY = "from cgroup.cli import main; print('ready', flush=True); main()"
+# Says so when the first function of the compiled core is called.
+COMPUTING = """
+import sys
+from cgroup import _core
+from cgroup.cli import main
+
+def look(_frame, event, function):
+    if event == "c_call" and getattr(function, "__self__", None) is _core:
+        sys.setprofile(None)
+        print("computing", flush=True)
+
+sys.setprofile(look)
+main()
+"""
+
+
+def process(*arguments: object, code: str = READY, **options: object) -> subprocess.Popen[str]:
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)  # pyright: ignore[reportCallIssue]
 
@@ -291,10 +306,9 @@ def test_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     many = Correspondences(rng.uniform(size=(50_000, 3)), rng.uniform(size=(50_000, 3)))
     write_correspondences(tmp_path / "many.npz", many)
-    running = process("group", tmp_path / "many.npz", "--method", "st")
+    running = process("group", tmp_path / "many.npz", "--method", "st", code=COMPUTING)
     assert running.stdout is not None
-    assert running.stdout.readline() == "ready\n"
-    time.sleep(1.0)
+    assert running.stdout.readline() == "computing\n"
     assert running.poll() is None, "the work was over before it could be interrupted"
     running.send_signal(signal.SIGINT)
     _, err = running.communicate(timeout=20)

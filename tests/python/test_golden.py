@@ -1,21 +1,23 @@
-"""Against what PCL 1.13 computes on three clouds (see the README of the shared data).
+"""Against what PCL 1.13 computes: on small generated shapes and matches, and on three real clouds.
 
-The clouds are research data and not part of this repository: CGROUP_SHARED names their folder, by
-default the sibling `shared` of the checkout.
+The small ones lie in ``tests/golden`` beside the script that made them. The real clouds are research data and
+not part of this repository: CGROUP_SHARED names their folder, by default the sibling `shared` of the checkout.
 """
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_data import shared_file
 
+import cgroup
 from cgroup import features
 
-SHARED = Path(os.environ.get("CGROUP_SHARED", Path(__file__).parents[2] / ".." / "shared"))
-CLOUDS = ("bun000", "armadillo", "b3r_scene0")
+HERE = Path(__file__).parents[1] / "golden"
+GENERATED = ("view", "stone")
+REAL = ("bun000", "armadillo", "b3r_scene0")
 
 # PCL computes responses in single precision: 0.04 + det - 0.04 is a multiple of 2^-28 and, where the few
 # neighbours of a border point lie on a plane, nothing but rounding. Keypoints there are accidents of the
@@ -23,13 +25,13 @@ CLOUDS = ("bun000", "armadillo", "b3r_scene0")
 ROUNDING = 1e-7
 
 
-@pytest.fixture(scope="module", params=CLOUDS)
+@pytest.fixture(scope="module", params=[*GENERATED, *REAL])
 def golden(request):
-    path = SHARED / "golden" / f"{request.param}.npz"
-    if not path.exists():
-        pytest.skip(f"{path} is not there; set CGROUP_SHARED to the folder that holds golden/")
+    name = request.param
+    path = HERE / f"{name}.npz" if name in GENERATED else shared_file(f"golden/{name}.npz")
     with np.load(path) as data:
-        return {name: data[name] for name in data.files}
+        given = {key: data[key] for key in data.files}
+    return {"radius": 15 * given["pr"], **given}
 
 
 def overlap(found, expected):
@@ -87,7 +89,7 @@ def test_iss(golden):
 
 
 def test_shot_lrf(golden):
-    ours = features.shot_lrf(golden["points"], golden["keypoints"], radius=15 * float(golden["pr"]))
+    ours = features.shot_lrf(golden["points"], golden["keypoints"], radius=float(golden["radius"]))
     theirs = golden["shot_lrf"].astype(float)
     chord = np.linalg.norm((ours - theirs).reshape(-1, 9), axis=1) / np.sqrt(8)
     degrees = np.degrees(2 * np.arcsin(np.clip(chord, 0, 1)))
@@ -96,8 +98,52 @@ def test_shot_lrf(golden):
 
 def test_shot(golden):
     ours = features.shot(
-        golden["points"], golden["normals"], golden["keypoints"], radius=15 * float(golden["pr"])
+        golden["points"], golden["normals"], golden["keypoints"], radius=float(golden["radius"])
     ).astype(float)
     theirs = golden["shot352"].astype(float)
     cosine = np.sum(ours * theirs, axis=1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(theirs, axis=1)
     assert np.mean(cosine > 0.9999) >= 0.99
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_generated_goldens_agree_in_every_keypoint(name):
+    with np.load(HERE / f"{name}.npz") as golden:
+        unit = float(golden["pr"])
+        iss = features.iss(golden["points"], salient_radius=2.7 * unit, nms_radius=1.8 * unit)
+        np.testing.assert_array_equal(iss, golden["iss"])
+        harris = features.harris3d(golden["points"], radius=2.7 * unit)
+        np.testing.assert_array_equal(harris, golden["harris"])
+        assert min(len(golden["iss"]), len(golden["harris"])) >= 20
+        # PCL's three histograms of FPFH, each in percent.
+        np.testing.assert_allclose(golden["fpfh"].reshape(-1, 3, 11).sum(axis=2), 100, atol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def matches():
+    with np.load(HERE / "matches.npz") as data:
+        return {key: data[key] for key in data.files}
+
+
+def test_gc_clique(matches):
+    ours = cgroup.gc(
+        matches["source"],
+        matches["target"],
+        similarity=matches["similarity"],
+        tolerance=float(matches["gc_size"]),
+        variant="clique",
+    )
+    np.testing.assert_array_equal(ours.indices, matches["gc"])
+    assert len(matches["gc"]) >= 30
+
+
+def test_hough3d_pcl(matches):
+    frames = {name: matches[name] for name in ("source_lrf", "target_lrf")}
+    ours = cgroup.hough3d(
+        matches["source"],
+        matches["target"],
+        **frames,
+        bin_size=float(matches["hough_bin"]),
+        variant="pcl",
+    )
+    np.testing.assert_array_equal(ours.indices, matches["hough"])
+    assert len(matches["hough"]) >= 30

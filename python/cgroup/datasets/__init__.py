@@ -1,6 +1,7 @@
 """Pairs of clouds, or of matched points, with a known pose."""
 
 from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair, data_root
+from cgroup.datasets.matching_problems import MatchingProblem, make_problem
 from cgroup.datasets.registry import DATASETS, open_dataset
 from cgroup.datasets.standin import standin_pair
 
@@ -9,7 +10,9 @@ __all__ = [
     "CorrespondencePair",
     "Dataset",
     "MatchingPair",
+    "MatchingProblem",
     "data_root",
+    "make_problem",
     "open_dataset",
     "standin_pair",
 ]

@@ -15,11 +15,13 @@ from cgroup.benchmark.claims import (
     noise,
     overlap,
     registration,
+    registration_inputs,
     summary,
 )
-from cgroup.benchmark.claims.base import CRITERIA, OUTCOMES, Claim, Outcome, Verdict, decide
-from cgroup.benchmark.claims.explanations import explanations
+from cgroup.benchmark.claims.claim import Claim, collect_claims
+from cgroup.benchmark.claims.explanations import read_explanations
 from cgroup.benchmark.claims.table import as_json, as_markdown, count_verdicts, counts_line
+from cgroup.benchmark.claims.verdict import CRITERIA, OUTCOMES, Outcome, Verdict, decide
 from cgroup.benchmark.evidence import Evidence
 
 if TYPE_CHECKING:
@@ -40,18 +42,19 @@ __all__ = [
     "counts_line",
 ]
 
-CLAIMS: tuple[Claim, ...] = (
-    *inputs.CLAIMS,
-    *noise.CLAIMS,
-    *density.CLAIMS,
-    *clutter_occlusion.CLAIMS,
-    *overlap.CLAIMS,
-    *epsilon.CLAIMS,
-    *matches.CLAIMS,
-    *combinations.CLAIMS,
-    *registration.CLAIMS,
-    *efficiency.CLAIMS,
-    *summary.CLAIMS,
+CLAIMS = collect_claims(
+    inputs,
+    noise,
+    density,
+    clutter_occlusion,
+    overlap,
+    epsilon,
+    matches,
+    combinations,
+    registration,
+    registration_inputs,
+    efficiency,
+    summary,
 )
 """In the paper's order."""
 
@@ -76,5 +79,5 @@ def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
 
 def check_evidence(evidence: Evidence) -> list[Verdict]:
     """Check all claims as `check_claims` does, on evidence that is at hand."""
-    why = explanations()
+    why = read_explanations()
     return [decide(claim, evidence, why.get(claim.id, "")) for claim in CLAIMS]

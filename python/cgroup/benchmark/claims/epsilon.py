@@ -7,13 +7,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import CLEAR, Claim, Comparison, Finding
-from cgroup.benchmark.claims.measures import agreement, at_least, at_most, ends, in_top, over
+from cgroup.benchmark.claims.base import CLEAR, Comparison, Finding
+from cgroup.benchmark.claims.claim import claim
+from cgroup.benchmark.claims.measures import (
+    compare_rankings,
+    expect_above,
+    expect_at_least,
+    expect_at_most,
+    expect_in_top,
+    find_ends,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cgroup.benchmark.claims.base import Records
+    from cgroup.benchmark.claims.base import ClaimEvidence
     from cgroup.benchmark.evidence import Level
 
 _SECTION = "5.1 item 5, threshold"
@@ -22,9 +30,17 @@ _STABLE = 0.8
 _ROUNDING = 1e-9
 
 
-def _precision_never_falls(records: Records) -> Finding:
-    sample = records.need("epsilon", "U3OR")
-    ends(sample.by_level("precision"))
+@claim(
+    "C-27",
+    section=_SECTION,
+    statement="All methods gain precision as the threshold is relaxed.",
+    criterion=(
+        "No pair's P falls from one threshold to the next, for each method; so it must be, by construction."
+    ),
+)
+def _check_precision_never_falls(evidence: ClaimEvidence) -> Finding:
+    sample = evidence.need("epsilon", "U3OR")
+    find_ends(sample.by_level("precision"))
     ordered = sample.rows.sort_values("x")
     steps = ordered.groupby(["method", "pair"])["precision"].diff()
     worst = steps.groupby(ordered["method"]).min()
@@ -40,33 +56,54 @@ def _precision_never_falls(records: Records) -> Finding:
     )
 
 
-def _steepest_rise(records: Records) -> Finding:
-    rise, low, high = _rise(records, "precision")
+@claim(
+    "C-28",
+    section=_SECTION,
+    statement="RANSAC and GTM gain precision fastest.",
+    criterion="Each among the top two by the rise of P from the lowest to the highest threshold.",
+)
+def _check_steepest_rise(evidence: ClaimEvidence) -> Finding:
+    rise, low, high = _measure_rise(evidence, "precision")
     return Finding(
-        [in_top(rise, method, 2, f"rise of P from ε {low} to {high} pr:") for method in ("ransac", "gtm")]
+        [
+            expect_in_top(rise, method, 2, f"rise of P from ε {low} to {high} pr:")
+            for method in ("ransac", "gtm")
+        ]
     )
 
 
-def _recall_of_three(records: Records) -> Finding:
-    rise, low, high = _rise(records, "recall")
+@claim(
+    "C-29",
+    section=_SECTION,
+    statement="Only SI, CV and SS gain evidently in recall.",
+    criterion="R rises by more than 0.05 for these three, by at most 0.05 for the others.",
+)
+def _check_recall_of_three(evidence: ClaimEvidence) -> Finding:
+    rise, low, high = _measure_rise(evidence, "recall")
     tests = [
-        over(f"{method.upper()} rises by", rise[method], CLEAR)
+        expect_above(f"{method.upper()} rises by", rise[method], CLEAR)
         if method in _GAIN_RECALL
-        else at_most(f"{method.upper()} rises by", rise[method], CLEAR)
+        else expect_at_most(f"{method.upper()} rises by", rise[method], CLEAR)
         for method in rise.index
     ]
     changes = ", ".join(f"{method.upper()} {value:+.2f}" for method, value in rise.items())
     return Finding(tests, summary=f"Change of R from ε {low} to {high} pr: {changes}.")
 
 
-def _stable_ranking(records: Records) -> Finding:
-    table = records.need("epsilon", "U3OR").by_level("f_score")
-    ends(table)
+@claim(
+    "C-29b",
+    section=_SECTION,
+    statement="The ranking of the methods is stable as the threshold changes.",
+    criterion="Kendall τ >= 0.8 between the rankings by F at neighbouring thresholds.",
+)
+def _check_stable_ranking(evidence: ClaimEvidence) -> Finding:
+    table = evidence.need("epsilon", "U3OR").by_level("f_score")
+    find_ends(table)
     return Finding(
         [
-            at_least(
+            expect_at_least(
                 f"Kendall τ of the ranking by F at ε {one} and {other} pr:",
-                agreement(table.loc[one], table.loc[other]),
+                compare_rankings(table.loc[one], table.loc[other]),
                 _STABLE,
             )
             for one, other in zip(table.index, table.index[1:], strict=False)
@@ -74,39 +111,7 @@ def _stable_ranking(records: Records) -> Finding:
     )
 
 
-def _rise(records: Records, column: str) -> tuple[pd.Series, Level, Level]:
-    table = records.need("epsilon", "U3OR").by_level(column)
-    low, high = ends(table)
+def _measure_rise(evidence: ClaimEvidence, column: str) -> tuple[pd.Series, Level, Level]:
+    table = evidence.need("epsilon", "U3OR").by_level(column)
+    low, high = find_ends(table)
     return table.loc[high] - table.loc[low], low, high
-
-
-CLAIMS = (
-    Claim(
-        "C-27",
-        _SECTION,
-        "All methods gain precision as the threshold is relaxed.",
-        "No pair's P falls from one threshold to the next, for each method; so it must be, by construction.",
-        _precision_never_falls,
-    ),
-    Claim(
-        "C-28",
-        _SECTION,
-        "RANSAC and GTM gain precision fastest.",
-        "Each among the top two by the rise of P from the lowest to the highest threshold.",
-        _steepest_rise,
-    ),
-    Claim(
-        "C-29",
-        _SECTION,
-        "Only SI, CV and SS gain evidently in recall.",
-        "R rises by more than 0.05 for these three, by at most 0.05 for the others.",
-        _recall_of_three,
-    ),
-    Claim(
-        "C-29b",
-        _SECTION,
-        "The ranking of the methods is stable as the threshold changes.",
-        "Kendall τ >= 0.8 between the rankings by F at neighbouring thresholds.",
-        _stable_ranking,
-    ),
-)

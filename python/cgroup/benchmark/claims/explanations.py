@@ -11,7 +11,7 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
 
-def explanations() -> dict[str, str]:
+def read_explanations() -> dict[str, str]:
     """Texts by claim.
 
     Returns

@@ -14,11 +14,14 @@ from scipy import stats
 from cgroup.benchmark.claims.base import TIE, Comparison, NotTestableError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     import pandas as pd
 
     from cgroup.benchmark.evidence import Level, Sample
+
+COMBINATIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
+"""Of detector and descriptor, as the paper numbers them."""
 
 _NAMES = {
     "combinations": "{}",
@@ -29,51 +32,57 @@ _NAMES = {
 }
 
 
-def at(sample: Sample, level: Level) -> str:
+def name_level(sample: Sample, level: Level) -> str:
     """Name a level of an experiment."""
     text = level if isinstance(level, str) else f"{level:g}"
     return _NAMES.get(sample.experiment.id, sample.experiment.id + " {}").format(text)
 
 
-def number(value: float) -> str:
+def show_score(value: float) -> str:
     """Write a score."""
     return f"{value:.3f}" if abs(value) < 0.1 else f"{value:.2f}"
 
 
-def duration(log_seconds: float) -> str:
+def show_time(log_seconds: float) -> str:
     """Write a time that is given by its logarithm."""
     seconds = math.exp(log_seconds)
     return f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
 
 
-def over(label: str, value: float, bound: float) -> Comparison:
+def show_order(rates: pd.Series) -> str:
+    """Write registration rates, best first."""
+    ordered = rates.sort_values(ascending=False, kind="stable").items()
+    return "Rates: " + ", ".join(f"{method.upper()} {show_score(rate)}" for method, rate in ordered) + "."
+
+
+def expect_above(label: str, value: float, bound: float) -> Comparison:
     """Value > bound."""
-    return Comparison(value > bound, f"{label} {number(value)}", value - bound)
+    return Comparison(value > bound, f"{label} {show_score(value)}", value - bound)
 
 
-def at_least(label: str, value: float, bound: float) -> Comparison:
+def expect_at_least(label: str, value: float, bound: float) -> Comparison:
     """Value >= bound, up to rounding."""
-    return Comparison(value >= bound - 1e-12, f"{label} {number(value)}", value - bound)
+    return Comparison(value >= bound - 1e-12, f"{label} {show_score(value)}", value - bound)
 
 
-def at_most(label: str, value: float, bound: float) -> Comparison:
+def expect_at_most(label: str, value: float, bound: float) -> Comparison:
     """Value <= bound, up to rounding."""
-    return Comparison(value <= bound + 1e-12, f"{label} {number(value)}", bound - value)
+    return Comparison(value <= bound + 1e-12, f"{label} {show_score(value)}", bound - value)
 
 
-def under(label: str, value: float, bound: float) -> Comparison:
+def expect_below(label: str, value: float, bound: float) -> Comparison:
     """Value < bound."""
-    return Comparison(value < bound, f"{label} {number(value)}", bound - value)
+    return Comparison(value < bound, f"{label} {show_score(value)}", bound - value)
 
 
-def higher(
+def expect_higher(
     scores: pd.Series,
     one: str,
     other: str,
     label: str,
     *,
     by: float = TIE,
-    show: Callable[[float], str] = number,
+    show: Callable[[float], str] = show_score,
 ) -> Comparison:
     """One method's score is higher than another's by more than `by`."""
     margin = float(scores[one] - scores[other] - by)
@@ -81,14 +90,14 @@ def higher(
     return Comparison(margin > 0, text, margin)
 
 
-def in_top(
+def expect_in_top(
     scores: pd.Series,
     method: str,
     k: int,
     label: str,
     *,
     tie: float = TIE,
-    show: Callable[[float], str] = number,
+    show: Callable[[float], str] = show_score,
 ) -> Comparison:
     """Fewer than k others have a score that is higher by more than a tie."""
     rivals = scores.drop(method).dropna().sort_values(ascending=False)
@@ -104,18 +113,29 @@ def in_top(
     return Comparison(margin >= -tie, text, margin)
 
 
+def expect_in_top_at_levels(
+    sample: Sample, table: pd.DataFrame, what: str, tops: Mapping[str, int]
+) -> list[Comparison]:
+    """Each of some methods among the top k at each level of a table; `tops` holds k by method."""
+    return [
+        expect_in_top(row, method, k, f"{name_level(sample, level)}, {what}:")
+        for level, row in table.iterrows()
+        for method, k in tops.items()
+    ]
+
+
 def rank(scores: pd.Series, method: str) -> int:
     """1 + number of methods that are better by more than a tie."""
     return 1 + int((scores > scores[method] + TIE).sum())
 
 
-def lead(scores: pd.Series, methods: Iterable[str]) -> float:
+def measure_lead(scores: pd.Series, methods: Iterable[str]) -> float:
     """Mean of some methods, above the best of the others."""
     named = list(methods)
     return float(scores[named].mean() - scores.drop(named).max())
 
 
-def rising(levels: Iterable[float], values: Iterable[float]) -> float:
+def correlate_with_levels(levels: Iterable[float], values: Iterable[float]) -> float:
     """Spearman's rank correlation of values with levels; 0 for constant values, NaN under three levels."""
     x, y = np.fromiter(levels, dtype=np.float64), np.fromiter(values, dtype=np.float64)
     known = ~np.isnan(y)
@@ -126,7 +146,7 @@ def rising(levels: Iterable[float], values: Iterable[float]) -> float:
     return float(stats.spearmanr(x[known], y[known]).statistic)
 
 
-def agreement(one: pd.Series, other: pd.Series) -> float:
+def compare_rankings(one: pd.Series, other: pd.Series) -> float:
     """Kendall's tau-b between two rankings of the methods; 1 where both are ties throughout."""
     if np.ptp(one) == 0 and np.ptp(other) == 0:
         return 1.0
@@ -134,7 +154,7 @@ def agreement(one: pd.Series, other: pd.Series) -> float:
     return 0.0 if math.isnan(tau) else tau
 
 
-def ends(table: pd.DataFrame) -> tuple[Level, Level]:
+def find_ends(table: pd.DataFrame) -> tuple[Level, Level]:
     """Lowest and highest level; there have to be two."""
     if len(table) < 2:
         message = "the records hold one level only"
@@ -142,7 +162,7 @@ def ends(table: pd.DataFrame) -> tuple[Level, Level]:
     return table.index[0], table.index[-1]
 
 
-def levels_where(table: pd.DataFrame, wanted: Callable[[float], bool], what: str) -> pd.DataFrame:
+def pick_levels(table: pd.DataFrame, wanted: Callable[[float], bool], what: str) -> pd.DataFrame:
     """Rows of the levels that a statement is about; there has to be one."""
     chosen = table[[wanted(round(level, 6)) for level in table.index]]
     if chosen.empty:
@@ -151,7 +171,7 @@ def levels_where(table: pd.DataFrame, wanted: Callable[[float], bool], what: str
     return chosen
 
 
-def named_levels(table: pd.DataFrame, levels: Iterable[Level]) -> pd.DataFrame:
+def need_levels(table: pd.DataFrame, levels: Iterable[Level]) -> pd.DataFrame:
     """Rows of levels that a statement names; all have to be there."""
     named = list(levels)
     missing = [each for each in named if each not in table.index]
@@ -159,3 +179,12 @@ def named_levels(table: pd.DataFrame, levels: Iterable[Level]) -> pd.DataFrame:
         message = "the records lack the level " + ", ".join(str(each) for each in missing)
         raise NotTestableError(message)
     return table.loc[named]
+
+
+def list_cells(sample: Sample, table: pd.DataFrame, what: str) -> list[tuple[str, float]]:
+    """Label and value for each level and method."""
+    return [
+        (f"{name_level(sample, level)}, {what} of {method.upper()}", float(value))
+        for level, row in table.iterrows()
+        for method, value in row.items()
+    ]

@@ -7,131 +7,108 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import TIE, Claim, Comparison, Finding
+from cgroup.benchmark.claims.base import TIE, Comparison, Finding
+from cgroup.benchmark.claims.claim import claim
 from cgroup.benchmark.claims.measures import (
-    at,
-    at_least,
-    ends,
-    higher,
-    in_top,
-    lead,
-    levels_where,
-    number,
-    rising,
+    correlate_with_levels,
+    expect_at_least,
+    expect_higher,
+    expect_in_top,
+    expect_in_top_at_levels,
+    find_ends,
+    list_cells,
+    measure_lead,
+    name_level,
+    pick_levels,
+    show_score,
 )
 
 if TYPE_CHECKING:
-    from cgroup.benchmark.claims.base import Records
+    from cgroup.benchmark.claims.base import ClaimEvidence
 
 _SECTION = "5.1 item 1, noise"
 _LEADERS = ("ransac", "st")
 
 
-def _acceptable_below_two_tenths(records: Records) -> Finding:
-    sample = records.need("noise", "B3R")
-    table = levels_where(sample.by_level("precision"), lambda level: level < 0.2, "below 0.2 pr")
-    return Finding(
-        [
-            at_least(f"{at(sample, level)}, P of {method.upper()}", value, 0.4)
-            for level, row in table.iterrows()
-            for method, value in row.items()
-        ]
-    )
+@claim(
+    "C-03",
+    section=_SECTION,
+    statement="With noise below 0.2 pr, all nine methods do acceptably.",
+    criterion="P >= 0.4 for each method at each level below 0.2 pr.",
+)
+def _check_acceptable_below_two_tenths(evidence: ClaimEvidence) -> Finding:
+    sample = evidence.need("noise", "B3R")
+    table = pick_levels(sample.by_level("precision"), lambda level: level < 0.2, "below 0.2 pr")
+    return Finding([expect_at_least(*cell, 0.4) for cell in list_cells(sample, table, "P")])
 
 
-def _leaders_below_two_tenths(records: Records) -> Finding:
-    sample = records.need("noise", "B3R")
-    table = levels_where(sample.by_level("f_score"), lambda level: level < 0.2, "below 0.2 pr")
-    return Finding(
-        [
-            in_top(row, method, 2, f"{at(sample, level)}, F:")
-            for level, row in table.iterrows()
-            for method in _LEADERS
-        ]
-    )
+@claim(
+    "C-04",
+    section=_SECTION,
+    statement="With noise below 0.2 pr, RANSAC and ST are the two best methods.",
+    criterion="Each of the two among the top two by F at each level below 0.2 pr.",
+)
+def _check_leaders_below_two_tenths(evidence: ClaimEvidence) -> Finding:
+    sample = evidence.need("noise", "B3R")
+    table = pick_levels(sample.by_level("f_score"), lambda level: level < 0.2, "below 0.2 pr")
+    return Finding(expect_in_top_at_levels(sample, table, "F", dict.fromkeys(_LEADERS, 2)))
 
 
-def _lead_grows(records: Records) -> Finding:
-    table = records.need("noise", "B3R").by_level("f_score")
-    low, high = ends(table)
-    leads = [lead(row, _LEADERS) for _, row in table.iterrows()]
+@claim(
+    "C-05",
+    section=_SECTION,
+    statement="The more noise, the further RANSAC and ST are ahead of the rest.",
+    criterion="Mean F of the two minus the best other F grows from the lowest to the highest level.",
+)
+def _check_lead_grows(evidence: ClaimEvidence) -> Finding:
+    table = evidence.need("noise", "B3R").by_level("f_score")
+    low, high = find_ends(table)
+    leads = [measure_lead(row, _LEADERS) for _, row in table.iterrows()]
     margin = leads[-1] - leads[0] - TIE
-    text = f"lead in F {number(leads[0])} at noise of {low} pr, {number(leads[-1])} at {high} pr"
-    summary = f"Spearman of lead and noise over all levels: {rising(range(len(leads)), leads):.2f}."
+    text = f"lead in F {show_score(leads[0])} at noise of {low} pr, {show_score(leads[-1])} at {high} pr"
+    growth = correlate_with_levels(range(len(leads)), leads)
+    summary = f"Spearman of lead and noise over all levels: {growth:.2f}."
     return Finding([Comparison(margin > 0, text, margin)], summary=summary)
 
 
-def _ratio_beats_clusters(records: Records) -> Finding:
-    sample = records.need("noise", "B3R", "nnsr", "gc", "3dhv")
+@claim(
+    "C-06",
+    section=_SECTION,
+    statement="NNSR selects with higher precision than GC and than 3DHV.",
+    criterion="P of NNSR higher than that of each of the two at each level.",
+)
+def _check_ratio_beats_clusters(evidence: ClaimEvidence) -> Finding:
+    sample = evidence.need("noise", "B3R", "nnsr", "gc", "3dhv")
     return Finding(
         [
-            higher(row, "nnsr", other, f"{at(sample, level)}, P:")
+            expect_higher(row, "nnsr", other, f"{name_level(sample, level)}, P:")
             for level, row in sample.by_level("precision").iterrows()
             for other in ("gc", "3dhv")
         ]
     )
 
 
-def _recall_stays_high(records: Records) -> Finding:
-    methods = ["st", "ransac", "gc", "gtm", "cv"]
-    sample = records.need("noise", "B3R", *methods)
-    return Finding(
-        [
-            at_least(f"{at(sample, level)}, R of {method.upper()}", value, 0.9)
-            for level, row in sample.by_level("recall")[methods].iterrows()
-            for method, value in row.items()
-        ]
-    )
-
-
-def _si_drops_most(records: Records) -> Finding:
-    table = records.need("noise", "B3R").by_level("f_score")
-    low, high = ends(table)
-    drops = table.loc[low] - table.loc[high]
-    return Finding([in_top(drops, "si", 1, f"drop in F from noise of {low} to {high} pr:")])
-
-
-CLAIMS = (
-    Claim(
-        "C-03",
-        _SECTION,
-        "With noise below 0.2 pr, all nine methods do acceptably.",
-        "P >= 0.4 for each method at each level below 0.2 pr.",
-        _acceptable_below_two_tenths,
-    ),
-    Claim(
-        "C-04",
-        _SECTION,
-        "With noise below 0.2 pr, RANSAC and ST are the two best methods.",
-        "Each of the two among the top two by F at each level below 0.2 pr.",
-        _leaders_below_two_tenths,
-    ),
-    Claim(
-        "C-05",
-        _SECTION,
-        "The more noise, the further RANSAC and ST are ahead of the rest.",
-        "Mean F of the two minus the best other F grows from the lowest to the highest level.",
-        _lead_grows,
-    ),
-    Claim(
-        "C-06",
-        _SECTION,
-        "NNSR selects with higher precision than GC and than 3DHV.",
-        "P of NNSR higher than that of each of the two at each level.",
-        _ratio_beats_clusters,
-    ),
-    Claim(
-        "C-07",
-        _SECTION,
-        "ST, RANSAC, GC, GTM and CV find nearly all correct matches at every noise level.",
-        "R >= 0.9 for each of the five at each level.",
-        _recall_stays_high,
-    ),
-    Claim(
-        "C-08",
-        _SECTION,
-        "SI suffers most from severe noise.",
-        "Largest drop in F of all methods from the lowest to the highest level.",
-        _si_drops_most,
-    ),
+@claim(
+    "C-07",
+    section=_SECTION,
+    statement="ST, RANSAC, GC, GTM and CV find nearly all correct matches at every noise level.",
+    criterion="R >= 0.9 for each of the five at each level.",
 )
+def _check_recall_stays_high(evidence: ClaimEvidence) -> Finding:
+    methods = ["st", "ransac", "gc", "gtm", "cv"]
+    sample = evidence.need("noise", "B3R", *methods)
+    cells = list_cells(sample, sample.by_level("recall")[methods], "R")
+    return Finding([expect_at_least(*cell, 0.9) for cell in cells])
+
+
+@claim(
+    "C-08",
+    section=_SECTION,
+    statement="SI suffers most from severe noise.",
+    criterion="Largest drop in F of all methods from the lowest to the highest level.",
+)
+def _check_si_drops_most(evidence: ClaimEvidence) -> Finding:
+    table = evidence.need("noise", "B3R").by_level("f_score")
+    low, high = find_ends(table)
+    drops = table.loc[low] - table.loc[high]
+    return Finding([expect_in_top(drops, "si", 1, f"drop in F from noise of {low} to {high} pr:")])

@@ -6,12 +6,12 @@ import json
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import CRITERIA, OUTCOMES
+from cgroup.benchmark.claims.verdict import CRITERIA, OUTCOMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from cgroup.benchmark.claims.base import Verdict
+    from cgroup.benchmark.claims.verdict import Verdict
 
 
 def count_verdicts(verdicts: Iterable[Verdict]) -> dict[str, int]:

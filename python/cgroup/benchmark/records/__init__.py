@@ -1,6 +1,6 @@
 """What a run has computed: kept in one SQLite file, read as tables."""
 
-from cgroup.benchmark.records.exponents import exponents
+from cgroup.benchmark.records.growth import exponents
 from cgroup.benchmark.records.means import aggregate
 from cgroup.benchmark.records.tables import (
     load,

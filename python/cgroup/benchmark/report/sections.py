@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from cgroup.benchmark.claims.base import mean_times
 from cgroup.benchmark.paper import PAPER_COMPLEXITY, PLACES
-from cgroup.benchmark.records.exponents import exponents
+from cgroup.benchmark.records.growth import exponents
 from cgroup.benchmark.report.examples import choose_examples, draw_example
 from cgroup.benchmark.report.pictures import CLOUD_RESOLUTION
 from cgroup.benchmark.report.tables import ranking_table, timing_table

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.records.exponents import fit_exponent
+from cgroup.benchmark.records.growth import fit_exponent
 from cgroup.benchmark.records.machine import this_machine
 from cgroup.benchmark.records.packing import pack, unpack
 from cgroup.benchmark.records.types import Provenance
