@@ -1,6 +1,6 @@
 """Run all nine methods on the same matches and judge each against the true pose."""
 
-from cgroup.benchmark import compare
+from cgroup.comparison import compare
 from cgroup.datasets import standin_pair
 from cgroup.registration import correspond
 

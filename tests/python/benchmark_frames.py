@@ -117,7 +117,6 @@ def _records(
                 "translation_error": 0.2 if good else 20.0,
                 "translation_error_pr": 0.4 if good else 40.0,
                 "rmse_pr": 0.5 if good else 50.0,
-                "ok:precision>0.1": precision > 0.1,
                 "ok:rmse<=5pr": good,
             }
         )

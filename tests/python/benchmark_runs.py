@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.config import parse_config
+from cgroup.benchmark.records.store import RECORDS, Store
 from cgroup.benchmark.run import Summary, run
-from cgroup.benchmark.store import RECORDS, Store
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -18,16 +18,17 @@ import pandas as pd
 import pytest
 
 import benchmark_fakes
-from cgroup.benchmark import records, scoring, stages, timing
+from cgroup.benchmark import records
 from cgroup.benchmark.config import parse_config
-from cgroup.benchmark.run import run
-from cgroup.benchmark.store import RECORDS, only_writer
+from cgroup.benchmark.records.lock import only_writer
+from cgroup.benchmark.records.store import RECORDS
+from cgroup.benchmark.run import run, scoring, stages, timing
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cgroup.benchmark.results import Scored
+    from cgroup.benchmark.records.types import ScoreRecord
 
 from benchmark_runs import CLOUDS, MATCHES, contents, serial
 
@@ -69,7 +70,7 @@ def test_each_stage_uses_what_the_ones_before_have_stored(
 ) -> None:
     scored: list[tuple[float, ...]] = []
 
-    def score(*arguments: object) -> list[Scored]:
+    def score(*arguments: object) -> list[ScoreRecord]:
         scored.append(tuple(arguments[-1]))  # pyright: ignore[reportArgumentType]
         return judge(*arguments)  # pyright: ignore[reportArgumentType]
 
@@ -259,13 +260,19 @@ def test_interrupt_keeps_what_is_finished(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A Dask scheduler and three worker processes, as on several machines."""
+def cluster(
+    tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Three Dask workers and, last, their scheduler, as on several machines.
+
+    The parameter is how many lost workers a task may have been on.
+    """
     file = tmp_path / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     dask = [sys.executable, "-m", "dask"]
     common = ["--scheduler-file", str(file), "--no-dashboard"]
-    scheduler = subprocess.Popen([*dask, "scheduler", *common, "--port", "0"], **quiet)  # pyright: ignore[reportArgumentType]
+    patient = environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=str(getattr(request, "param", 3)))
+    scheduler = subprocess.Popen([*dask, "scheduler", *common, "--port", "0"], env=patient, **quiet)  # pyright: ignore[reportArgumentType]
     command = [*dask, "worker", *common, "--nthreads", "1", "--no-nanny"]
     workers = [subprocess.Popen(command, env=environment(), cwd=tmp_path, **quiet) for _ in range(3)]  # pyright: ignore[reportArgumentType]
     try:
@@ -273,7 +280,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
         while not (file.exists() and file.read_text()):
             assert time.monotonic() < deadline
             time.sleep(0.05)
-        yield json.loads(file.read_text())["address"], workers
+        yield json.loads(file.read_text())["address"], [*workers, scheduler]
     finally:
         for process in (*workers, scheduler):
             process.kill()
@@ -302,10 +309,41 @@ def test_a_dask_cluster_that_loses_a_worker(
     assert contents(tmp_path / "out") == expected
 
 
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("cluster", [0], indirect=True)
+def test_a_task_that_kills_dask_workers_is_recorded(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:deadly"') + 'pairs = ["m0", "m4"]'
+    assert benchmark_fakes.Matches().load("m4").correspondences.source[0, 0] > 90
+    run(parse_config(text), tmp_path / "out", backend="dask", scheduler=cluster[0])
+    errors = records.load(tmp_path / "out").set_index("pair")["error"]
+    assert errors.to_dict() == {"m0": "", "m4": stages.KILLED}
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], expected: list[tuple[object, ...]], tmp_path: Path
+) -> None:
+    address, (*_, scheduler) = cluster
+
+    def kill_scheduler(stage: str, done: int, _wanted: int) -> None:
+        if stage == "correspond" and done >= 2:
+            scheduler.kill()
+            scheduler.wait()
+
+    dask = pytest.importorskip("dask")
+    lost = pytest.raises(InputError, match="scheduler: the connection is lost .*; run the same command again")
+    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), lost:
+        run(parse_config(MATCHES), tmp_path, backend="dask", scheduler=address, progress=kill_scheduler)
+    serial(MATCHES, tmp_path)
+    assert contents(tmp_path) == expected
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"backend": "ray"}, "backend: ray isn't installed; pip install"),
+        ({"backend": "ray"}, "backend: got 'ray'; choose one of loky, dask, threading"),
         ({"backend": "dask"}, "scheduler: needed by the dask backend"),
         ({"backend": "slurm"}, "backend: got 'slurm'; choose one of loky"),
         ({"workers": 0}, "workers: got 0"),

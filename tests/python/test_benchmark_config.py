@@ -9,14 +9,14 @@ import pytest
 
 import benchmark_fakes
 from benchmark_runs import MATCHES, serial
-from cgroup import group
-from cgroup.benchmark import records
+from cgroup import METHODS, PAPER_METHODS, group
+from cgroup.benchmark import config, records
 from cgroup.benchmark.candidates import candidate
 from cgroup.benchmark.cases import Case
 from cgroup.benchmark.chained import gc_then_ransac, gtm_then_ransac
 from cgroup.benchmark.config import Config, parse_config, preset_names, read_config
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.store import RECORDS, Store
+from cgroup.benchmark.records.store import RECORDS, Store
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,6 +49,10 @@ WRONG = [
         'methods = ["gtm", {name = "gtm", options = {one_to_one = true}}]\nexperiment = [{id = "x", dataset = "b3r"}]',
         "methods: two are called 'gtm'; give each variant a label",
     ),
+    (
+        'experiment = [{id = "x", dataset = "b3r", fact = "clutter"}]',
+        "experiment[0].fact: Extra inputs are not permitted",
+    ),
     ('seed = "much"\nexperiment = [{id = "x", dataset = "b3r"}]', "seed: Input should be a valid integer"),
     ("experiment = [", "not TOML"),
 ]
@@ -63,10 +67,38 @@ def test_wrong_configuration_is_one_line_with_the_keys_path(text: str, says: str
 
 
 def test_defaults_of_a_configuration() -> None:
-    config = parse_config(MATCHES)
-    assert isinstance(config, Config)
-    assert (config.seed, config.timing) == (0, None)
-    assert config.experiment[0].epsilons == (5.0,)
+    read = parse_config(MATCHES)
+    assert isinstance(read, Config)
+    assert (read.seed, read.timing) == (0, None)
+    assert read.experiment[0].epsilons == (5.0,)
+
+
+def test_sets_of_methods(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a tenth method, "paper" stays the nine, and the default is what exists."""
+    monkeypatch.setitem(config.METHOD_SETS, "all", (*METHODS, "benchmark_fakes:first"))
+    text = MATCHES.replace('methods = ["ransac", "gtm"]', "methods = {}")
+
+    def names(methods: str) -> list[str]:
+        return [entry.name for entry in parse_config(text.replace("{}", methods)).methods]
+
+    assert names('"paper"') == list(PAPER_METHODS)
+    assert names('"all"') == [*METHODS, "benchmark_fakes:first"]
+    assert names('["paper", {name = "st", label = "dense", options = {eigensolver = "dense"}}]') == [
+        *PAPER_METHODS,
+        "st",
+    ]
+    assert [entry.name for entry in parse_config(text.replace("methods = {}\n", "")).methods] == list(METHODS)
+    with pytest.raises(InputError, match=r"methods\[0\]: method: got 'everything'"):
+        names('"everything"')
+
+
+@pytest.mark.parametrize("name", ["smoke", "paper-small", "paper"])
+def test_the_papers_presets_run_the_papers_methods(name: str) -> None:
+    preset = read_config(name)
+    assert tuple(entry.name for entry in preset.methods) == PAPER_METHODS
+    assert preset.timing is not None
+    timed = preset.timing.methods or preset.methods
+    assert tuple(entry.label or entry.name for entry in timed)[:9] == PAPER_METHODS
 
 
 def test_presets_can_be_read() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import cgroup
-from cgroup import METHODS, Correspondences, group
+from cgroup import METHODS, Correspondences, comparison, group
 from cgroup.cli import main
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.io import (
@@ -104,6 +104,25 @@ def test_compare(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     for name in ("comparison.png", "precision_recall.png"):
         assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
     assert "inverse" not in out
+
+
+def test_compare_judges_the_matches_once(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[object] = []
+
+    def judge(*arguments: object, **options: float) -> object:
+        calls.append(arguments)
+        return correct_matches(*arguments, **options)  # pyright: ignore[reportArgumentType]
+
+    correct_matches = comparison.correct_matches
+    monkeypatch.setattr(comparison, "correct_matches", judge)
+    arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
+    assert run(capsys, "compare", *arguments)[0] == 0
+    # Under the truth, and at most once more under its inverse.
+    poses = [arguments[2] for arguments in calls]
+    assert len(poses) <= 2
+    assert len({np.asarray(pose).tobytes() for pose in poses}) == len(poses)
 
 
 def test_compare_notices_an_inverted_truth(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,9 +15,9 @@ from cgroup.evaluation import (
     alignment_error,
     clutter_and_occlusion,
     correct_matches,
-    mean_scores,
     overlap,
     rotation_error,
+    score_counts,
     score_group,
     translation_error,
     within,
@@ -73,21 +73,20 @@ def test_scores_need_two_masks(mask: object, correct: object) -> None:
         score_group(mask, correct)  # pyright: ignore[reportArgumentType]
 
 
-def test_means() -> None:
-    scores = [GroupScore(10, 4, 4, 2), GroupScore(10, 4, 0, 0), GroupScore(10, 0, 5, 0)]
-    zero = mean_scores(scores)
-    assert (zero.pairs, zero.precision, zero.recall) == (3, 0.5 / 3, 0.5 / 3)
-    assert zero.registered == pytest.approx(1 / 3)
-    assert zero.pooled == GroupScore(30, 8, 9, 2)
-    skip = mean_scores(scores, undefined="skip")
-    assert (skip.precision, skip.recall, skip.f_score) == (0.25, 0.25, 0.5)
-    assert skip.f_of_means == pytest.approx(0.25)
-    assert mean_scores(scores, min_correct=3).pairs == 2
-    assert math.isnan(mean_scores(scores[1:2], undefined="skip").precision)
-    with pytest.raises(InputError, match="no pair"):
-        mean_scores([])
-    with pytest.raises(InputError, match="choose"):
-        mean_scores(scores, undefined="ignore")  # pyright: ignore[reportArgumentType]
+def test_many_groups_are_scored_as_each_alone() -> None:
+    groups = [
+        GroupScore(10, 4, 4, 2),
+        GroupScore(10, 4, 0, 0),
+        GroupScore(10, 0, 5, 0),
+        GroupScore(0, 0, 0, 0),
+    ]
+    counts = np.array([(g.matches, g.correct, g.selected, g.selected_correct) for g in groups]).T
+    scores = score_counts(*counts)
+    for name in ("inlier_ratio", "precision", "recall", "f_score", "registered"):
+        assert getattr(scores, name).tolist() == [getattr(group, name) for group in groups]
+    unknown = score_counts(*np.full((4, 1), np.nan))
+    assert np.isnan([unknown.inlier_ratio, unknown.precision, unknown.recall, unknown.f_score]).all()
+    assert unknown.registered.tolist() == [False]
 
 
 def test_correct_includes_the_limit() -> None:

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from cgroup import METHODS, Correspondences, Grouping
-from cgroup.benchmark import MethodResult
+from cgroup import METHODS, Correspondences
 from cgroup.evaluation import score_group
 from cgroup.plots import comparison_figure, keypoints_figure, precision_recall_figure, registration_figure
-from cgroup.plots.shading import broadside, overlaid, shaded
+from cgroup.plots.shading import face_broadside, overlay, shade
 from cgroup.plots.style import CORRECT, METHOD_STYLES, WRONG, method_style
 
 if TYPE_CHECKING:
@@ -33,11 +32,6 @@ def patch(rng: np.random.Generator, count: int = 2000) -> np.ndarray:
     """A wavy surface that faces +z."""
     x, y = rng.uniform(-1, 1, size=(2, count))
     return np.stack([x, y, 0.1 * np.sin(4 * x)], axis=1)
-
-
-def result(method: str, mask: np.ndarray, correct: np.ndarray) -> MethodResult:
-    grouping = Grouping(mask, None, None, None, {})
-    return MethodResult(method, grouping, score_group(mask, correct), None, np.nan, np.nan, 0.001)
 
 
 def drawn(figure: Figure) -> bytes:
@@ -65,9 +59,9 @@ def test_one_style_per_method() -> None:
 def test_comparison_has_a_panel_per_method_and_two_colors(scene: tuple) -> None:
     source, target, matches, correct = scene
     mask = np.ones(len(matches), dtype=bool)
-    results = [result(method, mask, correct) for method in METHODS]
+    masks = dict.fromkeys(METHODS, mask)
     figure = comparison_figure(
-        source, target, matches, correct=correct, results=results, T_target_source=POSE, title="two patches"
+        source, target, matches, correct=correct, masks=masks, T_target_source=POSE, title="two patches"
     )
     panels = [axes for axes in figure.axes if axes.get_title("left")]
     assert [axes.get_title("left") for axes in panels] == [method.upper() for method in METHODS]
@@ -88,14 +82,13 @@ def test_comparison_has_a_panel_per_method_and_two_colors(scene: tuple) -> None:
 def test_figures_of_an_empty_group(scene: tuple) -> None:
     source, target, matches, correct = scene
     none = np.zeros(len(matches), dtype=bool)
-    results = [result("gtm", none, correct)]
     assert drawn(
         comparison_figure(
-            source, target, matches, correct=correct, results=results, T_target_source=POSE, title=""
+            source, target, matches, correct=correct, masks={"gtm": none}, T_target_source=POSE, title=""
         )
     )
     assert drawn(registration_figure(source, target, matches, mask=none, T_target_source=POSE, title=""))
-    assert drawn(precision_recall_figure(results, title=""))
+    assert drawn(precision_recall_figure({"gtm": score_group(none, correct)}, title=""))
 
 
 def test_registration_figure(scene: tuple) -> None:
@@ -119,8 +112,8 @@ def test_keypoints_figure_leaves_out_the_far_side(rng: np.random.Generator) -> N
 
 def test_precision_recall_figure(rng: np.random.Generator) -> None:
     correct = rng.uniform(size=100) < 0.4
-    results = [result(method, rng.uniform(size=100) < 0.5, correct) for method in METHODS]
-    figure = precision_recall_figure(results, title="all nine")
+    scores = {method: score_group(rng.uniform(size=100) < 0.5, correct) for method in METHODS}
+    figure = precision_recall_figure(scores, title="all nine")
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [method.upper() for method in METHODS]
     assert drawn(figure)
@@ -128,12 +121,12 @@ def test_precision_recall_figure(rng: np.random.Generator) -> None:
 
 def test_broadside_faces_the_scanner(rng: np.random.Generator) -> None:
     in_front = patch(rng) - (0, 0, 10)  # seen by a scanner at the origin along -z, y up
-    axes = broadside(in_front).axes
+    axes = face_broadside(in_front).axes
     np.testing.assert_allclose(axes, np.eye(3), atol=0.1)
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1)
     floor = patch(rng)[:, [0, 2, 1]] - (0, 10, 0)  # y points at the viewer: z goes up instead
-    assert np.linalg.det(broadside(floor).axes) == pytest.approx(1)
+    assert np.linalg.det(face_broadside(floor).axes) == pytest.approx(1)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +141,7 @@ def test_broadside_faces_the_scanner(rng: np.random.Generator) -> None:
     ids=["point", "same", "line", "tiny", "huge"],
 )
 def test_shading_survives_degenerate_clouds(cloud: np.ndarray) -> None:
-    picture = shaded(broadside(cloud).project(cloud), (1, 1, 1))
+    picture = shade(face_broadside(cloud).project(cloud), (1, 1, 1))
     assert np.isfinite(picture.rgba).all()
     assert picture.rgba[..., 3].any()
 
@@ -156,7 +149,7 @@ def test_shading_survives_degenerate_clouds(cloud: np.ndarray) -> None:
 def test_front_cloud_hides_the_other(rng: np.random.Generator) -> None:
     back, front = patch(rng), patch(rng) + np.array([0, 0, 5])
     for pair in ((front, back), (back, front)):
-        picture = overlaid(*pair, ((1, 0, 0), (0, 0, 1)))
+        picture = overlay(*pair, ((1, 0, 0), (0, 0, 1)))
         ahead = 0 if pair[0] is front else 2
         opaque = picture.rgba[picture.rgba[..., 3] > 0]
         assert (opaque[:, ahead] > opaque[:, 2 - ahead]).mean() > 0.9

@@ -11,7 +11,7 @@ from shared_data import shared_file
 
 import cgroup
 from cgroup import features
-from cgroup.benchmark import compare, table, write_table
+from cgroup.comparison import compare, table, write_table
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import correct_matches, rotation_error, translation_error

@@ -11,11 +11,13 @@ import pandas as pd
 import pytest
 from benchmark_frames import paper_frame, paper_timing
 
-from cgroup.benchmark import report
 from cgroup.benchmark.claims import CLAIMS
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
-from cgroup.benchmark.report_tables import failure_table, method_cell, number, ranking_table, score_table
+from cgroup.benchmark.report import page as report
+from cgroup.benchmark.report import sections
+from cgroup.benchmark.report.cells import method_cell, number
+from cgroup.benchmark.report.tables import failure_table, ranking_table, score_table
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -58,7 +60,7 @@ class Page(HTMLParser):
             self.headings.append(data.strip())
 
 
-def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> report.Results:
+def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> report.ReportData:
     datasets = [
         {"name": name, "title": f"Title of {name}", "role": "full-full", "citation": "somebody"}
         for name in frame["dataset"].unique()
@@ -73,13 +75,13 @@ def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> rep
         "config": {"name": "made-up", "seed": 3},
         "missing": {},
     }
-    return report.Results(**(fields | changes))
+    return report.ReportData(**(fields | changes))
 
 
-def write(monkeypatch: pytest.MonkeyPatch, out: Path, given: report.Results) -> tuple[Page, str]:
+def write(monkeypatch: pytest.MonkeyPatch, out: Path, given: report.ReportData) -> tuple[Page, str]:
     """Write the report of made-up results; pictures of pairs need a run's masks, and say so."""
-    monkeypatch.setattr(report.Results, "load", lambda _: given)
-    monkeypatch.setattr(report, "picture", no_picture)
+    monkeypatch.setattr(report.ReportData, "load", lambda _: given)
+    monkeypatch.setattr(sections, "draw_example", no_picture)
     path = report.write_report(out)
     text = path.read_text(encoding="utf-8")
     return Page(text), text
@@ -213,3 +215,18 @@ def test_numbers_that_are_missing_sort_last() -> None:
 
 def test_no_failures() -> None:
     assert failure_table(paper_frame("noise")).rows == []
+
+
+def test_one_evidence_serves_claims_and_figures() -> None:
+    frame = paper_frame("noise")
+    tenth = frame[frame["method"] == "gtm"].assign(method="zz")
+    evidence = Evidence(pd.concat([frame, tenth], ignore_index=True), pd.DataFrame())
+    claimed, shown = evidence.sample("noise", "B3R"), evidence.sample("noise", "B3R", every_method=True)
+    assert claimed is not None
+    assert shown is not None
+    assert set(shown.rows["method"]) - set(claimed.rows["method"]) == {"zz"}
+    assert evidence.samples() == [shown]
+    assert [row[1].text for row in ranking_table(shown).rows].count("ZZ") == 1
+    alone = Evidence(frame, pd.DataFrame()).sample("noise", "B3R")
+    assert alone is not None
+    pd.testing.assert_frame_equal(claimed.by_level("f_score"), alone.by_level("f_score"))

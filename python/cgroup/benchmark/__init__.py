@@ -1,5 +1,1 @@
-"""Running methods and judging what they select."""
-
-from cgroup.benchmark.comparison import MethodResult, compare, table, write_table
-
-__all__ = ["MethodResult", "compare", "table", "write_table"]
+"""The paper's evaluation: configured, planned, run, kept in records, and reported."""

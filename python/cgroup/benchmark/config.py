@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from cgroup.benchmark.candidates import Candidate, candidate
 from cgroup.benchmark.cases import COMBINATIONS
 from cgroup.errors import InputError
-from cgroup.registry import METHODS
+from cgroup.registry import METHODS, PAPER_METHODS
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -23,8 +23,24 @@ else:
 _PRESETS = resources.files("cgroup.benchmark") / "presets"
 
 
-def _listed(value: object) -> object:
+METHOD_SETS = {"paper": PAPER_METHODS, "all": tuple(METHODS)}
+"""What a configuration may write in place of names: the nine that the paper compares, and all that exist."""
+
+
+def _as_list(value: object) -> object:
     return [value] if isinstance(value, (str, int, float)) else value
+
+
+def _expand_sets(value: object) -> object:
+    """Replace the names of sets by those of their methods; what else there is, is checked later."""
+    entries = [value] if isinstance(value, str) else value
+    if not isinstance(entries, list):
+        return entries
+    return [method for entry in entries for method in _list_members(entry)]
+
+
+def _list_members(entry: object) -> tuple[object, ...]:
+    return METHOD_SETS.get(entry, (entry,)) if isinstance(entry, str) else (entry,)
 
 
 class _Table(BaseModel):
@@ -63,11 +79,11 @@ class MethodEntry(_Table):
         return candidate(self.label, self.name, self.options)
 
 
-Methods = tuple[MethodEntry, ...]
+Methods = Annotated[tuple[MethodEntry, ...], BeforeValidator(_expand_sets), Field(min_length=1)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class Experiment(_Table):
+class ExperimentEntry(_Table):
     """Cases to be run: every pair of the data sets at every level, by every combination.
 
     Attributes
@@ -90,25 +106,20 @@ class Experiment(_Table):
         At most so many pairs, drawn at random by the seed, or those named; all by default.
     methods : tuple of MethodEntry, optional
         In place of the configuration's.
-    fact, bins
-        The analysis groups the pairs by this fact (clutter, occlusion, overlap) at these edges;
-        nothing more is computed.
     """
 
     id: str
-    dataset: Annotated[tuple[str, ...], BeforeValidator(_listed), Field(min_length=1)]
+    dataset: Annotated[tuple[str, ...], BeforeValidator(_as_list), Field(min_length=1)]
     nuisance: str = ""
     levels: tuple[float, ...] = ()
     sweep: Literal["nms_radius"] | None = None
     combinations: Annotated[tuple[str, ...], Field(min_length=1)] = ("C1",)
-    epsilons: Annotated[tuple[Positive, ...], BeforeValidator(_listed), Field(min_length=1)] = (5.0,)
+    epsilons: Annotated[tuple[Positive, ...], BeforeValidator(_as_list), Field(min_length=1)] = (5.0,)
     pairs: Annotated[int, Field(ge=1)] | tuple[str, ...] | None = None
-    methods: Annotated[Methods, Field(min_length=1)] | None = None
-    fact: str | None = None
-    bins: tuple[float, ...] = ()
+    methods: Methods | None = None
 
     @model_validator(mode="after")
-    def _fits(self) -> Experiment:
+    def _fits(self) -> ExperimentEntry:
         if self.nuisance and self.sweep:
             message = "nuisance, sweep: the levels can belong to one of them only"
             raise InputError(message)
@@ -125,7 +136,7 @@ class Experiment(_Table):
         return self
 
 
-class Timing(_Table):
+class TimingEntry(_Table):
     """The timing experiment: each method alone on sets of growing size from one pair.
 
     Attributes
@@ -146,13 +157,13 @@ class Timing(_Table):
         In place of the configuration's.
     """
 
-    dataset: Annotated[tuple[str, ...], BeforeValidator(_listed), Field(min_length=1)]
+    dataset: Annotated[tuple[str, ...], BeforeValidator(_as_list), Field(min_length=1)]
     pair: str | None = None
     sizes: tuple[Annotated[int, Field(ge=3)], ...] = (500, 1000, 2000, 3000, 5000, 10_000, 20_000)
     repeats: Annotated[int, Field(ge=1)] = 10
-    threads: Annotated[tuple[Annotated[int, Field(ge=0)], ...], BeforeValidator(_listed)] = (1, 0)
+    threads: Annotated[tuple[Annotated[int, Field(ge=0)], ...], BeforeValidator(_as_list)] = (1, 0)
     budget: Positive = 60.0
-    methods: Annotated[Methods, Field(min_length=1)] | None = None
+    methods: Methods | None = None
 
 
 class Config(_Table):
@@ -165,19 +176,20 @@ class Config(_Table):
     seed : int
         Key of all random numbers.
     methods : tuple of MethodEntry
-        Those that every experiment runs unless it names its own; the nine by default.
-    experiment : tuple of Experiment
+        Those that every experiment runs unless it names its own; all that exist by default.
+        ``"paper"`` and ``"all"`` stand for the methods of `METHOD_SETS`.
+    experiment : tuple of ExperimentEntry
         At least one.
-    timing : Timing, optional
+    timing : TimingEntry, optional
         Runs after the experiments, alone.
     """
 
     name: str
     title: str = ""
     seed: Annotated[int, Field(ge=0)] = 0
-    methods: Annotated[Methods, Field(min_length=1)] = tuple(MethodEntry(name=name) for name in METHODS)
-    experiment: Annotated[tuple[Experiment, ...], Field(min_length=1)]
-    timing: Timing | None = None
+    methods: Methods = tuple(MethodEntry(name=name) for name in METHODS)
+    experiment: Annotated[tuple[ExperimentEntry, ...], Field(min_length=1)]
+    timing: TimingEntry | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> Config:

@@ -126,15 +126,15 @@ class Evidence:
     timing : DataFrame
         Times of the timing experiment; may have no rows.
     methods : tuple of str
-        Methods that count; the paper's nine by default.
+        Methods that claims are about; the paper's nine by default.
     """
 
     frame: pd.DataFrame
     timing: pd.DataFrame
     methods: tuple[str, ...] = PAPER_METHODS
-    _samples: dict[tuple[str, str], Sample | None] = field(default_factory=dict, repr=False)
+    _samples: dict[tuple[str, str, bool], Sample | None] = field(default_factory=dict, repr=False)
 
-    def sample(self, experiment: str, place: str) -> Sample | None:
+    def sample(self, experiment: str, place: str, *, every_method: bool = False) -> Sample | None:
         """Find the records of an experiment that speak for a data set of the paper.
 
         Parameters
@@ -143,15 +143,18 @@ class Evidence:
             One of `EXPERIMENTS`.
         place : str
             One of `PLACES`.
+        every_method : bool
+            Whether to have the records of all methods, or those of `methods` only.
 
         Returns
         -------
         Sample or None
             None where there are no records.
         """
-        key = (experiment, place)
+        key = (experiment, place, every_method)
         if key not in self._samples:
-            self._samples[key] = self._find(EXPERIMENTS[experiment], place)
+            rows = self._usable if every_method or self._usable.empty else self._of_methods
+            self._samples[key] = _find_sample(rows, EXPERIMENTS[experiment], place)
         return self._samples[key]
 
     def same_cases(self, place: str, methods: tuple[str, ...]) -> Sample | None:
@@ -182,8 +185,12 @@ class Evidence:
         return None
 
     def samples(self) -> list[Sample]:
-        """All that there are, in the paper's order."""
-        found = (self.sample(each.id, place) for each in EXPERIMENTS.values() for place in each.places)
+        """All that there are, of every method, in the paper's order."""
+        found = (
+            self.sample(each.id, place, every_method=True)
+            for each in EXPERIMENTS.values()
+            for place in each.places
+        )
         return [sample for sample in found if sample is not None]
 
     def further_samples(self) -> list[Sample]:
@@ -206,37 +213,39 @@ class Evidence:
                 rows = at_threshold[at_threshold["case"].isin(cases)]
                 counts = rows.groupby("method")["case"].nunique()
                 rows = rows[rows["method"].isin(counts.index[counts == cases.nunique()])]
-                found.append(_own_sample(name, str(dataset), rows))
+                found.append(_make_own_sample(name, str(dataset), rows))
         return found
 
     @cached_property
     def _usable(self) -> pd.DataFrame:
-        frame = self.frame
-        if frame.empty:
-            return frame
-        return frame[(frame["error"] == "") & frame["method"].isin(self.methods)]
+        return self.frame if self.frame.empty else self.frame[self.frame["error"] == ""]
 
-    def _find(self, experiment: Experiment, place: str) -> Sample | None:
-        rows = _of_experiment(self._usable, experiment)
-        for dataset in PLACES[place]:
-            chosen = rows[rows["dataset"] == dataset] if len(rows) else rows
-            if len(chosen):
-                # The paper has no pairs outside its levels, such as views that hardly overlap.
-                chosen = chosen.assign(x=_levels(chosen, experiment)).dropna(subset="x")
-            if len(chosen):
-                return Sample(experiment, place, dataset, chosen)
-        return None
+    @cached_property
+    def _of_methods(self) -> pd.DataFrame:
+        return self._usable[self._usable["method"].isin(self.methods)]
 
 
-def _own_sample(name: str, dataset: str, rows: pd.DataFrame) -> Sample:
+def _find_sample(usable: pd.DataFrame, experiment: Experiment, place: str) -> Sample | None:
+    rows = _select_experiment(usable, experiment)
+    for dataset in PLACES[place]:
+        chosen = rows[rows["dataset"] == dataset] if len(rows) else rows
+        if len(chosen):
+            # The paper has no pairs outside its levels, such as views that hardly overlap.
+            chosen = chosen.assign(x=_find_levels(chosen, experiment)).dropna(subset="x")
+        if len(chosen):
+            return Sample(experiment, place, dataset, chosen)
+    return None
+
+
+def _make_own_sample(name: str, dataset: str, rows: pd.DataFrame) -> Sample:
     varied = [column for column in _VARIED if len(rows[column].dropna().unique()) > 1]
     column = varied[0] if varied else ""
-    experiment = Experiment(name, (), name, column, _VARIED.get(column, ""), ())
-    levels = _levels(rows, experiment) if column else np.nan
+    experiment = Experiment(name, name, column, _VARIED.get(column, ""), ())
+    levels = _find_levels(rows, experiment) if column else np.nan
     return Sample(experiment, "", dataset, rows.assign(x=levels))
 
 
-def _of_experiment(frame: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
+def _select_experiment(frame: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
     if frame.empty:
         return frame
     rows = frame[frame["experiments"].map(lambda ids: experiment.id in ids).astype(bool)]
@@ -245,7 +254,7 @@ def _of_experiment(frame: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
     return rows[rows[experiment.column].notna()] if experiment.column == "level" else rows
 
 
-def _levels(rows: pd.DataFrame, experiment: Experiment) -> pd.Series | FloatArray:
+def _find_levels(rows: pd.DataFrame, experiment: Experiment) -> pd.Series | FloatArray:
     """Value of what was varied, for each record; NaN outside all levels."""
     if experiment.bins is not None:
         return binned(rows[experiment.column].to_numpy(), experiment.bins)

@@ -31,8 +31,6 @@ class Experiment:
     ----------
     id : str
         As in configurations.
-    letters : tuple of str
-        Subfigures of the paper, one per place.
     title : str
         For people.
     column : str
@@ -48,7 +46,6 @@ class Experiment:
     """
 
     id: str
-    letters: tuple[str, ...]
     title: str
     column: str
     label: str
@@ -62,7 +59,6 @@ EXPERIMENTS = {
     for each in (
         Experiment(
             "noise",
-            ("a",),
             "Gaussian noise",
             "level",
             "standard deviation of the noise (pr)",
@@ -71,7 +67,6 @@ EXPERIMENTS = {
         ),
         Experiment(
             "density",
-            ("b",),
             "Point density",
             "level",
             "share of the points kept",
@@ -80,7 +75,6 @@ EXPERIMENTS = {
         ),
         Experiment(
             "clutter",
-            ("c",),
             "Clutter",
             "clutter",
             "clutter (share of the scene)",
@@ -90,7 +84,6 @@ EXPERIMENTS = {
         ),
         Experiment(
             "occlusion",
-            ("d",),
             "Occlusion",
             "occlusion",
             "occlusion (share of the model)",
@@ -100,7 +93,6 @@ EXPERIMENTS = {
         ),
         Experiment(
             "overlap",
-            ("e",),
             "Partial overlap",
             "overlap",
             "overlap (share)",
@@ -110,7 +102,6 @@ EXPERIMENTS = {
         ),
         Experiment(
             "epsilon",
-            ("f",),
             "Inlier threshold",
             "epsilon",
             "inlier threshold (pr)",
@@ -119,7 +110,6 @@ EXPERIMENTS = {
         ),
         Experiment(
             "matches",
-            ("g", "g"),
             "Number of matches",
             "nms_radius",
             "initial matches (mean number)",
@@ -128,7 +118,6 @@ EXPERIMENTS = {
         ),
         Experiment(
             "combinations",
-            ("h", "i", "j"),
             "Detector and descriptor",
             "combination",
             "detector and descriptor",
@@ -139,7 +128,7 @@ EXPERIMENTS = {
 }
 """In the paper's order."""
 
-VARIANTS = Experiment("variants", (), "Grouping before RANSAC", "", "", ("U3OR", "U3M"))
+VARIANTS = Experiment("variants", "Grouping before RANSAC", "", "", ("U3OR", "U3M"))
 """Methods in sequence, as the paper's summary recommends them."""
 
 PAPER_COMPLEXITY = {

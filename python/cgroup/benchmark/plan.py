@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cgroup.benchmark.candidates import Candidate
-    from cgroup.benchmark.config import Config, Experiment
+    from cgroup.benchmark.config import Config, ExperimentEntry
     from cgroup.datasets import Dataset
 
 
@@ -45,7 +45,7 @@ class PlannedExperiment:
 
     Attributes
     ----------
-    experiment : Experiment
+    experiment : ExperimentEntry
         As configured.
     cases : tuple of Case
         To be run.
@@ -55,7 +55,7 @@ class PlannedExperiment:
         Data sets that are not at hand, and why.
     """
 
-    experiment: Experiment
+    experiment: ExperimentEntry
     cases: tuple[Case, ...]
     methods: tuple[Candidate, ...]
     missing: dict[str, str]
@@ -95,9 +95,10 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     InputError
         If none is at hand, or a pair is named that doesn't exist.
     """
-    opened = _Opened(root)
-    planned = tuple(_planned(config, experiment, opened) for experiment in config.experiment)
-    plan = Plan(config, planned, tuple(_facts(name, found, planned) for name, found in opened.found.items()))
+    opened = _OpenDatasets(root)
+    planned = tuple(_plan_experiment(config, experiment, opened) for experiment in config.experiment)
+    datasets = tuple(_describe_dataset(name, found, planned) for name, found in opened.found.items())
+    plan = Plan(config, planned, datasets)
     if not opened.found:
         name, why = next(iter(plan.missing.items()))
         message = f"data: none of the data sets is at hand; {name}: {why}"
@@ -105,7 +106,7 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     return plan
 
 
-class _Opened:
+class _OpenDatasets:
     """Data sets, opened once."""
 
     def __init__(self, root: Path | None) -> None:
@@ -125,15 +126,15 @@ class _Opened:
         return name in self.found
 
 
-def _planned(config: Config, experiment: Experiment, opened: _Opened) -> PlannedExperiment:
+def _plan_experiment(config: Config, experiment: ExperimentEntry, opened: _OpenDatasets) -> PlannedExperiment:
     at_hand = [name for name in experiment.dataset if opened.open(name)]
     missing = {name: opened.missing[name] for name in experiment.dataset if name not in at_hand}
-    cases = tuple(case for name in at_hand for case in _cases(config.seed, experiment, name, opened))
+    cases = tuple(case for name in at_hand for case in _list_cases(config.seed, experiment, name, opened))
     entries = experiment.methods or config.methods
     return PlannedExperiment(experiment, cases, tuple(entry.candidate() for entry in entries), missing)
 
 
-def _cases(seed: int, experiment: Experiment, name: str, opened: _Opened) -> Iterator[Case]:
+def _list_cases(seed: int, experiment: ExperimentEntry, name: str, opened: _OpenDatasets) -> Iterator[Case]:
     levels: Sequence[float | None] = experiment.levels or (None,)
     combinations = experiment.combinations
     if opened.found[name].role == "correspondences":
@@ -141,7 +142,7 @@ def _cases(seed: int, experiment: Experiment, name: str, opened: _Opened) -> Ite
             message = f"{experiment.id}: {name} comes as correspondences; it takes no nuisance and no sweep"
             raise InputError(message)
         combinations = (READY_MADE,)
-    for pair in _drawn(seed, experiment, name, opened.pairs[name]):
+    for pair in _draw_pairs(seed, experiment, name, opened.pairs[name]):
         for level in levels:
             for combination in combinations:
                 if experiment.sweep:
@@ -150,7 +151,7 @@ def _cases(seed: int, experiment: Experiment, name: str, opened: _Opened) -> Ite
                     yield Case(name, pair, experiment.nuisance, level, combination, seed=seed)
 
 
-def _drawn(seed: int, experiment: Experiment, name: str, pairs: list[str]) -> list[str]:
+def _draw_pairs(seed: int, experiment: ExperimentEntry, name: str, pairs: list[str]) -> list[str]:
     """Pairs of one experiment; a smaller draw is part of every larger one, so that cases are shared."""
     wanted = experiment.pairs
     if wanted is None:
@@ -165,7 +166,7 @@ def _drawn(seed: int, experiment: Experiment, name: str, pairs: list[str]) -> li
     return list(wanted)
 
 
-def _facts(name: str, dataset: Dataset, planned: Sequence[PlannedExperiment]) -> DatasetFacts:
+def _describe_dataset(name: str, dataset: Dataset, planned: Sequence[PlannedExperiment]) -> DatasetFacts:
     used = {case.pair for entry in planned for case in entry.cases if case.dataset == name}
     return DatasetFacts(
         name,
@@ -173,11 +174,11 @@ def _facts(name: str, dataset: Dataset, planned: Sequence[PlannedExperiment]) ->
         dataset.role,
         dataset.origin,
         dataset.citation,
-        {pair: (dataset.origin_of(pair), _protocols(dataset, pair)) for pair in sorted(used)},
+        {pair: (dataset.origin_of(pair), _check_protocols(dataset, pair)) for pair in sorted(used)},
     )
 
 
-def _protocols(dataset: Dataset, pair: str) -> tuple[str, ...]:
+def _check_protocols(dataset: Dataset, pair: str) -> tuple[str, ...]:
     names = dataset.protocols_of(pair)
     unknown = [name for name in names if name not in PROTOCOLS]
     if unknown:

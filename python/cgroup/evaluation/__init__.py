@@ -13,21 +13,21 @@ from cgroup.evaluation.ground_truth import (
     translation_error,
     within,
 )
-from cgroup.evaluation.metrics import GroupScore, ScoreMeans, mean_scores, score_group
+from cgroup.evaluation.metrics import GroupScore, Scores, score_counts, score_group
 from cgroup.evaluation.protocols import PROTOCOLS, Protocol
 
 __all__ = [
     "PROTOCOLS",
     "GroupScore",
     "Protocol",
-    "ScoreMeans",
+    "Scores",
     "alignment_error",
     "clutter_and_occlusion",
     "correct_matches",
     "match_errors",
-    "mean_scores",
     "overlap",
     "rotation_error",
+    "score_counts",
     "score_group",
     "translation_error",
     "within",

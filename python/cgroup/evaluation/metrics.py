@@ -1,21 +1,71 @@
-"""Precision, recall and F of a group, and their means over many pairs (paper, section 4.2)."""
+"""Precision, recall and F (paper, section 4.2), of one group or of many at once."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from numpy.typing import ArrayLike
+
+    from cgroup.types import BoolArray, FloatArray
 
 REGISTERED_PRECISION = 0.1
 """A pair counts as registered when its group's precision is greater than this."""
+
+
+class Scores(NamedTuple):
+    """Scores that follow from counts; one value per group, or a single one.
+
+    Attributes
+    ----------
+    inlier_ratio : array of float64
+        Share of all matches that is correct; 0 if there are no matches.
+    precision : array of float64
+        Share of the group that is correct; 0 for an empty group.
+    recall : array of float64
+        Share of the correct matches that the group holds; 0 if there are none.
+    f_score : array of float64
+        Harmonic mean of precision and recall; 0 if both are.
+    registered : array of bool
+        Whether precision exceeds `REGISTERED_PRECISION`: enough for a robust estimator.
+    """
+
+    inlier_ratio: FloatArray
+    precision: FloatArray
+    recall: FloatArray
+    f_score: FloatArray
+    registered: BoolArray
+
+
+def score_counts(
+    matches: ArrayLike, correct: ArrayLike, selected: ArrayLike, selected_correct: ArrayLike
+) -> Scores:
+    """Score groups by their counts.
+
+    Parameters
+    ----------
+    matches, correct, selected, selected_correct : array_like of int
+        As in `GroupScore`, all of one shape; NaN where they aren't known.
+
+    Returns
+    -------
+    Scores
+        In that shape; NaN, and not registered, where a count is NaN.
+    """
+    precision, recall = divide(selected_correct, selected), divide(selected_correct, correct)
+    return Scores(
+        inlier_ratio=divide(correct, matches),
+        precision=precision,
+        recall=recall,
+        f_score=harmonic_mean(precision, recall),
+        registered=precision > REGISTERED_PRECISION,
+    )
 
 
 @dataclass(frozen=True)
@@ -42,54 +92,31 @@ class GroupScore:
     @property
     def precision(self) -> float:
         """Share of the group that is correct; 0 for an empty group."""
-        return _ratio(self.selected_correct, self.selected)
+        return float(self._scores.precision)
 
     @property
     def recall(self) -> float:
         """Share of the correct matches that the group holds; 0 if there are none."""
-        return _ratio(self.selected_correct, self.correct)
+        return float(self._scores.recall)
 
     @property
     def f_score(self) -> float:
         """Harmonic mean of precision and recall; 0 if both are."""
-        return harmonic_mean(self.precision, self.recall)
+        return float(self._scores.f_score)
 
     @property
     def inlier_ratio(self) -> float:
         """Share of all matches that is correct; 0 if there are no matches."""
-        return _ratio(self.correct, self.matches)
+        return float(self._scores.inlier_ratio)
 
     @property
     def registered(self) -> bool:
         """Whether precision exceeds `REGISTERED_PRECISION`: enough for a robust estimator."""
-        return self.precision > REGISTERED_PRECISION
+        return bool(self._scores.registered)
 
-
-@dataclass(frozen=True)
-class ScoreMeans:
-    """Scores of one method over many pairs.
-
-    Attributes
-    ----------
-    pairs : int
-        Pairs that were counted.
-    precision, recall, f_score : float
-        Means over the pairs, each pair with the same weight; NaN if no pair defines the value.
-    f_of_means : float
-        F of mean precision and mean recall.
-    pooled : GroupScore
-        All pairs taken as one: matches with the same weight.
-    registered : float
-        Share of the pairs that are registered.
-    """
-
-    pairs: int
-    precision: float
-    recall: float
-    f_score: float
-    f_of_means: float
-    pooled: GroupScore
-    registered: float
+    @cached_property
+    def _scores(self) -> Scores:
+        return score_counts(self.matches, self.correct, self.selected, self.selected_correct)
 
 
 def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
@@ -124,71 +151,13 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
     return GroupScore(*counts)
 
 
-def harmonic_mean(precision: float, recall: float) -> float:
-    """F of precision and recall; 0 if both are 0."""
-    total = precision + recall
-    return 2 * precision * recall / total if total > 0 else 0.0
+def harmonic_mean(precision: ArrayLike, recall: ArrayLike) -> FloatArray:
+    """F of precision and recall, value by value; 0 where both are 0."""
+    one, other = np.asarray(precision, dtype=np.float64), np.asarray(recall, dtype=np.float64)
+    return divide(2 * one * other, one + other)
 
 
-def mean_scores(
-    scores: Iterable[GroupScore],
-    *,
-    undefined: Literal["zero", "skip"] = "zero",
-    min_correct: int = 0,
-) -> ScoreMeans:
-    """Average over pairs.
-
-    The paper doesn't say how it averages; each pair has the same weight here.
-
-    Parameters
-    ----------
-    scores : iterable of GroupScore
-        One per pair.
-    undefined : {"zero", "skip"}
-        Precision of an empty group and recall without a correct match count as 0, or are left out
-        of the mean of that value (and of F, if either is undefined).
-    min_correct : int
-        Pairs with fewer correct matches are left out altogether.
-
-    Returns
-    -------
-    ScoreMeans
-        Means, pooled counts and registration rate.
-
-    Raises
-    ------
-    InputError
-        If `undefined` is neither of the two, or no pair is left.
-    """
-    if undefined not in {"zero", "skip"}:
-        message = f"undefined: got {undefined!r}; choose 'zero' or 'skip'"
-        raise InputError(message)
-    kept = [score for score in scores if score.correct >= min_correct]
-    if not kept:
-        message = f"scores: no pair has at least {min_correct} correct matches"
-        raise InputError(message)
-    every = undefined == "zero"
-    precision = _mean([s.precision for s in kept if every or s.selected > 0])
-    recall = _mean([s.recall for s in kept if every or s.correct > 0])
-    return ScoreMeans(
-        pairs=len(kept),
-        precision=precision,
-        recall=recall,
-        f_score=_mean([s.f_score for s in kept if every or (s.selected > 0 and s.correct > 0)]),
-        f_of_means=harmonic_mean(precision, recall),
-        pooled=GroupScore(
-            sum(s.matches for s in kept),
-            sum(s.correct for s in kept),
-            sum(s.selected for s in kept),
-            sum(s.selected_correct for s in kept),
-        ),
-        registered=_mean([float(s.registered) for s in kept]),
-    )
-
-
-def _ratio(part: int, whole: int) -> float:
-    return part / whole if whole > 0 else 0.0
-
-
-def _mean(values: list[float]) -> float:
-    return sum(values) / len(values) if values else float("nan")
+def divide(part: ArrayLike, whole: ArrayLike) -> FloatArray:
+    """Share of a part in a whole, value by value; 0 where the whole is 0."""
+    total = np.asarray(whole, dtype=np.float64)
+    return np.asarray(part, dtype=np.float64) / np.where(total == 0, 1, total)

@@ -81,10 +81,16 @@ class Protocol:
         return precise and all(error <= limit for error, limit in kept)
 
 
+PAPER_PROTOCOL = "precision>0.1"
+"""The paper's own criterion, which every record of a group is judged by."""
+
+PROTOCOL_PREFIX = "ok:"
+"""Columns of records that hold the verdict by one criterion each begin so; the paper's is ``registered``."""
+
 PROTOCOLS: dict[str, Protocol] = {
     protocol.name: protocol
     for protocol in (
-        Protocol("precision>0.1", precision_above=REGISTERED_PRECISION),
+        Protocol(PAPER_PROTOCOL, precision_above=REGISTERED_PRECISION),
         Protocol("rmse<=1pr", max_rmse=1.0),
         Protocol("rmse<=5pr", max_rmse=5.0),
         Protocol("3dmatch", max_rotation=15.0, max_translation=0.3),

@@ -72,9 +72,9 @@ def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
         nothing connects them, and the methods stand side by side.
     """
     levels = list(table.index)
-    places = np.array(x_places(axes, levels))
+    places = np.array(place_levels(axes, levels))
     named = isinstance(levels[0], str)
-    methods = ordered(table.columns)
+    methods = sort_methods(table.columns)
     aside = np.linspace(-_SPREAD, _SPREAD, len(methods)) if named else np.zeros(len(methods))
     for method, shift in zip(methods, aside, strict=True):
         look = style.method_style(method)
@@ -93,7 +93,7 @@ def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
         )
 
 
-def x_places(axes: Axes, levels: list[float] | list[str]) -> list[float]:
+def place_levels(axes: Axes, levels: list[float] | list[str]) -> list[float]:
     """Find where levels stand on the x axis, and name them there if they are names."""
     if not levels or not isinstance(levels[0], str):
         return [float(level) for level in levels]
@@ -123,7 +123,7 @@ def finish(axes: Axes, *, title: str = "", xlabel: str = "", ylabel: str = "", s
 
 def legend(figure: Figure, methods: Iterable[str]) -> None:
     """Name the methods below all panels."""
-    names = ordered(methods)
+    names = sort_methods(methods)
     handles = [
         Line2D(
             [],
@@ -149,7 +149,7 @@ def legend(figure: Figure, methods: Iterable[str]) -> None:
     )
 
 
-def ordered(methods: Iterable[str]) -> list[str]:
+def sort_methods(methods: Iterable[str]) -> list[str]:
     """Sort methods: the paper's order, then any others."""
     known = list(style.METHOD_STYLES)
     return sorted(methods, key=lambda name: known.index(name) if name in known else len(known))

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cgroup.plots import style
-from cgroup.plots.shading import broadside, in_front, shaded
+from cgroup.plots.shading import face_broadside, find_front, shade
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,9 +47,9 @@ def keypoints_figure(
     Figure
         Keypoints on the far side are left out, and counted below the panel.
     """
-    view = broadside(points, viewpoint)
+    view = face_broadside(points, viewpoint)
     projected = view.project(points)
-    picture, visible = shaded(projected, style.TARGET_TINT), in_front(projected)
+    picture, visible = shade(projected, style.TARGET_TINT), find_front(projected)
     left, right, bottom, top = picture.extent
     columns = min(_COLUMNS, len(keypoints))
     rows = -(-len(keypoints) // columns)

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
 from cgroup.plots import style
-from cgroup.plots.curves import draw_curves, finish, legend, panels, x_places
+from cgroup.plots.curves import draw_curves, finish, legend, panels, place_levels
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
 _SCORES = {"precision": "precision", "recall": "recall", "f_score": "F-score"}
-_PROTOCOL = "ok:"
-_PAPERS_PROTOCOL = "precision>0.1"
 _NAMES_HEIGHT = 0.45  # inches that names below the x axis take
 _MATCHES = "#bbbbbb"
 
@@ -39,9 +38,9 @@ def scores_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
         Three panels.
     """
     figure, axes = panels(3, columns=3, title=title, extra=_extra(rows))
-    for place, (column, name) in zip(axes, _SCORES.items(), strict=True):
-        draw_curves(place, means(rows, column))
-        finish(place, title=name, xlabel=xlabel, share=True)
+    for panel, (column, name) in zip(axes, _SCORES.items(), strict=True):
+        draw_curves(panel, average_by_level(rows, column))
+        finish(panel, title=name, xlabel=xlabel, share=True)
     legend(figure, rows["method"].unique())
     return figure
 
@@ -63,17 +62,16 @@ def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> 
     Figure
         One panel per criterion that is applicable to some record.
     """
-    named = {"registered": "precision > 0.1 (the paper's)"}
+    named = {"registered": protocol_title(PAPER_PROTOCOL)}
     for column in rows.columns:
-        protocol = column.removeprefix(_PROTOCOL)
-        if column.startswith(_PROTOCOL) and protocol != _PAPERS_PROTOCOL and rows[column].notna().any():
-            named[column] = protocol_title(protocol)
+        if column.startswith(PROTOCOL_PREFIX) and rows[column].notna().any():
+            named[column] = protocol_title(column.removeprefix(PROTOCOL_PREFIX))
     columns = len(named) if len(named) <= 3 else -(-len(named) // 2)
     figure, axes = panels(len(named), columns=max(columns, 2), title=title, extra=_extra(rows))
-    for place, (column, name) in zip(axes, named.items(), strict=True):
+    for panel, (column, name) in zip(axes, named.items(), strict=True):
         judged = rows[rows[column].notna()].astype({column: float})
-        draw_curves(place, means(judged, column))
-        finish(place, title=name, xlabel=xlabel, share=True)
+        draw_curves(panel, average_by_level(judged, column))
+        finish(panel, title=name, xlabel=xlabel, share=True)
     axes[0].set_ylabel("share of pairs registered", fontsize=8, color=style.TEXT)
     legend(figure, rows["method"].unique())
     return figure
@@ -82,7 +80,7 @@ def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> 
 def protocol_title(protocol: str) -> str:
     """Name a registration criterion for people."""
     return {
-        "precision>0.1": "precision > 0.1 (the paper's)",
+        PAPER_PROTOCOL: "precision > 0.1 (the paper's)",
         "rmse<=1pr": "RMSE at most 1 pr",
         "rmse<=5pr": "RMSE at most 5 pr",
         "3dmatch": "3DMatch: 15°, 0.3 m",
@@ -119,10 +117,10 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
         fontsize=7, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.1
     )
     named = [level if isinstance(level, str) else f"{level:g}" for level in table.index]
-    x_places(counts, named)
+    place_levels(counts, named)
     finish(counts, title="initial matches", xlabel=xlabel, ylabel="mean number (on top: pairs)")
     counts.grid(visible=False, axis="x")
-    places = x_places(ratio, list(table.index))
+    places = place_levels(ratio, list(table.index))
     line = "" if isinstance(table.index[0], str) else "-"
     ratio.plot(places, table["inlier_ratio"], color=style.CORRECT, marker="o", markersize=4, linestyle=line)
     ratio.set_ylim(0, None)
@@ -130,7 +128,7 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
     return figure
 
 
-def means(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+def average_by_level(rows: pd.DataFrame, column: str) -> pd.DataFrame:
     """Mean over pairs: one row per level, one column per method."""
     return rows.pivot_table(index="x", columns="method", values=column, aggfunc="mean")
 

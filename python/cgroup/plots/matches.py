@@ -13,15 +13,15 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cgroup.evaluation import score_group
 from cgroup.plots import style
-from cgroup.plots.shading import Picture, broadside, overlaid, shaded
+from cgroup.plots.shading import Picture, face_broadside, overlay, shade
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping
 
     from matplotlib.axes import Axes
 
-    from cgroup.benchmark import MethodResult
     from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
 
 MAX_LINES = 150
@@ -68,7 +68,7 @@ def registration_figure(
     left, right = figure.subplots(1, 2, width_ratios=widths)
     scene.draw_clouds(left)
     drawn = scene.draw_lines(left, correspondences, np.flatnonzero(mask), style.GROUPED)
-    _caption(left, "Grouped matches", _shown(drawn, int(mask.sum())))
+    _caption(left, "Grouped matches", _format_count(drawn, int(mask.sum())))
     scene.draw_overlay(right)
     _caption(right, "Source placed on target", "")
     figure.suptitle(title, color=style.TEXT)
@@ -86,7 +86,7 @@ def comparison_figure(
     correspondences: Correspondences,
     *,
     correct: BoolArray,
-    results: Sequence[MethodResult],
+    masks: Mapping[str, BoolArray],
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
@@ -100,8 +100,8 @@ def comparison_figure(
         All matches.
     correct : (n,) array of bool
         Which of them are correct.
-    results : sequence of MethodResult
-        One panel each.
+    masks : mapping of str to (n,) array of bool
+        What each method selected, by the method's name; one panel each.
     T_target_source : (4,4) array of float64
         The true pose.
     title : str
@@ -112,25 +112,19 @@ def comparison_figure(
     Figure
         The source is shown turned as in the true pose, so that lines of correct matches run parallel.
     """
-    rows = -(-len(results) // _COLUMNS)
+    rows = -(-len(masks) // _COLUMNS)
     scene = _Scene.of(source, target, T_target_source)
     height = float(np.clip(0.97 * _WIDTH / _COLUMNS * scene.height / scene.widths[0], 1.2, 6)) + 0.3
     figure = Figure(figsize=(_WIDTH, rows * height + 0.75), dpi=style.DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).reshape(-1)
-    for axes, result in zip(panels, results, strict=False):
+    for axes, (method, mask) in zip(panels, masks.items(), strict=False):
         scene.draw_clouds(axes)
-        mask = result.grouping.mask
-        share = min(1.0, MAX_LINES / max(int(mask.sum()), 1))
-        drawn = 0
-        for chosen, color in ((mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)):
-            rows_of_color = np.flatnonzero(chosen)
-            limit = round(share * len(rows_of_color))
-            drawn += scene.draw_lines(axes, correspondences, rows_of_color, color, limit)
-        score = result.score
+        drawn = scene.draw_selection(axes, correspondences, mask, correct)
+        score = score_group(mask, correct)
         numbers = f"P {score.precision:.2f}   R {score.recall:.2f}   F {score.f_score:.2f}"
-        label = style.method_style(result.method).label
-        _caption(axes, label, f"{numbers}   {_shown(drawn, score.selected)}")
-    for axes in panels[len(results) :]:
+        label = style.method_style(method).label
+        _caption(axes, label, f"{numbers}   {_format_count(drawn, score.selected)}")
+    for axes in panels[len(masks) :]:
         axes.set_axis_off()
     figure.suptitle(title, color=style.TEXT)
     handles = [
@@ -153,11 +147,11 @@ class _Scene:
 
     @classmethod
     def of(cls, source: FloatArray, target: FloatArray, pose: FloatArray) -> _Scene:
-        view = broadside(target)
+        view = face_broadside(target)
         placed = view.project(source @ pose[:3, :3].T + pose[:3, 3])
         there = view.project(target)
         tints = (style.SOURCE_TINT, style.TARGET_TINT)
-        pictures = shaded(placed, tints[0]), shaded(there, tints[1])
+        pictures = shade(placed, tints[0]), shade(there, tints[1])
         (left, right, *_), (start, end, *_) = (picture.extent for picture in pictures)
         gap = _GAP * max(right - left, end - start)
         return cls(
@@ -165,7 +159,7 @@ class _Scene:
             pose,
             np.array([right - start + gap, 0.0]),
             pictures,
-            overlaid(placed, there, tints),
+            overlay(placed, there, tints),
         )
 
     @property
@@ -193,6 +187,17 @@ class _Scene:
     def draw_overlay(self, axes: Axes) -> None:
         _show(axes, self.overlay, self.overlay.extent)
         _fit(axes, self.overlay.extent)
+
+    def draw_selection(
+        self, axes: Axes, correspondences: Correspondences, mask: BoolArray, correct: BoolArray
+    ) -> int:
+        """Draw the correct and the wrong ones of a group, of both the same share; returns how many."""
+        share = min(1.0, MAX_LINES / max(int(mask.sum()), 1))
+        drawn = 0
+        for chosen, color in ((mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)):
+            rows = np.flatnonzero(chosen)
+            drawn += self.draw_lines(axes, correspondences, rows, color, round(share * len(rows)))
+        return drawn
 
     def draw_lines(
         self,
@@ -233,5 +238,5 @@ def _caption(axes: Axes, name: str, numbers: str) -> None:
     axes.set_title(numbers, loc="right", fontsize=9, color=style.QUIET_TEXT)
 
 
-def _shown(drawn: int, total: int) -> str:
+def _format_count(drawn: int, total: int) -> str:
     return f"{total} selected" if drawn == total else f"{drawn} of {total} shown"

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.evaluation.metrics import REGISTERED_PRECISION
 from cgroup.plots import style
 from cgroup.plots.curves import finish, legend, marker_size, panels
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-_REGISTERED = 0.1
 
 
 def pair_precision_figure(rows: pd.DataFrame, *, methods: tuple[str, str], title: str) -> Figure:
@@ -39,20 +38,20 @@ def pair_precision_figure(rows: pd.DataFrame, *, methods: tuple[str, str], title
     table = rows.pivot_table(index="pair", columns="method", values="precision")[list(methods)].dropna()
     table = table.sort_values([methods[1], methods[0]])
     figure, (each, shares) = panels(2, columns=2, title=title, extra=0.4)
-    place = np.arange(1, len(table) + 1)
+    order = np.arange(1, len(table) + 1)
     for method in methods:
         look = style.method_style(method)
         each.plot(
-            place, table[method], linestyle="", marker=look.marker, color=look.color,
+            order, table[method], linestyle="", marker=look.marker, color=look.color,
             markersize=marker_size(look.marker), markeredgecolor="white", markeredgewidth=0.3, clip_on=False,
         )  # fmt: skip
         values = np.concatenate([[0.0], np.sort(table[method].to_numpy()), [1.0]])
-        height = np.concatenate([[0.0], place / len(table), [1.0]])
+        height = np.concatenate([[0.0], order / len(table), [1.0]])
         shares.step(values, height, where="post", color=look.color, linestyle=look.dashes, linewidth=1.4)
-    each.axhline(_REGISTERED, color=style.QUIET_TEXT, linewidth=0.8, linestyle=":")
-    shares.axvline(_REGISTERED, color=style.QUIET_TEXT, linewidth=0.8, linestyle=":")
+    each.axhline(REGISTERED_PRECISION, color=style.QUIET_TEXT, linewidth=0.8, linestyle=":")
+    shares.axvline(REGISTERED_PRECISION, color=style.QUIET_TEXT, linewidth=0.8, linestyle=":")
     shares.annotate(
-        "registered", (_REGISTERED, 0.93), xytext=(3, 0), textcoords="offset points", fontsize=7,
+        "registered", (REGISTERED_PRECISION, 0.93), xytext=(3, 0), textcoords="offset points", fontsize=7,
         color=style.QUIET_TEXT,
     )  # fmt: skip
     second = style.method_style(methods[1]).label

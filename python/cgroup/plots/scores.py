@@ -13,20 +13,20 @@ from matplotlib.figure import Figure
 from cgroup.plots import style
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping
 
-    from cgroup.benchmark import MethodResult
+    from cgroup.evaluation import GroupScore
 
 _F_LEVELS = (0.2, 0.4, 0.6, 0.8)
 
 
-def precision_recall_figure(results: Sequence[MethodResult], *, title: str) -> Figure:
+def precision_recall_figure(scores: Mapping[str, GroupScore], *, title: str) -> Figure:
     """Draw precision over recall, one marker per method, over lines of equal F.
 
     Parameters
     ----------
-    results : sequence of MethodResult
-        One marker each.
+    scores : mapping of str to GroupScore
+        By the method's name; one marker each.
     title : str
         Shown on top.
 
@@ -44,11 +44,11 @@ def precision_recall_figure(results: Sequence[MethodResult], *, title: str) -> F
         end = f"F {level:g}"
         axes.annotate(end, (1, precision[-1]), xytext=(3, 0), textcoords="offset points",
                       fontsize=8, va="center", color=style.QUIET_TEXT)  # fmt: skip
-    for result in results:
-        look = style.method_style(result.method)
+    for method, score in scores.items():
+        look = style.method_style(method)
         axes.scatter(
-            result.score.recall,
-            result.score.precision,
+            score.recall,
+            score.precision,
             label=look.label,
             color=look.color,
             marker=look.marker,

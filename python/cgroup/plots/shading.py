@@ -32,7 +32,7 @@ class View:
         return points @ self.axes.T
 
 
-def broadside(points: FloatArray, viewpoint: tuple[float, float, float] = (0, 0, 0)) -> View:
+def face_broadside(points: FloatArray, viewpoint: tuple[float, float, float] = (0, 0, 0)) -> View:
     """Find the view that shows most of a cloud: along its thinnest direction, from the scanner's side.
 
     Parameters
@@ -74,7 +74,7 @@ class Picture:
     extent: tuple[float, float, float, float]
 
 
-def shaded(projected: FloatArray, tint: Tint) -> Picture:
+def shade(projected: FloatArray, tint: Tint) -> Picture:
     """Shade a projected cloud by the slope of its nearest points.
 
     Parameters
@@ -89,12 +89,12 @@ def shaded(projected: FloatArray, tint: Tint) -> Picture:
     Picture
         In the coordinates of `projected`.
     """
-    projected = _without_strays(projected)
+    projected = _drop_strays(projected)
     grid = _Grid.over(projected)
-    return grid.picture(_lit(_surface(projected, grid), grid.cell, tint))
+    return grid.picture(_light(_surface(projected, grid), grid.cell, tint))
 
 
-def overlaid(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) -> Picture:
+def overlay(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) -> Picture:
     """Shade two projected clouds in one picture; each cell shows the cloud in front.
 
     Parameters
@@ -109,15 +109,15 @@ def overlaid(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) ->
     Picture
         Where the clouds lie on each other, the two colours are speckled.
     """
-    first, second = _without_strays(first), _without_strays(second)
+    first, second = _drop_strays(first), _drop_strays(second)
     grid = _Grid.over(np.concatenate([first, second]))
     surfaces = [_surface(cloud, grid) for cloud in (first, second)]
-    lit = [_lit(depth, grid.cell, tint) for depth, tint in zip(surfaces, tints, strict=True)]
+    lit = [_light(depth, grid.cell, tint) for depth, tint in zip(surfaces, tints, strict=True)]
     ahead = np.nan_to_num(surfaces[0], nan=-np.inf) > np.nan_to_num(surfaces[1], nan=-np.inf)
     return grid.picture(np.where(ahead[..., None], lit[0], lit[1]))
 
 
-def in_front(projected: FloatArray) -> BoolArray:
+def find_front(projected: FloatArray) -> BoolArray:
     """Tell the points that no nearer part of the cloud hides.
 
     Parameters
@@ -133,7 +133,7 @@ def in_front(projected: FloatArray) -> BoolArray:
     return _front_layer(projected, _Grid.over(projected))[1]
 
 
-def _without_strays(projected: FloatArray) -> FloatArray:
+def _drop_strays(projected: FloatArray) -> FloatArray:
     """Leave out the few points far off, as laser scans have, that would make the rest small."""
     low, high = np.quantile(projected[:, :2], (_STRAYS, 1 - _STRAYS), axis=0)
     margin = _MARGIN * (high - low)
@@ -166,11 +166,11 @@ class _Grid:
 def _surface(projected: FloatArray, grid: _Grid) -> FloatArray:
     depth = _range_image(projected, grid)
     for _ in range(2):
-        depth = _smoothed(depth, jump=3 * grid.cell)
+        depth = _smooth(depth, jump=3 * grid.cell)
     return depth
 
 
-def _lit(depth: FloatArray, cell: float, tint: Tint) -> FloatArray:
+def _light(depth: FloatArray, cell: float, tint: Tint) -> FloatArray:
     slopes = [_slope(depth, axis) / cell for axis in (0, 1)]
     normals = np.stack([-slopes[0], -slopes[1], np.ones_like(depth)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -197,34 +197,34 @@ def _front_layer(projected: FloatArray, grid: _Grid) -> tuple[IndexArray, BoolAr
     return cell, projected[:, 2] >= front[column, row] - 2 * grid.cell
 
 
-def _shifted(image: FloatArray, steps: tuple[int, int]) -> FloatArray:
+def _shift(image: FloatArray, steps: tuple[int, int]) -> FloatArray:
     padded = np.pad(image, 1, constant_values=np.nan)
     i, j = (1 + step for step in steps)
     return padded[i : i + image.shape[0], j : j + image.shape[1]]
 
 
-def _smoothed(depth: FloatArray, jump: float) -> FloatArray:
+def _smooth(depth: FloatArray, jump: float) -> FloatArray:
     """Mean over a cell and those around it on the same surface; fills holes of one cell.
 
     A hole is a cell without a point, or one where only the far side of the shape was hit.
     """
-    around = np.stack([_shifted(depth, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+    around = np.stack([_shift(depth, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)])
     nearer = around > np.nan_to_num(depth, nan=-np.inf) + jump
     hole = nearer.sum(axis=0) >= 5  # most of the eight cells around
-    center = np.where(hole, _mean_where(around, nearer), depth)
+    center = np.where(hole, _average_where(around, nearer), depth)
     same = np.abs(around - center) <= jump
-    return np.where(same.any(axis=0), _mean_where(around, same), center)
+    return np.where(same.any(axis=0), _average_where(around, same), center)
 
 
-def _mean_where(stack: FloatArray, chosen: BoolArray) -> FloatArray:
+def _average_where(stack: FloatArray, chosen: BoolArray) -> FloatArray:
     return np.where(chosen, stack, 0).sum(axis=0) / np.maximum(chosen.sum(axis=0), 1)
 
 
 def _slope(depth: FloatArray, axis: int) -> FloatArray:
     """Difference to the neighbour on the same surface: the flatter one of the two sides."""
     step = (1, 0) if axis == 0 else (0, 1)
-    ahead = _shifted(depth, step) - depth
-    behind = depth - _shifted(depth, (-step[0], -step[1]))
+    ahead = _shift(depth, step) - depth
+    behind = depth - _shift(depth, (-step[0], -step[1]))
     both = np.where(np.abs(ahead) <= 2 * np.abs(behind), (ahead + behind) / 2, behind)
     both = np.where(np.abs(behind) > 2 * np.abs(ahead), ahead, both)
     both = np.where(np.isnan(both), np.where(np.isnan(ahead), behind, ahead), both)

@@ -39,7 +39,7 @@ WRONG = "#D55E00"
 """Wrong matches: vermilion."""
 
 GROUPED = "#0072B2"
-"""Matches of a group when nobody knows which are correct."""
+"""Matches of a group where it isn't known which are correct."""
 
 SOURCE_TINT = (0.93, 0.83, 0.62)
 TARGET_TINT = (0.70, 0.80, 0.91)

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from cgroup.plots import style
-from cgroup.plots.curves import draw_curves, finish, marker_size, ordered, panels
+from cgroup.plots.curves import draw_curves, finish, marker_size, panels, sort_methods
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,7 +51,7 @@ def timing_figure(
     axes.tick_params(axis="x", rotation=30)
     axes.minorticks_off()
     last = times.ffill().iloc[-1]
-    names = sorted(ordered(times.columns), key=lambda method: -last[method])
+    names = sorted(sort_methods(times.columns), key=lambda method: -last[method])
     handles = [
         Line2D(
             [],

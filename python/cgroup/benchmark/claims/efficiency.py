@@ -14,7 +14,7 @@ from cgroup.benchmark.claims.claim import claim
 from cgroup.benchmark.claims.measures import expect_at_most, expect_higher, expect_in_top, show_time
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
 from cgroup.benchmark.records import exponents
-from cgroup.benchmark.timing import FITTED_FROM
+from cgroup.benchmark.records.growth import FITTED_FROM
 
 if TYPE_CHECKING:
     from cgroup.benchmark.claims.base import ClaimEvidence

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
+from cgroup.cli.terminal import INTERRUPTED, print_line, print_table, show_bar, show_stages
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence
 
     from cgroup.benchmark.claims import Verdict
+    from cgroup.benchmark.records.store import Counts
     from cgroup.benchmark.run import Summary
-    from cgroup.benchmark.store import Counts
-
-    Report = Callable[[str, int, int], None]
-
-INTERRUPTED = 130
 
 _DONE = {
     "correspond": "cases matched",
@@ -34,10 +29,9 @@ _DONE = {
     "time": "times",
 }
 _VERDICT_STYLES = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "dim"}
-_PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
 _FAILURES_SHOWN = 10
 
-benchmark_app = typer.Typer(help="Run the paper's evaluation, draw its figures and check its claims.")
+app = typer.Typer(help="Run the paper's evaluation, draw its figures and check its claims.")
 
 OutOption = Annotated[Path, typer.Option(help="Folder of the records and everything made from them.")]
 DataOption = Annotated[
@@ -46,14 +40,15 @@ DataOption = Annotated[
 DEFAULT_OUT = Path("benchmark")
 
 
-@benchmark_app.command("run")
+@app.command("run")
 def run_command(
     config: Annotated[str, typer.Argument(help="TOML file, or a preset: see `cgroup benchmark presets`.")],
     *,
     data: DataOption = None,
     out: OutOption = DEFAULT_OUT,
     backend: Annotated[
-        Literal["loky", "dask", "ray", "threading"], typer.Option(help="What joblib spreads the work with.")
+        Literal["loky", "dask", "threading"],
+        typer.Option(help="Processes on this machine, a Dask cluster, or threads of this process."),
     ] = "loky",
     workers: Annotated[
         int | None, typer.Option(min=1, help="How many workers.", show_default="one per core")
@@ -72,7 +67,7 @@ def run_command(
     wanted = read_config(config)
     start = time.monotonic()
     try:
-        with _progress() as report:
+        with _show_counts() as report:
             summary = run(
                 wanted,
                 out,
@@ -84,16 +79,16 @@ def run_command(
                 progress=report,
             )
     except KeyboardInterrupt:
-        _print(f"Everything finished is in {out}/; run the same command again to continue.")
+        print_line(f"Everything finished is in {out}/; run the same command again to continue.")
         raise typer.Exit(INTERRUPTED) from None
     _print_summary(summary, out, time.monotonic() - start)
 
 
-@benchmark_app.command("status")
+@app.command("status")
 def status_command(out: OutOption = DEFAULT_OUT) -> None:
     """Show how far a run is, and what failed."""
     with _needs_extra():
-        from cgroup.benchmark.store import RECORDS, Store  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.records.store import RECORDS, Store  # noqa: PLC0415 - slow to load
     if not (out / RECORDS).exists():
         message = f"{out}: no records there; make some with: cgroup benchmark run smoke --out {out}"
         raise InputError(message)
@@ -106,7 +101,7 @@ def status_command(out: OutOption = DEFAULT_OUT) -> None:
         store.close()
 
 
-@benchmark_app.command("presets")
+@app.command("presets")
 def presets_command() -> None:
     """List the configurations that come with the package."""
     with _needs_extra():
@@ -114,22 +109,21 @@ def presets_command() -> None:
     for name in preset_names():
         preset = read_config(name)
         datasets = dict.fromkeys(dataset for entry in preset.experiment for dataset in entry.dataset)
-        _print(f"{name:<12} {preset.title}")
-        _print(f"{'':<12} data: {', '.join(datasets)}")
+        print_line(f"{name:<12} {preset.title}")
+        print_line(f"{'':<12} data: {', '.join(datasets)}")
 
 
-@benchmark_app.command("report")
+@app.command("report")
 def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> None:
     """Write report.html, the figures and claims.md from the records."""
-    with _needs_extra():
+    with _needs_extra(), show_stages() as begin:
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
-    console = Console(stderr=True)
-    with console.status("reading records") as status:
-        page = write_report(out, root=data, progress=status.update)
-    _print(f"wrote {page}, {out / 'claims.md'} and {out / 'figures'}/")
+
+        page = write_report(out, root=data, progress=begin)
+    print_line(f"wrote {page}, {out / 'claims.md'} and {out / 'figures'}/")
 
 
-@benchmark_app.command("claims")
+@app.command("claims")
 def claims_command(
     out: OutOption = DEFAULT_OUT,
     format: Annotated[  # noqa: A002 - the option's name
@@ -139,12 +133,13 @@ def claims_command(
     """Check the paper's statements against the records."""
     with _needs_extra():
         from cgroup.benchmark import claims, records  # noqa: PLC0415 - slow to load
-    verdicts = claims.check_claims(records.load(out), records.load_timing(out))
+
+        verdicts = claims.check_claims(records.load(out), records.load_timing(out))
     if format == "table":
         _print_verdicts(verdicts)
-        _print(claims.counts_line(verdicts))
+        print_line(claims.counts_line(verdicts))
     else:
-        _print(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
+        print_line(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
 
 
 # --- the terminal --------------------------------------------------------------------------------
@@ -162,19 +157,18 @@ def _needs_extra() -> Generator[None, None, None]:
 
 
 @contextmanager
-def _progress() -> Generator[Report | None, None, None]:
+def _show_counts() -> Generator[Callable[[str, int, int], None] | None, None, None]:
     """Show how far each stage is and how long it will take, on a terminal only."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
     columns = (
         TextColumn("{task.description:<14}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
-    with Progress(*columns, console=console, transient=True) as progress:
+    with show_bar(*columns) as progress:
+        if progress is None:
+            yield None
+            return
         tasks: dict[str, TaskID] = {}
 
         def report(stage: str, done: int, wanted: int) -> None:
@@ -189,28 +183,28 @@ def _progress() -> Generator[Report | None, None, None]:
 def _print_summary(summary: Summary, out: Path, seconds: float) -> None:
     _print_counts(summary.counts)
     _print_missing(summary.missing)
-    _print(f"took {_duration(seconds)}; records are in {out}/")
+    print_line(f"took {_format_duration(seconds)}; records are in {out}/")
     if summary.failed:
         wanted = sum(count.wanted for stage, count in summary.counts.items() if stage != "score")
-        _print(f"{summary.failed} of {wanted} failed; see: cgroup benchmark status --out {out}")
+        print_line(f"{summary.failed} of {wanted} failed; see: cgroup benchmark status --out {out}")
 
 
 def _print_counts(counts: dict[str, Counts]) -> None:
     for stage, count in counts.items():
         failed = f", {count.failed} failed" if count.failed else ""
-        _print(f"{_DONE[stage]:<14} {count.done} of {count.wanted}{failed}")
+        print_line(f"{_DONE[stage]:<14} {count.done} of {count.wanted}{failed}")
 
 
 def _print_missing(missing: dict[str, str]) -> None:
     for name, why in missing.items():
-        _print(f"left out       {name}: {why}")
+        print_line(f"left out       {name}: {why}")
 
 
 def _print_failures(failures: Sequence[tuple[str, str, int]]) -> None:
     for method, error, times in failures[:_FAILURES_SHOWN]:
-        _print(f"failed {times:>5} x {method or 'correspond'}: {error}")
+        print_line(f"failed {times:>5} x {method or 'correspond'}: {error}")
     if len(failures) > _FAILURES_SHOWN:
-        _print(f"and {len(failures) - _FAILURES_SHOWN} other errors")
+        print_line(f"and {len(failures) - _FAILURES_SHOWN} other errors")
 
 
 def _print_verdicts(verdicts: Iterable[Verdict]) -> None:
@@ -226,15 +220,10 @@ def _print_verdicts(verdicts: Iterable[Verdict]) -> None:
             Text(verdict.measured + why),  # plain: its brackets aren't markup
             verdict.data,
         )
-    console = Console()
-    (console if console.is_terminal else Console(width=_PLAIN_WIDTH)).print(table)
+    print_table(table)
 
 
-def _duration(seconds: float) -> str:
+def _format_duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
-
-
-def _print(line: str) -> None:
-    sys.stdout.write(line + "\n")

@@ -1,4 +1,4 @@
-"""The report's tables, as plain cells for the template."""
+"""The report's tables."""
 
 # pandas ships no types, and what is guessed from its source is often wrong.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false
@@ -6,14 +6,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 from cgroup.benchmark import records
 from cgroup.benchmark.claims.base import TIE
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
+from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, number, words
+from cgroup.evaluation.protocols import PROTOCOL_PREFIX
 from cgroup.plots.levels import protocol_title
-from cgroup.plots.style import METHOD_STYLES, method_style
+from cgroup.plots.style import method_style
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -21,79 +22,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cgroup.benchmark.evidence import Sample
-
-MISSING = "-"
-_DIGITS = "0123456789.,-+e"
-
-
-class Cell(NamedTuple):
-    """One cell.
-
-    Attributes
-    ----------
-    text : str
-        What is shown.
-    key : float or str
-        What the column is sorted by.
-    best : bool
-        Whether it is the best of its column, or as good.
-    """
-
-    text: str
-    key: float | str
-    best: bool = False
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table that can be sorted.
-
-    Attributes
-    ----------
-    caption : str
-        Shown above it.
-    headers : tuple of str
-        One per column.
-    rows : list of tuple of Cell
-        In the order in which they are shown first.
-    """
-
-    caption: str
-    headers: tuple[str, ...]
-    rows: list[tuple[Cell, ...]]
-
-    @property
-    def numeric(self) -> list[bool]:
-        """Whether each column is sorted by numbers."""
-        return [any(not isinstance(cell.key, str) for cell in column) for column in self._columns()]
-
-    @property
-    def right(self) -> list[bool]:
-        """Whether each column shows numbers, and is set flush right."""
-        shown = (all(not cell.text.strip(_DIGITS) for cell in column) for column in self._columns())
-        return [digits and by_number for digits, by_number in zip(shown, self.numeric, strict=True)]
-
-    def _columns(self) -> list[tuple[Cell, ...]]:
-        return list(zip(*self.rows, strict=True)) if self.rows else [()] * len(self.headers)
-
-
-def number(value: float | None, text: str = "{:.3f}") -> Cell:
-    """Cell of a number; a dash for NaN, sorted last."""
-    if value is None or math.isnan(value):
-        return Cell(MISSING, -math.inf)
-    return Cell(text.format(value), float(value))
-
-
-def words(text: object) -> Cell:
-    """Cell of a text."""
-    return Cell(str(text), str(text))
-
-
-def method_cell(method: str) -> Cell:
-    """Cell of a method, sorted in the paper's order."""
-    known = list(METHOD_STYLES)
-    place = known.index(method) if method in known else len(known)
-    return Cell(method_style(method).label, float(place))
 
 
 def ranking_table(sample: Sample) -> Table:
@@ -114,11 +42,11 @@ def ranking_table(sample: Sample) -> Table:
     order = scores["f_score"].sort_values(ascending=False, kind="stable").index
     rows = [
         (
-            Cell(str(place), float(place)),
+            Cell(str(rank), float(rank)),
             method_cell(str(method)),
-            *(_marked(scores[column], str(method)) for column in columns),
+            *(_mark_best(scores[column], str(method)) for column in columns),
         )
-        for place, method in enumerate(order, start=1)
+        for rank, method in enumerate(order, start=1)
     ]
     return Table("Ranking by F, mean over all levels and pairs", ("rank", "method", *columns.values()), rows)
 
@@ -139,8 +67,8 @@ def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "medi
         One row per experiment, data set and method.
     """
     tables = [(sample, records.aggregate(sample.rows, by=["method"], how=how)) for sample in samples]
-    found = {name for _, table in tables for name in table.columns if name.startswith("ok:")}
-    protocols = sorted(found - {"ok:precision>0.1"})
+    columns = {name for _, table in tables for name in table.columns}
+    protocols = sorted(name for name in columns if name.startswith(PROTOCOL_PREFIX))
     rows = [
         (
             words(sample.experiment.title),
@@ -151,9 +79,9 @@ def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "medi
             *(number(row.get(name, math.nan)) for name in protocols),
         )
         for sample, table in tables
-        for _, row in _in_paper_order(table).iterrows()
+        for _, row in _sort_by_paper(table).iterrows()
     ]
-    titles = [protocol_title(name.removeprefix("ok:")) for name in protocols]
+    titles = [protocol_title(name.removeprefix(PROTOCOL_PREFIX)) for name in protocols]
     headers = ("experiment", "data set", "method", "records", "P", "R", "F", "registered", *titles)
     captions = {
         "macro": "Means over pairs, each with the same weight",
@@ -183,7 +111,7 @@ def timing_table(times: pd.DataFrame, fitted: Mapping[str, float]) -> Table:
             method_cell(method),
             words(PAPER_COMPLEXITY.get(method, MISSING)),
             number(fitted.get(method, math.nan), "{:.2f}"),
-            *(_milliseconds(times.loc[n, method]) for n in times.index),
+            *(_format_milliseconds(times.loc[n, method]) for n in times.index),
         )
         for method in times.columns
     ]
@@ -262,15 +190,15 @@ def plain_table(caption: str, frame: pd.DataFrame, headers: Sequence[str] = ()) 
     return Table(caption, tuple(headers) or tuple(map(str, frame.columns)), rows)
 
 
-def _milliseconds(seconds: float) -> Cell:
+def _format_milliseconds(seconds: float) -> Cell:
     value = 1e3 * seconds
     return number(value, "{:,.0f}" if value >= 100 else "{:.3g}")
 
 
-def _marked(scores: pd.Series, method: str) -> Cell:
+def _mark_best(scores: pd.Series, method: str) -> Cell:
     cell = number(float(scores[method]))
     return cell._replace(best=bool(scores[method] >= scores.max() - TIE))
 
 
-def _in_paper_order(table: pd.DataFrame) -> pd.DataFrame:
+def _sort_by_paper(table: pd.DataFrame) -> pd.DataFrame:
     return table.iloc[sorted(range(len(table)), key=lambda row: method_cell(table["method"].iloc[row]).key)]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.packing import floats_from_bytes, unpack, unpack_mask
-from cgroup.benchmark.results import Scored
+from cgroup.benchmark.records.packing import floats_from_bytes, unpack, unpack_mask
+from cgroup.benchmark.records.types import ScoreRecord
 from cgroup.datasets.base import moved
 from cgroup.evaluation import match_errors, rotation_error, score_group, translation_error
 from cgroup.evaluation.protocols import PROTOCOLS
@@ -48,7 +48,7 @@ class Truth:
     protocols: tuple[str, ...]
 
     @classmethod
-    def of(
+    def unpack(
         cls, case_key: str, content: bytes, truth: bytes, sample: bytes, protocols: tuple[str, ...]
     ) -> Truth:
         """Unpack what the first stage recorded."""
@@ -61,7 +61,7 @@ class Truth:
 
 def score_grouping(
     truth: Truth, method_key: str, mask: bytes, pose: bytes | None, epsilons: Sequence[float]
-) -> list[Scored]:
+) -> list[ScoreRecord]:
     """Judge one group at several thresholds.
 
     Parameters
@@ -77,33 +77,33 @@ def score_grouping(
 
     Returns
     -------
-    list of Scored
+    list of ScoreRecord
         One per threshold.
     """
     group = unpack_mask(mask, len(truth.errors))
-    errors = _pose_errors(truth, None if pose is None else floats_from_bytes(pose, (4, 4)))
-    return [_scored(truth, method_key, group, errors, epsilon) for epsilon in epsilons]
+    errors = _measure_pose(truth, None if pose is None else floats_from_bytes(pose, (4, 4)))
+    return [_judge(truth, method_key, group, errors, epsilon) for epsilon in epsilons]
 
 
-def _scored(
+def _judge(
     truth: Truth,
     method_key: str,
     group: BoolArray,
     errors: tuple[float, float, float] | None,
     epsilon: float,
-) -> Scored:
+) -> ScoreRecord:
     score = score_group(group, truth.errors <= epsilon)
     # A group that fixes no pose is as far off as can be.
     rotation, translation, rmse = (np.inf, np.inf, np.inf) if errors is None else errors
-    judged = {
+    verdicts = {
         name: PROTOCOLS[name].judge(score.precision, rotation, translation, rmse) for name in truth.protocols
     }
-    measured = (None, None, None) if errors is None else (rotation, translation, _known(rmse))
+    known = (None, None, None) if errors is None else (rotation, translation, _none_unless_finite(rmse))
     counts = (score.correct, score.selected, score.selected_correct)
-    return Scored(truth.case_key, method_key, epsilon, *counts, *measured, json.dumps(judged))
+    return ScoreRecord(truth.case_key, method_key, epsilon, *counts, *known, json.dumps(verdicts))
 
 
-def _pose_errors(truth: Truth, pose: FloatArray | None) -> tuple[float, float, float] | None:
+def _measure_pose(truth: Truth, pose: FloatArray | None) -> tuple[float, float, float] | None:
     """Rotation in degrees, translation in the data's unit, mean displacement of the overlap in pr."""
     if pose is None:
         return None
@@ -112,5 +112,5 @@ def _pose_errors(truth: Truth, pose: FloatArray | None) -> tuple[float, float, f
     return rotation_error(pose, truth.pose), translation_error(pose, truth.pose), rmse
 
 
-def _known(value: float) -> float | None:
+def _none_unless_finite(value: float) -> float | None:
     return value if np.isfinite(value) else None

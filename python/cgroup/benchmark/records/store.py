@@ -9,13 +9,19 @@ from __future__ import annotations
 import itertools
 import json
 import sqlite3
-from contextlib import closing, contextmanager
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, NamedTuple
 
 from cgroup.benchmark.candidates import Candidate
 from cgroup.benchmark.cases import Case
-from cgroup.benchmark.schema import (
+from cgroup.benchmark.records.rows import (
+    insert,
+    insert_dataset,
+    insert_experiment,
+    insert_machine,
+    list_origin,
+)
+from cgroup.benchmark.records.schema import (
     CASE_ORDER,
     PENDING_CASES,
     PENDING_GROUPINGS,
@@ -29,8 +35,8 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Iterator
     from pathlib import Path
 
-    from cgroup.benchmark.plan import DatasetFacts, Plan, PlannedExperiment
-    from cgroup.benchmark.results import Grouped, Matched, Provenance, Scored
+    from cgroup.benchmark.plan import Plan
+    from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord, ScoreRecord
 
 RECORDS = "records.sqlite"
 """Name of the file in a run's folder."""
@@ -77,7 +83,7 @@ class Store:
         self.connection.close()
 
     def _prepare(self) -> None:
-        with self._transaction() as connection:
+        with self.transaction() as connection:
             version = connection.execute("pragma user_version").fetchone()[0]
             if version == SCHEMA_VERSION:
                 return
@@ -92,7 +98,8 @@ class Store:
             connection.execute(f"pragma user_version = {SCHEMA_VERSION}")
 
     @contextmanager
-    def _transaction(self) -> Generator[sqlite3.Connection, None, None]:
+    def transaction(self) -> Generator[sqlite3.Connection, None, None]:
+        """Write all that follows, or, after an error, none of it."""
         self.connection.execute("begin immediate")
         try:
             yield self.connection
@@ -105,21 +112,21 @@ class Store:
 
     def replace_plan(self, plan: Plan) -> None:
         """Ask for what a configuration asks for, and nothing else."""
-        with self._transaction() as connection:
+        with self.transaction() as connection:
             for table in ("", "_experiments", "_cases", "_methods", "_epsilons", "_timing"):
                 connection.execute(f"delete from plan{table}")
             config = plan.config
             missing = json.dumps(plan.missing)
-            _insert(connection, "plan", config.name, config.seed, config.model_dump_json(), missing)
+            insert(connection, "plan", config.name, config.seed, config.model_dump_json(), missing)
             for facts in plan.datasets:
-                _insert_dataset(connection, facts)
+                insert_dataset(connection, facts)
             pairs = {facts.name: facts.pairs for facts in plan.datasets}
             for entry, planned in enumerate(plan.experiments):
-                _insert_experiment(connection, entry, planned, pairs)
+                insert_experiment(connection, entry, planned, pairs)
 
     def forget_failures(self) -> None:
         """Drop the records of what failed, so that it is tried again."""
-        with self._transaction() as connection:
+        with self.transaction() as connection:
             connection.execute("delete from correspondences where error <> ''")
             connection.execute("delete from groupings where error <> ''")
 
@@ -218,154 +225,28 @@ class Store:
         query = "select method_key, mask, pose from groupings where case_key = ? and error = ''"
         yield from self.connection.execute(query, (case_key,))
 
-    def add_matched(self, records: Iterable[Matched]) -> None:
+    def add_matchings(self, records: Iterable[MatchingRecord]) -> None:
         """Store records of the first stage, all or none."""
-        with self._transaction() as connection:
+        with self.transaction() as connection:
             for record in records:
-                _insert_machine(connection, record.provenance)
+                insert_machine(connection, record.provenance)
                 key = record.case.key
                 facts = (record.n, record.pr, record.facts, record.seconds, record.parameters, record.error)
-                _insert(connection, "correspondences", key, *facts, *_origin(record.provenance))
+                insert(connection, "correspondences", key, *facts, *list_origin(record.provenance))
                 if not record.error:
-                    _insert(connection, "arrays", key, record.content, record.truth, record.sample)
+                    insert(connection, "arrays", key, record.content, record.truth, record.sample)
 
-    def add_grouped(self, records: Iterable[Grouped]) -> None:
+    def add_groupings(self, records: Iterable[GroupingRecord]) -> None:
         """Store records of the second stage, all or none."""
-        with self._transaction() as connection:
+        with self.transaction() as connection:
             for record in records:
-                _insert_machine(connection, record.provenance)
+                insert_machine(connection, record.provenance)
                 result = (record.mask, record.seconds, record.threshold, record.pose, record.diagnostics)
-                how = (record.parameters, record.error, *_origin(record.provenance))
-                _insert(connection, "groupings", record.case_key, record.method_key, *result, *how)
+                how = (record.parameters, record.error, *list_origin(record.provenance))
+                insert(connection, "groupings", record.case_key, record.method_key, *result, *how)
 
-    def add_scored(self, records: Iterable[Scored]) -> None:
+    def add_scores(self, records: Iterable[ScoreRecord]) -> None:
         """Store records of the third stage, all or none."""
-        with self._transaction() as connection:
+        with self.transaction() as connection:
             for record in records:
-                _insert(connection, "scores", *vars(record).values())
-
-    # --- timing ----------------------------------------------------------------------------------
-
-    def timing_set(self, key: str) -> bytes | None:
-        """Packed correspondences of a set for the timing experiment, if it has been made."""
-        row = self.connection.execute("select content from timing_sets where key = ?", (key,)).fetchone()
-        return None if row is None else row[0]
-
-    def add_timing_set(self, key: str, dataset: str, pair: str, size: int, n: int, content: bytes) -> None:
-        """Store such a set."""
-        with self._transaction() as connection:
-            _insert(connection, "timing_sets", key, dataset, pair, size, n, content)
-
-    def plan_timing(self, set_key: str, methods: Iterable[Candidate]) -> None:
-        """Ask for times of methods on a set."""
-        with self._transaction() as connection:
-            for place, method in enumerate(methods):
-                _insert_method(connection, method)
-                _insert(connection, "plan_timing", set_key, method.key, method.label, place)
-
-    def seconds(self, set_key: str, method_key: str, threads: int, machine: str) -> list[float]:
-        """Read the times that have been taken, in order."""
-        query = """
-        select seconds from timings
-        where set_key = ? and method_key = ? and threads = ? and machine = ? order by repeat
-        """
-        return [row[0] for row in self.connection.execute(query, (set_key, method_key, threads, machine))]
-
-    def add_seconds(
-        self, set_key: str, method_key: str, threads: int, provenance: Provenance, seconds: list[float]
-    ) -> None:
-        """Store the times of all repeats in place of earlier ones; a reason to skip no longer holds."""
-        where = (set_key, method_key, threads, provenance.machine.id)
-        with self._transaction() as connection:
-            _insert_machine(connection, provenance)
-            for table in ("timings", "timing_skips"):
-                connection.execute(
-                    f"delete from {table} "
-                    "where set_key = ? and method_key = ? and threads = ? and machine = ?",
-                    where,
-                )
-            for repeat, value in enumerate(seconds):
-                _insert(connection, "timings", *where, repeat, value, provenance.version, provenance.created)
-
-    def skip_timing(
-        self, set_key: str, method_key: str, threads: int, provenance: Provenance, reason: str
-    ) -> None:
-        """Store why no time is taken."""
-        where = (set_key, method_key, threads, provenance.machine.id)
-        with self._transaction() as connection:
-            _insert_machine(connection, provenance)
-            _insert(connection, "timing_skips", *where, reason, known="replace")
-
-
-@contextmanager
-def only_writer(folder: Path) -> Generator[None, None, None]:
-    """Keep other runs off a folder; the lock goes with the process, however it ends.
-
-    Raises
-    ------
-    InputError
-        If another run works in the folder, or it can't be written to.
-    """
-    path = folder / "lock.sqlite"
-    try:
-        lock = sqlite3.connect(path, isolation_level=None, timeout=0)
-    except sqlite3.Error as error:
-        message = f"{folder}: can't be written to ({error})"
-        raise InputError(message) from error
-    with closing(lock):
-        try:
-            lock.execute("begin exclusive")
-        except sqlite3.OperationalError as error:
-            message = f"{folder}: another run is at work there ({error}); wait for it or use another folder"
-            raise InputError(message) from error
-        yield
-
-
-def _insert_dataset(connection: sqlite3.Connection, facts: DatasetFacts) -> None:
-    row = (facts.name, facts.title, facts.role, facts.origin, facts.citation)
-    _insert(connection, "datasets", *row, known="replace")
-
-
-def _insert_experiment(
-    connection: sqlite3.Connection,
-    entry: int,
-    planned: PlannedExperiment,
-    pairs: dict[str, dict[str, tuple[str, tuple[str, ...]]]],
-) -> None:
-    experiment = planned.experiment
-    _insert(connection, "plan_experiments", entry, experiment.id, experiment.model_dump_json())
-    for case in planned.cases:
-        origin, protocols = pairs[case.dataset][case.pair]
-        pair = (case.dataset, case.pair, origin, json.dumps(protocols), case.nuisance, case.level)
-        front = (case.combination, case.detector, case.descriptor, case.nms_radius, case.seed)
-        _insert(connection, "cases", case.key, *pair, *front, known="replace")
-        _insert(connection, "plan_cases", entry, case.key, known="ignore")
-    for place, method in enumerate(planned.methods):
-        _insert_method(connection, method)
-        _insert(connection, "plan_methods", entry, method.key, method.label, place, known="ignore")
-    for epsilon in experiment.epsilons:
-        _insert(connection, "plan_epsilons", entry, epsilon, known="ignore")
-
-
-def _insert_method(connection: sqlite3.Connection, method: Candidate) -> None:
-    _insert(connection, "methods", method.key, method.name, method.options, known="ignore")
-
-
-def _insert_machine(connection: sqlite3.Connection, provenance: Provenance) -> None:
-    machine = provenance.machine
-    _insert(connection, "machines", machine.id, *asdict(machine).values(), known="ignore")
-
-
-def _insert(
-    connection: sqlite3.Connection,
-    table: str,
-    *row: object,
-    known: Literal["abort", "ignore", "replace"] = "abort",
-) -> None:
-    """Add a row; `known` says what to do where its key is taken."""
-    marks = ", ".join("?" * len(row))
-    connection.execute(f"insert or {known} into {table} values ({marks})", row)
-
-
-def _origin(provenance: Provenance) -> tuple[str, str, str]:
-    return provenance.version, provenance.machine.id, provenance.created
+                insert(connection, "scores", *vars(record).values())

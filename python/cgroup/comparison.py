@@ -1,4 +1,4 @@
-"""All methods on the same correspondences, each judged against the true pose."""
+"""Several methods on the same correspondences, each judged against the true pose."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from cgroup.registry import METHODS
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
+    from typing import Any
 
     from numpy.typing import ArrayLike
 
@@ -64,6 +65,8 @@ def compare(
     *,
     methods: Iterable[str] = tuple(METHODS),
     tolerance: float | None = None,
+    correct: ArrayLike | None = None,
+    progress: Callable[[str], Any] | None = None,
 ) -> Iterator[MethodResult]:
     """Run methods one after another on the same correspondences.
 
@@ -74,10 +77,13 @@ def compare(
     T_target_source : (4,4) array_like of float
         True pose.
     methods : iterable of str
-        Names from `METHODS`; all nine by default, in the paper's order.
+        Names from `METHODS`; all by default.
     tolerance : float, optional
-        Largest distance of a correct match from its true place, in the data's unit; 5 times the
-        resolution by default.
+        As in `find_correct`.
+    correct : (n,) array_like of bool, optional
+        Which correspondences are correct, where that is known already; `tolerance` doesn't matter then.
+    progress : callable, optional
+        Called with the name of each method as it begins.
 
     Yields
     ------
@@ -89,23 +95,52 @@ def compare(
     InputError
         If a field or the resolution is missing, or the pose isn't rigid.
     """
+    if correct is None:
+        correct = find_correct(correspondences, T_target_source, tolerance=tolerance)
+    truth, pose = np.asarray(correct), np.asarray(T_target_source)
+    for method in methods:
+        if progress is not None:
+            progress(method)
+        yield _run_method(correspondences, method, truth, pose)
+
+
+def find_correct(
+    correspondences: Correspondences, T_target_source: ArrayLike, *, tolerance: float | None = None
+) -> BoolArray:
+    """Find the correspondences that are correct.
+
+    Parameters
+    ----------
+    correspondences : Correspondences
+        With a resolution, unless the tolerance is given.
+    T_target_source : (4,4) array_like of float
+        True pose.
+    tolerance : float, optional
+        Largest distance of a correct match from its true place, in the data's unit; 5 times the
+        resolution by default.
+
+    Returns
+    -------
+    (n,) array of bool
+        As `cgroup.evaluation.correct_matches` gives it.
+
+    Raises
+    ------
+    InputError
+        If neither tolerance nor resolution is known, or the pose isn't rigid.
+    """
     if tolerance is None:
         if correspondences.resolution is None:
             message = "tolerance: needed to tell correct matches where no resolution is known"
             raise InputError(message)
         tolerance = CORRECT_WITHIN * correspondences.resolution
-    correct = correct_matches(
+    return correct_matches(
         correspondences.source, correspondences.target, T_target_source, tolerance=tolerance
     )
-    for method in methods:
-        yield _judged(correspondences, method, correct, np.asarray(T_target_source))
 
 
-def _judged(
-    correspondences: Correspondences,
-    method: str,
-    correct: BoolArray,
-    true_pose: FloatArray,
+def _run_method(
+    correspondences: Correspondences, method: str, correct: BoolArray, true_pose: FloatArray
 ) -> MethodResult:
     start = time.perf_counter()
     grouping = group(correspondences, method)

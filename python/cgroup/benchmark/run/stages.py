@@ -13,8 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cgroup.benchmark.packing import floats_as_bytes, pack, pack_mask, unpack
-from cgroup.benchmark.results import Grouped, Matched
+from cgroup._progress import StageClock
+from cgroup.benchmark.records.packing import floats_as_bytes, pack, pack_mask, unpack
+from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
 from cgroup.datasets import CorrespondencePair, MatchingPair, open_dataset
 from cgroup.datasets.base import moved
 from cgroup.errors import NoConsensusError
@@ -49,7 +50,7 @@ _PAIRS_KEPT = 2  # loaded pairs that a worker keeps: its next task is often abou
 # --- correspond ----------------------------------------------------------------------------------
 
 
-def match_cases(cases: Sequence[Case], root: str | None) -> list[Matched]:
+def match_cases(cases: Sequence[Case], root: str | None) -> list[MatchingRecord]:
     """Load pairs, disturb them, match them.
 
     Parameters
@@ -61,67 +62,71 @@ def match_cases(cases: Sequence[Case], root: str | None) -> list[Matched]:
 
     Returns
     -------
-    list of Matched
+    list of MatchingRecord
         One each, with the error where there was one.
     """
     return [_match(case, root) for case in cases]
 
 
-def _match(case: Case, root: str | None) -> Matched:
+def _match(case: Case, root: str | None) -> MatchingRecord:
     try:
-        pair = _pair(case.dataset, case.pair, root)
+        pair = _load_pair(case.dataset, case.pair, root)
         if isinstance(pair, CorrespondencePair):
-            return _ready_made(case, pair)
+            return _record_ready_made(case, pair)
         if case.nuisance:
             assert case.level is not None  # noqa: S101 - the configuration has been checked
             pair = apply_nuisance(case.nuisance, pair, case.level, case.rng("nuisance"))
-            return _matched(case, pair, _clouds_with_normals(pair))
-        return _matched(case, pair, _kept_clouds_with_normals(case.dataset, case.pair, root))
+            return _match_clouds(case, pair, _add_normals(pair))
+        return _match_clouds(case, pair, _load_with_normals(case.dataset, case.pair, root))
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
-        return Matched(case, error=_told(error))
+        return MatchingRecord(case, error=_describe_error(error))
 
 
-def _matched(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, PointCloud]) -> Matched:
-    parameters: dict[str, Any] = {
+def _match_clouds(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, PointCloud]) -> MatchingRecord:
+    """Match the clouds of a pair, which bring the normals that the pair asks for."""
+    front: dict[str, Any] = {
         "detector": case.detector,
         "descriptor": case.descriptor,
         "nms_radius": case.nms_radius,
     }
-    clock = _Clock()
-    matches = correspond(*clouds, threads=1, normals="given", progress=clock.start, **parameters)
-    parameters["normals"] = pair.normals
-    parameters["source_viewpoint"] = pair.source_viewpoint
-    parameters["target_viewpoint"] = pair.target_viewpoint
+    normals = {
+        "normals": pair.normals,
+        "source_viewpoint": pair.source_viewpoint,
+        "target_viewpoint": pair.target_viewpoint,
+    }
+    clock = StageClock()
+    matches = correspond(*clouds, threads=1, normals="given", progress=clock.start, **front)
     clock.start("overlap")
-    sample = overlap_sample(
-        pair.source.points, pair.target.points, pair.T_target_source, _resolution(matches), case.rng("sample")
-    )
-    return Matched(
+    truth, pr = pair.T_target_source, _resolution(matches)
+    sample = overlap_sample(pair.source.points, pair.target.points, truth, pr, case.rng("sample"))
+    clock.stop()
+    return MatchingRecord(
         case,
-        json.dumps(parameters),
-        pack(matches),
-        floats_as_bytes(check_rigid(pair.T_target_source)),
-        floats_as_bytes(sample),
-        len(matches),
-        _resolution(matches),
-        json.dumps(dict(pair.facts)),
-        json.dumps(clock.stop()),
+        json.dumps(front | normals),
+        seconds=json.dumps({stage: round(seconds, 6) for stage, seconds in clock.seconds.items()}),
+        **_describe_problem(matches, pair, sample),
     )
 
 
-def _ready_made(case: Case, pair: CorrespondencePair) -> Matched:
+def _record_ready_made(case: Case, pair: CorrespondencePair) -> MatchingRecord:
     matches = pair.correspondences
-    pr = _resolution(matches)
-    sample = overlap_sample(matches.source, matches.target, pair.T_target_source, pr, case.rng("sample"))
-    return Matched(
-        case,
-        content=pack(matches),
-        truth=floats_as_bytes(check_rigid(pair.T_target_source)),
-        sample=floats_as_bytes(sample),
-        n=len(matches),
-        pr=pr,
-        facts=json.dumps(dict(pair.facts)),
-    )
+    truth, pr = pair.T_target_source, _resolution(matches)
+    sample = overlap_sample(matches.source, matches.target, truth, pr, case.rng("sample"))
+    return MatchingRecord(case, **_describe_problem(matches, pair, sample))
+
+
+def _describe_problem(
+    matches: Correspondences, pair: MatchingPair | CorrespondencePair, sample: FloatArray
+) -> dict[str, Any]:
+    """Fields of `MatchingRecord` that are the same wherever the matches come from."""
+    return {
+        "content": pack(matches),
+        "truth": floats_as_bytes(check_rigid(pair.T_target_source)),
+        "sample": floats_as_bytes(sample),
+        "n": len(matches),
+        "pr": _resolution(matches),
+        "facts": json.dumps(dict(pair.facts)),
+    }
 
 
 def overlap_sample(
@@ -151,24 +156,24 @@ def overlap_sample(
 
 
 @functools.lru_cache(maxsize=8)
-def _dataset(name: str, root: str | None) -> Dataset:
+def _open_dataset(name: str, root: str | None) -> Dataset:
     return open_dataset(name, None if root is None else Path(root))
 
 
 @functools.lru_cache(maxsize=_PAIRS_KEPT)
-def _pair(dataset: str, name: str, root: str | None) -> MatchingPair | CorrespondencePair:
-    return _dataset(dataset, root).load(name)
+def _load_pair(dataset: str, name: str, root: str | None) -> MatchingPair | CorrespondencePair:
+    return _open_dataset(dataset, root).load(name)
 
 
 @functools.lru_cache(maxsize=_PAIRS_KEPT)
-def _kept_clouds_with_normals(dataset: str, name: str, root: str | None) -> tuple[PointCloud, PointCloud]:
+def _load_with_normals(dataset: str, name: str, root: str | None) -> tuple[PointCloud, PointCloud]:
     """Find the normals of a pair once for all its cases."""
-    pair = _pair(dataset, name, root)
+    pair = _load_pair(dataset, name, root)
     assert isinstance(pair, MatchingPair)  # noqa: S101 - ready-made correspondences have no clouds
-    return _clouds_with_normals(pair)
+    return _add_normals(pair)
 
 
-def _clouds_with_normals(pair: MatchingPair) -> tuple[PointCloud, PointCloud]:
+def _add_normals(pair: MatchingPair) -> tuple[PointCloud, PointCloud]:
     return (
         _with_normals(pair.source, pair.normals, pair.source_viewpoint),
         _with_normals(pair.target, pair.normals, pair.target_viewpoint),
@@ -185,7 +190,9 @@ def _with_normals(cloud: PointCloud, normals: Normals, viewpoint: Viewpoint) -> 
 # --- group ---------------------------------------------------------------------------------------
 
 
-def group_case(case_key: str, seed: int, content: bytes, methods: Sequence[Candidate]) -> list[Grouped]:
+def group_case(
+    case_key: str, seed: int, content: bytes, methods: Sequence[Candidate]
+) -> list[GroupingRecord]:
     """Run methods on the correspondences of one case, on one thread.
 
     Parameters
@@ -201,14 +208,14 @@ def group_case(case_key: str, seed: int, content: bytes, methods: Sequence[Candi
 
     Returns
     -------
-    list of Grouped
+    list of GroupingRecord
         One each, with the error where there was one.
     """
     correspondences = unpack(content)
-    return [_grouped(case_key, seed, correspondences, method) for method in methods]
+    return [_group(case_key, seed, correspondences, method) for method in methods]
 
 
-def _grouped(case_key: str, seed: int, correspondences: Correspondences, method: Candidate) -> Grouped:
+def _group(case_key: str, seed: int, correspondences: Correspondences, method: Candidate) -> GroupingRecord:
     try:
         parameters = {
             "method": method.name,
@@ -217,21 +224,21 @@ def _grouped(case_key: str, seed: int, correspondences: Correspondences, method:
         start = time.perf_counter()
         grouping = method.run(correspondences, seed=seed)
         seconds = time.perf_counter() - start
-        return Grouped(
+        return GroupingRecord(
             case_key,
             method.key,
             json.dumps(parameters),
             pack_mask(grouping.mask),
             seconds,
             grouping.threshold,
-            _pose(grouping),
+            _find_pose(grouping),
             json.dumps(grouping.diagnostics, default=float),
         )
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair and method alone
-        return Grouped(case_key, method.key, error=_told(error))
+        return GroupingRecord(case_key, method.key, error=_describe_error(error))
 
 
-def _pose(grouping: Grouping) -> bytes | None:
+def _find_pose(grouping: Grouping) -> bytes | None:
     try:
         return floats_as_bytes(grouping.transform())
     except NoConsensusError:
@@ -245,24 +252,5 @@ def _resolution(correspondences: Correspondences) -> float:
     return correspondences.resolution
 
 
-def _told(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
-
-
-class _Clock:
-    """Takes the time of named steps."""
-
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
-        self._step: str | None = None
-        self._since = 0.0
-
-    def start(self, step: str) -> None:
-        self.stop()
-        self._step, self._since = step, time.perf_counter()
-
-    def stop(self) -> dict[str, float]:
-        if self._step is not None:
-            self._seconds[self._step] = round(time.perf_counter() - self._since, 6)
-        self._step = None
-        return self._seconds

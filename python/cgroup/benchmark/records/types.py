@@ -7,7 +7,7 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING
 
 from cgroup import __version__
-from cgroup.benchmark.machine import Machine, this_machine
+from cgroup.benchmark.records.machine import Machine, this_machine
 
 if TYPE_CHECKING:
     from cgroup.benchmark.cases import Case
@@ -27,7 +27,7 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class Matched:
+class MatchingRecord:
     """Record of the first stage.
 
     Attributes
@@ -66,7 +66,7 @@ class Matched:
 
 
 @dataclass(frozen=True)
-class Grouped:
+class GroupingRecord:
     """Record of the second stage.
 
     Attributes
@@ -102,7 +102,7 @@ class Grouped:
 
 
 @dataclass(frozen=True)
-class Scored:
+class ScoreRecord:
     """Record of the third stage: one grouping judged at one threshold.
 
     Attributes

@@ -9,12 +9,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup._arguments import as_count
-from cgroup.benchmark import scoring, stages
-from cgroup.benchmark.backends import Pool, pool
+from cgroup._progress import ignore_progress
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.results import Grouped, Matched
-from cgroup.benchmark.store import RECORDS, Counts, Store, only_writer
-from cgroup.benchmark.timing import take_times
+from cgroup.benchmark.records.lock import only_writer
+from cgroup.benchmark.records.store import RECORDS, Counts, Store
+from cgroup.benchmark.records.timings import Timings
+from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
+from cgroup.benchmark.run import scoring, stages
+from cgroup.benchmark.run.timing import take_times
+from cgroup.benchmark.run.workers import open_workers
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from typing import Any, TypeAlias
 
     from cgroup.benchmark.config import Config
+    from cgroup.benchmark.run.workers import CallUnordered
 
     Progress: TypeAlias = Callable[[str, int, int], Any]
 
@@ -75,7 +79,7 @@ def run(
     root : path, optional
         Folder with the data, at the same place on every machine; the environment says by default.
     backend : str
-        "loky" (processes on this machine), "dask", "ray" or "threading".
+        "loky" (processes on this machine), "dask" (a cluster) or "threading".
     workers : int, optional
         How many; one per core by default. A cluster's own number counts with "dask".
     scheduler : str, optional
@@ -98,71 +102,78 @@ def run(
     if workers is not None:
         as_count("workers", workers, 1)
     plan = make_plan(config, root)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"{out}: can't be made a folder for the records ({error.strerror or error})"
-        raise InputError(message) from error
+    _make_folder(out)
     with only_writer(out):
         store = Store(out / RECORDS)
         try:
             store.replace_plan(plan)
             if retry_failed:
                 store.forget_failures()
-            report = _Report(store, progress or _ignore)
-            with pool(backend, workers, scheduler) as workforce:
-                _correspond(store, workforce, root, report)
-                _group(store, workforce, report)
-            _score(store, report)
+            stage = _StageProgress(store, progress or ignore_progress)
+            with open_workers(backend, workers, scheduler) as call_unordered:
+                _correspond(store, call_unordered, root, stage)
+                _group(store, call_unordered, stage)
+            _score(store, stage)
             if config.timing is not None:
-                take_times(config, config.timing, store, root, progress or _ignore)
+                take_times(config, config.timing, Timings(store), root, progress or ignore_progress)
             return Summary(store.counts(), plan.missing)
         finally:
             store.close()
 
 
-def _correspond(store: Store, workforce: Pool, root: Path | None, report: _Report) -> None:
+def _correspond(
+    store: Store, call_unordered: CallUnordered, root: Path | None, stage: _StageProgress
+) -> None:
     folder = None if root is None else str(root)
     tasks = [(cases, folder) for cases in store.pending_cases(_CASES_AT_ONCE)]
-    report.begin("correspond")
-    for (cases, _), matched in workforce.unordered(stages.match_cases, tasks) if tasks else ():
-        records = matched or [Matched(case, error=stages.KILLED) for case in cases]
-        store.add_matched(records)
-        report.add(len(records))
+    stage.begin("correspond")
+    for (cases, _), matched in call_unordered(stages.match_cases, tasks) if tasks else ():
+        records = matched or [MatchingRecord(case, error=stages.KILLED) for case in cases]
+        store.add_matchings(records)
+        stage.add(len(records))
 
 
-def _group(store: Store, workforce: Pool, report: _Report) -> None:
+def _group(store: Store, call_unordered: CallUnordered, stage: _StageProgress) -> None:
     pending = store.pending_groupings()
-    report.begin("group")
+    stage.begin("group")
 
     def tasks() -> Iterator[tuple[object, ...]]:
         # Drawn one by one: all the correspondences together may not fit into memory.
         for case_key, seed, methods in pending:
             yield case_key, seed, store.content(case_key), methods
 
-    for (key, *_, methods), grouped in workforce.unordered(stages.group_case, tasks()) if pending else ():
-        records = grouped or [Grouped(key, method.key, error=stages.KILLED) for method in methods]
-        store.add_grouped(records)
-        report.add(len(records))
+    results = call_unordered(stages.group_case, tasks()) if pending else ()
+    for (key, *_, methods), grouped in results:
+        records = grouped or [GroupingRecord(key, method.key, error=stages.KILLED) for method in methods]
+        store.add_groupings(records)
+        stage.add(len(records))
 
 
-def _score(store: Store, report: _Report) -> None:
+def _score(store: Store, stage: _StageProgress) -> None:
     pending = store.pending_scores()
-    report.begin("score")
+    stage.begin("score")
     for case_key, wanted in pending.items():
-        truth = scoring.Truth.of(case_key, *store.truth(case_key))
+        truth = scoring.Truth.unpack(case_key, *store.truth(case_key))
         records = [
             record
             for method_key, mask, pose in store.groupings(case_key)
             if method_key in wanted
             for record in scoring.score_grouping(truth, method_key, mask, pose, wanted[method_key])
         ]
-        store.add_scored(records)
-        report.add(len(records))
+        store.add_scores(records)
+        stage.add(len(records))
 
 
-class _Report:
-    """Tells how far a stage is."""
+def _make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"{out}: can't be made a folder for the records ({error.strerror or error})"
+        raise InputError(message) from error
+
+
+class _StageProgress:
+    """Passes on how far a stage is, with what earlier runs have done."""
 
     def __init__(self, store: Store, progress: Progress) -> None:
         self._store = store
@@ -177,7 +188,3 @@ class _Report:
     def add(self, records: int) -> None:
         self._done += records
         self._progress(self._stage, self._done, self._wanted)
-
-
-def _ignore(_stage: str, _done: int, _wanted: int) -> None:
-    """Stand in for a progress callback."""

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.machine import this_machine
-from cgroup.benchmark.packing import pack, unpack
-from cgroup.benchmark.results import Provenance
+from cgroup.benchmark.records.growth import fit_exponent
+from cgroup.benchmark.records.machine import this_machine
+from cgroup.benchmark.records.packing import pack, unpack
+from cgroup.benchmark.records.types import Provenance
 from cgroup.datasets import CorrespondencePair, open_dataset
 from cgroup.errors import CgroupError, InputError
 from cgroup.registration import correspond
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
     from typing import Any, TypeAlias
 
     from cgroup.benchmark.candidates import Candidate
-    from cgroup.benchmark.config import Config, Timing
-    from cgroup.benchmark.store import Store
+    from cgroup.benchmark.config import Config, TimingEntry
+    from cgroup.benchmark.records.timings import Timings
     from cgroup.datasets import Dataset, MatchingPair
     from cgroup.types import Correspondences
 
@@ -41,9 +42,6 @@ SHORTEST = 0.02
 
 UNKNOWN_EXPONENT = 2.0
 """Growth that is expected of the seconds with n while only one size has been timed."""
-
-FITTED_FROM = 2000
-"""Exponents are fitted to sets of at least so many correspondences."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +70,16 @@ class TimingSet:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def take_times(config: Config, timing: Timing, store: Store, root: Path | None, progress: Progress) -> None:
+def take_times(
+    config: Config, timing: TimingEntry, records: Timings, root: Path | None, progress: Progress
+) -> None:
     """Time every method on every set, unless it has been done on this machine.
 
     Parameters
     ----------
-    config, timing : Config, Timing
+    config, timing : Config, TimingEntry
         What to do.
-    store : Store
+    records : Timings
         Takes the times; those of one method on one set at a time.
     root : path, optional
         Folder with the data.
@@ -91,20 +91,20 @@ def take_times(config: Config, timing: Timing, store: Store, root: Path | None, 
     InputError
         If none of the data sets is at hand, or the named pair isn't in the first that is.
     """
-    dataset_name, dataset = _first_at_hand(timing.dataset, root)
+    dataset_name, dataset = _open_first(timing.dataset, root)
     pair = timing.pair if timing.pair is not None else dataset.pair_names()[0]
     methods = [entry.candidate() for entry in timing.methods or config.methods]
     sets = [TimingSet(dataset_name, pair, size, config.seed) for size in sorted(timing.sizes)]
     load = functools.cache(lambda: dataset.load(pair))
     done, wanted = 0, len(sets) * len(methods) * len(timing.threads)
     progress("time", done, wanted)
-    known = _Known(timing)
+    timer = _Timer(timing)
     for chosen in sets:
-        correspondences = _correspondences(chosen, store, load)
-        store.plan_timing(chosen.key, methods)
+        correspondences = _prepare_set(chosen, records, load)
+        records.ask_for(chosen.key, methods)
         for method in methods:
             for threads in timing.threads:
-                known.take(chosen, correspondences, method, threads, store)
+                timer.take(chosen, correspondences, method, threads, records)
                 done += 1
                 progress("time", done, wanted)
 
@@ -124,64 +124,46 @@ def measure(call: Callable[[], object], repeats: int) -> list[float]:
     list of float
         Of a call shorter than `SHORTEST`, the mean of several in a row.
     """
-    warm_up = _clocked(call, 1)
+    warm_up = _time_calls(call, 1)
     in_a_row = max(1, math.ceil(SHORTEST / max(warm_up, 1e-6)))
-    return [_clocked(call, in_a_row) for _ in range(repeats)]
+    return [_time_calls(call, in_a_row) for _ in range(repeats)]
 
 
-def fit_exponent(n: Sequence[float], seconds: Sequence[float]) -> float:
-    """Exponent a of ``seconds ~ n^a``, by least squares in logarithms.
+class _Timer:
+    """Takes times, and expects those of larger sets from those of smaller ones."""
 
-    Parameters
-    ----------
-    n, seconds : sequence of float
-        Sizes and times.
-
-    Returns
-    -------
-    float
-        NaN for fewer than two different sizes.
-    """
-    if len(set(n)) < 2:
-        return float("nan")
-    return float(np.polyfit(np.log(n), np.log(seconds), 1)[0])
-
-
-class _Known:
-    """What is known of the times so far, by method and threads."""
-
-    def __init__(self, timing: Timing) -> None:
+    def __init__(self, timing: TimingEntry) -> None:
         self._timing = timing
         self._medians: dict[tuple[str, int], list[tuple[int, float]]] = {}
 
     def take(
-        self, chosen: TimingSet, given: Correspondences, method: Candidate, threads: int, store: Store
+        self, chosen: TimingSet, given: Correspondences, method: Candidate, threads: int, records: Timings
     ) -> None:
         """Time a method on a set, or say why not."""
         provenance = Provenance()
         where = (chosen.key, method.key, threads)
-        seconds = store.seconds(*where, this_machine().id)
+        seconds = records.seconds(*where, this_machine().id)
         if len(seconds) != self._timing.repeats:
-            expected = self._expected(method, threads, len(given))
+            expected = self._expect(method, threads, len(given))
             if expected > self._timing.budget:
                 reason = f"expected to take {expected:.0f} s per call, more than {self._timing.budget:g} s"
-                store.skip_timing(*where, provenance, reason)
+                records.skip(*where, provenance, reason)
                 return
             try:
-                seconds = self._measured(chosen, given, method, threads)
+                seconds = self._measure(chosen, given, method, threads)
             except CgroupError as error:
-                store.skip_timing(*where, provenance, str(error))
+                records.skip(*where, provenance, str(error))
                 return
-            store.add_seconds(*where, provenance, seconds)
+            records.add_seconds(*where, provenance, seconds)
         self._medians.setdefault((method.key, threads), []).append((len(given), float(np.median(seconds))))
 
-    def _measured(
+    def _measure(
         self, chosen: TimingSet, given: Correspondences, method: Candidate, threads: int
     ) -> list[float]:
         cores = None if threads == 0 else threads
         return measure(lambda: method.run(given, seed=chosen.seed, threads=cores), self._timing.repeats)
 
-    def _expected(self, method: Candidate, threads: int, n: int) -> float:
+    def _expect(self, method: Candidate, threads: int, n: int) -> float:
         """Extrapolate from the two largest sets so far."""
         so_far = self._medians.get((method.key, threads), [])[-2:]
         if not so_far:
@@ -193,14 +175,14 @@ class _Known:
         return seconds * (n / size) ** exponent
 
 
-def _clocked(call: Callable[[], object], times: int) -> float:
+def _time_calls(call: Callable[[], object], times: int) -> float:
     start = time.perf_counter()
     for _ in range(times):
         call()
     return (time.perf_counter() - start) / times
 
 
-def _first_at_hand(names: Sequence[str], root: Path | None) -> tuple[str, Dataset]:
+def _open_first(names: Sequence[str], root: Path | None) -> tuple[str, Dataset]:
     reasons: list[str] = []
     for name in names:
         try:
@@ -214,18 +196,18 @@ def _first_at_hand(names: Sequence[str], root: Path | None) -> tuple[str, Datase
     raise InputError(message)
 
 
-def _correspondences(
-    chosen: TimingSet, store: Store, load: Callable[[], MatchingPair | CorrespondencePair]
+def _prepare_set(
+    chosen: TimingSet, records: Timings, load: Callable[[], MatchingPair | CorrespondencePair]
 ) -> Correspondences:
-    content = store.timing_set(chosen.key)
+    content = records.content(chosen.key)
     if content is None:
-        made = _matched(chosen, load())
+        made = _match(chosen, load())
         content = pack(made)
-        store.add_timing_set(chosen.key, chosen.dataset, chosen.pair, chosen.size, len(made), content)
+        records.add_set(chosen.key, chosen.dataset, chosen.pair, chosen.size, len(made), content)
     return unpack(content)
 
 
-def _matched(chosen: TimingSet, pair: MatchingPair | CorrespondencePair) -> Correspondences:
+def _match(chosen: TimingSet, pair: MatchingPair | CorrespondencePair) -> Correspondences:
     if isinstance(pair, CorrespondencePair):
         message = f"timing: {chosen.dataset} comes as correspondences; sets of several sizes need clouds"
         raise InputError(message)

@@ -1,0 +1,231 @@
+"""Records as tables, for analysis."""
+
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup.benchmark.records.means import add_scores
+from cgroup.benchmark.records.packing import floats_from_bytes, unpack, unpack_mask
+from cgroup.benchmark.records.store import RECORDS
+from cgroup.errors import InputError
+from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+    from pathlib import Path
+
+    import pandas as pd
+
+    from cgroup.types import BoolArray, Correspondences, FloatArray
+
+FACTS = ("clutter", "occlusion", "overlap")
+
+_SCORES = """
+select dataset, cases.origin, pair, nuisance, level, combination, detector, descriptor, nms_radius, facts,
+       c.n, s.correct, pr, label as method, w.epsilon, s.selected, s.selected_correct, s.rotation_error,
+       s.translation_error, s.rmse as rmse_pr, s.protocols, g.seconds, w.experiments,
+       case when c.error <> '' then c.error else coalesce(g.error, '') end as error,
+       coalesce(g.version, c.version) as version, seed, coalesce(g.machine, c.machine) as machine,
+       w.case_key as "case"
+from wanted_scores w
+    join cases on cases.key = w.case_key
+    join correspondences c on c.case_key = w.case_key
+    left join groupings g on g.case_key = w.case_key and g.method_key = w.method_key
+    left join scores s on s.case_key = w.case_key and s.method_key = w.method_key and s.epsilon = w.epsilon
+where s.case_key is not null or c.error <> '' or g.error <> ''
+order by dataset, pair, nuisance, level, nms_radius, combination, place, w.epsilon
+"""
+
+_TIMES = """
+select label as method, n, threads, repeat, seconds, dataset, pair, machine, version
+from plan_timing join timings using (set_key, method_key) join timing_sets on timing_sets.key = set_key
+order by n, place, threads, repeat
+"""
+
+_SKIPS = """
+select label as method, n, threads, reason, machine
+from plan_timing join timing_skips using (set_key, method_key) join timing_sets on timing_sets.key = set_key
+order by n, place, threads
+"""
+
+_GROUPS = """
+select distinct label, mask, place from groupings g join plan_methods m using (method_key)
+    join plan_cases c on c.entry = m.entry and c.case_key = g.case_key
+where g.case_key = ? and g.error = '' order by place
+"""
+
+
+def load(path: Path) -> pd.DataFrame:
+    """Read what the latest configuration asked for, one row per case, method and threshold.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a run, or its SQLite file. A run may be at work in it.
+
+    Returns
+    -------
+    DataFrame
+        `dataset, origin, pair, nuisance, level, combination, detector, descriptor, nms_radius`: the case,
+        with "" and NaN for what doesn't apply, and its hash in `case`; `clutter, occlusion, overlap`: facts
+        where they are known; `n, correct, inlier_ratio, pr`: the correspondences; `method, epsilon,
+        selected, selected_correct, precision, recall, f_score, registered`: the group;
+        `rotation_error` (degrees), `translation_error` (data unit), `translation_error_pr`, `rmse_pr`: its
+        pose, NaN where it fixes none; ``ok:<protocol>``: registered by a criterion other than the paper's,
+        which `registered` is, None where it isn't applicable; `seconds` of the grouping; `experiments`:
+        tuple of the ids that use the row; `error`: "" or what went wrong, and then the numbers are NaN;
+        `version, seed, machine`.
+
+    Raises
+    ------
+    InputError
+        If there are no records.
+    """
+    frame = _query(path, _SCORES)
+    facts = [json.loads(text) for text in frame.pop("facts")]
+    for name in FACTS:
+        frame[name] = np.array([of_pair.get(name, np.nan) for of_pair in facts], dtype=float)
+    frame["experiments"] = [tuple(json.loads(text)) for text in frame["experiments"]]
+    _expand_protocols(frame)
+    for name in ("level", "nms_radius", "rotation_error", "translation_error", "rmse_pr", "seconds"):
+        frame[name] = frame[name].astype(float)
+    add_scores(frame)
+    frame["translation_error_pr"] = frame["translation_error"] / frame["pr"]
+    return frame
+
+
+def load_timing(path: Path) -> pd.DataFrame:
+    """Read the times that the latest configuration asked for.
+
+    Parameters
+    ----------
+    path : path
+        As in `load`.
+
+    Returns
+    -------
+    DataFrame
+        One row per method, set and repeat: `method, n, threads` (0: all cores), `repeat, seconds, dataset,
+        pair, machine, version`.
+    """
+    return _query(path, _TIMES)
+
+
+def load_timing_skips(path: Path) -> pd.DataFrame:
+    """Read which methods weren't timed on which sets.
+
+    Parameters
+    ----------
+    path : path
+        As in `load`.
+
+    Returns
+    -------
+    DataFrame
+        `method, n, threads, reason, machine`.
+    """
+    return _query(path, _SKIPS)
+
+
+def load_machines(path: Path) -> pd.DataFrame:
+    """Read which machines made records: `id, cpu, cores, system, python, numpy`."""
+    return _query(path, "select * from machines")
+
+
+def load_datasets(path: Path) -> pd.DataFrame:
+    """Read what is known of the data sets: `name, title, role, origin, citation`."""
+    return _query(path, "select * from datasets")
+
+
+def load_config(path: Path) -> dict[str, Any]:
+    """Read the latest configuration: plain values as in its TOML, defaults filled in."""
+    return json.loads(str(_query(path, "select config from plan")["config"][0]))
+
+
+def load_missing(path: Path) -> dict[str, str]:
+    """Read which data sets weren't at hand, and why."""
+    return json.loads(str(_query(path, "select missing from plan")["missing"][0]))
+
+
+def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dict[str, BoolArray]]:
+    """Read what each method selected in one case.
+
+    Parameters
+    ----------
+    path : path
+        As in `load`.
+    case : str
+        Its hash, as in the column `case`.
+
+    Returns
+    -------
+    matches : Correspondences
+        What the methods were given.
+    pose : (4,4) array of float64
+        The true pose.
+    masks : dict of str to (n,) array of bool
+        The group of each method, by its label, in the order of the configuration.
+
+    Raises
+    ------
+    InputError
+        If there are no records of the case.
+    """
+    with _reader(path) as connection:
+        query = "select content, truth from arrays where case_key = ?"
+        arrays = connection.execute(query, (case,)).fetchone()
+        rows = connection.execute(_GROUPS, (case,)).fetchall()
+    if arrays is None:
+        message = f"{path}: no records of the case {case}; the column `case` of `load` names those there are"
+        raise InputError(message)
+    matches = unpack(arrays[0])
+    masks = {label: unpack_mask(mask, len(matches)) for label, mask, _ in rows}
+    return matches, floats_from_bytes(arrays[1], (4, 4)), masks
+
+
+def _query(path: Path, text: str) -> pd.DataFrame:
+    import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
+
+    with _reader(path) as connection:
+        try:
+            return pd.read_sql_query(text, connection)
+        except pd.errors.DatabaseError as error:
+            raise _unreadable(path, error) from error
+
+
+@contextmanager
+def _reader(path: Path) -> Generator[sqlite3.Connection, None, None]:
+    """Open the records for reading; a run may write to them meanwhile."""
+    file = _file(path)
+    if not file.exists():
+        message = f"{file}: no records; make some with: cgroup benchmark run smoke --out {path}"
+        raise InputError(message)
+    try:
+        address = f"{file.absolute().as_uri()}?mode=ro"
+        with closing(sqlite3.connect(address, uri=True, timeout=30)) as connection:
+            yield connection
+    except sqlite3.Error as error:
+        raise _unreadable(path, error) from error
+
+
+def _file(path: Path) -> Path:
+    return path / RECORDS if path.is_dir() else path
+
+
+def _unreadable(path: Path, error: Exception) -> InputError:
+    return InputError(f"{_file(path)}: not a file of records, or of another version: {error}")
+
+
+def _expand_protocols(frame: pd.DataFrame) -> None:
+    """Give each criterion but the paper's, which `registered` is, a column of its own."""
+    verdicts = [json.loads(text) if isinstance(text, str) else {} for text in frame.pop("protocols")]
+    for name in dict.fromkeys(name for row in verdicts for name in row if name != PAPER_PROTOCOL):
+        frame[PROTOCOL_PREFIX + name] = np.array([row.get(name) for row in verdicts], dtype=object)

@@ -1,0 +1,5 @@
+"""One self-contained page about a run: figures, tables, and the claims of the paper."""
+
+from cgroup.benchmark.report.page import write_report
+
+__all__ = ["write_report"]

@@ -1,0 +1,175 @@
+"""One self-contained page with what a run has found: figures, tables, and the claims of the paper."""
+
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportGeneralTypeIssues=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+import cgroup
+from cgroup._progress import ignore_progress
+from cgroup.benchmark import records
+from cgroup.benchmark.claims import CRITERIA, as_markdown, check_evidence, count_verdicts
+from cgroup.benchmark.evidence import Evidence
+from cgroup.benchmark.paper import EXPERIMENTS
+from cgroup.benchmark.report.pictures import PictureBook
+from cgroup.benchmark.report.sections import (
+    draw_pairs,
+    draw_selections,
+    draw_times,
+    make_own_section,
+    make_sections,
+)
+from cgroup.benchmark.report.tables import dataset_table, failure_table, plain_table, score_table
+from cgroup.io import write_file
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    import pandas as pd
+
+    from cgroup.benchmark.claims import Verdict
+
+REPORT, CLAIMS, FIGURES = "report.html", "claims.md", "figures"
+"""What `write_report` leaves in the run's folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """All that a report is made of.
+
+    Attributes
+    ----------
+    frame, timing, skips : DataFrame
+        Records, times, and what wasn't timed.
+    machines, datasets : DataFrame
+        Machines that made the records; title, role and citation of each data set.
+    config : dict
+        The run's configuration.
+    missing : dict of str to str
+        Data sets that weren't at hand, and why.
+    """
+
+    frame: pd.DataFrame
+    timing: pd.DataFrame
+    skips: pd.DataFrame
+    machines: pd.DataFrame
+    datasets: pd.DataFrame
+    config: dict[str, Any]
+    missing: dict[str, str]
+
+    @classmethod
+    def load(cls, out: Path) -> ReportData:
+        """Read the records of a run; raises `InputError` if there are none."""
+        return cls(
+            records.load(out),
+            records.load_timing(out),
+            records.load_timing_skips(out),
+            records.load_machines(out),
+            records.load_datasets(out),
+            records.load_config(out),
+            records.load_missing(out),
+        )
+
+
+def write_report(
+    out: Path, *, root: Path | None = None, progress: Callable[[str], Any] | None = None
+) -> Path:
+    """Write figures, claims and one self-contained page about a run.
+
+    Parameters
+    ----------
+    out : path
+        Folder of the run. Gets ``report.html``, ``claims.md`` and ``figures/*.png|pdf``.
+    root : path, optional
+        Folder with the data, for pictures of a few pairs; the environment says by default. Pairs that
+        aren't there are left out.
+    progress : callable, optional
+        Called with what is being done.
+
+    Returns
+    -------
+    path
+        Of the page.
+
+    Raises
+    ------
+    InputError
+        If the folder has no records.
+    """
+    tell = progress or ignore_progress
+    tell("reading records")
+    data = ReportData.load(out)
+    pictures = PictureBook(out / FIGURES, tell)
+    evidence = Evidence(data.frame, data.timing)
+    tell("checking claims")
+    verdicts = check_evidence(evidence)
+    write_file(out / CLAIMS, as_markdown(verdicts).encode())
+    experiments = {each.id: make_sections(each, evidence, pictures) for each in EXPERIMENTS.values()}
+    page = _render(
+        data=data,
+        verdicts=verdicts,
+        experiments=experiments,
+        further=[make_own_section(sample, pictures) for sample in evidence.further_samples()],
+        pairs=draw_pairs(evidence, pictures),
+        times=draw_times(data.timing, pictures),
+        selections=draw_selections(out, evidence, root, pictures),
+        scores=[score_table(evidence.samples(), how) for how in ("macro", "pooled", "median")],
+    )
+    write_file(out / REPORT, page.encode())
+    return out / REPORT
+
+
+def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str:  # noqa: ANN401 - for the template
+    environment = Environment(
+        loader=PackageLoader("cgroup.benchmark.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    frame = data.frame
+    return environment.get_template("report.html.j2").render(
+        config=data.config,
+        missing=data.missing,
+        version=cgroup.__version__,
+        date=datetime.now(tz=timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
+        totals=_count_totals(frame),
+        datasets=dataset_table(frame, data.datasets),
+        failures=failure_table(frame),
+        machines=plain_table("Machines", data.machines),
+        skips=plain_table("Not timed", data.skips),
+        verdicts=verdicts,
+        counts=count_verdicts(verdicts),
+        criteria=_split_paragraphs(CRITERIA),
+        titles={each.id: each for each in EXPERIMENTS.values()},
+        claims_of=lambda each: [v for v in verdicts if v.paper_section.startswith(each.sections)],
+        **parts,
+    )
+
+
+def _count_totals(frame: pd.DataFrame) -> dict[str, int]:
+    cases = frame.drop_duplicates("case")
+    return {
+        "pairs": len(frame.drop_duplicates(["dataset", "pair"])),
+        "cases": len(cases),
+        "groupings": len(frame.drop_duplicates(["case", "method"])),
+        "records": len(frame),
+        "failed": int((frame["error"] != "").sum()),
+    }
+
+
+def _split_paragraphs(text: str) -> Iterator[tuple[str, list[str]]]:
+    """Paragraphs of a docstring, each with the items of a list that begin with a dash."""
+    for block in text.strip().split("\n\n"):
+        lines = " ".join(block.split("\n"))
+        if lines.startswith("- "):
+            yield "", [item.strip() for item in lines.removeprefix("- ").split(" - ")]
+        else:
+            yield lines, []

@@ -1,0 +1,5 @@
+"""Running a configuration: correspond, group, score, then take times."""
+
+from cgroup.benchmark.run.pipeline import Summary, run
+
+__all__ = ["Summary", "run"]

@@ -1,0 +1,215 @@
+"""``cgroup compare`` and ``cgroup demo``: all methods on one pair whose pose is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from cgroup import io
+from cgroup.cli.options import (
+    DEFAULT_OUT,
+    DescriptorOption,
+    DetectorOption,
+    KeypointsOption,
+    NmsRadiusOption,
+    NormalsOption,
+    OutOption,
+    SourceArgument,
+    TargetArgument,
+)
+from cgroup.cli.pair import print_clouds, read_both
+from cgroup.cli.terminal import (
+    make_folder,
+    print_facts,
+    print_line,
+    print_table,
+    print_written,
+    show_stages,
+    write_figure,
+)
+from cgroup.comparison import compare, find_correct, write_table
+from cgroup.evaluation.ground_truth import CORRECT_WITHIN
+from cgroup.registration import correspond
+
+if TYPE_CHECKING:
+    from cgroup.comparison import MethodResult
+    from cgroup.io import PointCloud
+    from cgroup.types import BoolArray, Correspondences, FloatArray
+
+_FILES = ("comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz")
+
+app = typer.Typer()
+
+
+@app.command("compare")
+def compare_command(
+    source: SourceArgument,
+    target: TargetArgument,
+    *,
+    truth: Annotated[
+        Path, typer.Option(help="True pose of the source in the target's frame: 4x4 text or .npy.")
+    ],
+    detector: DetectorOption = "h3d",
+    descriptor: DescriptorOption = "shot",
+    normals: NormalsOption = "pca",
+    keypoints: KeypointsOption = None,
+    nms_radius: NmsRadiusOption = None,
+    out: OutOption = DEFAULT_OUT,
+) -> None:
+    """Run all methods on a pair whose pose is known, and judge what each selects."""
+    true_pose = io.read_transform(truth)
+    clouds = read_both(source, target)
+    compared = _compare_methods(
+        clouds,
+        true_pose,
+        title=f"{source.name} to {target.name}",
+        folder=make_folder(out),
+        detector=detector,
+        descriptor=descriptor,
+        normals=normals,
+        keypoints=keypoints,
+        nms_radius=nms_radius,
+    )
+    print_clouds((source, target), clouds)
+    _print_comparison(compared)
+    print_written(out, *_FILES)
+
+
+@app.command("demo")
+def demo_command(
+    seed: Annotated[int, typer.Option(min=0, help="Another seed, another shape.")] = 0,
+    out: OutOption = DEFAULT_OUT,
+) -> None:
+    """Run all methods on a generated pair: two views of a closed shape rich in detail."""
+    from cgroup.datasets import standin_pair  # noqa: PLC0415 - slow to load
+
+    with show_stages() as begin:
+        begin("generating two scans")
+        pair = standin_pair(seed=seed)
+    folder = make_folder(out)
+    for name, cloud in (("source", pair.source), ("target", pair.target)):
+        io.write_cloud(folder / f"{name}.ply", cloud)
+    io.write_transform(folder / "truth.txt", pair.T_target_source)
+    clouds = (pair.source, pair.target)
+    compared = _compare_methods(clouds, pair.T_target_source, title="Generated pair", folder=folder)
+    print_clouds((folder / "source.ply", folder / "target.ply"), clouds)
+    _print_comparison(compared)
+    print_written(out, "source.ply", "target.ply", "truth.txt", *_FILES)
+
+
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """All methods on one pair."""
+
+    matches: Correspondences
+    true_pose: FloatArray
+    correct: BoolArray  # of the matches, under the true pose
+    results: list[MethodResult]
+
+
+def _compare_methods(
+    clouds: tuple[PointCloud, PointCloud],
+    true_pose: FloatArray,
+    *,
+    title: str,
+    folder: Path,
+    **front: Any,  # noqa: ANN401 - options of `correspond`
+) -> _Comparison:
+    """Match, group by every method, and write `_FILES`."""
+    with show_stages() as begin:
+        matches = correspond(*clouds, progress=begin, **front)
+        correct = find_correct(matches, true_pose)
+
+        def begin_method(method: str) -> None:
+            begin(f"grouping by {method.upper()}")
+
+        results = list(compare(matches, true_pose, correct=correct, progress=begin_method))
+        compared = _Comparison(matches, true_pose, correct, results)
+        begin("figures")
+        _draw_comparison(clouds, compared, f"{title}: {_count_correct(correct)}", folder)
+        write_table(folder / "comparison.csv", results)
+        io.write_correspondences(folder / "correspondences.npz", matches)
+    return compared
+
+
+def _draw_comparison(
+    clouds: tuple[PointCloud, PointCloud], compared: _Comparison, title: str, folder: Path
+) -> None:
+    from cgroup.plots import comparison_figure, precision_recall_figure  # noqa: PLC0415 - slow to load
+
+    panels = comparison_figure(
+        clouds[0].points,
+        clouds[1].points,
+        compared.matches,
+        correct=compared.correct,
+        masks={result.method: result.grouping.mask for result in compared.results},
+        T_target_source=compared.true_pose,
+        title=title,
+    )
+    write_figure(folder / "comparison.png", panels)
+    scores = {result.method: result.score for result in compared.results}
+    write_figure(folder / "precision_recall.png", precision_recall_figure(scores, title=title))
+
+
+def _print_comparison(compared: _Comparison) -> None:
+    pr = compared.matches.resolution or np.nan
+    correct = _count_correct(compared.correct)
+    print_facts(
+        ("resolution", f"{pr:.4g} (mean point spacing, in the files' unit; 1 pr)"),
+        ("matching", f"{correct}, that is within {CORRECT_WITHIN:g} pr of the true place"),
+    )
+    print_table(_make_table(compared.results, pr))
+    print_line(
+        "Registered: precision above 0.1. Errors are those of the least-squares pose of the whole group."
+    )
+    _warn_of_inverse(compared)
+
+
+def _count_correct(correct: BoolArray) -> str:
+    count = int(np.count_nonzero(correct))
+    return f"{len(correct)} matches, {count} correct ({100 * count / max(len(correct), 1):.1f} %)"
+
+
+def _make_table(results: list[MethodResult], pr: float) -> Table:
+    table = Table()
+    for header in ("method", "selected", "precision", "recall", "F", "registered"):
+        table.add_column(header, justify="left" if header == "method" else "right")
+    for header in ("rotation error", "translation error", "time"):
+        table.add_column(header, justify="right")
+    for result in results:
+        table.add_row(*_make_row(result, pr))
+    return table
+
+
+def _make_row(result: MethodResult, pr: float) -> tuple[str, ...]:
+    score, posed = result.score, result.T_target_source is not None
+    return (
+        result.method.upper(),
+        str(score.selected),
+        f"{score.precision:.3f}",
+        f"{score.recall:.3f}",
+        f"{score.f_score:.3f}",
+        "yes" if score.registered else "no",
+        f"{result.rotation_error:.2f} deg" if posed else "no pose",
+        f"{result.translation_error / pr:.2f} pr" if posed else "no pose",
+        f"{1e3 * result.seconds:.1f} ms",
+    )
+
+
+def _warn_of_inverse(compared: _Comparison) -> None:
+    """Say so where the truth is written the other way round, the usual reason for no correct match."""
+    suspicious = 10 * max(int(compared.correct.sum()), 1)
+    if len(compared.matches) <= suspicious:
+        return
+    inverse = np.linalg.inv(compared.true_pose).astype(np.float64)
+    count = int(find_correct(compared.matches, inverse).sum())
+    if count > suspicious:
+        print_line(
+            f"Note: {count} matches would be correct under the inverse of this truth; "
+            "it has to map the source into the target's frame."
+        )

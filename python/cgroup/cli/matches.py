@@ -1,0 +1,65 @@
+"""``cgroup group``: grouping of correspondences from a file."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cgroup import io
+from cgroup.cli.options import MethodOption, check_method
+from cgroup.cli.terminal import print_line, show_stages
+from cgroup.group import group
+from cgroup.types import OPTIONAL_FIELDS, Correspondences
+
+app = typer.Typer()
+
+
+@app.command("group")
+def group_command(
+    correspondences: Annotated[
+        Path, typer.Argument(help="NPZ with the fields of Correspondences, or text: x y z x' y' z' per line.")
+    ],
+    method: MethodOption = "gtm",
+    resolution: Annotated[
+        float | None,
+        typer.Option(
+            help="Mean point spacing of the clouds, in the file's unit.", show_default="as in the file"
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="Inlier distance of RANSAC, SI and GC, in the file's unit.", show_default="the paper's"
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Mask to write: .npy, or text with 0 or 1 per line.", show_default="NAME_METHOD.npy"
+        ),
+    ] = None,
+) -> None:
+    """Group correspondences of your own, and write which of them are selected."""
+    check_method(method)
+    given = io.read_correspondences(correspondences)
+    if resolution is not None:
+        given = _with_resolution(given, resolution)
+    options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
+    start = time.perf_counter()
+    with show_stages() as begin:
+        begin(f"grouping by {method.upper()}")
+        grouping = group(given, method, **options)
+    seconds = time.perf_counter() - start
+    path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
+    io.write_mask(path, grouping.mask)
+    print_line(f"{grouping.size} of {len(given)} selected by {method.upper()} in {1e3 * seconds:.0f} ms")
+    print_line(f"wrote {path}")
+
+
+def _with_resolution(correspondences: Correspondences, resolution: float) -> Correspondences:
+    fields = {name: getattr(correspondences, name) for name in OPTIONAL_FIELDS}
+    fields["resolution"] = resolution
+    return Correspondences(correspondences.source, correspondences.target, **fields)
