@@ -4,8 +4,8 @@
 
 use nalgebra::Matrix3;
 
-use crate::compatibility::kernels::dispatch;
 use crate::error::{Error, Result};
+use crate::simd::dispatch::dispatch;
 
 /// A local reference frame: rows are the x, y and z axes. `None`: no frame could be computed.
 pub type Frame = Option<Matrix3<f64>>;

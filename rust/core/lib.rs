@@ -20,6 +20,7 @@
 //! Lengths are in the unit of the data; angles are in degrees where a name says so.
 
 pub mod compatibility;
+pub mod consensus;
 pub mod correspondences;
 pub mod error;
 pub mod execution;
@@ -30,6 +31,7 @@ pub mod grouping;
 pub mod grouping_result;
 pub mod points;
 pub mod selection;
+pub mod simd;
 
 pub use correspondences::Correspondences;
 pub use error::{Error, Result};

@@ -4,8 +4,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::compatibility::kernels::dispatch;
 use crate::error::{Error, Result};
+use crate::simd::dispatch::dispatch;
 
 /// Coordinates beyond this magnitude cannot be squared and summed safely.
 pub const MAX_COORDINATE: f64 = 1e150;

@@ -1,6 +1,7 @@
 //! Matching problems with a known answer, for the tests of the public interface.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+use cgroup::consensus::counter_rng::random_words;
 use cgroup::correspondences::Frame;
 use cgroup::grouping::consistency_voting::ConsistencyVoting;
 use cgroup::grouping::game_theory::GameTheory;
@@ -11,7 +12,6 @@ use cgroup::grouping::ransac::Ransac;
 use cgroup::grouping::search_of_inliers::SearchOfInliers;
 use cgroup::grouping::similarity_score::SimilarityScore;
 use cgroup::grouping::spectral::Spectral;
-use cgroup::selection::counter_rng::random_words;
 use cgroup::{Correspondences, GroupingMethod, Result};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 

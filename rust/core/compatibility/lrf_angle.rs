@@ -2,7 +2,7 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
-use super::vector_math::Arithmetic;
+use crate::simd::arithmetic::Arithmetic;
 
 /// Sine and cosine of the difference of two angles in 0..=pi, which are given by their cosines.
 #[inline(always)]
@@ -19,9 +19,9 @@ pub fn angle_difference<A: Arithmetic>(arithmetic: A, cosines: [f64; 2]) -> [f64
 
 #[cfg(test)]
 mod tests {
-    use super::super::vector_math::{ArithmeticWork, Separate, with_arithmetic};
     use super::*;
     use crate::geometry::angle::atan2_by;
+    use crate::simd::arithmetic::{ArithmeticWork, Separate, with_arithmetic};
 
     /// The difference of the angles of many pairs of cosines, as a loop that is vectorised.
     struct Differences<'a>(&'a [[f64; 2]]);

@@ -4,7 +4,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-use crate::compatibility::vector_math::{Arithmetic, Separate, polynomial};
+use crate::simd::arithmetic::{Arithmetic, Separate, polynomial};
 
 /// Tangent of 22.5 degrees: beyond it an angle is measured from 45 degrees.
 const TAN_PI_8: f64 = 0.414_213_562_373_095_03;

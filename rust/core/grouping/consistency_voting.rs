@@ -10,12 +10,12 @@ use rayon::prelude::*;
 
 use super::GroupingMethod;
 use crate::compatibility::lrf_angle::angle_difference;
-use crate::compatibility::vector_math::{Arithmetic, ArithmeticWork, exp_of_negative, with_arithmetic};
 use crate::error::{at_least_one, positive};
 use crate::frames::Frames;
 use crate::geometry::angle::atan2_by;
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::smallest;
+use crate::simd::arithmetic::{Arithmetic, ArithmeticWork, exp_of_negative, with_arithmetic};
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
 /// Parameters of consistency voting.

@@ -6,9 +6,9 @@
 //! [`DOUBLE_LIMIT`](crate::compatibility::matrix::DOUBLE_LIMIT) correspondences are rounded to 16 bits, 8e-6 at most.
 
 use super::GroupingMethod;
-use crate::compatibility::kernels::sum;
 use crate::compatibility::matrix::PairMatrix;
-use crate::compatibility::pair_scores::PairScore;
+use crate::compatibility::matrix::products::sum;
+use crate::compatibility::matrix::scores::PairScore;
 use crate::error::{Error, at_least_one, positive};
 use crate::selection::otsu::{Cut, Threshold};
 use crate::{Correspondences, Execution, Grouping, Points, Result};

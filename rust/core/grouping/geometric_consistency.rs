@@ -4,11 +4,11 @@
 //! distances to it differ by less than 3 pr between the two shapes. Cost O(n^2) time, O(n) memory.
 
 use super::GroupingMethod;
+use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::distance::distance_difference;
-use crate::compatibility::distance_agreement::DistanceAgreement;
+use crate::consensus::SampleConsensus;
 use crate::error::at_least_one;
 use crate::grouping_result::mask_of;
-use crate::selection::sample_consensus::SampleConsensus;
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 

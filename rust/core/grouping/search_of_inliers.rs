@@ -6,10 +6,8 @@
 use rayon::prelude::*;
 
 use super::GroupingMethod;
-use crate::compatibility::consistency::pose_of;
-use crate::compatibility::vote_kernels::{
-    PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit,
-};
+use crate::compatibility::pose::pose_of;
+use crate::compatibility::votes::{PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit};
 use crate::error::{at_least_one, fraction};
 use crate::frames::Frames;
 use crate::geometry::nearest_sets::NearestSets;

@@ -6,7 +6,7 @@
 
 use super::GroupingMethod;
 use crate::compatibility::matrix::PairMatrix;
-use crate::compatibility::pair_scores::{PairPositions, PairScore};
+use crate::compatibility::matrix::scores::{PairPositions, PairScore};
 use crate::error::fraction;
 use crate::grouping_result::mask_of;
 use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvector};

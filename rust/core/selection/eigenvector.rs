@@ -2,8 +2,8 @@
 
 use faer::{Mat, Side};
 
-use crate::compatibility::kernels::{dot, sum};
 use crate::compatibility::matrix::PairMatrix;
+use crate::compatibility::matrix::products::{dot, sum};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 
@@ -146,7 +146,7 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compatibility::pair_scores::PairScore;
+    use crate::compatibility::matrix::scores::PairScore;
     use crate::points::Points;
 
     #[test]

@@ -1,8 +1,9 @@
 //! What two correspondences score together, row by row.
 
-use super::kernels::{Element, Side, dispatch, fill_row};
-use super::lanes::SINGLES;
+use super::products::{Element, Side, fill_row};
 use crate::points::{Points, unit_scale};
+use crate::simd::dispatch::dispatch;
+use crate::simd::lanes::SINGLES;
 
 /// What a pair of correspondences scores. Pairs with a zero-length edge score 0 unless said otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,13 +5,17 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
-use super::kernels::{Element, INTERLEAVED, SingleEntry};
-use super::lanes::{LaneWork, Lanes, SINGLES, with_lanes};
-use super::pair_scores::{PairPositions, PairScore};
-use super::tiles::{Computed, Cut, Part, Stored, TILE};
+pub mod products;
+pub mod scores;
+mod tiles;
+
+use self::products::{Element, INTERLEAVED, SingleEntry};
+use self::scores::{PairPositions, PairScore};
+use self::tiles::{Computed, Cut, Part, Stored, TILE};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
+use crate::simd::lanes::{LaneWork, Lanes, SINGLES, with_lanes};
 
 /// Most correspondences whose scores are kept in f64.
 pub const DOUBLE_LIMIT: usize = 1024;

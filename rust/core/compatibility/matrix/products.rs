@@ -6,16 +6,8 @@
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "`||` is a branch, which stops vectorisation")]
 
-use pulp::Arch;
-
-use super::lanes::{LANES as GROUP, LaneWork, Lanes, SINGLES, with_lanes};
-
-/// Runs `work` compiled for the best instruction set of this machine. Mark the closure
-/// `#[inline(always)]`: one that is not inlined is compiled for the least common denominator.
-#[inline(always)]
-pub fn dispatch<R>(work: impl FnOnce() -> R) -> R {
-    Arch::new().dispatch(work)
-}
+use crate::simd::dispatch::dispatch;
+use crate::simd::lanes::{LANES as GROUP, LaneWork, Lanes, SINGLES, with_lanes};
 
 /// Lanes of a blocked sum: enough for two AVX-512 registers of f64.
 const LANES: usize = 16;

@@ -9,9 +9,9 @@
 
 use std::ops::Range;
 
-use super::lanes::{LaneWork, Lanes, SINGLES, with_lanes};
 use crate::geometry::rigid::Rigid;
 use crate::points::{Points, unit_scale};
+use crate::simd::lanes::{LaneWork, Lanes, SINGLES, with_lanes};
 
 /// More than f32 can be off in a residual between points that are scaled to about 1.
 const ROUNDING: f64 = 1e-5;

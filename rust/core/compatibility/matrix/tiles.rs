@@ -8,10 +8,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::kernels::{Element, ROW_GROUP, RowsTimesVector, RowsTimesVectorSingle, SingleEntry};
-use super::lanes::{SINGLES, with_lanes};
+use super::products::{Element, ROW_GROUP, RowsTimesVector, RowsTimesVectorSingle, SingleEntry};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::simd::lanes::{SINGLES, with_lanes};
 
 /// Bands that the rows are cut into: enough for many threads, few enough that their sums are cheap to add.
 const BANDS: usize = 64;

@@ -1,12 +1,12 @@
 //! Votes of many correspondences on one, several at a time; every vote is that of
-//! [`distance_ratio`](super::distance::distance_ratio) and [`residual`](super::consistency::residual).
+//! [`distance_ratio`](super::distance::distance_ratio) and [`residual`](super::pose::residual).
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "`&&` is a branch, which stops vectorisation")]
 
-use super::kernels::dispatch;
 use crate::geometry::rigid::Rigid;
 use crate::points::Points;
+use crate::simd::dispatch::dispatch;
 
 /// Voters that are looked at together.
 const LANES: usize = 32;
@@ -172,8 +172,8 @@ fn squared_residual(transform: &[f64; 12], p: [f64; 3], q: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compatibility::consistency::residual;
     use crate::compatibility::distance::distance_ratio;
+    use crate::compatibility::pose::residual;
     use crate::error::Result;
     use nalgebra::{Rotation3, Vector3};
 
