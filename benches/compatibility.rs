@@ -7,8 +7,7 @@ mod common;
 use std::hint::black_box;
 
 use cgroup::compatibility::agreement::DistanceAgreement;
-use cgroup::compatibility::matrix::PairMatrix;
-use cgroup::compatibility::matrix::scores::PairScore;
+use cgroup::compatibility::matrix::{PairMatrix, PairScore};
 use cgroup::consensus::SampleConsensus;
 use cgroup::geometry::rigid::fit_triangle;
 use cgroup::selection::eigenvector::{Eigensolver, principal_eigenvector};

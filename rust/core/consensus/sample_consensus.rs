@@ -13,8 +13,8 @@ use crate::execution::Execution;
 use crate::geometry::rigid::{Rigid, fit_triangle};
 use crate::points::Points;
 
-/// Iterations that one task takes, and after which the early stop is looked at.
-const BLOCK: usize = 256;
+/// Hypotheses of one task, and after which the early stop is looked at.
+const ITERATIONS_PER_TASK: usize = 256;
 
 /// A triangle's edge below this share of the bounding box's diagonal, or twice its area below this
 /// share of the diagonal's square, leaves the rotation open.
@@ -59,7 +59,7 @@ impl SampleConsensus {
         }
         let counter = InlierCounter::new(source, target, self.tolerance);
         let most_inliers = AtomicUsize::new(0);
-        let blocks = self.iterations.div_ceil(BLOCK);
+        let blocks = self.iterations.div_ceil(ITERATIONS_PER_TASK);
         execution.report(0, blocks)?;
         let run_block = |block: usize| {
             execution.advance()?;
@@ -74,7 +74,7 @@ impl SampleConsensus {
         let mut spent = 0;
         for block in 0..blocks {
             best = better(best, run_block(block)?);
-            spent = self.iterations.min((block + 1) * BLOCK);
+            spent = self.iterations.min((block + 1) * ITERATIONS_PER_TASK);
 
             if best.is_some_and(|found| spent as f64 >= needed(confidence, found.inliers, source.len())) {
                 break;
@@ -116,7 +116,7 @@ impl SampleConsensus {
         counter: &InlierCounter,
         most_inliers: &AtomicUsize,
     ) -> Option<Consensus> {
-        let iterations = block * BLOCK..self.iterations.min((block + 1) * BLOCK);
+        let iterations = block * ITERATIONS_PER_TASK..self.iterations.min((block + 1) * ITERATIONS_PER_TASK);
         let mut near = Vec::new();
         let mut best = None;
         for iteration in iterations {

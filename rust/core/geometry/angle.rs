@@ -30,7 +30,7 @@ pub fn atan2(y: f64, x: f64) -> f64 {
     atan2_by(Separate, y, x)
 }
 
-/// The same in the arithmetic given.
+/// The same in the arithmetic of an instruction set.
 #[inline(always)]
 pub fn atan2_by<A: Arithmetic>(arithmetic: A, y: f64, x: f64) -> f64 {
     let (across, along) = (y.abs(), x.abs());

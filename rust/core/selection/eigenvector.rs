@@ -3,9 +3,9 @@
 use faer::{Mat, Side};
 
 use crate::compatibility::matrix::PairMatrix;
-use crate::compatibility::matrix::products::{dot, sum};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
+use crate::simd::sums::{dot, sum};
 
 /// Power steps before giving up on further digits.
 const MAX_STEPS: usize = 1000;
@@ -146,7 +146,7 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compatibility::matrix::scores::PairScore;
+    use crate::compatibility::matrix::PairScore;
     use crate::points::Points;
 
     #[test]
