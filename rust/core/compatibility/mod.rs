@@ -2,7 +2,7 @@
 
 pub mod agreement;
 pub mod distance;
-pub mod lrf_angle;
+pub(crate) mod lrf_angle;
 pub mod matrix;
 pub mod pose;
-pub mod votes;
+pub(crate) mod votes;

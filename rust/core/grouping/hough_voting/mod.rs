@@ -1,6 +1,6 @@
 //! 3DHV: each correspondence votes for where the source's centroid lies in the target; the peak wins.
 //!
-//! The paper, section 3.2 (after Tombari, Di Stefano, PSIVT 2010). A local reference frame at each
+//! The paper, section 3.2, Eq. (14) to (16) (after Tombari, Di Stefano, PSIVT 2010). A local reference frame at each
 //! end makes a vote independent of the unknown motion. Cost O(n log n).
 
 mod grid;
@@ -18,6 +18,9 @@ use crate::{Correspondences, Execution, Grouping, Result};
 
 /// Bins per axis beyond this can't be told apart in the grid's index.
 const MAX_BINS: f64 = 2_097_151.0;
+
+/// So many votes are counted in a grid within a millisecond.
+const MOST_INSTANT_VOTES: usize = 20_000;
 
 /// How votes are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -94,13 +97,17 @@ impl Default for HoughVoting {
 impl GroupingMethod for HoughVoting {
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         self.validate()?;
-        let votes = cast_votes(correspondences)?; // v_i
+        let votes = cast_votes(correspondences)?; // Eq. (14) to (16)
         let group = match self.variant {
             Variant::Grid => self.group_by_peak(correspondences, &votes),
             Variant::Pcl => self.group_by_maxima(correspondences, &votes, execution),
         }?;
         let from_keypoints = correspondences.centered_source_centroid().is_none();
         Ok(group.with("centroid_from_keypoints", f64::from(u8::from(from_keypoints))))
+    }
+
+    fn is_instant(&self, correspondences: &Correspondences) -> bool {
+        self.variant == Variant::Grid && correspondences.len() <= MOST_INSTANT_VOTES
     }
 }
 
@@ -203,11 +210,11 @@ fn cast_votes(correspondences: &Correspondences) -> Result<Vec<Vote>> {
     let mut votes = Vec::with_capacity(source.len());
     for i in 0..source.len() {
         if let (Some(from), Some(to)) = (source_frames.block(i), target_frames.block(i)) {
-            let [x, y, z] = (centroid - source.get(i)).into();
-            let local = [0, 3, 6].map(|row| from[row] * x + from[row + 1] * y + from[row + 2] * z);
+            let [x, y, z] = (centroid - source.get(i)).into(); // V_G, Eq. (14)
+            let local = [0, 3, 6].map(|row| from[row] * x + from[row + 1] * y + from[row + 2] * z); // V_L, Eq. (15)
             let global = [0, 1, 2]
                 .map(|column| to[column] * local[0] + to[column + 3] * local[1] + to[column + 6] * local[2]);
-            votes.push((i, target.get(i) + Vector3::from(global)));
+            votes.push((i, target.get(i) + Vector3::from(global))); // V'_G, Eq. (16)
         }
     }
     Ok(votes)
