@@ -11,17 +11,18 @@
 //! | grouped inliers | 3 | | [`Grouping`] |
 //! | SS, `1 - \|f - f'\| >= t_ss` | 3.1 | 1 | [`grouping::similarity_score`] |
 //! | NNSR, `1 - d1/d2 >= t_nnsr` | 3.1 | 2 | [`grouping::nearest_neighbor_ratio`] |
-//! | SI, votes and scores | 3.1 | 3, 5, 6 | [`grouping::search_of_inliers`] |
-//! | SI, `T(c)` and `v_G(c_i, c_j)` | 3.1 | 4 | [`compatibility::pose`] |
+//! | SI, votes and scores | 3.1 | 3, 5, 6; 12 | [`grouping::search_of_inliers`] |
+//! | SI, `T(c)` | 3.1 | 4 | [`compatibility::pose::pose_of`] |
+//! | SI, `v_G(c_i, c_j)` of one pair | 3.1 | 4 | [`compatibility::pose::residual`] |
 //! | CV, `r`, `L`, `D` and scores | 3.1 | 7 to 11 | [`grouping::consistency_voting`] |
-//! | threshold by Otsu's method (SS, SI, CV, GTM) | 3.1 | | [`selection::otsu`] |
+//! | threshold by Otsu's method (SS, SI, CV, GTM) | 3.1, Table 1 | | [`selection::otsu`] |
 //! | RANSAC | 3.2 | | [`grouping::ransac`], [`consensus`] |
 //! | ST | 3.2 | | [`grouping::spectral`] |
 //! | principal eigenvector v (ST) | 3.2 | | [`selection::eigenvector`] |
 //! | `r(c_i, c_j) = min(ds/dt, dt/ds)`, of all pairs (ST, GTM) | 3.2 | 12 | [`compatibility::matrix::PairScore::DistanceRatio`] |
-//! | the same, of one pair | 3.2 | 12 | [`compatibility::distance::distance_ratio`] |
+//! | the same, of one pair (RANSAC's option `edge_ratio`) | 3.2 | 12 | [`compatibility::distance::distance_ratio`] |
 //! | `d(c_i, c_j) = \|ds - dt\| < t_gc`, of all pairs (GC) | 3.2 | 13 | [`compatibility::agreement`] |
-//! | `d(c_i, c_j)` of one pair | 3.2 | 13 | [`compatibility::distance::distance_difference`] |
+//! | `d(c_i, c_j)` of one pair (GC) | 3.2 | 13 | [`compatibility::distance::distance_difference`] |
 //! | GC, the largest cluster | 3.2 | | [`grouping::geometric_consistency`] |
 //! | 3DHV | 3.2 | 14 to 16 | [`grouping::hough_voting`] |
 //! | GTM, replicator dynamics | 3.2 | 17 | [`grouping::game_theory`] |

@@ -15,7 +15,7 @@ use crate::execution::Execution;
 use crate::points::Points;
 use crate::simd::{self, Kernel, Lanes, SINGLES};
 
-/// Columns that are looked through together for pairs that f32 can't tell.
+/// Columns that are searched together for pairs that f32 can't decide.
 const STRIP: usize = 256;
 
 /// Columns of a tile: few enough for the second-level cache.
@@ -290,14 +290,14 @@ impl Block {
     }
 }
 
-/// For each row, the columns that agree as far as f32 can tell, and one bit per strip: whether some of it
-/// are too close to be sure.
+/// For each row, the columns that agree according to f32, and one bit per strip: whether some of
+/// it are too close to the tolerance to be sure.
 struct Found {
     inside: [u32; ROWS],
     unsure: [u32; ROWS],
 }
 
-/// Counts the pairs that agree as far as f32 can tell.
+/// Counts the pairs that agree according to f32.
 struct CountInside<'a> {
     rows: [RowTerms; ROWS],
     blocks: &'a [Block],
@@ -350,13 +350,13 @@ impl Kernel for CountInside<'_> {
     }
 }
 
-/// The columns of a block that f32 can't tell, one bit each, and which were counted.
+/// The columns of a block that f32 can't decide, one bit each, and which were counted.
 struct Unsure {
     lanes: u16,
     counted: u16,
 }
 
-/// Finds the columns of a block that f32 can't tell.
+/// Finds the columns of a block that f32 can't decide.
 struct FindUnsure<'a> {
     row: RowTerms,
     block: &'a Block,

@@ -1,4 +1,4 @@
-//! The nine grouping methods of the paper, one file each; the files know nothing of each other.
+//! The nine grouping methods of the paper, one module each; none uses another.
 
 pub mod consistency_voting;
 pub mod game_theory;
