@@ -6,13 +6,12 @@ mod common;
 
 use std::hint::black_box;
 
-use cgroup::compatibility::distance_agreement::DistanceAgreement;
-use cgroup::compatibility::inlier_counter::InlierCounter;
-use cgroup::compatibility::matrix::PairMatrix;
-use cgroup::compatibility::pair_scores::PairScore;
+use cgroup::compatibility::agreement::DistanceAgreement;
+use cgroup::compatibility::matrix::{PairMatrix, PairScore};
+use cgroup::consensus::SampleConsensus;
+use cgroup::geometry::rigid::fit_triangle;
 use cgroup::selection::eigenvector::{Eigensolver, principal_eigenvector};
 use cgroup::selection::otsu::{OtsuMode, otsu};
-use cgroup::selection::sample_consensus::fit_triangle;
 use cgroup::selection::top_k::largest;
 use cgroup::{Execution, Points, Result};
 use common::{Uniform, problem};
@@ -22,8 +21,8 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_gr
 /// A length, in units of the problems' resolution.
 const TOLERANCE: f64 = 5.0;
 
-/// Hypotheses whose inliers are counted.
-const MODELS: usize = 100;
+/// Hypotheses of which the best is sought.
+const HYPOTHESES: usize = 100;
 
 fn sides(n: usize) -> Result<(Points, Points)> {
     let problem = problem(1, n, 0.1, 0.5);
@@ -89,26 +88,25 @@ fn eigenvector(criterion: &mut Criterion) {
     }
 }
 
-/// RANSAC's steps: a transform from three correspondences, and its inliers.
+/// RANSAC's steps: a transform from three correspondences, and the best of many by its inliers.
 fn hypotheses(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("hypotheses");
     for n in [1_000, 5_000, 100_000] {
         let Ok((source, target)) = sides(n) else { continue };
-        let models: Vec<_> = (0..MODELS)
-            .map(|k| {
-                let triangle = |points: &Points| [k, k + n / 3, k + n / 2].map(|i| points.get(i % n));
-                fit_triangle(&triangle(&source), &triangle(&target))
-            })
-            .collect();
-        group.bench_function(BenchmarkId::new("sort_into_leaves", n), |b| {
-            b.iter(|| InlierCounter::new(&source, &target, TOLERANCE));
+        let triangle = |points: &Points| [0, n / 3, n / 2].map(|i| points.get(i));
+        let (from, to) = (triangle(&source), triangle(&target));
+        group.bench_function(BenchmarkId::new("fit_triangle", n), |b| {
+            b.iter(|| fit_triangle(black_box(&from), &to));
         });
-        let counter = InlierCounter::new(&source, &target, TOLERANCE);
-        let mut near = Vec::new();
-        group.bench_function(BenchmarkId::new(format!("count_inliers_of_{MODELS}"), n), |b| {
-            b.iter(|| {
-                models.iter().filter_map(|model| counter.count(black_box(model), 0, &mut near)).sum::<usize>()
-            });
+        let engine = SampleConsensus {
+            iterations: HYPOTHESES,
+            tolerance: TOLERANCE,
+            seed: 1,
+            edge_ratio: None,
+            confidence: None,
+        };
+        group.bench_function(BenchmarkId::new(format!("best_of_{HYPOTHESES}"), n), |b| {
+            b.iter(|| engine.run(&source, &target, &Execution::default()));
         });
     }
 }

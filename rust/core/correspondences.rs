@@ -1,4 +1,4 @@
-//! Putative matches between two shapes, validated once at the door.
+//! Putative matches between two shapes, validated when they are put together.
 
 use nalgebra::Point3;
 

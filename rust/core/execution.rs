@@ -1,4 +1,4 @@
-//! How a computation runs: it can be stopped, watched, and kept within a memory bound.
+//! How a computation runs: it can be interrupted, reports its progress, and keeps to a memory bound.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 

@@ -4,8 +4,8 @@
 
 use nalgebra::Matrix3;
 
-use crate::compatibility::kernels::dispatch;
 use crate::error::{Error, Result};
+use crate::simd::{self, DOUBLES};
 
 /// A local reference frame: rows are the x, y and z axes. `None`: no frame could be computed.
 pub type Frame = Option<Matrix3<f64>>;
@@ -82,29 +82,26 @@ fn is_missing(block: &FrameBlock<f64>) -> bool {
 /// Greatest entry of `A A^T - I`, or a reflection, that still passes for a rotation.
 const TOLERANCE: f64 = 1e-3;
 
-/// Frames that are judged at a time, one in each lane.
-const LANES: usize = 8;
-
 fn first_wrong<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> Option<usize> {
     let suspects = |(group, blocks): (usize, &[FrameBlock<T>])| {
         let deviations = deviations(blocks);
         let wrong =
             |lane: &usize| deviations[*lane] > TOLERANCE && !is_missing(&blocks[*lane].map(Into::into));
-        (0..blocks.len()).find(wrong).map(|lane| group * LANES + lane)
+        (0..blocks.len()).find(wrong).map(|lane| group * DOUBLES + lane)
     };
-    blocks.chunks(LANES).enumerate().find_map(suspects)
+    blocks.chunks(DOUBLES).enumerate().find_map(suspects)
 }
 
 /// How far each frame is from a rotation; anything where it has NaN in it.
-fn deviations<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> [f64; LANES] {
-    let mut entries = [[0.0; LANES]; 9];
+fn deviations<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> [f64; DOUBLES] {
+    let mut entries = [[0.0; DOUBLES]; 9];
     for (lane, block) in blocks.iter().enumerate() {
         (0..9).for_each(|k| entries[k][lane] = block[k].into());
     }
-    dispatch(
+    simd::run(
         #[inline(always)]
         || {
-            let mut deviations = [0.0; LANES];
+            let mut deviations = [0.0; DOUBLES];
             for (lane, deviation) in deviations.iter_mut().enumerate() {
                 *deviation = deviation_of(&entries, lane);
             }
@@ -114,7 +111,7 @@ fn deviations<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> [f64; LANES] {
 }
 
 #[inline(always)]
-fn deviation_of(entries: &[[f64; LANES]; 9], lane: usize) -> f64 {
+fn deviation_of(entries: &[[f64; DOUBLES]; 9], lane: usize) -> f64 {
     let [x, y, z] = [axis(entries, 0, lane), axis(entries, 1, lane), axis(entries, 2, lane)];
     let entries = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(z, z) - 1.0, dot(x, y), dot(x, z), dot(y, z)];
     let mut greatest = if dot(cross(x, y), z) < 0.0 { f64::INFINITY } else { 0.0 };
@@ -125,7 +122,7 @@ fn deviation_of(entries: &[[f64; LANES]; 9], lane: usize) -> f64 {
 }
 
 #[inline(always)]
-fn axis(entries: &[[f64; LANES]; 9], row: usize, lane: usize) -> [f64; 3] {
+fn axis(entries: &[[f64; DOUBLES]; 9], row: usize, lane: usize) -> [f64; 3] {
     [entries[3 * row][lane], entries[3 * row + 1][lane], entries[3 * row + 2][lane]]
 }
 

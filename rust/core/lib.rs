@@ -5,21 +5,33 @@
 //! Correspondence Grouping Methods for 3D Rigid Data Matching* (TPAMI 2019), and the front end that
 //! feeds them.
 //!
-//! | the paper | here |
-//! |---|---|
-//! | correspondence set C, `c_i = (p_i, p'_i)` | [`Correspondences`] |
-//! | group, inlier mask | [`Grouping`] |
-//! | `r(c_i, c_j)` = min(ds/dt, dt/ds) (ST, GTM, SI) | [`compatibility::distance::distance_ratio`] |
-//! | `r(c_i, c_j)` = \|ds - dt\| (GC, CV) | [`compatibility::distance::distance_difference`] |
-//! | Otsu threshold | [`selection::otsu`] |
-//! | SS, NNSR | [`grouping::similarity_score`], [`grouping::nearest_neighbor_ratio`] |
-//! | SI, CV | [`grouping::search_of_inliers`], [`grouping::consistency_voting`] |
-//! | RANSAC, ST, GC | [`grouping::ransac`], [`grouping::spectral`], [`grouping::geometric_consistency`] |
-//! | 3DHV, GTM | [`grouping::hough_voting`], [`grouping::game_theory`] |
+//! | the paper | section | equation | here |
+//! |---|---|---|---|
+//! | correspondences C, `c_i = (p_i, p'_i)` | 3 | | [`Correspondences`] |
+//! | grouped inliers | 3 | | [`Grouping`] |
+//! | SS, `1 - \|f - f'\| >= t_ss` | 3.1 | 1 | [`grouping::similarity_score`] |
+//! | NNSR, `1 - d1/d2 >= t_nnsr` | 3.1 | 2 | [`grouping::nearest_neighbor_ratio`] |
+//! | SI, votes and scores | 3.1 | 3, 5, 6; 12 | [`grouping::search_of_inliers`] |
+//! | SI, `T(c)` | 3.1 | 4 | [`compatibility::pose::pose_of`] |
+//! | SI, `v_G(c_i, c_j)` of one pair | 3.1 | 4 | [`compatibility::pose::residual`] |
+//! | CV, `r`, `L`, `D` and scores | 3.1 | 7 to 11 | [`grouping::consistency_voting`] |
+//! | threshold by Otsu's method (SS, SI, CV, GTM) | 3.1, Table 1 | | [`selection::otsu`] |
+//! | RANSAC | 3.2 | | [`grouping::ransac`], [`consensus`] |
+//! | ST | 3.2 | | [`grouping::spectral`] |
+//! | principal eigenvector v (ST) | 3.2 | | [`selection::eigenvector`] |
+//! | `r(c_i, c_j) = min(ds/dt, dt/ds)`, of all pairs (ST, GTM) | 3.2 | 12 | [`compatibility::matrix::PairScore::DistanceRatio`] |
+//! | the same, of one pair (RANSAC's option `edge_ratio`) | 3.2 | 12 | [`compatibility::distance::distance_ratio`] |
+//! | `d(c_i, c_j) = \|ds - dt\| < t_gc`, of all pairs (GC) | 3.2 | 13 | [`compatibility::agreement`] |
+//! | `d(c_i, c_j)` of one pair (GC) | 3.2 | 13 | [`compatibility::distance::distance_difference`] |
+//! | GC, the largest cluster | 3.2 | | [`grouping::geometric_consistency`] |
+//! | 3DHV | 3.2 | 14 to 16 | [`grouping::hough_voting`] |
+//! | GTM, replicator dynamics | 3.2 | 17 | [`grouping::game_theory`] |
+//! | payoff matrix (GTM) | 3.2 | 18 | [`compatibility::matrix::PairMatrix`] |
 //!
 //! Lengths are in the unit of the data; angles are in degrees where a name says so.
 
 pub mod compatibility;
+pub mod consensus;
 pub mod correspondences;
 pub mod error;
 pub mod execution;
@@ -30,6 +42,7 @@ pub mod grouping;
 pub mod grouping_result;
 pub mod points;
 pub mod selection;
+mod simd;
 
 pub use correspondences::Correspondences;
 pub use error::{Error, Result};

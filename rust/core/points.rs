@@ -4,8 +4,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::compatibility::kernels::dispatch;
 use crate::error::{Error, Result};
+use crate::simd::{self, DOUBLES};
 
 /// Coordinates beyond this magnitude cannot be squared and summed safely.
 pub const MAX_COORDINATE: f64 = 1e150;
@@ -115,7 +115,7 @@ impl Points {
     /// Least and greatest coordinate of each axis.
     fn extremes(&self) -> [(f64, f64); 3] {
         [&self.x, &self.y, &self.z].map(|axis| {
-            dispatch(
+            simd::run(
                 #[inline(always)]
                 || extremes(axis),
             )
@@ -123,13 +123,10 @@ impl Points {
     }
 }
 
-/// Lanes of a vectorised search for the extremes.
-const LANES: usize = 8;
-
 #[inline(always)]
 fn extremes(values: &[f64]) -> (f64, f64) {
-    let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
-    for chunk in values.chunks(LANES) {
+    let (mut low, mut high) = ([f64::INFINITY; DOUBLES], [f64::NEG_INFINITY; DOUBLES]);
+    for chunk in values.chunks(DOUBLES) {
         for (lane, &value) in chunk.iter().enumerate() {
             low[lane] = if value < low[lane] { value } else { low[lane] };
             high[lane] = if value > high[lane] { value } else { high[lane] };

@@ -21,9 +21,6 @@ use crate::convert::{self, Fields, PyGrouping, Reals, ThresholdOption, choose, t
 use crate::error::InputError;
 use crate::run::{RunOptions, run, run_inline};
 
-/// Votes of 3DHV that are counted within a millisecond: on the calling thread, which need not wait for another.
-const MOST_VOTES_INLINE: usize = 20_000;
-
 fn group<'py>(
     py: Python<'py>,
     fields: &Fields<'py>,
@@ -237,7 +234,7 @@ pub fn hough3d<'py>(
         seed,
     };
     let correspondences = fields.to_core()?;
-    if method.variant == hough_voting::Variant::Grid && correspondences.len() <= MOST_VOTES_INLINE {
+    if method.is_instant(&correspondences) {
         return group_inline(py, Ok(correspondences), &method);
     }
     group_on_pool(py, correspondences, &run_options, method)

@@ -5,6 +5,7 @@
 //! to the same means.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+use cgroup::consensus::counter_rng::random_words;
 use cgroup::correspondences::Frame;
 use cgroup::grouping::consistency_voting::ConsistencyVoting;
 use cgroup::grouping::game_theory::GameTheory;
@@ -15,7 +16,6 @@ use cgroup::grouping::ransac::Ransac;
 use cgroup::grouping::search_of_inliers::SearchOfInliers;
 use cgroup::grouping::similarity_score::SimilarityScore;
 use cgroup::grouping::spectral::Spectral;
-use cgroup::selection::counter_rng::random_words;
 use cgroup::{Correspondences, GroupingMethod, Result};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 

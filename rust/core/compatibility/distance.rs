@@ -1,6 +1,6 @@
 //! Rigidity of a pair of correspondences: a rigid motion keeps the distance between two points.
 
-/// `min(ds/dt, dt/ds)` in 0..=1, the paper's Eq. "rigid" (ST, GTM, SI).
+/// `r(c_i, c_j) = min(ds/dt, dt/ds)` in 0..=1, the paper's Eq. (12).
 ///
 /// An edge no longer than its side's zero length stands for two coincident points; the ratio is 0 then.
 #[inline]
@@ -8,7 +8,7 @@ pub fn distance_ratio(ds: f64, dt: f64, zero_ds: f64, zero_dt: f64) -> f64 {
     if ds <= zero_ds || dt <= zero_dt { 0.0 } else { (ds / dt).min(dt / ds) }
 }
 
-/// `|ds - dt|`, a length (GC, CV).
+/// `d(c_i, c_j) = |ds - dt|`, a length: the left side of the paper's Eq. (13).
 #[inline]
 pub fn distance_difference(ds: f64, dt: f64) -> f64 {
     (ds - dt).abs()

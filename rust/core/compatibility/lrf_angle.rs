@@ -2,7 +2,7 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
-use super::vector_math::Arithmetic;
+use crate::simd::arithmetic::Arithmetic;
 
 /// Sine and cosine of the difference of two angles in 0..=pi, which are given by their cosines.
 #[inline(always)]
@@ -19,22 +19,23 @@ pub fn angle_difference<A: Arithmetic>(arithmetic: A, cosines: [f64; 2]) -> [f64
 
 #[cfg(test)]
 mod tests {
-    use super::super::vector_math::{ArithmeticWork, Separate, with_arithmetic};
     use super::*;
     use crate::geometry::angle::atan2_by;
+    use crate::simd::{Kernel, Lanes, run_on_each};
 
     /// The difference of the angles of many pairs of cosines, as a loop that is vectorised.
+    #[derive(Clone, Copy)]
     struct Differences<'a>(&'a [[f64; 2]]);
 
-    impl ArithmeticWork for Differences<'_> {
+    impl Kernel for Differences<'_> {
         type Output = Vec<f64>;
 
         #[inline(always)]
-        fn run<A: Arithmetic>(self, arithmetic: A) -> Vec<f64> {
+        fn run<L: Lanes>(self, lanes: L) -> Vec<f64> {
             let mut differences = vec![0.0; self.0.len()];
             for (difference, &cosines) in differences.iter_mut().zip(self.0) {
-                let [sine, cosine] = angle_difference(arithmetic, cosines);
-                *difference = atan2_by(arithmetic, sine, cosine).abs();
+                let [sine, cosine] = angle_difference(lanes, cosines);
+                *difference = atan2_by(lanes, sine, cosine).abs();
             }
             differences
         }
@@ -50,7 +51,7 @@ mod tests {
         cosines.extend((0..200).map(|k| (0.37 * f64::from(k * k)).sin()));
         let pairs: Vec<[f64; 2]> =
             cosines.iter().flat_map(|&a| cosines.iter().map(move |&b| [a, b])).collect();
-        for differences in [with_arithmetic(Differences(&pairs)), Differences(&pairs).run(Separate)] {
+        for differences in run_on_each(Differences(&pairs)) {
             for ([a, b], difference) in pairs.iter().zip(differences) {
                 let expected = (a.acos() - b.acos()).abs();
                 // A cosine's last digit moves an angle near 0 or pi by more.

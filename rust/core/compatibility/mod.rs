@@ -1,14 +1,8 @@
-//! Do two correspondences agree? Pairwise terms, and matrices of them.
+//! Do two correspondences agree? Terms of a pair, votes, and matrices of all pairs.
 
-pub mod consistency;
+pub mod agreement;
 pub mod distance;
-pub mod distance_agreement;
-pub mod inlier_counter;
-pub mod kernels;
-pub mod lanes;
-pub mod lrf_angle;
+pub(crate) mod lrf_angle;
 pub mod matrix;
-pub mod pair_scores;
-mod tiles;
-pub mod vector_math;
-pub mod vote_kernels;
+pub mod pose;
+pub(crate) mod votes;

@@ -4,7 +4,6 @@
 use std::f64::consts::FRAC_PI_6;
 
 use nalgebra::Matrix3;
-use pulp::Arch;
 
 use crate::error::Result;
 use crate::execution::Execution;
@@ -13,6 +12,7 @@ use crate::features::toldi_lrf::{Recipe, frame};
 use crate::geometry::angle::atan2;
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::points::Points;
+use crate::simd;
 
 /// Length of the descriptor: contour points of every view.
 pub const LENGTH: usize = VIEWS * CONTOUR_POINTS;
@@ -56,7 +56,7 @@ impl Rcs {
 
     fn contours(self, ball: &Ball, axes: &Matrix3<f64>) -> [f32; LENGTH] {
         let mut squares = [0.0; LENGTH];
-        Arch::new().dispatch(
+        simd::run(
             #[inline(always)]
             || {
                 for (view, contour) in squares.chunks_exact_mut(CONTOUR_POINTS).enumerate() {

@@ -8,7 +8,6 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use nalgebra::{Matrix3, Vector3};
-use pulp::Arch;
 
 use crate::correspondences::Frame;
 use crate::error::{Error, Result};
@@ -19,6 +18,7 @@ use crate::features::shot_lrf::frame;
 use crate::geometry::angle::atan2;
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::points::Points;
+use crate::simd;
 
 /// Length of the descriptor.
 pub const LENGTH: usize = 352;
@@ -82,7 +82,7 @@ impl Shot {
         let mut bins = [0.0; LENGTH];
         let z_axis = axes.row(2).transpose();
         let neighbors = ball.offsets().chunks(LANES).zip(ball.positions().chunks(LANES));
-        Arch::new().dispatch(
+        simd::run(
             #[inline(always)]
             || {
                 for (offsets, positions) in neighbors {

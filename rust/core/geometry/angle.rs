@@ -4,7 +4,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-use crate::compatibility::vector_math::{Arithmetic, Separate, polynomial};
+use crate::simd::arithmetic::{Arithmetic, Separate, polynomial};
 
 /// Tangent of 22.5 degrees: beyond it an angle is measured from 45 degrees.
 const TAN_PI_8: f64 = 0.414_213_562_373_095_03;
@@ -30,7 +30,7 @@ pub fn atan2(y: f64, x: f64) -> f64 {
     atan2_by(Separate, y, x)
 }
 
-/// The same in the arithmetic given.
+/// The same in the arithmetic of an instruction set.
 #[inline(always)]
 pub fn atan2_by<A: Arithmetic>(arithmetic: A, y: f64, x: f64) -> f64 {
     let (across, along) = (y.abs(), x.abs());

@@ -1,9 +1,9 @@
 //! Rigid motions, neighbour search, point-cloud resolution.
 
-pub mod angle;
+pub(crate) mod angle;
 pub mod ball_search;
 pub mod nearest_sets;
 pub mod neighbors;
 pub mod resolution;
 pub mod rigid;
-pub mod symmetric;
+pub(crate) mod symmetric;

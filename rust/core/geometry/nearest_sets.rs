@@ -9,24 +9,26 @@
 
 use std::ops::Range;
 
-use pulp::Arch;
 use rayon::prelude::*;
 
 use super::neighbors::{Neighbor, widest_axis};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
+use crate::simd;
 
 /// Points of a block; all blocks but the last are full.
 const BLOCK: usize = 16;
 /// Blocks of a region, in which near blocks are looked up; also what one task takes.
 const REGION: usize = 16;
-/// By how much a query's greatest squared distance is expected to exceed the one of the query before.
+/// By how much a query's greatest squared distance may exceed that of the query before, its neighbour, at the
+/// first try. On a surface the number of points grows with the squared distance, so 5/4 finds enough where the
+/// density is down to 4/5. It decides how much is measured, never what is found.
 const SLACK: f64 = 1.25;
 /// Trial limits before ties are looked into.
 const TRIALS: usize = 10;
 /// Index of a place that is left over.
-const NOBODY: u32 = u32::MAX;
+const NO_POINT: u32 = u32::MAX;
 
 /// Finds the sets of nearest points of the points of a cloud.
 #[derive(Debug, Clone)]
@@ -116,7 +118,7 @@ impl NearestSets {
                 for (lane, result) in results.iter_mut().enumerate().take(self.len - block * BLOCK) {
                     execution.check()?;
                     let search = Search { sets: self, workspace, block, lane, count, last, keep: &keep };
-                    last = Some(Arch::new().dispatch(
+                    last = Some(simd::run(
                         #[inline(always)]
                         || search.run(),
                     ));
@@ -127,7 +129,8 @@ impl NearestSets {
         })?;
         let mut results = vec![T::default(); self.len];
         for (block, sorted) in self.blocks.iter().zip(&sorted) {
-            for (&index, &result) in block.indices.iter().zip(sorted).filter(|(index, _)| **index != NOBODY) {
+            for (&index, &result) in block.indices.iter().zip(sorted).filter(|(index, _)| **index != NO_POINT)
+            {
                 results[index as usize] = result;
             }
         }
@@ -342,7 +345,7 @@ fn bits_below(values: &[f64; BLOCK], limit: f64) -> u32 {
 
 impl Block {
     fn new(entries: &[([f64; 3], u32)]) -> Self {
-        let mut block = Self { coordinates: [[f64::INFINITY; BLOCK]; 3], indices: [NOBODY; BLOCK] };
+        let mut block = Self { coordinates: [[f64::INFINITY; BLOCK]; 3], indices: [NO_POINT; BLOCK] };
         for (lane, (point, index)) in entries.iter().enumerate() {
             for (axis, &coordinate) in block.coordinates.iter_mut().zip(point) {
                 axis[lane] = coordinate;
@@ -364,7 +367,7 @@ impl Block {
 
     /// Which points `values` holds for, one bit each.
     fn bits(&self, values: &[bool]) -> u32 {
-        let holds = |index: u32| index != NOBODY && values[index as usize];
+        let holds = |index: u32| index != NO_POINT && values[index as usize];
         (0..BLOCK).fold(0, |bits, l| bits | u32::from(holds(self.indices[l])) << l)
     }
 }

@@ -55,6 +55,44 @@ pub fn fit_rigid(source: &[Point3<f64>], target: &[Point3<f64>]) -> Rigid {
     Rigid { rotation, translation: target_mean - rotation * source_mean }
 }
 
+/// Least-squares rigid transform between two triangles, in closed form.
+///
+/// Both triangles are planar, so the covariance is a 2x2 matrix H between the planes' bases. The best
+/// rotation is the best planar rotation where `det H >= 0`; else the best planar reflection, made
+/// proper in space by turning the plane over.
+pub fn fit_triangle(p: &[Point3<f64>; 3], q: &[Point3<f64>; 3]) -> Rigid {
+    let mean = |t: &[Point3<f64>; 3]| (t[0].coords + t[1].coords + t[2].coords) / 3.0;
+    let (p_mean, q_mean) = (mean(p), mean(q));
+    let (p_basis, q_basis) = (plane_basis(p), plane_basis(q));
+    let mut h = [[0.0; 2]; 2];
+    for k in 0..3 {
+        let (a, b) = (p[k].coords - p_mean, q[k].coords - q_mean);
+        let a = [a.dot(&p_basis[0]), a.dot(&p_basis[1])];
+        let b = [b.dot(&q_basis[0]), b.dot(&q_basis[1])];
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            h[i][j] += a[i] * b[j];
+        }
+    }
+    let orientation = if h[0][0] * h[1][1] - h[0][1] * h[1][0] < 0.0 { -1.0 } else { 1.0 };
+    // Maximises tr(R H) over [[c, -o s], [s, o c]] with o the orientation.
+    let (c, s) = (h[0][0] + orientation * h[1][1], h[0][1] - orientation * h[1][0]);
+    let length = c.hypot(s);
+    let (c, s) = if length > 0.0 { (c / length, s / length) } else { (1.0, 0.0) };
+    let x = q_basis[0] * c + q_basis[1] * s;
+    let y = (q_basis[1] * c - q_basis[0] * s) * orientation;
+    let z = q_basis[2] * orientation;
+    let p_axes = Matrix3::from_rows(&[p_basis[0], p_basis[1], p_basis[2]].map(|axis| axis.transpose()));
+    let rotation = Matrix3::from_columns(&[x, y, z]) * p_axes;
+    Rigid { rotation, translation: q_mean - rotation * p_mean }
+}
+
+/// Orthonormal, right-handed: two axes in the triangle's plane and its normal.
+fn plane_basis(triangle: &[Point3<f64>; 3]) -> [Vector3<f64>; 3] {
+    let x = (triangle[1] - triangle[0]).normalize();
+    let z = x.cross(&(triangle[2] - triangle[0])).normalize();
+    [x, z.cross(&x), z]
+}
+
 /// Least-squares transform of the correspondences `indices`, in the data's own coordinates.
 ///
 /// # Errors
@@ -133,6 +171,19 @@ mod tests {
         let mirrored: Vec<_> = tetrahedron().iter().map(|p| Point3::new(-p.x, p.y, p.z)).collect();
         let fit = fit_rigid(&tetrahedron(), &mirrored);
         assert!((fit.rotation.determinant() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn closed_form_equals_the_svd() {
+        for k in 0..200 {
+            let number = |i: usize| 0.5 * (12.9 * f64::from(k) + 78.2 * i as f64).sin();
+            let point = |i: usize| Point3::new(number(i), number(i + 1), number(i + 2));
+            let (p, q) = ([point(0), point(3), point(6)], [point(9), point(12), point(15)]);
+            let (closed, svd) = (fit_triangle(&p, &q), fit_rigid(&p, &q));
+            let cost = |fit: &Rigid| (0..3).map(|i| (fit.apply(&p[i]) - q[i]).norm_squared()).sum::<f64>();
+            assert!((closed.rotation.determinant() - 1.0).abs() < 1e-9);
+            assert!((cost(&closed) - cost(&svd)).abs() < 1e-9, "{k}: {} {}", cost(&closed), cost(&svd));
+        }
     }
 
     #[test]

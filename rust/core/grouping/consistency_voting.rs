@@ -1,6 +1,6 @@
 //! CV: distinctive correspondences vote for those whose distances and frames agree with theirs.
 //!
-//! The paper, section 3.1 (after Yang, Xiao, Cao, PRL 2019):
+//! The paper, section 3.1, Eq. (7) to (11) (after Yang, Xiao, Cao, PRL 2019):
 //! `s_i = sum_j exp(-(|ds - dt| / delta_r)^2 - (|e(L_i, L_j) - e(L'_i, L'_j)| / delta_L)^2)` over the 200
 //! correspondences with the best nearest-neighbour ratio. Cost O(n voters).
 
@@ -10,12 +10,13 @@ use rayon::prelude::*;
 
 use super::GroupingMethod;
 use crate::compatibility::lrf_angle::angle_difference;
-use crate::compatibility::vector_math::{Arithmetic, ArithmeticWork, exp_of_negative, with_arithmetic};
 use crate::error::{at_least_one, positive};
 use crate::frames::Frames;
 use crate::geometry::angle::atan2_by;
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::smallest;
+use crate::simd::arithmetic::{Arithmetic, exp_of_negative};
+use crate::simd::{self, DOUBLES, Kernel, Lanes};
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
 /// Parameters of consistency voting.
@@ -57,7 +58,7 @@ impl GroupingMethod for ConsistencyVoting {
 
         let voters = smallest(ratio, at_least_one("voters", self.voters)?); // V: top k by 1 - d1/d2
         let ballot = Ballot::new(&matches, &voters, distance_scale, angle_scale);
-        let scores = self.count_votes(&matches, &ballot, execution)?; // s_i = sum_j D_ij
+        let scores = self.count_votes(&matches, &ballot, execution)?; // s_i = sum_j D_ij, Eq. (11)
         let Cut { mask, threshold } = self.threshold.above(&scores); // s_i > t_cv
         Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() })
     }
@@ -100,20 +101,19 @@ struct Terms<T> {
 }
 
 /// Voters in a block: whole registers, and the default number of voters fills whole blocks.
-const BLOCK: usize = 40;
+const VOTER_BLOCK: usize = 40;
 
-/// Lanes of the sum over voters.
-const LANES: usize = 8;
-
-type Block = Terms<[f64; BLOCK]>;
+type Block = Terms<[f64; VOTER_BLOCK]>;
 
 impl Block {
     /// Voters so far away, in the source alone, that their votes are 0.
-    const NOBODY: Self =
-        Self { points: [[[f64::INFINITY; BLOCK]; 3], [[0.0; BLOCK]; 3]], frames: [[[0.0; BLOCK]; 9]; 2] };
+    const NO_VOTERS: Self = Self {
+        points: [[[f64::INFINITY; VOTER_BLOCK]; 3], [[0.0; VOTER_BLOCK]; 3]],
+        frames: [[[0.0; VOTER_BLOCK]; 9]; 2],
+    };
 
     fn of(voters: &[(usize, Terms<f64>)]) -> Self {
-        let mut block = Self::NOBODY;
+        let mut block = Self::NO_VOTERS;
         for (j, (_, voter)) in voters.iter().enumerate() {
             for side in 0..2 {
                 (0..3).for_each(|axis| block.points[side][axis][j] = voter.points[side][axis]);
@@ -139,7 +139,7 @@ impl Ballot {
         let framed: Vec<_> = voters.iter().filter_map(|&j| Some((j, matches.terms(j)?))).collect();
         Self {
             voters: framed.iter().map(|(j, _)| *j).collect(),
-            blocks: framed.chunks(BLOCK).map(Block::of).collect(),
+            blocks: framed.chunks(VOTER_BLOCK).map(Block::of).collect(),
             // Finite, so that a difference of 0 stays 0.
             distance_factor: distance_scale.recip().min(f64::MAX),
             angle_factor: angle_scale.recip().min(f64::MAX),
@@ -148,7 +148,7 @@ impl Ballot {
 
     /// `sum_j D_ij`, without the vote of the voter of number `left_out`.
     fn votes_on(&self, candidate: Terms<f64>, left_out: Option<usize>) -> f64 {
-        with_arithmetic(VotesOn { ballot: self, candidate, left_out })
+        simd::run(VotesOn { ballot: self, candidate, left_out })
     }
 }
 
@@ -158,21 +158,21 @@ struct VotesOn<'a> {
     left_out: Option<usize>,
 }
 
-impl ArithmeticWork for VotesOn<'_> {
+impl Kernel for VotesOn<'_> {
     type Output = f64;
 
     #[inline(always)]
-    fn run<A: Arithmetic>(mut self, arithmetic: A) -> f64 {
+    fn run<L: Lanes>(mut self, lanes: L) -> f64 {
         self.candidate.frames.as_flattened_mut().iter_mut().for_each(|entry| *entry *= 0.5);
-        let mut sums = [0.0; LANES];
+        let mut sums = [0.0; DOUBLES];
         for (number, block) in self.ballot.blocks.iter().enumerate() {
-            let mut votes = self.votes(arithmetic, block);
+            let mut votes = self.votes(lanes, block);
             match self.left_out {
-                Some(voter) if voter / BLOCK == number => votes[voter % BLOCK] = 0.0,
+                Some(voter) if voter / VOTER_BLOCK == number => votes[voter % VOTER_BLOCK] = 0.0,
                 _ => {}
             }
-            for j in 0..BLOCK {
-                sums[j % LANES] += votes[j];
+            for j in 0..VOTER_BLOCK {
+                sums[j % DOUBLES] += votes[j];
             }
         }
         sums.iter().sum()
@@ -183,32 +183,32 @@ impl VotesOn<'_> {
     /// `D_ij = exp(-(|ds - dt| / delta_r)^2 - (|e - e'| / delta_L)^2)` of each voter: in several short loops,
     /// because the processor works on several rounds of a loop at once only where they are short.
     #[inline(always)]
-    fn votes<A: Arithmetic>(&self, arithmetic: A, block: &Block) -> [f64; BLOCK] {
+    fn votes<A: Arithmetic>(&self, arithmetic: A, block: &Block) -> [f64; VOTER_BLOCK] {
         let Terms { points, frames } = &self.candidate;
-        let mut exponents = [0.0; BLOCK];
+        let mut exponents = [0.0; VOTER_BLOCK];
         for (j, exponent) in exponents.iter_mut().enumerate() {
             let ds = edge(arithmetic, &points[0], &block.points[0], j);
             let dt = edge(arithmetic, &points[1], &block.points[1], j);
-            let term = (ds - dt) * self.ballot.distance_factor;
+            let term = (ds - dt) * self.ballot.distance_factor; // r(c_i, c_j) / delta_r, Eq. (7)
             *exponent = -(term * term);
         }
-        let mut cosines = [[0.0; BLOCK]; 2];
+        let mut cosines = [[0.0; VOTER_BLOCK]; 2];
         for side in 0..2 {
             for (j, cosine) in cosines[side].iter_mut().enumerate() {
                 *cosine = cosine_between(arithmetic, &frames[side], &block.frames[side], j);
             }
         }
-        let [mut sine, mut cosine] = [[0.0; BLOCK]; 2]; // of the difference of the angles
-        for j in 0..BLOCK {
+        let [mut sine, mut cosine] = [[0.0; VOTER_BLOCK]; 2]; // of the difference of the angles
+        for j in 0..VOTER_BLOCK {
             [sine[j], cosine[j]] = angle_difference(arithmetic, [cosines[0][j], cosines[1][j]]);
         }
-        for j in 0..BLOCK {
+        for j in 0..VOTER_BLOCK {
             let term = atan2_by(arithmetic, sine[j], cosine[j]) * self.ballot.angle_factor;
-            exponents[j] -= term * term;
+            exponents[j] -= term * term; // L(c_i, c_j) / delta_L, Eq. (8)
         }
-        let mut votes = [0.0; BLOCK];
-        for j in 0..BLOCK {
-            votes[j] = exp_of_negative(arithmetic, exponents[j]);
+        let mut votes = [0.0; VOTER_BLOCK];
+        for j in 0..VOTER_BLOCK {
+            votes[j] = exp_of_negative(arithmetic, exponents[j]); // D(c_i, c_j), Eq. (10)
         }
         votes
     }
@@ -216,17 +216,17 @@ impl VotesOn<'_> {
 
 /// `|p_i - p_j|`
 #[inline(always)]
-fn edge<A: Arithmetic>(arithmetic: A, point: &[f64; 3], others: &[[f64; BLOCK]; 3], j: usize) -> f64 {
+fn edge<A: Arithmetic>(arithmetic: A, point: &[f64; 3], others: &[[f64; VOTER_BLOCK]; 3], j: usize) -> f64 {
     let [x, y, z] = [point[0] - others[0][j], point[1] - others[1][j], point[2] - others[2][j]];
     arithmetic.multiply_add(x, x, arithmetic.multiply_add(y, y, z * z)).sqrt()
 }
 
-/// `cos e = (trace(L_i L_j^T) - 1) / 2`, with the entries of `L_i` halved.
+/// `cos e = (trace(L_i L_j^T) - 1) / 2`, Eq. (9), with the entries of `L_i` halved.
 #[inline(always)]
 fn cosine_between<A: Arithmetic>(
     arithmetic: A,
     halved: &[f64; 9],
-    others: &[[f64; BLOCK]; 9],
+    others: &[[f64; VOTER_BLOCK]; 9],
     j: usize,
 ) -> f64 {
     let mut cosine = -0.5;

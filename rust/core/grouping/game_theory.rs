@@ -1,19 +1,18 @@
 //! GTM: correspondences play a game; those that agree with many survivors survive.
 //!
-//! The paper, section 3.2 (after Rodola, Albarelli, Bergamasco, Torsello, IJCV 2013). Each
+//! The paper, section 3.2, Eq. (17) and (18) (after Rodola, Albarelli, Bergamasco, Torsello, IJCV 2013). Each
 //! correspondence is a strategy, the payoff of a pair is its distance ratio, and a population that
 //! starts uniform evolves by replicator dynamics. Cost O(n^2) per step. Payoffs of more than
 //! [`DOUBLE_LIMIT`](crate::compatibility::matrix::DOUBLE_LIMIT) correspondences are rounded to 16 bits, 8e-6 at most.
 
 use super::GroupingMethod;
-use crate::compatibility::kernels::sum;
-use crate::compatibility::matrix::PairMatrix;
-use crate::compatibility::pair_scores::PairScore;
+use crate::compatibility::matrix::{PairMatrix, PairScore};
 use crate::error::{Error, at_least_one, positive};
 use crate::selection::otsu::{Cut, Threshold};
+use crate::simd::sums::sum;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
-/// A population whose mean payoff is no greater has nobody left who agrees with anybody.
+/// In a population whose mean payoff is no greater, no two strategies are compatible.
 const NO_PAYOFF: f64 = 1e-300;
 
 /// What the strategies that are left out as extinct can hold together, at any later step.
@@ -106,7 +105,7 @@ impl GroupingMethod for GameTheory {
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         self.validate()?;
         let (source, target) = correspondences.positions("gtm")?;
-        let payoff = self.payoff_matrix(correspondences, source, target, execution)?; // Pi
+        let payoff = self.payoff_matrix(correspondences, source, target, execution)?; // Pi, Eq. (18)
         let population = match self.dynamics {
             Dynamics::Replicator => self.replicate(payoff, execution)?,
             Dynamics::InfectionImmunisation => self.infect_and_immunise(&payoff, execution)?,
@@ -161,7 +160,7 @@ impl GameTheory {
             if population.mean_payoff <= NO_PAYOFF {
                 break;
             }
-            let next: Vec<f64> = products.iter().map(|share| share / population.mean_payoff).collect(); // x_i y_i / z
+            let next: Vec<f64> = products.iter().map(|share| share / population.mean_payoff).collect(); // x_i y_i / z, Eq. (17)
             let moved = sum(&shares.iter().zip(&next).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>());
             shares = next;
             population.steps += 1;
@@ -340,7 +339,7 @@ mod tests {
         let group = GameTheory::default().group(&input, &Execution::default())?;
         let scores = group.scores.unwrap_or_default();
         let few = scores.iter().filter(|&&score| score > EXTINCT).count();
-        assert!((few as f64) < WORTH_SHRINKING * n as f64, "nobody has become extinct");
+        assert!((few as f64) < WORTH_SHRINKING * n as f64, "no strategy has become extinct");
         let execution = Execution::default();
         let positions = input.positions("gtm")?;
         let whole = PairMatrix::new(positions.0, positions.1, PairScore::DistanceRatio, None, &execution)?;

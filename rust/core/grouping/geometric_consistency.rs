@@ -1,14 +1,14 @@
 //! GC: the largest cluster of correspondences that keep their distance to a seed.
 //!
-//! The paper, section 3.2 (after Chen, Bhanu, PRL 2007): for each seed, the correspondences whose
+//! The paper, section 3.2, Eq. (13) (after Chen, Bhanu, PRL 2007): for each seed, the correspondences whose
 //! distances to it differ by less than 3 pr between the two shapes. Cost O(n^2) time, O(n) memory.
 
 use super::GroupingMethod;
+use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::distance::distance_difference;
-use crate::compatibility::distance_agreement::DistanceAgreement;
+use crate::consensus::SampleConsensus;
 use crate::error::at_least_one;
 use crate::grouping_result::mask_of;
-use crate::selection::sample_consensus::SampleConsensus;
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
@@ -86,7 +86,7 @@ impl GeometricConsistency {
         execution: &Execution,
     ) -> Result<Grouping> {
         let agreement = DistanceAgreement::new(source, target, tolerance);
-        let sizes = cluster_sizes(&agreement, execution)?; // |G_i|
+        let sizes = cluster_sizes(&agreement, execution)?; // |G_i|, Eq. (13)
         let greatest = sizes.iter().copied().max().unwrap_or_default();
         let mut seeds = (0..sizes.len()).filter(|&i| sizes[i] == greatest);
         let Some(first) = seeds.next() else {
@@ -183,7 +183,7 @@ fn grow_clique(
 mod tests {
     use super::*;
 
-    /// Five points moved rigidly; point 5 agrees with point 0 alone; point 6 with nobody.
+    /// Five points moved rigidly; point 5 agrees with point 0 alone; point 6 with none.
     fn problem() -> Result<Correspondences> {
         let source = [
             [0., 0., 0.],

@@ -1,4 +1,4 @@
-//! The nine grouping methods of the paper, one file each; the files know nothing of each other.
+//! The nine grouping methods of the paper, one module each; none uses another.
 
 pub mod consistency_voting;
 pub mod game_theory;
@@ -19,4 +19,10 @@ pub trait GroupingMethod {
     /// # Errors
     /// Options out of range, a field the method needs that is missing, or an interruption.
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping>;
+
+    /// Whether a call with these correspondences takes no more than about a millisecond, so that it may as
+    /// well run on the thread that asks for it: handing it to another one would take about as long.
+    fn is_instant(&self, _correspondences: &Correspondences) -> bool {
+        false
+    }
 }

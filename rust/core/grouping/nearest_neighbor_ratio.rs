@@ -1,6 +1,6 @@
 //! NNSR: keep the correspondences whose nearest descriptor is clearly nearer than the second nearest.
 //!
-//! The paper, section 3.1 (after Lowe, IJCV 2004): the score `1 - d1/d2` measures distinctiveness;
+//! The paper, section 3.1, Eq. (2) (after Lowe, IJCV 2004): the score `1 - d1/d2` measures distinctiveness;
 //! the bound 0.8 of the paper's Table 1 is Lowe's bound on the ratio itself. Cost O(n).
 
 use super::GroupingMethod;
@@ -25,11 +25,15 @@ impl GroupingMethod for NearestNeighborRatio {
         let max_ratio = fraction("max_ratio", self.max_ratio)?;
         let ratio = correspondences.ratio("nnsr")?;
         Ok(Grouping {
-            mask: ratio.iter().map(|&r| r <= max_ratio).collect(),
-            scores: Some(ratio.iter().map(|r| 1.0 - r).collect()),
+            mask: ratio.iter().map(|&r| r <= max_ratio).collect(), // Eq. (2), solved for the ratio
+            scores: Some(ratio.iter().map(|r| 1.0 - r).collect()), // left side of Eq. (2)
             threshold: Some(1.0 - max_ratio),
             ..Grouping::default()
         })
+    }
+
+    fn is_instant(&self, _: &Correspondences) -> bool {
+        true
     }
 }
 

@@ -4,9 +4,9 @@
 //! least-squares transform each, inliers nearer than 5 pr, no refit. Cost O(iterations n).
 
 use super::GroupingMethod;
+use crate::consensus::{Consensus, SampleConsensus};
 use crate::error::{Error, at_least_one, fraction};
 use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
-use crate::selection::sample_consensus::{Consensus, SampleConsensus};
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
 /// Parameters of random sample consensus.

@@ -1,15 +1,13 @@
 //! SI: voting by neighbours, then by the most distinctive correspondences under the candidate's own pose.
 //!
-//! The paper, section 3.1 (after Buch, Yang, Kruger, Petersen, CVPR 2014):
+//! The paper, section 3.1, Eq. (3) to (6) (after Buch, Yang, Kruger, Petersen, CVPR 2014):
 //! `s_i = (|Y_L| + |Y_G|) / (|C_L| + |C_G|)`. Cost O(n log n + n neighbours).
 
 use rayon::prelude::*;
 
 use super::GroupingMethod;
-use crate::compatibility::consistency::pose_of;
-use crate::compatibility::vote_kernels::{
-    PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit,
-};
+use crate::compatibility::pose::pose_of;
+use crate::compatibility::votes::{PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit};
 use crate::error::{at_least_one, fraction};
 use crate::frames::Frames;
 use crate::geometry::nearest_sets::NearestSets;
@@ -92,15 +90,15 @@ impl GroupingMethod for SearchOfInliers {
             neighbors: self.neighbors,
         };
 
-        let distinctive: Vec<bool> = ratio.iter().map(|&r| r < self.lowe_ratio).collect(); // L
-        let local = ballot.local_votes(&distinctive, execution)?; // Y_L, C_L
+        let distinctive: Vec<bool> = ratio.iter().map(|&r| r < self.lowe_ratio).collect(); // C_Ratio, Eq. (2)
+        let local = ballot.local_votes(&distinctive, execution)?; // Y_L and C_L, Eq. (3)
         let voters = self.global_voters(ratio, &local); // C_G
-        let global = ballot.global_votes(&voters, execution)?; // Y_G, C_G without i
+        let global = ballot.global_votes(&voters, execution)?; // Y_G and C_G without i, Eq. (5)
         let scores: Vec<f64> = local
             .iter()
             .zip(&global)
             .map(|(l, g)| Votes { support: l.support + g.support, cast: l.cast + g.cast }.share())
-            .collect(); // s_i
+            .collect(); // s_i, Eq. (6)
         let Cut { mask, threshold } = self.threshold.above(&scores);
         Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() })
     }
@@ -139,7 +137,7 @@ struct Ballot<'a> {
 impl Ballot<'_> {
     /// Distinctive correspondences among the nearest source keypoints vote by rigidity.
     fn local_votes(&self, distinctive: &[bool], execution: &Execution) -> Result<Vec<Votes>> {
-        // C_L = N_i and L
+        // C_L: those of the nearest that are in C_Ratio.
         NearestSets::new(self.source).map(self.neighbors, distinctive, execution, |i, members| {
             let support = count_rigid(&self.pairs, members, &self.pairs[i], &self.rigidity);
             Votes { support, cast: members.len() }
@@ -157,7 +155,7 @@ impl Ballot<'_> {
         let votes_on = |i: usize| {
             execution.advance()?;
             let frames = (self.source_frames.get(i), self.target_frames.get(i));
-            let pose = pose_of(i, self.source, self.target, &frames.0, &frames.1);
+            let pose = pose_of(i, self.source, self.target, &frames.0, &frames.1); // T(c_i), Eq. (4)
             // Its distances are 0, so `i` would never support itself.
             let support =
                 pose.map_or(0, |pose| voters.count_carried(&self.pairs[i], &self.rigidity, &pose, limit));

@@ -1,6 +1,6 @@
 //! SS: keep the correspondences whose descriptors are similar enough.
 //!
-//! The paper, section 3.1: `s_i = 1 - |f_i - f'_i|` on unit descriptors, selected above a threshold
+//! The paper, section 3.1, Eq. (1): `s_i = 1 - |f_i - f'_i|` on unit descriptors, selected above a threshold
 //! that Otsu's method sets. Cost O(n).
 
 use super::GroupingMethod;
@@ -17,12 +17,16 @@ pub struct SimilarityScore {
 impl GroupingMethod for SimilarityScore {
     fn group(&self, correspondences: &Correspondences, _: &Execution) -> Result<Grouping> {
         self.threshold.validate()?;
-        let scores = correspondences.similarity("ss")?;
+        let scores = correspondences.similarity("ss")?; // 1 - |f - f'|, left side of Eq. (1)
         let Cut { mask, threshold } = match self.threshold {
             Threshold::Otsu(_) => self.threshold.above(scores),
             Threshold::Fixed(value) => at_least(scores, value),
-        };
+        }; // Eq. (1)
         Ok(Grouping { mask, scores: Some(scores.to_vec()), threshold, ..Grouping::default() })
+    }
+
+    fn is_instant(&self, _: &Correspondences) -> bool {
+        true
     }
 }
 

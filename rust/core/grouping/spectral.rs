@@ -1,12 +1,11 @@
 //! ST: the main cluster of the pairwise affinity matrix, by its principal eigenvector.
 //!
-//! The paper, section 3.2 (after Leordeanu, Hebert, ICCV 2005). Correspondences are accepted in the
+//! The paper, section 3.2, Eq. (12) (after Leordeanu, Hebert, ICCV 2005). Correspondences are accepted in the
 //! order of their entries in the eigenvector; each accepted one removes those in conflict with it.
 //! Cost O(n^2) per power step and O(n selected) for the acceptance.
 
 use super::GroupingMethod;
-use crate::compatibility::matrix::PairMatrix;
-use crate::compatibility::pair_scores::{PairPositions, PairScore};
+use crate::compatibility::matrix::{PairMatrix, PairPositions, PairScore};
 use crate::error::fraction;
 use crate::grouping_result::mask_of;
 use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvector};
@@ -90,10 +89,10 @@ impl GroupingMethod for Spectral {
         fraction("min_distance_ratio", self.min_distance_ratio)?;
         let (source, target) = correspondences.positions("st")?;
         let diagonal = self.diagonal(correspondences)?;
-        let affinity = PairMatrix::new(source, target, self.pair_score(), diagonal, execution)?; // M
+        let affinity = PairMatrix::new(source, target, self.pair_score(), diagonal, execution)?; // M, of Eq. (12)
         let eigenpair = principal_eigenvector(&affinity, self.eigensolver, execution)?; // M v = lambda v
         if eigenpair.value <= 0.0 || source.len() < 2 {
-            return Ok(report(eigenpair, Vec::new())); // nobody supports anybody
+            return Ok(report(eigenpair, Vec::new())); // M is 0: no pair is compatible
         }
         let conflicts = Conflicts::new(self, source, target);
         let accepted = if self.recompute {

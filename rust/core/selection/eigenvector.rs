@@ -2,10 +2,10 @@
 
 use faer::{Mat, Side};
 
-use crate::compatibility::kernels::{dot, sum};
 use crate::compatibility::matrix::PairMatrix;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
+use crate::simd::sums::{dot, sum};
 
 /// Power steps before giving up on further digits.
 const MAX_STEPS: usize = 1000;
@@ -20,7 +20,7 @@ const ROUGHLY_CONVERGED: f64 = 3e-7;
 /// Smaller changes that don't fall to half may be due to rounding as well.
 const DOUBTFUL: f64 = 1e-5;
 
-/// Progress is told in steps of one percent.
+/// Progress is reported in steps of one percent.
 const PERCENT: usize = 100;
 
 /// Share of the mean row sum added to the diagonal: same eigenvectors, but `-lambda` can't oscillate.
@@ -94,7 +94,7 @@ fn power_iteration(
         let change = next.iter().zip(&vector).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
             / next.iter().copied().fold(0.0, f64::max);
         vector = next;
-        // Changes fall geometrically, so their ratio tells what all later ones sum up to.
+        // Changes fall geometrically, so their ratio gives the sum of all later ones.
         let ratio = change / previous_change;
         let known = previous_change.is_finite() && ratio < 1.0;
         let remaining = if known { change * ratio / (1.0 - ratio) } else { change };
@@ -146,7 +146,7 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compatibility::pair_scores::PairScore;
+    use crate::compatibility::matrix::PairScore;
     use crate::points::Points;
 
     #[test]

@@ -1,7 +1,5 @@
-//! Tools that several grouping methods share.
+//! What several methods select correspondences with: a threshold, the best of them, an eigenvector.
 
-pub mod counter_rng;
 pub mod eigenvector;
 pub mod otsu;
-pub mod sample_consensus;
 pub mod top_k;

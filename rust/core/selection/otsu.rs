@@ -8,7 +8,7 @@ use crate::error::{Error, Result, at_least_one};
 /// Bins of the paper's own routine.
 pub const DEFAULT_BINS: usize = 100;
 
-/// More bins tell no more scores apart.
+/// More bins separate no more scores.
 const MAX_BINS: usize = 1_000_000;
 
 /// Scores whose spread is below this share of their magnitude are all equal.

@@ -9,14 +9,18 @@
 
 use std::ops::Range;
 
-use super::lanes::{LaneWork, Lanes, SINGLES, with_lanes};
 use crate::geometry::rigid::Rigid;
 use crate::points::{Points, unit_scale};
+use crate::simd::{self, Kernel, Lanes, SINGLES};
 
-/// More than f32 can be off in a residual between points that are scaled to about 1.
+/// More than f32 can be off in a residual. Both sides are scaled to diagonals below sqrt(2), so no point is
+/// farther than that from its centre, and no translation of a fit to them longer than twice that. With
+/// u = 2^-24, a coordinate of `t - p'` is off by u (2.83 + 1.41 + 4.24), the three products and sums of at most 5.66
+/// by 3 (5.66 + 1.41) u at most, the rounded rotation and p by 1.41 u each: 33 u in all, or 57 u in space. The
+/// square's own rounding adds less than 2 u of 5.66. Together 69 u = 4.1e-6, of which this is twice as much.
 const ROUNDING: f64 = 1e-5;
 
-/// No residual reaches this many diagonals of the bounding box.
+/// No scaled residual reaches this: p and p' are within 1.42 of the centres, the translation is 2.83 at most.
 const BEYOND_ALL: f64 = 8.0;
 
 /// Source x, y, z, then target x, y, z.
@@ -98,14 +102,14 @@ impl<'a> InlierCounter<'a> {
     pub fn count(&self, model: &Rigid, least: usize, near: &mut Vec<u16>) -> Option<usize> {
         let (r, t) = (model.rotation.map(|entry| entry as f32), model.translation * self.scale);
         let rows = [0, 1, 2].map(|row| [r[(row, 0)], r[(row, 1)], r[(row, 2)], t[row] as f32]);
-        with_lanes(CountInliers { counter: self, model, rows, least, near })
+        simd::run(CountInliers { counter: self, model, rows, least, near })
     }
 
     /// Those of some members of a leaf that are inliers, decided in f64.
     #[cold]
     fn settle(&self, model: &Rigid, leaf: usize, members: u16) -> u16 {
-        let asked = (0..SINGLES).filter(|member| members >> member & 1 == 1);
-        let inliers = asked.filter(|member| {
+        let unsure = (0..SINGLES).filter(|member| members >> member & 1 == 1);
+        let inliers = unsure.filter(|member| {
             is_inlier(model, self.source, self.target, self.order[leaf * SINGLES + member], self.tolerance)
         });
         inliers.fold(0, |bits, member| bits | 1 << member)
@@ -160,7 +164,7 @@ struct CountInliers<'a> {
     near: &'a mut Vec<u16>,
 }
 
-impl LaneWork for CountInliers<'_> {
+impl Kernel for CountInliers<'_> {
     type Output = Option<usize>;
 
     #[inline(always)]
@@ -171,7 +175,7 @@ impl LaneWork for CountInliers<'_> {
         near.clear();
         for (group, reach) in counter.squared_reach.as_chunks::<SINGLES>().0.iter().enumerate() {
             let residuals = squared_residuals(lanes, rows, &counter.centers, group);
-            let leaves = lanes.at_most_singles(residuals, lanes.load_singles(reach));
+            let leaves = lanes.at_most(residuals, lanes.load_singles(reach));
             possible_inliers += SINGLES * leaves.count_ones() as usize;
             near.push(leaves);
         }
@@ -187,8 +191,8 @@ impl LaneWork for CountInliers<'_> {
                 let leaf = group * SINGLES + leaves.trailing_zeros() as usize;
                 leaves &= leaves - 1;
                 let residuals = squared_residuals(lanes, rows, &counter.members, leaf);
-                let mut members = lanes.at_most_singles(residuals, sure);
-                let unsure = lanes.at_most_singles(residuals, possible) & !members;
+                let mut members = lanes.at_most(residuals, sure);
+                let unsure = lanes.at_most(residuals, possible) & !members;
                 if unsure != 0 {
                     members |= counter.settle(model, leaf, unsure);
                 }

@@ -1,4 +1,4 @@
-//! Which correspondences keep their distance to each other: `|ds - dt| < tolerance`, the paper's Eq. for GC.
+//! Which correspondences keep their distance to each other: `|ds - dt| < tolerance`, Eq. (13) of the paper (GC).
 //!
 //! Decided in f32 without square roots, wherever rounding can't change the answer, else in f64 with them;
 //! the result is that of f64 throughout. Each pair is looked at once, for both of its correspondences.
@@ -7,25 +7,22 @@
 
 use std::ops::Range;
 
-use pulp::{Arch, Simd, WithSimd, bytemuck};
 use rayon::prelude::*;
 
 use super::distance::distance_difference;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
+use crate::simd::{self, Kernel, Lanes, SINGLES};
 
-/// Correspondences of a block; bands and strips are whole blocks.
-const BLOCK: usize = 16;
-
-/// Columns that are looked through together for pairs that f32 can't tell.
+/// Columns that are searched together for pairs that f32 can't decide.
 const STRIP: usize = 256;
 
 /// Columns of a tile: few enough for the second-level cache.
 const TILE: usize = 4096;
 
 /// Rows that are compared with a column at a time.
-const GROUP: usize = 4;
+const ROWS: usize = 4;
 
 /// Fewest rows of a band.
 const MIN_BAND: usize = 64;
@@ -33,19 +30,19 @@ const MIN_BAND: usize = 64;
 /// Bands that the rows are cut into, for the threads to share.
 const BANDS: usize = 64;
 
-/// Half a unit in the last place of 1 in f32.
+/// u, half a unit in the last place of 1 in f32.
 const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
 
-/// Scaled lengths are far below this, and so are their differences.
+/// Scaled points are within 1 of the origin, so no two lengths differ by more than 2.
 const BEYOND_ALL: f64 = 4.0;
 
 /// Of a correspondence: source x, y, z, target x, y, z, and the squared norms of these two points.
 type Terms<T> = [T; 8];
 
-/// The terms of correspondences next to each other.
+/// The terms of correspondences next to each other; bands and strips are whole blocks.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-struct Block(Terms<[f32; BLOCK]>);
+struct Block(Terms<[f32; SINGLES]>);
 
 /// The test `|ds - dt| < tolerance` on pairs of correspondences.
 #[derive(Debug)]
@@ -63,10 +60,21 @@ pub struct DistanceAgreement<'a> {
 /// elsewhere, where it always holds, the second. Lengths come from norms and products,
 /// `|p - q|^2 = |p|^2 - 2 p q + |q|^2`, of points that are no farther than R from the origin.
 ///
-/// In f32 the left side is off by less than `slack` wherever that could change its sign. With u = 2^-24:
-/// rounded coordinates shift a length by less than 4 u R, which moves the left side by less than
-/// `16 u R t (a + b)`; a length's square is off by less than 16 u R^2, and as `|a - b| < 4 R t` near the
-/// threshold, that moves it by less than `500 u R^3 t + 200 u R^2 t^2`.
+/// In f32 the left side is off by no more than `slack` wherever that could change its sign, which is where
+/// `|sqrt a - sqrt b|` passes t, so that `|a - b|` is about `4 R t` at most. With u = 2^-24, and to first order:
+///
+/// - A rounded point is off by u R, a length by 2 u R, its square by 8 u R^2.
+/// - `|q|^2 - 2 p q` is off by 12 u R^2: the norm by 1, the products by 2, three sums of at most 3 R^2 by 9.
+/// - `a - b` is off by 44 u R^2 + 8 u R t: two squares 16, two of the former 24, the norms of the row and their
+///   difference 3, the two last differences 1 and 8 u R t.
+/// - Its square is off by `2 * 4 R t` times that, 352 u R^3 t + 64 u R^2 t^2, and its product by
+///   16 u R^2 t^2; what is of second order and has no t is `3 (44 u R^2)^2 = 5808 u^2 R^4`.
+/// - `a + b` is off by 48 u R^2: 16 and 24 as before, its last sum 6, the norms of the row 2. The minimum changes
+///   by `2 t^2` times that, 96 u R^2 t^2; the rounding of t^2 adds 16 u R^2 t^2 + 2 u t^4, that of the row's term
+///   4 u R^2 t^2 + u t^4, that of the product 12 u R^2 t^2, and that of the sum 16 u R^2 t^2 + u t^4.
+///
+/// In all 352 u R^3 t + 224 u R^2 t^2 + 4 u t^4 + 5808 u^2 R^4. The slack has the next powers of two, whose
+/// excess covers all higher orders and the rounding of f64.
 #[derive(Debug, Clone, Copy)]
 struct Criterion {
     squared_tolerance: f32,
@@ -76,7 +84,7 @@ struct Criterion {
 impl Criterion {
     fn new(tolerance: f64, radius: f64) -> Self {
         let (t, r) = (tolerance, radius);
-        let slack = 1024.0 * t * r.powi(3) + 256.0 * (t * r).powi(2) + 8.0 * t.powi(4);
+        let slack = 512.0 * t * r.powi(3) + 256.0 * (t * r).powi(2) + 8.0 * t.powi(4);
         let slack = slack + 8192.0 * ROUNDING * r.powi(4);
         Self { squared_tolerance: (t * t) as f32, slack: (ROUNDING * slack) as f32 }
     }
@@ -91,15 +99,15 @@ impl<'a> DistanceAgreement<'a> {
         // A power of two, so that scaling is exact.
         let scale = if farthest > 0.0 { (-farthest.log2().ceil()).exp2() } else { 1.0 };
         let criterion = Criterion::new((tolerance * scale).min(BEYOND_ALL), farthest * scale);
-        let mut blocks = vec![Block([[f32::NAN; BLOCK]; 8]); source.len().div_ceil(BLOCK)];
+        let mut blocks = vec![Block([[f32::NAN; SINGLES]; 8]); source.len().div_ceil(SINGLES)];
         for i in 0..source.len() {
             let [p, q] =
                 sides.map(|points| <[f64; 3]>::from(points.get(i)).map(|value| (value * scale) as f32));
             // Of the rounded coordinates, whose distances they stand for.
             let [p_norm, q_norm] = [p, q].map(|point| squared_norm(&point.map(f64::from)) as f32);
             let terms = [p[0], p[1], p[2], q[0], q[1], q[2], p_norm, q_norm];
-            for (term, value) in blocks[i / BLOCK].0.iter_mut().zip(terms) {
-                term[i % BLOCK] = value;
+            for (term, value) in blocks[i / SINGLES].0.iter_mut().zip(terms) {
+                term[i % SINGLES] = value;
             }
         }
         Self { source, target, tolerance, blocks, criterion }
@@ -117,7 +125,7 @@ impl<'a> DistanceAgreement<'a> {
     /// [`crate::Error::Interrupted`].
     pub fn counts(&self, execution: &Execution) -> Result<Vec<u32>> {
         let n = self.source.len();
-        let height = n.div_ceil(BANDS).next_multiple_of(BLOCK).max(MIN_BAND);
+        let height = n.div_ceil(BANDS).next_multiple_of(SINGLES).max(MIN_BAND);
         let bands: Vec<Range<usize>> =
             (0..n).step_by(height).map(|first| first..(first + height).min(n)).collect();
         execution.report(0, bands.len())?;
@@ -133,13 +141,13 @@ impl<'a> DistanceAgreement<'a> {
     /// What the rows of a band add to their own counts, and to those of all after them.
     fn band_counts(&self, band: &Range<usize>, execution: &Execution) -> Result<Vec<u32>> {
         let n = self.source.len();
-        let mut counts = vec![0; n.next_multiple_of(BLOCK) - band.start];
-        let rows = band.start..band.end.next_multiple_of(BLOCK);
+        let mut counts = vec![0; n.next_multiple_of(SINGLES) - band.start];
+        let rows = band.start..band.end.next_multiple_of(SINGLES);
         let mut ignored = vec![0; TILE];
         for first in rows.clone().step_by(TILE) {
             // Both of a pair are rows here, and so is the row itself, which agrees.
             let columns = first..(first + TILE).min(rows.end);
-            for i in rows.clone().step_by(GROUP) {
+            for i in rows.clone().step_by(ROWS) {
                 let inside = self.count_part(i, &columns, &mut ignored[..columns.len()]);
                 for (row, inside) in (i..).zip(inside) {
                     counts[row - band.start] += inside - u32::from(columns.contains(&row) && row < n);
@@ -149,9 +157,9 @@ impl<'a> DistanceAgreement<'a> {
         for first in (rows.end..n).step_by(TILE) {
             execution.check()?;
             let (own, after) = counts.split_at_mut(rows.len());
-            let columns = first..(first + TILE).min(n.next_multiple_of(BLOCK));
+            let columns = first..(first + TILE).min(n.next_multiple_of(SINGLES));
             let mirrored = &mut after[first - rows.end..columns.end - rows.end];
-            for (i, own) in rows.clone().step_by(GROUP).zip(own.chunks_exact_mut(GROUP)) {
+            for (i, own) in rows.clone().step_by(ROWS).zip(own.chunks_exact_mut(ROWS)) {
                 let inside = self.count_part(i, &columns, mirrored);
                 own.iter_mut().zip(inside).for_each(|(count, more)| *count += more);
             }
@@ -163,26 +171,28 @@ impl<'a> DistanceAgreement<'a> {
 
     /// How many of the columns agree with each row of the group from `i` on; each that does counts one more
     /// in `mirrored`.
-    fn count_part(&self, i: usize, columns: &Range<usize>, mirrored: &mut [u32]) -> [u32; GROUP] {
-        let row =
-            |i: usize| RowTerms::new(self.blocks[i / BLOCK].0.map(|term| term[i % BLOCK]), self.criterion);
+    fn count_part(&self, i: usize, columns: &Range<usize>, mirrored: &mut [u32]) -> [u32; ROWS] {
+        let row = |i: usize| {
+            RowTerms::new(self.blocks[i / SINGLES].0.map(|term| term[i % SINGLES]), self.criterion)
+        };
         let rows = [row(i), row(i + 1), row(i + 2), row(i + 3)];
-        let blocks = &self.blocks[columns.start / BLOCK..columns.end / BLOCK];
+        let blocks = &self.blocks[columns.start / SINGLES..columns.end / SINGLES];
         let slack = self.criterion.slack;
         let count = CountInside { rows, blocks, slack, mirrored: &mut *mirrored };
-        let Found { mut inside, unsure } = Arch::new().dispatch(count);
+        let Found { mut inside, unsure } = simd::run(count);
         for (row, mut strips) in unsure.into_iter().enumerate() {
             while strips != 0 {
                 let first = strips.trailing_zeros() as usize * STRIP;
                 strips &= strips - 1;
-                let blocks = &blocks[first / BLOCK..columns.len().min(first + STRIP) / BLOCK];
-                for (block, first) in blocks.iter().zip((first..).step_by(BLOCK)) {
-                    let flags = Arch::new().dispatch(FlagUnsure { row: rows[row], block, slack });
-                    if flags == [SURE; BLOCK] {
-                        continue;
-                    }
-                    for (k, flag) in (first..).zip(flags).filter(|&(_, flag)| flag != SURE) {
-                        let counted = u32::from(flag == COUNTED);
+                let blocks = &blocks[first / SINGLES..columns.len().min(first + STRIP) / SINGLES];
+                for (block, first) in blocks.iter().zip((first..).step_by(SINGLES)) {
+                    let Unsure { mut lanes, counted } =
+                        simd::run(FindUnsure { row: rows[row], block, slack });
+                    while lanes != 0 {
+                        let lane = lanes.trailing_zeros() as usize;
+                        lanes &= lanes - 1;
+                        let k = first + lane;
+                        let counted = u32::from(counted >> lane & 1);
                         let agrees = u32::from(self.agree(i + row, columns.start + k));
                         inside[row] = inside[row] + agrees - counted;
                         mirrored[k] = mirrored[k] + agrees - counted;
@@ -197,15 +207,6 @@ impl<'a> DistanceAgreement<'a> {
 fn squared_norm(row: &[f64; 3]) -> f64 {
     row.iter().map(|value| value * value).sum()
 }
-
-/// Flag of a pair that f32 can tell.
-const SURE: u32 = 0;
-
-/// Flag of a pair that was not counted, and may have to be.
-const MISSED: u32 = 1;
-
-/// Flag of a pair that was counted, and may not have to be.
-const COUNTED: u32 = 2;
 
 /// What a row has to do with the criterion's left side.
 #[derive(Clone, Copy)]
@@ -237,154 +238,142 @@ impl RowTerms {
 
 /// The same in every lane.
 #[derive(Clone, Copy)]
-struct RowLanes<S: Simd> {
-    minus_twice: [S::f32s; 6],
-    difference: S::f32s,
-    minus_square: S::f32s,
-    minus_twice_square: S::f32s,
-    wide: S::f32s,
-    narrow: S::f32s,
+struct RowLanes<L: Lanes> {
+    minus_twice: [L::Singles; 6],
+    difference: L::Singles,
+    minus_square: L::Singles,
+    minus_twice_square: L::Singles,
+    wide: L::Singles,
+    narrow: L::Singles,
 }
 
-impl<S: Simd> RowLanes<S> {
+impl<L: Lanes> RowLanes<L> {
     #[inline(always)]
-    fn new(simd: S, row: RowTerms) -> Self {
-        let [px, py, pz, qx, qy, qz] = row.minus_twice;
+    fn new(lanes: L, row: RowTerms) -> Self {
         Self {
-            minus_twice: [
-                simd.splat_f32s(px),
-                simd.splat_f32s(py),
-                simd.splat_f32s(pz),
-                simd.splat_f32s(qx),
-                simd.splat_f32s(qy),
-                simd.splat_f32s(qz),
-            ],
-            difference: simd.splat_f32s(row.difference),
-            minus_square: simd.splat_f32s(row.minus_square),
-            minus_twice_square: simd.splat_f32s(2.0 * row.minus_square),
-            wide: simd.splat_f32s(row.wide),
-            narrow: simd.splat_f32s(row.narrow),
+            minus_twice: row.minus_twice.map(
+                #[inline(always)]
+                |value| lanes.splat_singles(value),
+            ),
+            difference: lanes.splat_singles(row.difference),
+            minus_square: lanes.splat_singles(row.minus_square),
+            minus_twice_square: lanes.splat_singles(2.0 * row.minus_square),
+            wide: lanes.splat_singles(row.wide),
+            narrow: lanes.splat_singles(row.narrow),
         }
     }
 
-    /// The criterion's left side for several columns.
+    /// The criterion's left side for the columns of a block.
     #[inline(always)]
-    fn left_side(&self, simd: S, [px, py, pz, qx, qy, qz, p_norm, q_norm]: &Terms<S::f32s>) -> S::f32s {
+    fn left_side(&self, lanes: L, columns: &Terms<L::Singles>) -> L::Singles {
+        let [px, py, pz, qx, qy, qz, p_norm, q_norm] = *columns;
         let [x, y, z, u, v, w] = self.minus_twice;
-        let a = simd.mul_add_e_f32s(*pz, z, *p_norm);
-        let a = simd.mul_add_e_f32s(*px, x, simd.mul_add_e_f32s(*py, y, a));
-        let b = simd.mul_add_e_f32s(*qz, w, *q_norm);
-        let b = simd.mul_add_e_f32s(*qx, u, simd.mul_add_e_f32s(*qy, v, b));
-        let difference = simd.add_f32s(simd.sub_f32s(a, b), self.difference);
-        let sum = simd.add_f32s(a, b);
-        let wide = simd.mul_add_e_f32s(sum, self.minus_twice_square, self.wide);
-        let narrow = simd.mul_add_e_f32s(sum, self.minus_square, self.narrow);
-        simd.mul_add_e_f32s(difference, difference, simd.min_f32s(wide, narrow))
+        let a = lanes.multiply_add_singles(pz, z, p_norm);
+        let a = lanes.multiply_add_singles(px, x, lanes.multiply_add_singles(py, y, a));
+        let b = lanes.multiply_add_singles(qz, w, q_norm);
+        let b = lanes.multiply_add_singles(qx, u, lanes.multiply_add_singles(qy, v, b));
+        let difference = lanes.add_singles(lanes.subtract_singles(a, b), self.difference);
+        let sum = lanes.add_singles(a, b);
+        let wide = lanes.multiply_add_singles(sum, self.minus_twice_square, self.wide);
+        let narrow = lanes.multiply_add_singles(sum, self.minus_square, self.narrow);
+        lanes.multiply_add_singles(difference, difference, lanes.min_singles(wide, narrow))
     }
 }
 
-/// One vector's part of a block.
-#[inline(always)]
-fn part<S: Simd>(_: S, block: &Block, part: usize) -> Terms<S::f32s> {
-    let [px, py, pz, qx, qy, qz, p_norm, q_norm] = &block.0;
-    [
-        S::as_simd_f32s(px).0[part],
-        S::as_simd_f32s(py).0[part],
-        S::as_simd_f32s(pz).0[part],
-        S::as_simd_f32s(qx).0[part],
-        S::as_simd_f32s(qy).0[part],
-        S::as_simd_f32s(qz).0[part],
-        S::as_simd_f32s(p_norm).0[part],
-        S::as_simd_f32s(q_norm).0[part],
-    ]
+impl Block {
+    #[inline(always)]
+    fn load<L: Lanes>(&self, lanes: L) -> Terms<L::Singles> {
+        self.0.each_ref().map(
+            #[inline(always)]
+            |term| lanes.load_singles(term),
+        )
+    }
 }
 
-/// For each row, the columns that agree as far as f32 can tell, and one bit per strip: whether some of it
-/// are too close to be sure.
+/// For each row, the columns that agree according to f32, and one bit per strip: whether some of
+/// it are too close to the tolerance to be sure.
 struct Found {
-    inside: [u32; GROUP],
-    unsure: [u32; GROUP],
+    inside: [u32; ROWS],
+    unsure: [u32; ROWS],
 }
 
-/// Counts the pairs that agree as far as f32 can tell.
+/// Counts the pairs that agree according to f32.
 struct CountInside<'a> {
-    rows: [RowTerms; GROUP],
+    rows: [RowTerms; ROWS],
     blocks: &'a [Block],
     slack: f32,
     mirrored: &'a mut [u32],
 }
 
-impl WithSimd for CountInside<'_> {
+impl Kernel for CountInside<'_> {
     type Output = Found;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Found {
+    fn run<L: Lanes>(self, lanes: L) -> Found {
         let [row0, row1, row2, row3] = self.rows;
         let rows = [
-            RowLanes::new(simd, row0),
-            RowLanes::new(simd, row1),
-            RowLanes::new(simd, row2),
-            RowLanes::new(simd, row3),
+            RowLanes::new(lanes, row0),
+            RowLanes::new(lanes, row1),
+            RowLanes::new(lanes, row2),
+            RowLanes::new(lanes, row3),
         ];
-        let (zero, one) = (simd.splat_u32s(0), simd.splat_u32s(1));
-        let mut inside = [zero; GROUP];
-        let mut unsure = [0; GROUP];
-        let strips = self.blocks.chunks(STRIP / BLOCK).zip(self.mirrored.chunks_mut(STRIP));
+        let (zero, slack) = (lanes.splat_singles(0.0), lanes.splat_singles(self.slack));
+        let mut inside = [lanes.load_counts(&[0; SINGLES]); ROWS];
+        let mut unsure = [0; ROWS];
+        let strips = self.blocks.chunks(STRIP / SINGLES).zip(self.mirrored.chunks_mut(STRIP));
         for (strip, (blocks, mirrored)) in strips.enumerate() {
-            let mut least = [simd.splat_f32s(f32::INFINITY); GROUP];
-            for (block, mirrored) in blocks.iter().zip(mirrored.as_chunks_mut::<BLOCK>().0) {
-                let mirrored = S::as_mut_simd_u32s(mirrored).0;
-                for (p, mirrored) in mirrored.iter_mut().enumerate() {
-                    let columns = part(simd, block, p);
-                    let mut sum = *mirrored;
-                    for k in 0..GROUP {
-                        let left = rows[k].left_side(simd, &columns);
-                        let agrees = simd.less_than_f32s(left, simd.splat_f32s(0.0));
-                        let counted = simd.select_u32s(agrees, one, zero);
-                        inside[k] = simd.add_u32s(inside[k], counted);
-                        sum = simd.add_u32s(sum, counted);
-                        // NaN, which fills up the last block, comes first: the second is taken then.
-                        least[k] = simd.min_f32s(simd.abs_f32s(left), least[k]);
-                    }
-                    *mirrored = sum;
+            let mut least = [lanes.splat_singles(f32::INFINITY); ROWS];
+            for (block, mirrored) in blocks.iter().zip(mirrored.as_chunks_mut::<SINGLES>().0) {
+                let columns = block.load(lanes);
+                let mut sum = lanes.load_counts(mirrored);
+                for k in 0..ROWS {
+                    let left = rows[k].left_side(lanes, &columns);
+                    let agrees = lanes.ones_where_below(left, zero);
+                    inside[k] = lanes.add_counts(inside[k], agrees);
+                    sum = lanes.add_counts(sum, agrees);
+                    // NaN, which fills up the last block, comes first: the second is taken then.
+                    least[k] = lanes.min_singles(lanes.absolute_singles(left), least[k]);
                 }
+                lanes.store_counts(sum, mirrored);
             }
-            for k in 0..GROUP {
-                unsure[k] |= u32::from(simd.reduce_min_f32s(least[k]) <= self.slack) << strip;
+            for k in 0..ROWS {
+                unsure[k] |= u32::from(lanes.at_most(least[k], slack) != 0) << strip;
             }
         }
-        let mut found = Found { inside: [0; GROUP], unsure };
-        for (sum, lanes) in found.inside.iter_mut().zip(&inside) {
-            *sum = bytemuck::cast_slice::<S::u32s, u32>(std::slice::from_ref(lanes)).iter().sum();
+        let mut found = Found { inside: [0; ROWS], unsure };
+        for (total, inside) in found.inside.iter_mut().zip(inside) {
+            let mut counts = [0; SINGLES];
+            lanes.store_counts(inside, &mut counts);
+            *total = counts.iter().sum();
         }
         found
     }
 }
 
-/// Marks the columns of a block that f32 can't tell.
-struct FlagUnsure<'a> {
+/// The columns of a block that f32 can't decide, one bit each, and which were counted.
+struct Unsure {
+    lanes: u16,
+    counted: u16,
+}
+
+/// Finds the columns of a block that f32 can't decide.
+struct FindUnsure<'a> {
     row: RowTerms,
     block: &'a Block,
     slack: f32,
 }
 
-impl WithSimd for FlagUnsure<'_> {
-    type Output = [u32; BLOCK];
+impl Kernel for FindUnsure<'_> {
+    type Output = Unsure;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> [u32; BLOCK] {
-        let row = RowLanes::new(simd, self.row);
-        let (zero, slack) = (simd.splat_f32s(0.0), simd.splat_f32s(self.slack));
-        let (sure, missed, counted) =
-            (simd.splat_u32s(SURE), simd.splat_u32s(MISSED), simd.splat_u32s(COUNTED));
-        let mut flags = [SURE; BLOCK];
-        for (p, flags) in S::as_mut_simd_u32s(&mut flags).0.iter_mut().enumerate() {
-            let left = row.left_side(simd, &part(simd, self.block, p));
-            let flag = simd.select_u32s(simd.less_than_f32s(left, zero), counted, missed);
-            let near = simd.less_than_or_equal_f32s(simd.abs_f32s(left), slack);
-            *flags = simd.select_u32s(near, flag, sure);
+    fn run<L: Lanes>(self, lanes: L) -> Unsure {
+        let left = RowLanes::new(lanes, self.row).left_side(lanes, &self.block.load(lanes));
+        let (zero, slack) = (lanes.splat_singles(0.0), lanes.splat_singles(self.slack));
+        Unsure {
+            lanes: lanes.at_most(lanes.absolute_singles(left), slack),
+            counted: !lanes.at_most(zero, left), // no column that is NaN is near
         }
-        flags
     }
 }
 

@@ -1,26 +1,26 @@
 //! 3DHV: each correspondence votes for where the source's centroid lies in the target; the peak wins.
 //!
-//! The paper, section 3.2 (after Tombari, Di Stefano, PSIVT 2010). A local reference frame at each
+//! The paper, section 3.2, Eq. (14) to (16) (after Tombari, Di Stefano, PSIVT 2010). A local reference frame at each
 //! end makes a vote independent of the unknown motion. Cost O(n log n).
 
-use std::collections::BTreeMap;
+mod grid;
+mod space;
 
 use nalgebra::{Point3, Vector3};
 
+use self::grid::Grid;
+use self::space::HoughSpace;
 use super::GroupingMethod;
+use crate::consensus::SampleConsensus;
 use crate::error::{Error, at_least_one, positive};
 use crate::grouping_result::mask_of;
-use crate::selection::sample_consensus::SampleConsensus;
 use crate::{Correspondences, Execution, Grouping, Result};
-
-/// Votes that spread less than this share of the target's diagonal along an axis fill one bin of it.
-const NO_SPREAD: f64 = 1e-9;
 
 /// Bins per axis beyond this can't be told apart in the grid's index.
 const MAX_BINS: f64 = 2_097_151.0;
 
-/// A grid of no more bins has a counter for each.
-const MOST_COUNTERS: u64 = 1 << 16;
+/// So many votes are counted in a grid within a millisecond.
+const MOST_INSTANT_VOTES: usize = 20_000;
 
 /// How votes are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -97,7 +97,7 @@ impl Default for HoughVoting {
 impl GroupingMethod for HoughVoting {
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         self.validate()?;
-        let votes = cast_votes(correspondences)?; // v_i
+        let votes = cast_votes(correspondences)?; // Eq. (14) to (16)
         let group = match self.variant {
             Variant::Grid => self.group_by_peak(correspondences, &votes),
             Variant::Pcl => self.group_by_maxima(correspondences, &votes, execution),
@@ -105,27 +105,14 @@ impl GroupingMethod for HoughVoting {
         let from_keypoints = correspondences.centered_source_centroid().is_none();
         Ok(group.with("centroid_from_keypoints", f64::from(u8::from(from_keypoints))))
     }
+
+    fn is_instant(&self, correspondences: &Correspondences) -> bool {
+        self.variant == Variant::Grid && correspondences.len() <= MOST_INSTANT_VOTES
+    }
 }
 
 /// Where a correspondence, by its index, puts the source's centroid in the target.
 type Vote = (usize, Point3<f64>);
-
-/// A bin by its x, y and z numbers; ordered with x fastest.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Bin(i64);
-
-impl Bin {
-    const BITS: u32 = 21;
-
-    fn new([x, y, z]: [i64; 3]) -> Self {
-        Self(x | (y << Self::BITS) | (z << (2 * Self::BITS)))
-    }
-
-    fn coordinates(self) -> [i64; 3] {
-        let part = |shift: u32| (self.0 >> shift) & ((1 << Self::BITS) - 1);
-        [part(0), part(Self::BITS), part(2 * Self::BITS)]
-    }
-}
 
 impl HoughVoting {
     fn validate(&self) -> Result<()> {
@@ -223,78 +210,14 @@ fn cast_votes(correspondences: &Correspondences) -> Result<Vec<Vote>> {
     let mut votes = Vec::with_capacity(source.len());
     for i in 0..source.len() {
         if let (Some(from), Some(to)) = (source_frames.block(i), target_frames.block(i)) {
-            let [x, y, z] = (centroid - source.get(i)).into();
-            let local = [0, 3, 6].map(|row| from[row] * x + from[row + 1] * y + from[row + 2] * z);
+            let [x, y, z] = (centroid - source.get(i)).into(); // V_G, Eq. (14)
+            let local = [0, 3, 6].map(|row| from[row] * x + from[row + 1] * y + from[row + 2] * z); // V_L, Eq. (15)
             let global = [0, 1, 2]
                 .map(|column| to[column] * local[0] + to[column + 3] * local[1] + to[column + 6] * local[2]);
-            votes.push((i, target.get(i) + Vector3::from(global)));
+            votes.push((i, target.get(i) + Vector3::from(global))); // V'_G, Eq. (16)
         }
     }
     Ok(votes)
-}
-
-/// Regular bins over the votes' bounding box.
-struct Grid {
-    low: Point3<f64>,
-    side: Vector3<f64>,
-    bins: [i64; 3],
-}
-
-impl Grid {
-    fn over(votes: &[Vote], bins: usize, bin_size: Option<f64>, diagonal: f64) -> Result<Option<Self>> {
-        let Some((low, range)) = bounding_box(votes) else {
-            return Ok(None);
-        };
-        let mut grid = Self { low, side: Vector3::repeat(1.0), bins: [1; 3] };
-        for axis in 0..3 {
-            if range[axis] <= NO_SPREAD * diagonal {
-                continue;
-            }
-            if let Some(side) = bin_size {
-                check_bins(range[axis], side)?;
-                grid.side[axis] = side;
-                grid.bins[axis] = (range[axis] / side) as i64 + 1;
-            } else {
-                grid.side[axis] = range[axis] / bins as f64;
-                grid.bins[axis] = bins as i64;
-            }
-        }
-        Ok(Some(grid))
-    }
-
-    fn clamped_bin(&self, vote: &Point3<f64>) -> [u32; 3] {
-        // The cast rounds down: no vote lies below the lowest.
-        let bin = |axis: usize| ((vote[axis] - self.low[axis]) / self.side[axis]) as u32;
-        [0, 1, 2].map(|axis| bin(axis).min(self.bins[axis] as u32 - 1))
-    }
-
-    /// The bin that most votes fell into, the first in the order of the linear index, and how many they are.
-    fn fullest(&self, bins: &[[u32; 3]]) -> Option<([u32; 3], usize)> {
-        // There are at most 2^63 bins, since there are at most 2^21 along an axis.
-        let [nx, ny, nz] = self.bins.map(|count| count as u64);
-        let indices = bins.iter().map(|bin| bin.map(u64::from)).map(|[x, y, z]| x + nx * (y + ny * z));
-        let (index, count) = match nx * ny * nz {
-            cells @ ..=MOST_COUNTERS => most_frequent_below(cells as usize, indices),
-            _ => most_frequent(indices.collect()),
-        }?;
-        Some(([index % nx, index / nx % ny, index / nx / ny].map(|bin| bin as u32), count))
-    }
-}
-
-/// The number that comes most often, the least of several, and how often; none reaches `end`.
-fn most_frequent_below(end: usize, numbers: impl Iterator<Item = u64>) -> Option<(u64, usize)> {
-    let mut counts = vec![0_u32; end];
-    numbers.for_each(|number| counts[number as usize] += 1);
-    let most = counts.iter().copied().max().filter(|&most| most > 0)?;
-    let first = counts.iter().position(|&count| count == most)?;
-    Some((first as u64, most as usize))
-}
-
-/// The number that comes most often, the least of several, and how often.
-fn most_frequent(mut numbers: Vec<u64>) -> Option<(u64, usize)> {
-    numbers.sort_unstable();
-    let runs = numbers.chunk_by(|a, b| a == b).map(|run| (run[0], run.len()));
-    runs.reduce(|best, run| if run.1 > best.1 { run } else { best })
 }
 
 fn bounding_box(votes: &[Vote]) -> Option<(Point3<f64>, Vector3<f64>)> {
@@ -311,98 +234,6 @@ fn check_bins(range: f64, side: f64) -> Result<()> {
     let remedy =
         format!("the votes spread over {range}; give a larger side, or leave it out for 15 bins per axis");
     Err(Error::invalid("bin_size", side, remedy))
-}
-
-/// Weighted votes in cubic bins.
-struct HoughSpace {
-    cells: BTreeMap<Bin, Cell>,
-}
-
-#[derive(Default)]
-struct Cell {
-    value: f64,
-    voters: Vec<usize>,
-}
-
-impl HoughSpace {
-    fn accumulate(votes: &[Vote], weights: &[f64], side: f64, interpolate: bool) -> Result<Option<Self>> {
-        let Some((low, range)) = bounding_box(votes) else {
-            return Ok(None);
-        };
-        let mut bins = [1; 3];
-        for axis in 0..3 {
-            check_bins(range[axis], side)?;
-            // A vote on the upper border of an exact multiple falls outside, as in PCL.
-            bins[axis] = ((range[axis] / side).ceil() as i64).max(1);
-        }
-        let mut space = Self { cells: BTreeMap::new() };
-        for (i, vote) in votes {
-            let position = (vote - low) / side;
-            let home = [0, 1, 2].map(|axis| position[axis].floor() as i64);
-            if !inside(home, bins) {
-                continue;
-            }
-            if interpolate {
-                space.add_interpolated(*i, &position, weights[*i], bins);
-            } else {
-                space.add(*i, home, weights[*i]);
-            }
-        }
-        Ok(Some(space))
-    }
-
-    fn add(&mut self, voter: usize, bin: [i64; 3], weight: f64) {
-        if weight <= 0.0 {
-            return;
-        }
-        let cell = self.cells.entry(Bin::new(bin)).or_default();
-        cell.value += weight;
-        cell.voters.push(voter);
-    }
-
-    /// Spreads a vote over the up to 8 bins whose centres surround it.
-    fn add_interpolated(&mut self, voter: usize, position: &Vector3<f64>, weight: f64, bins: [i64; 3]) {
-        let from_centers = position.map(|value| value - 0.5);
-        let base = from_centers.map(f64::floor);
-        let upper = from_centers - base;
-        for corner in 0..8_u8 {
-            let is_upper = [0, 1, 2].map(|axis| corner >> axis & 1 == 1);
-            let share: f64 =
-                (0..3).map(|axis| if is_upper[axis] { upper[axis] } else { 1.0 - upper[axis] }).product();
-            let bin = [0, 1, 2].map(|axis| base[axis] as i64 + i64::from(is_upper[axis]));
-            if inside(bin, bins) {
-                self.add(voter, bin, share * weight);
-            }
-        }
-    }
-
-    /// Voters of each bin that reaches the threshold and is not below any of its face neighbours.
-    fn maxima(&self, threshold: f64) -> Vec<&[usize]> {
-        let greatest = self.cells.values().map(|cell| cell.value).fold(0.0, f64::max);
-        let least = if threshold < 0.0 { -threshold * greatest } else { threshold };
-        let is_maximum = |(bin, cell): &(&Bin, &Cell)| {
-            cell.value >= least && self.face_neighbors(**bin).all(|other| other.value <= cell.value)
-        };
-        self.cells.iter().filter(is_maximum).map(|(_, cell)| cell.voters.as_slice()).collect()
-    }
-
-    fn face_neighbors(&self, bin: Bin) -> impl Iterator<Item = &Cell> {
-        let [x, y, z] = bin.coordinates();
-        offsets()
-            .filter(|(dz, dy, dx)| dx.abs() + dy.abs() + dz.abs() == 1)
-            .map(move |(dz, dy, dx)| [x + dx, y + dy, z + dz])
-            .filter(|bin| bin.iter().all(|&k| k >= 0))
-            .filter_map(|bin| self.cells.get(&Bin::new(bin)))
-    }
-}
-
-fn inside(bin: [i64; 3], bins: [i64; 3]) -> bool {
-    (0..3).all(|axis| (0..bins[axis]).contains(&bin[axis]))
-}
-
-/// Steps to a bin and its 26 neighbours, z slowest.
-fn offsets() -> impl Iterator<Item = (i64, i64, i64)> {
-    (-1..=1).flat_map(|dz| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| (dz, dy, dx))))
 }
 
 #[cfg(test)]
@@ -461,15 +292,6 @@ mod tests {
     }
 
     #[test]
-    fn the_least_of_the_most_frequent_counts() {
-        for numbers in [vec![], vec![3], vec![5, 2, 2, 5, 9], vec![9, 0, 9, 7, 7, 0, 0], vec![4, 4, 4]] {
-            let counted = most_frequent_below(10, numbers.iter().copied());
-            assert_eq!(most_frequent(numbers), counted);
-        }
-        assert_eq!(most_frequent(vec![5, 2, 2, 5, 9]), Some((2, 2)));
-    }
-
-    #[test]
     fn fine_grids_select_what_coarse_ones_do() -> Result<()> {
         // Ten votes in each of two far corners, and 0.4 bins of a fine grid between those of a corner.
         let shift = |i: usize| if i < 10 { [4e-7 * i as f64 / 10.0; 3] } else { [1.0; 3] };
@@ -480,11 +302,5 @@ mod tests {
             assert_eq!(method.group(&problem(&shifts)?, &Execution::default())?.mask, expected, "{bins}");
         }
         Ok(())
-    }
-
-    #[test]
-    fn bins_pack_and_unpack() {
-        let bin = [5, 2_097_151, 77];
-        assert_eq!(Bin::new(bin).coordinates(), bin);
     }
 }

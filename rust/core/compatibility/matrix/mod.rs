@@ -3,24 +3,25 @@
 //! Up to [`DOUBLE_LIMIT`] correspondences all is in f64. Beyond, entries are kept rounded to 16 bits, as
 //! reading wider ones from memory takes about as long as computing them in f32 for each product.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+mod coordinates;
+mod levels;
+mod products;
+mod scores;
+mod tiles;
 
-use super::kernels::{Element, INTERLEAVED, SingleEntry};
-use super::lanes::{LaneWork, Lanes, SINGLES, with_lanes};
-use super::pair_scores::{PairPositions, PairScore};
-use super::tiles::{Computed, Cut, Part, Stored, TILE};
+pub use self::scores::PairScore;
+
+pub(crate) use self::scores::PairPositions;
+
+use self::coordinates::Coordinate;
+use self::levels::{LEVELS, interleave};
+use self::tiles::{Cut, Part, Rows, TILE};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
 
 /// Most correspondences whose scores are kept in f64.
 pub const DOUBLE_LIMIT: usize = 1024;
-
-/// Entries of 16 bits are multiples of one over this.
-const LEVELS: f32 = 65535.0;
-
-/// Added to a number below 2^16, it leaves the nearest integer in the lowest bits of the sum.
-const ROUND: f32 = 8_388_608.0;
 
 /// Symmetric matrix of pair scores with a given diagonal.
 #[derive(Debug)]
@@ -110,34 +111,29 @@ impl PairMatrix {
     pub fn multiply(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
         let cut = self.cut();
         let product = match &self.form {
-            Form::Double(Some(stored)) => cut.multiply::<f64, _>(&Stored(stored), x, execution),
-            Form::Double(None) => {
-                let rows = Computed::new(fill_rows(&self.positions, self.score));
-                cut.multiply::<f64, _>(&rows, x, execution)
+            Form::Double(stored) => {
+                let fill = fill_rows(&self.positions, self.score);
+                cut.multiply(&Rows { stored: stored.as_deref(), fill }, x, execution)
             }
             Form::Rounded(positions, _) => {
-                let rows = Computed::new(fill_rows(positions, self.score));
-                cut.in_whole_groups().multiply::<f64, _>(&rows, x, execution)
+                let fill = fill_rows(positions, self.score);
+                cut.in_whole_groups().multiply(&Rows { stored: None, fill }, x, execution)
             }
         };
         Ok(self.plus_diagonal(product?, x))
     }
 
-    /// `M x` with the entries that are kept: off by no more than [`Self::rounding`] times the sum of `x`.
+    /// `M x` with the entries that are kept: off by about [`Self::rounding`] times the sum of `x`.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
     pub fn multiply_rounded(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
-        let cut = self.cut().in_whole_groups();
-        let levels = match &self.form {
-            Form::Double(_) => return self.multiply(x, execution),
-            Form::Rounded(_, Some(stored)) => cut.multiply::<f32, _>(&Stored(stored), x, execution),
-            Form::Rounded(positions, None) => {
-                let rows = Computed::<f32, _>::new(fill_levels(positions, self.score));
-                cut.multiply::<f32, _>(&rows, x, execution)
-            }
+        let Form::Rounded(positions, stored) = &self.form else {
+            return self.multiply(x, execution);
         };
-        let product = levels?.into_iter().map(|sum| sum / f64::from(LEVELS)).collect();
+        let rows = Rows { stored: stored.as_deref(), fill: fill_levels(positions, self.score) };
+        let levels = self.cut().in_whole_groups().multiply(&rows, x, execution)?;
+        let product = levels.into_iter().map(|sum| sum / f64::from(LEVELS)).collect();
         Ok(self.plus_diagonal(product, x))
     }
 
@@ -152,7 +148,8 @@ impl PairMatrix {
         product
     }
 
-    /// Greatest error of an entry that is kept.
+    /// Error of an entry that is kept: half a level, and the tenth of one that f32 makes of a score where the
+    /// points are about half the extent apart. Scores of points that nearly coincide are off by more.
     pub fn rounding(&self) -> f64 {
         match self.form {
             Form::Double(_) => f64::EPSILON,
@@ -172,7 +169,7 @@ impl PairMatrix {
 }
 
 /// Writes a part, row after row.
-fn fill_rows<T: Element>(
+fn fill_rows<T: Coordinate>(
     positions: &PairPositions<T>,
     score: PairScore,
 ) -> impl Fn(&Part, &mut [T]) + Sync + '_ {
@@ -184,61 +181,13 @@ fn fill_rows<T: Element>(
 }
 
 /// Writes a part rounded to 16 bits, its rows interleaved.
-fn fill_levels<T: Level>(
-    positions: &PairPositions<f32>,
-    score: PairScore,
-) -> impl Fn(&Part, &mut [T]) + Sync + '_ {
+fn fill_levels(positions: &PairPositions<f32>, score: PairScore) -> impl Fn(&Part, &mut [u16]) + Sync + '_ {
     move |part, entries| {
         let mut scores = [0.0; TILE];
         let scores = &mut scores[..part.columns.len()];
         for (row, i) in part.rows.clone().enumerate() {
             positions.fill_part(score, i, part.columns.start, scores);
-            let groups = entries.as_chunks_mut::<INTERLEAVED>().0;
-            with_lanes(Interleave { scores, groups, row });
-        }
-    }
-}
-
-/// Rounds the scores of one row, and spreads them over interleaved ones.
-struct Interleave<'a, T> {
-    scores: &'a [f32],
-    groups: &'a mut [[T; INTERLEAVED]],
-    row: usize,
-}
-
-impl<T: Level> LaneWork for Interleave<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
-        let (levels, round) = (lanes.splat_singles(LEVELS), lanes.splat_singles(ROUND));
-        for (scores, group) in self.scores.as_chunks::<SINGLES>().0.iter().zip(self.groups) {
-            let rounded = lanes.multiply_add_singles(lanes.load_singles(scores), levels, round);
-            T::store(lanes, rounded, &mut group.as_chunks_mut::<SINGLES>().0[self.row]);
-        }
-    }
-}
-
-/// A multiple of 1 / [`LEVELS`], in these units.
-trait Level: SingleEntry {
-    /// From sums of levels and [`ROUND`].
-    fn store<L: Lanes>(lanes: L, rounded: L::Singles, entries: &mut [Self; SINGLES]);
-}
-
-impl Level for f32 {
-    #[inline(always)]
-    fn store<L: Lanes>(lanes: L, rounded: L::Singles, entries: &mut [Self; SINGLES]) {
-        lanes.store_singles(lanes.subtract_singles(rounded, lanes.splat_singles(ROUND)), entries);
-    }
-}
-
-impl Level for u16 {
-    #[inline(always)]
-    fn store<L: Lanes>(lanes: L, rounded: L::Singles, entries: &mut [Self; SINGLES]) {
-        let mut sums = [0.0_f32; SINGLES];
-        lanes.store_singles(rounded, &mut sums);
-        for (entry, sum) in entries.iter_mut().zip(sums) {
-            *entry = sum.to_bits() as Self;
+            interleave(scores, row, entries);
         }
     }
 }

@@ -2,19 +2,19 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::Point3;
 use rayon::prelude::*;
 
 use super::counter_rng::sample_three;
+use super::inlier_counter::{InlierCounter, is_inlier};
 use crate::compatibility::distance::distance_ratio;
-use crate::compatibility::inlier_counter::{InlierCounter, is_inlier};
 use crate::error::Result;
 use crate::execution::Execution;
-use crate::geometry::rigid::Rigid;
+use crate::geometry::rigid::{Rigid, fit_triangle};
 use crate::points::Points;
 
-/// Iterations that one task takes, and after which the early stop is looked at.
-const BLOCK: usize = 256;
+/// Hypotheses of one task, and after which the early stop is looked at.
+const ITERATIONS_PER_TASK: usize = 256;
 
 /// A triangle's edge below this share of the bounding box's diagonal, or twice its area below this
 /// share of the diagonal's square, leaves the rotation open.
@@ -59,7 +59,7 @@ impl SampleConsensus {
         }
         let counter = InlierCounter::new(source, target, self.tolerance);
         let most_inliers = AtomicUsize::new(0);
-        let blocks = self.iterations.div_ceil(BLOCK);
+        let blocks = self.iterations.div_ceil(ITERATIONS_PER_TASK);
         execution.report(0, blocks)?;
         let run_block = |block: usize| {
             execution.advance()?;
@@ -74,7 +74,7 @@ impl SampleConsensus {
         let mut spent = 0;
         for block in 0..blocks {
             best = better(best, run_block(block)?);
-            spent = self.iterations.min((block + 1) * BLOCK);
+            spent = self.iterations.min((block + 1) * ITERATIONS_PER_TASK);
 
             if best.is_some_and(|found| spent as f64 >= needed(confidence, found.inliers, source.len())) {
                 break;
@@ -116,7 +116,7 @@ impl SampleConsensus {
         counter: &InlierCounter,
         most_inliers: &AtomicUsize,
     ) -> Option<Consensus> {
-        let iterations = block * BLOCK..self.iterations.min((block + 1) * BLOCK);
+        let iterations = block * ITERATIONS_PER_TASK..self.iterations.min((block + 1) * ITERATIONS_PER_TASK);
         let mut near = Vec::new();
         let mut best = None;
         for iteration in iterations {
@@ -174,70 +174,9 @@ fn is_degenerate(triangle: &[Point3<f64>; 3], diagonal: f64) -> bool {
     shortest <= DEGENERATE * diagonal || ab.cross(&ac).norm() <= DEGENERATE * diagonal * diagonal
 }
 
-/// Least-squares rigid transform between two triangles, in closed form.
-///
-/// Both triangles are planar, so the covariance is a 2x2 matrix H between the planes' bases. The best
-/// rotation is the best planar rotation where `det H >= 0`; else the best planar reflection, made
-/// proper in space by turning the plane over.
-pub fn fit_triangle(p: &[Point3<f64>; 3], q: &[Point3<f64>; 3]) -> Rigid {
-    let mean = |t: &[Point3<f64>; 3]| (t[0].coords + t[1].coords + t[2].coords) / 3.0;
-    let (p_mean, q_mean) = (mean(p), mean(q));
-    let (p_basis, q_basis) = (plane_basis(p), plane_basis(q));
-    let mut h = [[0.0; 2]; 2];
-    for k in 0..3 {
-        let (a, b) = (p[k].coords - p_mean, q[k].coords - q_mean);
-        let a = [a.dot(&p_basis[0]), a.dot(&p_basis[1])];
-        let b = [b.dot(&q_basis[0]), b.dot(&q_basis[1])];
-        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            h[i][j] += a[i] * b[j];
-        }
-    }
-    let orientation = if h[0][0] * h[1][1] - h[0][1] * h[1][0] < 0.0 { -1.0 } else { 1.0 };
-    // Maximises tr(R H) over [[c, -o s], [s, o c]] with o the orientation.
-    let (c, s) = (h[0][0] + orientation * h[1][1], h[0][1] - orientation * h[1][0]);
-    let length = c.hypot(s);
-    let (c, s) = if length > 0.0 { (c / length, s / length) } else { (1.0, 0.0) };
-    let x = q_basis[0] * c + q_basis[1] * s;
-    let y = (q_basis[1] * c - q_basis[0] * s) * orientation;
-    let z = q_basis[2] * orientation;
-    let p_axes = Matrix3::from_rows(&[p_basis[0], p_basis[1], p_basis[2]].map(|axis| axis.transpose()));
-    let rotation = Matrix3::from_columns(&[x, y, z]) * p_axes;
-    Rigid { rotation, translation: q_mean - rotation * p_mean }
-}
-
-/// Orthonormal, right-handed: two axes in the triangle's plane and its normal.
-fn plane_basis(triangle: &[Point3<f64>; 3]) -> [Vector3<f64>; 3] {
-    let x = (triangle[1] - triangle[0]).normalize();
-    let z = x.cross(&(triangle[2] - triangle[0])).normalize();
-    [x, z.cross(&x), z]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::rigid::fit_rigid;
-
-    #[test]
-    fn closed_form_equals_the_svd() {
-        for k in 0..200 {
-            let words = super::super::counter_rng::random_words(3, k);
-            let more = super::super::counter_rng::random_words(4, k);
-            let number = |i: usize| {
-                let word = if i < 9 {
-                    words[i % 4].rotate_left(i as u32 * 7)
-                } else {
-                    more[i % 4].rotate_left(i as u32 * 5)
-                };
-                (word >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-            };
-            let point = |i: usize| Point3::new(number(i), number(i + 1), number(i + 2));
-            let (p, q) = ([point(0), point(3), point(6)], [point(9), point(12), point(15)]);
-            let (closed, svd) = (fit_triangle(&p, &q), fit_rigid(&p, &q));
-            let cost = |fit: &Rigid| (0..3).map(|i| (fit.apply(&p[i]) - q[i]).norm_squared()).sum::<f64>();
-            assert!((closed.rotation.determinant() - 1.0).abs() < 1e-9);
-            assert!((cost(&closed) - cost(&svd)).abs() < 1e-9, "{k}: {} {}", cost(&closed), cost(&svd));
-        }
-    }
 
     #[test]
     fn recovers_a_translation_among_outliers() -> Result<()> {

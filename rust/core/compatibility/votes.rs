@@ -1,15 +1,15 @@
 //! Votes of many correspondences on one, several at a time; every vote is that of
-//! [`distance_ratio`](super::distance::distance_ratio) and [`residual`](super::consistency::residual).
+//! [`distance_ratio`](super::distance::distance_ratio) and [`residual`](super::pose::residual).
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "`&&` is a branch, which stops vectorisation")]
 
-use super::kernels::dispatch;
 use crate::geometry::rigid::Rigid;
 use crate::points::Points;
+use crate::simd;
 
 /// Voters that are looked at together.
-const LANES: usize = 32;
+const VOTER_GROUP: usize = 32;
 
 /// Both points of a correspondence: x, y, z of the source, then of the target.
 pub type PointPair = [f64; 6];
@@ -20,7 +20,7 @@ pub fn point_pairs(source: &Points, target: &Points) -> Vec<PointPair> {
     sides.map(|([x, y, z], [u, v, w])| [x, y, z, u, v, w]).collect()
 }
 
-/// The test `rho_ij > sigma`.
+/// The test `r(c_i, c_j) > varsigma` of Eq. (3) and (5), with the ratio of Eq. (12).
 #[derive(Debug, Clone, Copy)]
 pub struct RigidityTest {
     /// Length up to which an edge counts as zero, in the source.
@@ -45,15 +45,15 @@ impl RigidityTest {
 
 /// Correspondences as a struct of arrays. Where some are left over, their targets are infinitely far away,
 /// which fails every test.
-type Group = [[f64; LANES]; 6];
+type Group = [[f64; VOTER_GROUP]; 6];
 
 /// How many of `voters` have `rho_ij > sigma` with the correspondence `i`.
 pub fn count_rigid(pairs: &[PointPair], voters: &[u32], i: &PointPair, test: &RigidityTest) -> usize {
-    dispatch(
+    simd::run(
         #[inline(always)]
         || {
             let mut count = 0;
-            for voters in voters.chunks(LANES) {
+            for voters in voters.chunks(VOTER_GROUP) {
                 let group = gather(pairs, voters);
                 count += count_if(
                     &group,
@@ -73,18 +73,18 @@ pub struct Voters(Vec<Group>);
 impl Voters {
     /// The correspondences with these indices.
     pub fn new(pairs: &[PointPair], indices: &[u32]) -> Self {
-        Self(indices.chunks(LANES).map(|indices| gather(pairs, indices)).collect())
+        Self(indices.chunks(VOTER_GROUP).map(|indices| gather(pairs, indices)).collect())
     }
 
-    /// How many voters j have `|R p_j + t - p'_j|^2 < limit` and `rho_ij > sigma`.
+    /// How many voters j have `|R p_j + t - p'_j|^2 < limit` and `rho_ij > sigma`, Eq. (5).
     pub fn count_carried(&self, i: &PointPair, test: &RigidityTest, pose: &Rigid, limit: f64) -> usize {
         let transform = by_rows(pose);
-        dispatch(
+        simd::run(
             #[inline(always)]
             || {
                 let mut count = 0;
                 for group in &self.0 {
-                    // A wrong pose carries hardly anybody along, and lengths take longer than residuals.
+                    // Under a wrong pose few voters pass the first test, and the second one takes longer.
                     let carried = count_if(
                         group,
                         #[inline(always)]
@@ -104,10 +104,10 @@ impl Voters {
     }
 }
 
-/// At most [`LANES`] correspondences.
+/// At most [`VOTER_GROUP`] correspondences.
 #[inline(always)]
 fn gather(pairs: &[PointPair], indices: &[u32]) -> Group {
-    let mut group = [[0.0; LANES]; 6];
+    let mut group = [[0.0; VOTER_GROUP]; 6];
     group[3][indices.len()..].fill(f64::INFINITY);
     for (lane, &index) in indices.iter().enumerate() {
         let pair = &pairs[index as usize];
@@ -122,7 +122,7 @@ fn gather(pairs: &[PointPair], indices: &[u32]) -> Group {
 fn count_if(group: &Group, test: impl Fn(&PointPair) -> bool) -> usize {
     let [sx, sy, sz, tx, ty, tz] = group;
     let mut count = 0_u64;
-    for l in 0..LANES {
+    for l in 0..VOTER_GROUP {
         count += u64::from(test(&[sx[l], sy[l], sz[l], tx[l], ty[l], tz[l]]));
     }
     count as usize
@@ -172,8 +172,8 @@ fn squared_residual(transform: &[f64; 12], p: [f64; 3], q: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compatibility::consistency::residual;
     use crate::compatibility::distance::distance_ratio;
+    use crate::compatibility::pose::residual;
     use crate::error::Result;
     use nalgebra::{Rotation3, Vector3};
 

@@ -3,15 +3,14 @@
 //! Only the part from the diagonal to the right is looked at; each entry is used twice, for its row and,
 //! mirrored, for its column. The cut depends on the size alone, so sums are the same for any number of threads.
 
-use std::marker::PhantomData;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::kernels::{Element, ROW_GROUP, RowsTimesVector, RowsTimesVectorSingle, SingleEntry};
-use super::lanes::{SINGLES, with_lanes};
+use super::products::{Entry, ROW_GROUP};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::simd::SINGLES;
 
 /// Bands that the rows are cut into: enough for many threads, few enough that their sums are cheap to add.
 const BANDS: usize = 64;
@@ -25,9 +24,6 @@ pub(super) const TILE: usize = 1024;
 
 /// Rows of a tile whose products with f32 vectors are summed in f32.
 const SHORT_SUM: usize = 256;
-
-/// Entries of an f32 vector below this are taken for 0: their products would be subnormal, which is slow.
-const NEGLIGIBLE: f64 = 1e-30;
 
 /// Some rows at some columns; entries of rows that are left over to a whole group are not looked at.
 #[derive(Debug, Clone)]
@@ -93,7 +89,7 @@ impl Cut {
     }
 
     /// All tiles, filled group by group of rows, if they fit into memory.
-    pub(super) fn fill_if_fits<T: Copy + Default + Send>(
+    pub(super) fn fill_if_fits<T: Entry>(
         self,
         execution: &Execution,
         fill: impl Fn(&Part, &mut [T]) + Sync,
@@ -117,18 +113,18 @@ impl Cut {
         self.bands().map(fill_band).collect::<Result<_>>().map(Some)
     }
 
-    /// The product with `x`, its short sums in the numbers `N`.
-    pub(super) fn multiply<N: Sums<R::Entry>, R: Rows>(
+    /// The product with `x`.
+    pub(super) fn multiply<T: Entry>(
         self,
-        matrix: &R,
+        matrix: &Rows<T, impl Fn(&Part, &mut [T]) + Sync>,
         x: &[f64],
         execution: &Execution,
     ) -> Result<Vec<f64>> {
-        let x: Vec<N> =
-            (0..self.columns).map(|j| N::from_f64(x.get(j).copied().unwrap_or_default())).collect();
+        let filled_up = x.iter().copied().chain(std::iter::repeat(0.0));
+        let x: Vec<T::Number> = filled_up.take(self.columns).map(T::number).collect();
         let products: Vec<BandProduct> = self
             .bands()
-            .map(|(band, rows)| self.multiply_band(matrix, band, rows, &x, execution))
+            .map(|band| self.multiply_band(matrix, band, &x, execution))
             .collect::<Result<_>>()?;
         let mut result: Vec<f64> = products.iter().flat_map(|product| product.own.iter().copied()).collect();
         result.par_chunks_mut(TILE).enumerate().for_each(|(chunk, entries)| {
@@ -143,12 +139,11 @@ impl Cut {
         Ok(result)
     }
 
-    fn multiply_band<N: Sums<R::Entry>, R: Rows>(
+    fn multiply_band<T: Entry>(
         self,
-        matrix: &R,
-        band: usize,
-        rows: Range<usize>,
-        x: &[N],
+        matrix: &Rows<T, impl Fn(&Part, &mut [T]) + Sync>,
+        (band, rows): (usize, Range<usize>),
+        x: &[T::Number],
         execution: &Execution,
     ) -> Result<BandProduct> {
         let square_end = self.square_end(&rows);
@@ -160,17 +155,19 @@ impl Cut {
             let columns = &tile.columns;
             for first in rows.clone().step_by(SHORT_SUM) {
                 let part = first..(first + SHORT_SUM).min(rows.end);
-                let mut below = [N::default(); TILE];
+                let mut below = [T::Number::default(); TILE];
                 for group in groups(&part) {
-                    let entries = matrix.rows(&tile, &group, &mut buffer);
-                    let products =
-                        N::add_products(entries, &x[columns.clone()], &x[group.clone()], &mut below);
+                    let entries = matrix.group(&tile, &group, &mut buffer);
+                    let own_x = &x[group.clone()];
+                    // 0 for rows that are left over to a whole group.
+                    let weights = std::array::from_fn(|row| own_x.get(row).copied().unwrap_or_default());
+                    let products = T::add_products(entries, &x[columns.clone()], weights, &mut below);
                     let own = &mut own[group.start - rows.start..group.end - rows.start];
                     own.iter_mut().zip(products).for_each(|(entry, product)| *entry += product);
                 }
                 if columns.start >= square_end {
                     let mirrored = &mut mirrored[columns.start - square_end..columns.end - square_end];
-                    mirrored.iter_mut().zip(below).for_each(|(entry, sum)| *entry += sum.to_f64());
+                    mirrored.iter_mut().zip(below).for_each(|(entry, sum)| *entry += sum.into());
                 }
             }
         }
@@ -193,104 +190,22 @@ struct BandProduct {
     mirrored: Vec<f64>,
 }
 
-/// Where the rows of tiles come from.
-pub(super) trait Rows: Sync {
-    type Entry: Copy + Default;
+/// Rows of tiles: kept in memory, or else filled in for each product.
+pub(super) struct Rows<'a, T, F> {
+    pub(super) stored: Option<&'a [Vec<T>]>,
+    pub(super) fill: F,
+}
 
+impl<T: Entry, F: Fn(&Part, &mut [T])> Rows<'_, T, F> {
     /// A group of rows of a tile.
-    fn rows<'a>(
-        &'a self,
-        tile: &Tile,
-        group: &Range<usize>,
-        buffer: &'a mut Vec<Self::Entry>,
-    ) -> &'a [Self::Entry];
-}
-
-/// Rows kept in memory.
-pub(super) struct Stored<'a, T>(pub(super) &'a [Vec<T>]);
-
-impl<T: Copy + Default + Sync> Rows for Stored<'_, T> {
-    type Entry = T;
-
-    fn rows<'a>(&'a self, tile: &Tile, group: &Range<usize>, _: &'a mut Vec<T>) -> &'a [T] {
-        let first = tile.offset + (group.start - tile.first_row) * tile.columns.len();
-        &self.0[tile.band][first..first + ROW_GROUP * tile.columns.len()]
-    }
-}
-
-/// Rows computed on demand.
-pub(super) struct Computed<T, F> {
-    fill: F,
-    entries: PhantomData<fn() -> T>,
-}
-
-impl<T, F: Fn(&Part, &mut [T])> Computed<T, F> {
-    pub(super) fn new(fill: F) -> Self {
-        Self { fill, entries: PhantomData }
-    }
-}
-
-impl<T: Copy + Default, F: Fn(&Part, &mut [T]) + Sync> Rows for Computed<T, F> {
-    type Entry = T;
-
-    fn rows<'a>(&'a self, tile: &Tile, group: &Range<usize>, buffer: &'a mut Vec<T>) -> &'a [T] {
-        buffer.resize(ROW_GROUP * tile.columns.len(), T::default());
-        (self.fill)(&Part { rows: group.clone(), columns: tile.columns.clone() }, buffer);
+    fn group<'a>(&'a self, tile: &Tile, rows: &Range<usize>, buffer: &'a mut Vec<T>) -> &'a [T] {
+        let length = ROW_GROUP * tile.columns.len();
+        if let Some(bands) = self.stored {
+            let first = tile.offset + (rows.start - tile.first_row) * tile.columns.len();
+            return &bands[tile.band][first..first + length];
+        }
+        buffer.resize(length, T::default());
+        (self.fill)(&Part { rows: rows.clone(), columns: tile.columns.clone() }, buffer);
         buffer
-    }
-}
-
-/// Numbers that products are added up in.
-pub(super) trait Number: Copy + Default + Send + Sync {
-    fn from_f64(value: f64) -> Self;
-    fn to_f64(self) -> f64;
-}
-
-impl Number for f64 {
-    fn from_f64(value: f64) -> Self {
-        value
-    }
-
-    fn to_f64(self) -> f64 {
-        self
-    }
-}
-
-impl Number for f32 {
-    fn from_f64(value: f64) -> Self {
-        if value.abs() < NEGLIGIBLE { 0.0 } else { value as Self }
-    }
-
-    fn to_f64(self) -> f64 {
-        f64::from(self)
-    }
-}
-
-/// Sums in this kind of number for entries of the kind `T`.
-pub(super) trait Sums<T>: Number {
-    /// Sums of a group of rows' entries times `x`; onto `below` the sums of their columns' entries times the
-    /// rows' `weights`.
-    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP];
-
-    /// With weight 0 for rows that are left over.
-    fn filled_up(weights: &[Self]) -> [Self; ROW_GROUP] {
-        std::array::from_fn(|row| weights.get(row).copied().unwrap_or_default())
-    }
-}
-
-impl<T: Element> Sums<T> for f64 {
-    /// Entries are in the order of rows.
-    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP] {
-        let rows = std::array::from_fn(|row| &entries[row * x.len()..(row + 1) * x.len()]);
-        let weights = <Self as Sums<T>>::filled_up(weights);
-        with_lanes(RowsTimesVector { rows, x, weights, mirrored: &mut below[..x.len()] })
-    }
-}
-
-impl<T: SingleEntry> Sums<T> for f32 {
-    /// Entries are interleaved.
-    fn add_products(entries: &[T], x: &[Self], weights: &[Self], below: &mut [Self]) -> [f64; ROW_GROUP] {
-        let weights = <Self as Sums<T>>::filled_up(weights);
-        with_lanes(RowsTimesVectorSingle { entries, x, weights, mirrored: &mut below[..x.len()] })
     }
 }

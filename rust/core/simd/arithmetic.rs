@@ -1,32 +1,19 @@
 //! Elementary functions without branches or table look-ups, so that loops over them run on vector units.
 //!
-//! All is plain Rust that the compiler vectorises; [`with_arithmetic`] chooses the instruction set at run
-//! time, and with it whether a product and a sum are rounded once or twice.
+//! All is plain Rust that the compiler vectorises. The [`Arithmetic`], which every kind of [`Lanes`](super::Lanes)
+//! is, says whether a product and a sum are rounded once or twice.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
 use std::f64::consts::LOG2_E;
 
-use pulp::Arch;
-
-/// `a b + c` as the machine does it fast.
+/// `a b + c` as an instruction set does it fast.
 pub trait Arithmetic: Copy {
     /// `a b + c`.
     fn multiply_add(self, a: f64, b: f64, c: f64) -> f64;
 }
 
-/// Product and sum rounded once; slow where the machine has no instruction for it.
-#[derive(Debug, Clone, Copy)]
-pub struct Fused;
-
-impl Arithmetic for Fused {
-    #[inline(always)]
-    fn multiply_add(self, a: f64, b: f64, c: f64) -> f64 {
-        a.mul_add(b, c)
-    }
-}
-
-/// Product and sum rounded one after the other.
+/// Product and sum rounded one after the other: the same on every machine.
 #[derive(Debug, Clone, Copy)]
 pub struct Separate;
 
@@ -34,36 +21,6 @@ impl Arithmetic for Separate {
     #[inline(always)]
     fn multiply_add(self, a: f64, b: f64, c: f64) -> f64 {
         a * b + c
-    }
-}
-
-/// Work that is compiled once for every kind of [`Arithmetic`].
-pub trait ArithmeticWork {
-    /// What it results in.
-    type Output;
-    /// Does the work; has to be `#[inline(always)]`.
-    fn run<A: Arithmetic>(self, arithmetic: A) -> Self::Output;
-}
-
-/// Does the work with the best instructions of this machine.
-#[inline(always)]
-pub fn with_arithmetic<W: ArithmeticWork>(work: W) -> W::Output {
-    match Arch::new() {
-        #[cfg(target_arch = "x86_64")]
-        Arch::V4(simd) => simd.vectorize(
-            #[inline(always)]
-            || work.run(Fused),
-        ),
-        #[cfg(target_arch = "x86_64")]
-        Arch::V3(simd) => simd.vectorize(
-            #[inline(always)]
-            || work.run(Fused),
-        ),
-        // Every 64-bit ARM has the instruction.
-        #[cfg(target_arch = "aarch64")]
-        _ => work.run(Fused),
-        #[cfg(not(target_arch = "aarch64"))]
-        _ => work.run(Separate),
     }
 }
 
@@ -119,19 +76,22 @@ pub fn polynomial<A: Arithmetic, const N: usize>(arithmetic: A, coefficients: &[
 
 #[cfg(test)]
 mod tests {
+    use super::super::dispatch::{Kernel, run_on_each};
+    use super::super::lanes::Lanes;
     use super::*;
 
     /// The powers of many exponents, as a loop that is vectorised.
+    #[derive(Clone, Copy)]
     struct Powers<'a>(&'a [f64]);
 
-    impl ArithmeticWork for Powers<'_> {
+    impl Kernel for Powers<'_> {
         type Output = Vec<f64>;
 
         #[inline(always)]
-        fn run<A: Arithmetic>(self, arithmetic: A) -> Vec<f64> {
+        fn run<L: Lanes>(self, lanes: L) -> Vec<f64> {
             let mut powers = vec![0.0; self.0.len()];
             for (power, &x) in powers.iter_mut().zip(self.0) {
-                *power = exp_of_negative(arithmetic, x);
+                *power = exp_of_negative(lanes, x);
             }
             powers
         }
@@ -163,7 +123,7 @@ mod tests {
     #[test]
     fn powers_agree_with_the_standard_library() {
         let exponents = exponents();
-        for powers in [with_arithmetic(Powers(&exponents)), Powers(&exponents).run(Separate)] {
+        for powers in run_on_each(Powers(&exponents)) {
             for (x, power) in exponents.iter().zip(powers) {
                 let expected = x.exp();
                 let allowed = 1e-15 * expected + 5e-324;
@@ -175,7 +135,8 @@ mod tests {
 
     #[test]
     fn the_least_powers_are_zero_and_the_greatest_is_one() {
-        let powers = with_arithmetic(Powers(&[-800.0, f64::NEG_INFINITY, f64::MIN, 0.0, -0.0, -5e-324]));
-        assert_eq!(powers, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+        for powers in run_on_each(Powers(&[-800.0, f64::NEG_INFINITY, f64::MIN, 0.0, -0.0, -5e-324])) {
+            assert_eq!(powers, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+        }
     }
 }

@@ -1,0 +1,116 @@
+//! What two correspondences score together, row by row.
+
+use super::coordinates::{Coordinate, Sides, fill_row};
+use crate::points::{Points, unit_scale};
+use crate::simd;
+
+/// What a pair of correspondences scores. Pairs with a zero-length edge score 0 unless said otherwise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PairScore {
+    /// `r(c_i, c_j) = min(ds/dt, dt/ds)`, Eq. 12.
+    DistanceRatio,
+    /// The distance ratio where it is at least this, else 0.
+    DistanceRatioFrom(f64),
+    /// 1 where the distance ratio is at least this, else 0.
+    DistanceRatioIndicator(f64),
+    /// 1 where `|ds - dt|` is at most `tolerance`, else 0.
+    DistanceDifferenceIndicator {
+        /// Greatest difference, a length.
+        tolerance: f64,
+        /// Whether pairs that share a source or a target point score 0.
+        one_to_one: bool,
+    },
+}
+
+/// Source and target coordinates, scaled to about 1.
+#[derive(Debug, Clone)]
+pub struct PairPositions<T> {
+    sides: Sides<T>,
+    /// Factor from the data's unit to the stored one.
+    scale: f64,
+    /// Number of correspondences; those that the axes are filled up with come after.
+    count: usize,
+}
+
+impl PairPositions<f64> {
+    /// Of matched points.
+    pub fn new(source: &Points, target: &Points) -> Self {
+        let scale = unit_scale(source.diagonal().max(target.diagonal()));
+        let axes = [&source.x, &source.y, &source.z, &target.x, &target.y, &target.z];
+        let scaled = axes.map(|axis| axis.iter().map(|value| value * scale).collect());
+        let zero_squared = [source, target].map(|points| {
+            let zero = points.zero_length() * scale;
+            zero * zero
+        });
+        Self { sides: Sides::new(scaled, zero_squared), scale, count: source.len() }
+    }
+
+    /// The same in f32.
+    #[must_use]
+    pub fn to_single(&self) -> PairPositions<f32> {
+        PairPositions { sides: self.sides.to_single(), scale: self.scale, count: self.count }
+    }
+}
+
+impl<T: Coordinate> PairPositions<T> {
+    /// The correspondences `indices` alone.
+    #[must_use]
+    pub fn subset(&self, indices: &[usize]) -> Self {
+        Self { sides: self.sides.subset(indices), scale: self.scale, count: indices.len() }
+    }
+
+    /// Number of correspondences.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Lets pairs with a zero-length edge score like all others.
+    pub fn allow_shared_points(&mut self) {
+        self.sides.zero_squared = [T::from_f64(-1.0); 2]; // below any square
+    }
+
+    /// Writes the scores of correspondence `i` with all others; its score with itself is 0.
+    pub fn fill_row(&self, score: PairScore, i: usize, row: &mut [T]) {
+        self.fill_part(score, i, 0, row);
+    }
+
+    /// Writes the scores of correspondence `i` with those from `first` on, as many as `row` takes: in f32
+    /// whole groups, the last of which may go beyond the last correspondence.
+    pub fn fill_part(&self, score: PairScore, i: usize, first: usize, row: &mut [T]) {
+        let zero = T::default();
+        match score {
+            PairScore::DistanceRatio => T::fill_ratios(&self.sides, i, first, row),
+            PairScore::DistanceRatioFrom(least) => {
+                T::fill_ratios(&self.sides, i, first, row);
+                let least = T::from_f64(least);
+                row.iter_mut().for_each(|entry| *entry = if *entry >= least { *entry } else { zero });
+            }
+            PairScore::DistanceRatioIndicator(least) => {
+                T::fill_ratios(&self.sides, i, first, row);
+                let least = T::from_f64(least);
+                // No length is zero where the ratio is not.
+                row.iter_mut().for_each(|entry| *entry = T::from(*entry >= least && *entry > zero));
+            }
+            PairScore::DistanceDifferenceIndicator { tolerance, .. } => {
+                self.fill_agreements(tolerance, i, first, row);
+            }
+        }
+        if let Some(itself) = i.checked_sub(first).and_then(|at| row.get_mut(at)) {
+            *itself = zero;
+        }
+    }
+
+    /// Writes 1 where `|ds - dt|` is at most `tolerance`, else 0.
+    fn fill_agreements(&self, tolerance: f64, i: usize, first: usize, row: &mut [T]) {
+        let tolerance = T::from_f64(tolerance * self.scale);
+        simd::run(
+            #[inline(always)]
+            || {
+                fill_row(&self.sides, i, first, row, |ds, dt| {
+                    let (ds, dt) = (ds.sqrt(), dt.sqrt());
+                    T::from((if ds > dt { ds - dt } else { dt - ds }) <= tolerance)
+                });
+            },
+        );
+    }
+}

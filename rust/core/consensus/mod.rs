@@ -1,0 +1,7 @@
+//! Hypotheses of a rigid motion from samples, and how many correspondences agree with each.
+
+pub mod counter_rng;
+mod inlier_counter;
+pub mod sample_consensus;
+
+pub use sample_consensus::{Consensus, SampleConsensus};

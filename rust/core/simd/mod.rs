@@ -1,0 +1,17 @@
+//! Vector code, written in one way: a [`Kernel`] is compiled for every instruction set, and [`run`] takes the
+//! best that this machine has.
+
+pub mod arithmetic;
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod dispatch;
+mod lanes;
+mod portable;
+pub mod sums;
+
+#[cfg(test)]
+pub use dispatch::run_on_each;
+pub use dispatch::{Kernel, run};
+pub use lanes::{DOUBLES, Lanes, SINGLES};
