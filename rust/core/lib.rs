@@ -19,6 +19,7 @@
 //!
 //! Lengths are in the unit of the data; angles are in degrees where a name says so.
 
+pub mod cloud;
 pub mod compatibility;
 pub mod correspondences;
 pub mod error;
@@ -31,6 +32,7 @@ pub mod grouping_result;
 pub mod points;
 pub mod selection;
 
+pub use cloud::Cloud;
 pub use correspondences::Correspondences;
 pub use error::{Error, Result};
 pub use execution::Execution;

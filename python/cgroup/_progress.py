@@ -1,0 +1,42 @@
+"""How far a computation is: times of its stages, and whom it tells."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def ignore_progress(*_: object) -> None:
+    """Do nothing; stands for a progress callback that was not given."""
+
+
+class StageClock:
+    """Takes the time of stages and passes on their names.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Wall time of each stage that has ended, in order.
+    """
+
+    def __init__(self, progress: Callable[[str], Any] = ignore_progress) -> None:
+        self.seconds: dict[str, float] = {}
+        self._progress = progress
+        self._stage: str | None = None
+        self._since = 0.0
+
+    def start(self, stage: str) -> None:
+        """End the stage before, and begin this one."""
+        self.stop()
+        self._progress(stage)
+        self._stage, self._since = stage, time.perf_counter()
+
+    def stop(self) -> dict[str, float]:
+        """End the last stage; return `seconds`."""
+        if self._stage is not None:
+            self.seconds[self._stage] = time.perf_counter() - self._since
+        self._stage = None
+        return self.seconds
