@@ -8,6 +8,7 @@ use std::num::NonZero;
 
 use cgroup::features::harris3d::Harris3d;
 use cgroup::features::iss::Iss;
+use cgroup::features::keypoints::drop_isolated;
 use cgroup::features::lfsh::Lfsh;
 use cgroup::features::matching::{Descriptors, Matching};
 use cgroup::features::normals::{Neighborhood, surfaces};
@@ -16,9 +17,9 @@ use cgroup::features::shot::Shot;
 use cgroup::features::shot_lrf::shot_frames;
 use cgroup::features::toldi_lrf::toldi_frames;
 use cgroup::geometry::ball_search::BallSearch;
-use cgroup::geometry::neighbors::NearestNeighbors;
-use cgroup::geometry::resolution::resolution;
-use cgroup::{Execution, Points, Result};
+use cgroup::geometry::nearest_sets::NearestSets;
+use cgroup::geometry::neighbors::{NearestNeighbors, Neighbor};
+use cgroup::{Cloud, Execution, Points, Result};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -27,11 +28,14 @@ use rayon::prelude::*;
 
 const POINTS: u32 = 40_000;
 const KEYPOINTS: usize = 5_000;
+const DETECTOR_RADIUS: f64 = 2.7;
 const NORMAL_RADIUS: f64 = 5.0;
 const SUPPORT_RADIUS: f64 = 15.0;
 
+type Tree = ImmutableKdTree<f64, 3>;
+
 struct Scene {
-    points: Points,
+    cloud: Cloud,
     normals: Vec<Vector3<f64>>,
     keypoints: Vec<usize>,
 }
@@ -52,78 +56,161 @@ fn bumpy_surface() -> Vec<[f64; 3]> {
 }
 
 fn scene() -> Result<Scene> {
-    let points = Points::from_rows("points", &bumpy_surface())?;
+    let cloud = Cloud::from_rows("points", &bumpy_surface())?;
     let neighborhood = Neighborhood::Radius(NORMAL_RADIUS);
-    let fits = surfaces(&points, neighborhood, Point3::origin(), &Execution::default())?;
-    let keypoints = (0..KEYPOINTS).map(|i| i * points.len() / KEYPOINTS).collect();
-    Ok(Scene { points, normals: fits.into_iter().map(|fit| fit.normal).collect(), keypoints })
+    let fits = surfaces(&cloud, neighborhood, Point3::origin(), &Execution::default())?;
+    let keypoints = (0..KEYPOINTS).map(|i| i * cloud.points().len() / KEYPOINTS).collect();
+    Ok(Scene { cloud, normals: fits.into_iter().map(|fit| fit.normal).collect(), keypoints })
 }
 
-fn neighbors(criterion: &mut Criterion) {
-    let Ok(Scene { points, .. }) = scene() else { return };
+/// kiddo's tree over the points, and the rows in its order, so that its queries too share what is in the cache.
+fn kiddo_tree(points: &Points) -> Option<(Tree, Vec<[f64; 3]>)> {
     let rows = points.rows();
-    let Ok(kiddo) = ImmutableKdTree::<f64, 3>::new_from_slice(&rows) else { return };
-    let execution = Execution::default();
+    let tree = Tree::new_from_slice(&rows).ok()?;
+    let order: Vec<u32> = tree.iter().map(|(index, _)| index).collect();
+    Some((tree, order.iter().map(|&index| rows[index as usize]).collect()))
+}
+
+/// Every search of the crate beside kiddo: building, and the queries that the front end and SI make.
+fn neighbors(criterion: &mut Criterion) {
+    let Ok(Scene { cloud, .. }) = scene() else { return };
     let mut group = criterion.benchmark_group("neighbors");
     group.sample_size(10);
-    let twenty = NonZero::new(20).unwrap_or(NonZero::<usize>::MIN);
-    group.bench_function("nearest_20/tree", |b| {
-        let tree = NearestNeighbors::new(&points);
-        b.iter(|| tree.map_points(19, &execution, |_, found| found.len()));
-    });
-    group.bench_function("nearest_20/kiddo", |b| {
-        let count =
-            |row: &[f64; 3]| kiddo.query(row).nearest_n::<SquaredEuclidean<f64>>(twenty).execute().len();
-        b.iter(|| rows.par_iter().map(count).sum::<usize>());
-    });
-    for radius in [NORMAL_RADIUS, SUPPORT_RADIUS] {
-        group.bench_function(format!("within_{radius}/grid"), |b| {
-            b.iter(|| {
-                let search = BallSearch::new(&points, radius)?;
-                search.map_points(&execution, |_, ball| ball.len())
-            });
+    build(&mut group, cloud.points());
+    nearest(&mut group, cloud.points());
+    within(&mut group, cloud.points());
+    nearest_sets(&mut group);
+}
+
+fn build(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
+    group.bench_function("build/kiddo", |b| b.iter(|| Tree::new_from_slice(&points.rows())));
+    group.bench_function("build/tree", |b| b.iter(|| NearestNeighbors::new(points)));
+    for radius in [DETECTOR_RADIUS, SUPPORT_RADIUS] {
+        group.bench_function(format!("build/grid_{radius}"), |b| b.iter(|| BallSearch::new(points, radius)));
+    }
+    group.bench_function("build/sets", |b| b.iter(|| NearestSets::new(points)));
+}
+
+/// One nearest other point, as the resolution needs, and 19 of them, as normals do. kiddo finds the point itself too.
+fn nearest(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
+    let (tree, execution) = (NearestNeighbors::new(points), Execution::default());
+    let Some((kiddo, rows)) = kiddo_tree(points) else { return };
+    for others in [1, 19] {
+        group.bench_function(format!("nearest_{others}/tree"), |b| {
+            let sum =
+                |found: &[Neighbor]| found.iter().map(|neighbor| neighbor.squared_distance).sum::<f64>();
+            b.iter(|| tree.map_points(others, &execution, |_, found| sum(found)));
         });
-        group.bench_function(format!("within_{radius}/kiddo"), |b| {
-            let count = |row: &[f64; 3]| {
-                kiddo.query(row).within::<SquaredEuclidean<f64>>(radius * radius).unsorted().execute().len()
-            };
-            b.iter(|| rows.par_iter().map(count).sum::<usize>());
+        let Some(count) = NonZero::new(others + 1) else { return };
+        group.bench_function(format!("nearest_{others}/kiddo"), |b| {
+            b.iter(|| {
+                let query = |row: &[f64; 3]| {
+                    let found = kiddo.query(row).nearest_n::<SquaredEuclidean<f64>>(count).execute();
+                    found.iter().map(|neighbor| neighbor.distance).sum::<f64>()
+                };
+                rows.par_chunks(256).flat_map_iter(|rows| rows.iter().map(query)).collect::<Vec<_>>()
+            });
         });
     }
 }
 
+/// All points of a ball with their offsets and distances.
+fn within(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
+    let execution = Execution::default();
+    let Some((kiddo, rows)) = kiddo_tree(points) else { return };
+    let coordinates = points.rows();
+    for radius in [DETECTOR_RADIUS, NORMAL_RADIUS, SUPPORT_RADIUS] {
+        let Ok(search) = BallSearch::new(points, radius) else { return };
+        group.bench_function(format!("within_{radius}/grid"), |b| {
+            b.iter(|| search.map_points(&execution, |_, ball| ball.len()));
+        });
+        group.bench_function(format!("within_{radius}/kiddo"), |b| {
+            let query = |ball: &mut Vec<([f64; 3], f64, u32)>, row: &[f64; 3]| {
+                ball.clear();
+                let all = kiddo.query(row).within::<SquaredEuclidean<f64>>(radius * radius).unsorted();
+                all.exclusive_boundaries().visit(|found| {
+                    let other = coordinates[found.item as usize];
+                    let offset = [0, 1, 2].map(|k| other[k] - row[k]);
+                    ball.push((offset, found.distance, found.item));
+                });
+                ball.len()
+            };
+            b.iter(|| rows.par_iter().with_min_len(128).map_init(Vec::new, query).collect::<Vec<_>>());
+        });
+    }
+}
+
+/// The 250 nearest of each of 5,000 scattered points, as SI asks for.
+fn nearest_sets(group: &mut BenchmarkGroup<'_, WallTime>) {
+    let scattered = |i: u32| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin());
+    let rows: Vec<[f64; 3]> = (0..5_000).map(scattered).collect();
+    let Ok(points) = Points::from_rows("points", &rows) else { return };
+    let (keep, execution) = (vec![true; rows.len()], Execution::default());
+    group.bench_function("nearest_250_of_5000/sets", |b| {
+        b.iter(|| NearestSets::new(&points).map(250, &keep, &execution, |_, members| members.len()));
+    });
+    let count = NonZero::new(251).unwrap_or(NonZero::<usize>::MIN);
+    group.bench_function("nearest_250_of_5000/kiddo", |b| {
+        b.iter(|| {
+            let Some((kiddo, rows)) = kiddo_tree(&points) else { return Vec::new() };
+            let query =
+                |row: &[f64; 3]| kiddo.query(row).nearest_n::<SquaredEuclidean<f64>>(count).execute().len();
+            rows.par_iter().with_min_len(64).map(query).collect::<Vec<_>>()
+        });
+    });
+}
+
+/// Each step alone, on a cloud that nothing has been built for yet; and a whole front end on one cloud.
 fn clouds(criterion: &mut Criterion) {
-    let Ok(Scene { points, normals, keypoints }) = scene() else { return };
+    let Ok(Scene { cloud, normals, keypoints }) = scene() else { return };
+    let fresh = || Cloud::new(cloud.points().clone());
     let execution = Execution::default();
     let mut group = criterion.benchmark_group("cloud_40000");
     group.sample_size(10);
-    group.bench_function("resolution", |b| b.iter(|| resolution(&points, false, &execution)));
+    group.bench_function("resolution", |b| b.iter(|| fresh().resolution(false, &execution)));
     for (name, neighborhood) in
         [("radius_5", Neighborhood::Radius(NORMAL_RADIUS)), ("nearest_20", Neighborhood::Nearest(20))]
     {
         group.bench_function(format!("normals/{name}"), |b| {
-            b.iter(|| surfaces(&points, neighborhood, Point3::origin(), &execution));
+            b.iter(|| surfaces(&fresh(), neighborhood, Point3::origin(), &execution));
         });
     }
     group.bench_function("harris3d", |b| {
-        b.iter(|| Harris3d::new(NORMAL_RADIUS).detect(&points, None, &execution));
+        b.iter(|| Harris3d::new(NORMAL_RADIUS).detect(&fresh(), None, &execution));
     });
-    group.bench_function("iss", |b| b.iter(|| Iss::new(6.0, 4.0).detect(&points, &execution)));
+    group.bench_function("harris3d/about_500", |b| {
+        let detector = Harris3d { count: Some(500), ..Harris3d::new(NORMAL_RADIUS) };
+        b.iter(|| detector.detect(&fresh(), None, &execution));
+    });
+    group.bench_function("iss", |b| b.iter(|| Iss::new(6.0, 4.0).detect(&fresh(), &execution)));
     group.bench_function("shot_lrf/5000", |b| {
-        b.iter(|| shot_frames(&points, &keypoints, SUPPORT_RADIUS, &execution));
+        b.iter(|| shot_frames(&fresh(), &keypoints, SUPPORT_RADIUS, &execution));
     });
     group.bench_function("toldi_lrf/5000", |b| {
-        b.iter(|| toldi_frames(&points, &keypoints, SUPPORT_RADIUS, &execution));
+        b.iter(|| toldi_frames(&fresh(), &keypoints, SUPPORT_RADIUS, &execution));
     });
     group.bench_function("shot/5000", |b| {
-        b.iter(|| Shot::new(SUPPORT_RADIUS).describe(&points, &normals, &keypoints, None, &execution));
+        b.iter(|| Shot::new(SUPPORT_RADIUS).describe(&fresh(), &normals, &keypoints, None, &execution));
     });
     group.bench_function("lfsh/5000", |b| {
-        b.iter(|| Lfsh { radius: SUPPORT_RADIUS }.describe(&points, &normals, &keypoints, &execution));
+        b.iter(|| Lfsh { radius: SUPPORT_RADIUS }.describe(&fresh(), &normals, &keypoints, &execution));
     });
     group.bench_function("rcs/5000", |b| {
-        b.iter(|| Rcs { radius: SUPPORT_RADIUS }.describe(&points, &keypoints, &execution));
+        b.iter(|| Rcs { radius: SUPPORT_RADIUS }.describe(&fresh(), &keypoints, &execution));
     });
+    group.bench_function("front_end", |b| b.iter(|| front_end(&fresh(), &execution)));
+}
+
+/// Resolution, normals, Harris 3D keypoints and their SHOT descriptors, all of one cloud.
+fn front_end(cloud: &Cloud, execution: &Execution) -> Result<usize> {
+    let pr = cloud.resolution(false, execution)?;
+    let fits = surfaces(cloud, Neighborhood::Nearest(20), Point3::origin(), execution)?;
+    let normals: Vec<_> = fits.into_iter().map(|fit| fit.normal).collect();
+    let found = Harris3d::new(DETECTOR_RADIUS * pr).detect(cloud, None, execution)?;
+    let kept = drop_isolated(cloud, &found, SUPPORT_RADIUS * pr, 10, execution)?;
+    let frames = shot_frames(cloud, &kept, SUPPORT_RADIUS * pr, execution)?;
+    let shot = Shot::new(SUPPORT_RADIUS * pr);
+    Ok(shot.describe(cloud, &normals, &kept, Some(&frames), execution)?.len())
 }
 
 /// Descriptors of neighbouring keypoints, as two scans of one surface have them: the crate's blocked
@@ -132,10 +219,10 @@ fn matching(criterion: &mut Criterion) {
     let Ok(scene) = scene() else { return };
     let execution = Execution::default();
     let beside: Vec<usize> = scene.keypoints.iter().map(|i| i + 1).collect();
-    let Scene { points, normals, keypoints } = &scene;
-    let lfsh = |rows: &[usize]| Lfsh { radius: SUPPORT_RADIUS }.describe(points, normals, rows, &execution);
-    let rcs = |rows: &[usize]| Rcs { radius: SUPPORT_RADIUS }.describe(points, rows, &execution);
-    let shot = |rows: &[usize]| Shot::new(SUPPORT_RADIUS).describe(points, normals, rows, None, &execution);
+    let Scene { cloud, normals, keypoints } = &scene;
+    let lfsh = |rows: &[usize]| Lfsh { radius: SUPPORT_RADIUS }.describe(cloud, normals, rows, &execution);
+    let rcs = |rows: &[usize]| Rcs { radius: SUPPORT_RADIUS }.describe(cloud, rows, &execution);
+    let shot = |rows: &[usize]| Shot::new(SUPPORT_RADIUS).describe(cloud, normals, rows, None, &execution);
     let mut group = criterion.benchmark_group("match_5000x5000");
     group.sample_size(10);
     match_both::<30>(&mut group, lfsh(keypoints), lfsh(&beside), &execution);

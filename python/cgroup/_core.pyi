@@ -1,5 +1,5 @@
 from collections.abc import Sequence
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ _Threshold: TypeAlias = float | Literal["otsu"]
 
 __all__ = [
     "DEBUG_BUILD",
+    "Cloud",
     "__version__",
     "cv",
     "drop_isolated",
@@ -125,18 +126,26 @@ def gtm(
     dynamics: str,
 ) -> RawGrouping: ...
 def rigid_fit(source: RealArray, target: RealArray) -> FloatArray: ...
-def resolution(points: FloatArray, run_options: RunOptions, ignore_zero: bool) -> float: ...
+
+@final
+class Cloud:
+    def __new__(cls, points: RealArray, name: str) -> Cloud: ...
+    def __len__(self) -> int: ...
+    @property
+    def diagonal(self) -> float: ...
+
+def resolution(cloud: Cloud, run_options: RunOptions, ignore_zero: bool) -> float: ...
 def normals(
-    points: FloatArray,
+    cloud: Cloud,
     run_options: RunOptions,
     neighbors: int,
     radius: float | None,
     viewpoint: Sequence[float],
 ) -> FloatArray: ...
-def mesh_normals(points: FloatArray, faces: IndexArray) -> FloatArray: ...
+def mesh_normals(cloud: Cloud, faces: IndexArray) -> FloatArray: ...
 def harris3d(
-    points: FloatArray,
-    normals: FloatArray | None,
+    cloud: Cloud,
+    normals: RealArray | None,
     run_options: RunOptions,
     *,
     radius: float,
@@ -147,7 +156,7 @@ def harris3d(
     count: int | None,
 ) -> IndexArray: ...
 def iss(
-    points: FloatArray,
+    cloud: Cloud,
     run_options: RunOptions,
     *,
     salient_radius: float,
@@ -160,30 +169,24 @@ def iss(
     count: int | None,
 ) -> IndexArray: ...
 def drop_isolated(
-    points: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float, min_points: int
+    cloud: Cloud, keypoints: IndexArray, run_options: RunOptions, radius: float, min_points: int
 ) -> IndexArray: ...
-def shot_lrf(
-    points: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float
-) -> FloatArray: ...
-def toldi_lrf(
-    points: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float
-) -> FloatArray: ...
+def shot_lrf(cloud: Cloud, keypoints: IndexArray, run_options: RunOptions, radius: float) -> FloatArray: ...
+def toldi_lrf(cloud: Cloud, keypoints: IndexArray, run_options: RunOptions, radius: float) -> FloatArray: ...
 def shot(
-    points: FloatArray,
-    normals: FloatArray,
+    cloud: Cloud,
+    normals: RealArray,
     keypoints: IndexArray,
     run_options: RunOptions,
     *,
     radius: float,
-    lrf: FloatArray | None,
+    lrf: RealArray | None,
     pcl_compat: bool,
 ) -> _DescriptorArray: ...
 def lfsh(
-    points: FloatArray, normals: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float
+    cloud: Cloud, normals: RealArray, keypoints: IndexArray, run_options: RunOptions, radius: float
 ) -> _DescriptorArray: ...
-def rcs(
-    points: FloatArray, keypoints: IndexArray, run_options: RunOptions, radius: float
-) -> _DescriptorArray: ...
+def rcs(cloud: Cloud, keypoints: IndexArray, run_options: RunOptions, radius: float) -> _DescriptorArray: ...
 def match_descriptors(
-    source: FloatArray, target: FloatArray, run_options: RunOptions, mutual: bool, max_distance: float | None
+    source: RealArray, target: RealArray, run_options: RunOptions, mutual: bool, max_distance: float | None
 ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]: ...

@@ -46,7 +46,9 @@ def checked(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def run_options(
-    threads: int | None, max_memory: int | None, progress: Callable[[float], Any] | None
+    threads: int | None = None,
+    max_memory: int | None = 0,
+    progress: Callable[[float], Any] | None = None,
 ) -> RunOptions:
     """Check how a computation is to run."""
     if threads is not None and as_count("threads", threads, 1) > MOST_THREADS:

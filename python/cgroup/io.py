@@ -16,7 +16,8 @@ import numpy as np
 
 from cgroup._cloud_formats import PARSERS, CloudContent, load_npy, load_numbers
 from cgroup.errors import InputError
-from cgroup.types import OPTIONAL_FIELDS, Correspondences, DescribedCloud
+from cgroup.features import DescribedCloud
+from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
     import os

@@ -224,40 +224,6 @@ class Grouping:
         return f"Grouping({self.size} of {len(self.mask)} selected)"
 
 
-@dataclass(frozen=True, eq=False)
-class DescribedCloud:
-    """Keypoints of a cloud, ready to be matched with those of another; row i of each array is one keypoint.
-
-    Attributes
-    ----------
-    indices : (m,) array of int64
-        Rows of the cloud, ascending.
-    points : (m,3) array of float64
-        Positions.
-    lrf : (m,3,3) array of float64
-        SHOT's local reference frames, rows are the axes; NaN where there is none.
-    descriptors : (m,d) array of float32
-        All finite, none zero.
-    resolution : float
-        The unit pr that the radii were multiples of.
-    centroid : (3,) array of float64
-        Of the whole cloud.
-    """
-
-    indices: IndexArray
-    points: FloatArray
-    lrf: FloatArray
-    descriptors: NDArray[np.float32]
-    resolution: float
-    centroid: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.indices)
-
-    def __repr__(self) -> str:
-        return f"DescribedCloud(m={len(self)}, dimensions={self.descriptors.shape[1]})"
-
-
 @dataclass(frozen=True)
 class RunOptions:
     """How a computation runs: threads, memory for pairwise matrices in bytes, progress callback."""

@@ -30,6 +30,7 @@
 //!
 //! Lengths are in the unit of the data; angles are in degrees where a name says so.
 
+pub mod cloud;
 pub mod compatibility;
 pub mod consensus;
 pub mod correspondences;
@@ -44,6 +45,7 @@ pub mod points;
 pub mod selection;
 mod simd;
 
+pub use cloud::Cloud;
 pub use correspondences::Correspondences;
 pub use error::{Error, Result};
 pub use execution::Execution;

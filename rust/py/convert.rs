@@ -1,13 +1,11 @@
 //! Between numpy arrays and the core's types; nothing else touches arrays.
 
-use cgroup::frames::{Frame, Frames};
+use cgroup::frames::Frames;
 use cgroup::selection::otsu::{OtsuMode, Threshold};
 use cgroup::{Correspondences, Error, Grouping, Points};
-use nalgebra::{Matrix3, Matrix4};
-use numpy::ndarray::{ArrayView2, Dimension, Ix1, Ix2, Ix3};
-use numpy::{
-    PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray2, PyReadonlyArray3,
-};
+use nalgebra::Matrix4;
+use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3};
+use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -101,20 +99,6 @@ impl Reals<'_, Ix3> {
             Self::Double(array) => Frames::Double(array.as_slice()?.as_chunks().0.to_vec()),
         })
     }
-}
-
-/// Rows of coordinates from an (n,3) array.
-pub fn points(array: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
-    array.as_array().rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect()
-}
-
-/// Frames from an (n,3,3) array; a block with NaN is no frame.
-pub fn frames(array: &PyReadonlyArray3<'_, f64>) -> Vec<Frame> {
-    let to_frame = |block: ArrayView2<'_, f64>| {
-        let axes = Matrix3::from_fn(|row, column| block[(row, column)]);
-        (!axes.iter().any(|value| value.is_nan())).then_some(axes)
-    };
-    array.as_array().outer_iter().map(to_frame).collect()
 }
 
 /// A 4x4 array.

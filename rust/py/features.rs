@@ -1,25 +1,26 @@
 //! One function per step of the front end.
 
-use cgroup::Points;
 use cgroup::correspondences::Frame;
 use cgroup::features::harris3d::{Harris3d, Response};
 use cgroup::features::iss::{Covariance, Iss};
+use cgroup::features::keypoints as support;
 use cgroup::features::lfsh::Lfsh;
 use cgroup::features::matching::{Descriptors, Match, Matching};
 use cgroup::features::mesh_normals::mesh_normals as mesh_normals_of;
 use cgroup::features::normals::{self as plane_fits, Neighborhood};
 use cgroup::features::rcs::Rcs;
 use cgroup::features::shot::Shot;
-use cgroup::features::{keypoints as support, shot_lrf as shot_frames, toldi_lrf as toldi_frames};
-use cgroup::geometry::resolution::resolution as mean_nearest_distance;
+use cgroup::features::shot_lrf::shot_frames;
+use cgroup::features::toldi_lrf::toldi_frames;
 use nalgebra::{Point3, Vector3};
+use numpy::ndarray::{Ix2, Ix3};
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3,
 };
 use pyo3::prelude::*;
 
-use crate::convert::{self, choose};
+use crate::cloud::Cloud;
+use crate::convert::{Reals, choose};
 use crate::error::to_python;
 use crate::run::{RunOptions, run};
 
@@ -27,28 +28,28 @@ use crate::run::{RunOptions, run};
 #[pyfunction]
 pub fn resolution(
     py: Python<'_>,
-    points: PyReadonlyArray2<'_, f64>,
+    cloud: &Cloud,
     run_options: RunOptions,
     ignore_zero: bool,
 ) -> PyResult<f64> {
-    let points = cloud(&points)?;
-    run(py, &run_options, move |execution| mean_nearest_distance(&points, ignore_zero, execution))
+    let cloud = cloud.core();
+    run(py, &run_options, move |execution| cloud.resolution(ignore_zero, execution))
 }
 
 /// Plane-fit normals.
 #[pyfunction]
 pub fn normals<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
     run_options: RunOptions,
     neighbors: usize,
     radius: Option<f64>,
     viewpoint: [f64; 3],
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let points = cloud(&points)?;
+    let cloud = cloud.core();
     let neighborhood = radius.map_or(Neighborhood::Nearest(neighbors), Neighborhood::Radius);
     let fits = run(py, &run_options, move |execution| {
-        plane_fits::surfaces(&points, neighborhood, Point3::from(viewpoint), execution)
+        plane_fits::surfaces(&cloud, neighborhood, Point3::from(viewpoint), execution)
     })?;
     vectors(py, fits.into_iter().map(|fit| fit.normal))
 }
@@ -57,25 +58,24 @@ pub fn normals<'py>(
 #[pyfunction]
 pub fn mesh_normals<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
     faces: PyReadonlyArray2<'py, i64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let points = cloud(&points)?;
-    let rows = faces.as_array();
+    let cloud = cloud.core();
     let faces: Vec<[usize; 3]> =
-        rows.rows().into_iter().map(|row| [row[0], row[1], row[2]].map(index)).collect();
-    let normals = py.detach(|| mesh_normals_of(&points, &faces)).map_err(|error| to_python(&error))?;
+        faces.as_slice()?.as_chunks::<3>().0.iter().map(|face| face.map(index)).collect();
+    let normals = py.detach(|| mesh_normals_of(cloud.points(), &faces)).map_err(|error| to_python(&error))?;
     vectors(py, normals)
 }
 
 /// Harris 3D keypoints.
 #[pyfunction]
-#[pyo3(signature = (points, normals, run_options, *, radius, response, threshold, nms_radius, break_ties, count))]
+#[pyo3(signature = (cloud, normals, run_options, *, radius, response, threshold, nms_radius, break_ties, count))]
 #[expect(clippy::too_many_arguments, reason = "one per option of the detector")]
 pub fn harris3d<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
-    normals: Option<PyReadonlyArray2<'py, f64>>,
+    cloud: &Cloud,
+    normals: Option<Reals<'py, Ix2>>,
     run_options: RunOptions,
     radius: f64,
     response: &str,
@@ -93,20 +93,20 @@ pub fn harris3d<'py>(
     ];
     let response = choose("response", response, &responses)?;
     let detector = Harris3d { radius, nms_radius, response, threshold, break_ties, count };
-    let points = cloud(&points)?;
-    let normals = normals.as_ref().map(directions);
+    let cloud = cloud.core();
+    let normals = normals.as_ref().map(directions).transpose()?;
     let found =
-        run(py, &run_options, move |execution| detector.detect(&points, normals.as_deref(), execution))?;
+        run(py, &run_options, move |execution| detector.detect(&cloud, normals.as_deref(), execution))?;
     Ok(indices(py, found))
 }
 
 /// ISS keypoints.
 #[pyfunction]
-#[pyo3(signature = (points, run_options, *, salient_radius, nms_radius, gamma_21, gamma_32, min_neighbors, density_weight, covariance, count))]
+#[pyo3(signature = (cloud, run_options, *, salient_radius, nms_radius, gamma_21, gamma_32, min_neighbors, density_weight, covariance, count))]
 #[expect(clippy::too_many_arguments, reason = "one per option of the detector")]
 pub fn iss<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
     run_options: RunOptions,
     salient_radius: f64,
     nms_radius: f64,
@@ -129,23 +129,23 @@ pub fn iss<'py>(
         covariance,
         count,
     };
-    let points = cloud(&points)?;
-    Ok(indices(py, run(py, &run_options, move |execution| detector.detect(&points, execution))?))
+    let cloud = cloud.core();
+    Ok(indices(py, run(py, &run_options, move |execution| detector.detect(&cloud, execution))?))
 }
 
 /// Keypoints with enough points around them.
 #[pyfunction]
 pub fn drop_isolated<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
     keypoints: PyReadonlyArray1<'py, i64>,
     run_options: RunOptions,
     radius: f64,
     min_points: usize,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
-    let (points, keypoints) = (cloud(&points)?, rows_of(&keypoints));
+    let (cloud, keypoints) = (cloud.core(), rows_of(&keypoints)?);
     let kept = run(py, &run_options, move |execution| {
-        support::drop_isolated(&points, &keypoints, radius, min_points, execution)
+        support::drop_isolated(&cloud, &keypoints, radius, min_points, execution)
     })?;
     Ok(indices(py, kept))
 }
@@ -154,15 +154,13 @@ pub fn drop_isolated<'py>(
 #[pyfunction]
 pub fn shot_lrf<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
     keypoints: PyReadonlyArray1<'py, i64>,
     run_options: RunOptions,
     radius: f64,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    let (points, keypoints) = (cloud(&points)?, rows_of(&keypoints));
-    let frames = run(py, &run_options, move |execution| {
-        shot_frames::shot_frames(&points, &keypoints, radius, execution)
-    })?;
+    let (cloud, keypoints) = (cloud.core(), rows_of(&keypoints)?);
+    let frames = run(py, &run_options, move |execution| shot_frames(&cloud, &keypoints, radius, execution))?;
     frame_blocks(py, &frames)
 }
 
@@ -170,37 +168,35 @@ pub fn shot_lrf<'py>(
 #[pyfunction]
 pub fn toldi_lrf<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
     keypoints: PyReadonlyArray1<'py, i64>,
     run_options: RunOptions,
     radius: f64,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    let (points, keypoints) = (cloud(&points)?, rows_of(&keypoints));
-    let frames = run(py, &run_options, move |execution| {
-        toldi_frames::toldi_frames(&points, &keypoints, radius, execution)
-    })?;
+    let (cloud, keypoints) = (cloud.core(), rows_of(&keypoints)?);
+    let frames = run(py, &run_options, move |execution| toldi_frames(&cloud, &keypoints, radius, execution))?;
     frame_blocks(py, &frames)
 }
 
 /// SHOT-352.
 #[pyfunction]
-#[pyo3(signature = (points, normals, keypoints, run_options, *, radius, lrf, pcl_compat))]
+#[pyo3(signature = (cloud, normals, keypoints, run_options, *, radius, lrf, pcl_compat))]
 #[expect(clippy::too_many_arguments, reason = "one per option of the descriptor")]
 pub fn shot<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
-    normals: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
+    normals: Reals<'py, Ix2>,
     keypoints: PyReadonlyArray1<'py, i64>,
     run_options: RunOptions,
     radius: f64,
-    lrf: Option<PyReadonlyArray3<'py, f64>>,
+    lrf: Option<Reals<'py, Ix3>>,
     pcl_compat: bool,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let (points, normals, keypoints) = (cloud(&points)?, directions(&normals), rows_of(&keypoints));
-    let frames = lrf.as_ref().map(convert::frames);
+    let (cloud, normals, keypoints) = (cloud.core(), directions(&normals)?, rows_of(&keypoints)?);
+    let frames = lrf.as_ref().map(frames).transpose()?;
     let descriptor = Shot { radius, pcl_compat };
     let rows = run(py, &run_options, move |execution| {
-        descriptor.describe(&points, &normals, &keypoints, frames.as_deref(), execution)
+        descriptor.describe(&cloud, &normals, &keypoints, frames.as_deref(), execution)
     })?;
     table(py, rows)
 }
@@ -209,15 +205,15 @@ pub fn shot<'py>(
 #[pyfunction]
 pub fn lfsh<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
-    normals: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
+    normals: Reals<'py, Ix2>,
     keypoints: PyReadonlyArray1<'py, i64>,
     run_options: RunOptions,
     radius: f64,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let (points, normals, keypoints) = (cloud(&points)?, directions(&normals), rows_of(&keypoints));
+    let (cloud, normals, keypoints) = (cloud.core(), directions(&normals)?, rows_of(&keypoints)?);
     let rows = run(py, &run_options, move |execution| {
-        Lfsh { radius }.describe(&points, &normals, &keypoints, execution)
+        Lfsh { radius }.describe(&cloud, &normals, &keypoints, execution)
     })?;
     table(py, rows)
 }
@@ -226,14 +222,14 @@ pub fn lfsh<'py>(
 #[pyfunction]
 pub fn rcs<'py>(
     py: Python<'py>,
-    points: PyReadonlyArray2<'py, f64>,
+    cloud: &Cloud,
     keypoints: PyReadonlyArray1<'py, i64>,
     run_options: RunOptions,
     radius: f64,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let (points, keypoints) = (cloud(&points)?, rows_of(&keypoints));
+    let (cloud, keypoints) = (cloud.core(), rows_of(&keypoints)?);
     let rows =
-        run(py, &run_options, move |execution| Rcs { radius }.describe(&points, &keypoints, execution))?;
+        run(py, &run_options, move |execution| Rcs { radius }.describe(&cloud, &keypoints, execution))?;
     table(py, rows)
 }
 
@@ -251,8 +247,8 @@ type PyMatches<'py> = (
 #[pyfunction]
 pub fn match_descriptors<'py>(
     py: Python<'py>,
-    source: PyReadonlyArray2<'py, f64>,
-    target: PyReadonlyArray2<'py, f64>,
+    source: Reals<'py, Ix2>,
+    target: Reals<'py, Ix2>,
     run_options: RunOptions,
     mutual: bool,
     max_distance: Option<f64>,
@@ -271,17 +267,29 @@ pub fn match_descriptors<'py>(
     ))
 }
 
-fn cloud(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Points> {
-    Points::from_rows("points", &convert::points(array)).map_err(|error| to_python(&error))
+fn directions(array: &Reals<'_, Ix2>) -> PyResult<Vec<Vector3<f64>>> {
+    Ok(match array {
+        Reals::Single(array) => array.as_slice()?.as_chunks::<3>().0.iter().map(widened).collect(),
+        Reals::Double(array) => array.as_slice()?.as_chunks::<3>().0.iter().map(widened).collect(),
+    })
 }
 
-fn directions(array: &PyReadonlyArray2<'_, f64>) -> Vec<Vector3<f64>> {
-    convert::points(array).into_iter().map(Vector3::from).collect()
+fn widened<T: Copy + Into<f64>>(row: &[T; 3]) -> Vector3<f64> {
+    row.map(Into::into).into()
 }
 
-fn descriptors(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Descriptors> {
-    let values: Vec<f64> = array.as_array().iter().copied().collect();
-    Descriptors::new(name, &values, array.as_array().ncols()).map_err(|error| to_python(&error))
+/// Frames, one per block; a block with NaN is none.
+fn frames(array: &Reals<'_, Ix3>) -> PyResult<Vec<Frame>> {
+    let frames = array.frames()?;
+    Ok((0..frames.len()).map(|i| frames.get(i)).collect())
+}
+
+fn descriptors(name: &str, array: &Reals<'_, Ix2>) -> PyResult<Descriptors> {
+    let table = match array {
+        Reals::Single(array) => Descriptors::new(name, array.as_slice()?, array.as_array().ncols()),
+        Reals::Double(array) => Descriptors::new(name, array.as_slice()?, array.as_array().ncols()),
+    };
+    table.map_err(|error| to_python(&error))
 }
 
 /// Negative numbers become an index that no cloud has; the Python side has refused them already.
@@ -289,8 +297,8 @@ fn index(value: i64) -> usize {
     usize::try_from(value).unwrap_or(usize::MAX)
 }
 
-fn rows_of(array: &PyReadonlyArray1<'_, i64>) -> Vec<usize> {
-    array.as_array().iter().copied().map(index).collect()
+fn rows_of(array: &PyReadonlyArray1<'_, i64>) -> PyResult<Vec<usize>> {
+    Ok(array.as_slice()?.iter().copied().map(index).collect())
 }
 
 fn indices(py: Python<'_>, found: impl IntoIterator<Item = usize>) -> Bound<'_, PyArray1<i64>> {

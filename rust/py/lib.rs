@@ -2,6 +2,7 @@
 
 #![expect(clippy::needless_pass_by_value, reason = "pyo3 extracts arguments by value")]
 
+mod cloud;
 mod convert;
 mod error;
 mod features;
@@ -13,6 +14,8 @@ use pyo3::prelude::*;
 /// The compiled core of cgroup. Use it through the `cgroup` package.
 #[pymodule(gil_used = false)]
 mod _core {
+    #[pymodule_export]
+    use super::cloud::Cloud;
     #[pymodule_export]
     use super::features::{
         drop_isolated, harris3d, iss, lfsh, match_descriptors, mesh_normals, normals, rcs, resolution, shot,

@@ -23,7 +23,8 @@ from cgroup.io import (
     write_mask,
     write_transform,
 )
-from cgroup.types import Correspondences, DescribedCloud
+from cgroup.registration import DescribedCloud
+from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import doctest
 import json
+import pkgutil
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
 from shared_data import shared_file
 
 import cgroup
-from cgroup import features
+from cgroup import features, registration
 from cgroup.comparison import compare, table, write_table
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.errors import InputError, NoConsensusError
@@ -161,7 +164,9 @@ def test_bad_clouds(pair: MatchingPair) -> None:
         correspond(pair.source.points.T, pair.target)
     with pytest.raises(InputError, match="source: all its points coincide"):
         correspond(np.zeros((100, 3)), pair.target)
-    with pytest.raises(InputError, match="target: row 0 isn't finite"):
+    with pytest.raises(
+        InputError, match=r"target: got \[NaN, NaN, NaN\] in row 0; coordinates must be finite"
+    ):
         correspond(pair.source, np.full((100, 3), np.nan))
     with pytest.raises(InputError, match="scale them to the same unit"):
         correspond(pair.source, 1e-3 * pair.target.points)
@@ -198,3 +203,10 @@ def test_given_normals_are_used(pair: MatchingPair, matches: cgroup.Corresponden
     for call in (surface_normals, describe):
         with pytest.raises(InputError, match="normals: got 'up'; choose one of pca, mesh, given"):
             call(pair.source, normals="up")
+
+
+def test_examples() -> None:
+    names = [module.name for module in pkgutil.iter_modules(registration.__path__, "cgroup.registration.")]
+    results = [doctest.testmod(import_module(name)) for name in names]
+    assert sum(result.attempted for result in results) > 15
+    assert not any(result.failed for result in results)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 from cgroup import features
 from cgroup.datasets.base import (
-    ORIGIN,
     Dataset,
     MatchingPair,
     dataset_folder,
@@ -20,6 +19,7 @@ from cgroup.datasets.base import (
     moved,
 )
 from cgroup.errors import InputError
+from cgroup.features import ORIGIN
 from cgroup.io import PointCloud, read_cloud, read_transform
 
 if TYPE_CHECKING:

@@ -12,18 +12,17 @@ import numpy as np
 
 from cgroup.errors import InputError
 from cgroup.evaluation import within
+from cgroup.features import ORIGIN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from cgroup.features import Viewpoint
     from cgroup.io import PointCloud
     from cgroup.types import Correspondences, FloatArray
 
 Role: TypeAlias = Literal["full-full", "full-partial", "partial-partial", "correspondences"]
 Origin: TypeAlias = Literal["real", "semi-synthetic", "synthetic"]
-Viewpoint: TypeAlias = tuple[float, float, float]
-
-ORIGIN: Viewpoint = (0.0, 0.0, 0.0)
 
 MIN_FITTING = 0.05
 """A pose is taken to be wrong when fewer of the source points than this share come to lie on the target."""

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import ORIGIN, Dataset, MatchingPair
+from cgroup.datasets.base import Dataset, MatchingPair
 from cgroup.datasets.scanner import merged, range_image
 from cgroup.datasets.standin import RADIUS, random_direction, standin_pair, stone
 from cgroup.evaluation import clutter_and_occlusion, overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
+from cgroup.features import ORIGIN
 from cgroup.io import PointCloud
 
 if TYPE_CHECKING:

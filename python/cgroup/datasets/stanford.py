@@ -23,7 +23,8 @@ from cgroup.io import read_cloud
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cgroup.datasets.base import Origin, Role, Viewpoint
+    from cgroup.datasets.base import Origin, Role
+    from cgroup.features import Viewpoint
     from cgroup.io import PointCloud
     from cgroup.types import FloatArray
 

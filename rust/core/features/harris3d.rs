@@ -6,11 +6,11 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
+use crate::cloud::Cloud;
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
 use crate::features::maxima::{Suppression, local_maxima, maxima_of_about};
 use crate::features::normals::{Neighborhood, Surface, add_products, surfaces, symmetric};
-use crate::geometry::ball_search::BallSearch;
 use crate::geometry::symmetric::eigen;
 use crate::points::Points;
 
@@ -69,7 +69,7 @@ impl Harris3d {
     /// wrong number of normals; [`Error::Interrupted`].
     pub fn detect(
         &self,
-        points: &Points,
+        cloud: &Cloud,
         normals: Option<&[Vector3<f64>]>,
         execution: &Execution,
     ) -> Result<Vec<usize>> {
@@ -77,12 +77,12 @@ impl Harris3d {
         if self.threshold.is_nan() {
             return Err(Error::invalid("threshold", self.threshold, "give a number"));
         }
-        let responses = self.responses(points, normals, execution)?;
+        let responses = self.responses(cloud, normals, execution)?;
         let is_candidate = |response| response >= self.threshold;
         let rule = Suppression { radius: self.nms_radius, min_neighbors: 1, break_ties: self.break_ties };
         match self.count {
-            None => local_maxima(points, &responses, is_candidate, &rule, execution),
-            Some(count) => maxima_of_about(count, points, &responses, is_candidate, &rule, execution),
+            None => local_maxima(cloud, &responses, is_candidate, &rule, execution),
+            Some(count) => maxima_of_about(count, cloud, &responses, is_candidate, &rule, execution),
         }
     }
 
@@ -92,30 +92,30 @@ impl Harris3d {
     /// As [`Self::detect`].
     pub fn responses(
         &self,
-        points: &Points,
+        cloud: &Cloud,
         normals: Option<&[Vector3<f64>]>,
         execution: &Execution,
     ) -> Result<Vec<f64>> {
         positive("radius", self.radius)?;
-        check_normals(points, normals)?;
+        check_normals(cloud.points(), normals)?;
         if normals.is_none() || self.response == Response::Curvature {
-            let fits = surfaces(points, Neighborhood::Radius(self.radius), Point3::origin(), execution)?;
+            let fits = surfaces(cloud, Neighborhood::Radius(self.radius), Point3::origin(), execution)?;
             if self.response == Response::Curvature {
                 return Ok(fits.iter().map(|fit| fit.curvature).collect());
             }
             let normals: Vec<_> = fits.iter().map(|fit: &Surface| fit.normal).collect();
-            return self.tensor_responses(points, &normals, execution);
+            return self.tensor_responses(cloud, &normals, execution);
         }
-        self.tensor_responses(points, normals.unwrap_or_default(), execution)
+        self.tensor_responses(cloud, normals.unwrap_or_default(), execution)
     }
 
     fn tensor_responses(
         &self,
-        points: &Points,
+        cloud: &Cloud,
         normals: &[Vector3<f64>],
         execution: &Execution,
     ) -> Result<Vec<f64>> {
-        let search = BallSearch::new(points, self.radius)?;
+        let search = cloud.balls(self.radius)?;
         let normals = search.reorder(normals);
         search.map_points(execution, |_, ball| {
             let mut count = 0;
@@ -185,13 +185,13 @@ mod tests {
 
     #[test]
     fn finds_the_corner_of_a_cube() -> Result<()> {
-        let points = Points::from_rows("points", &corner())?;
+        let cloud = Cloud::from_rows("points", &corner())?;
         for response in [Response::Harris, Response::Noble, Response::Lowe, Response::Tomasi] {
             let detector = Harris3d { response, nms_radius: 40.0, ..Harris3d::new(2.5) };
-            let found = detector.detect(&points, None, &Execution::default())?;
+            let found = detector.detect(&cloud, None, &Execution::default())?;
             assert!(!found.is_empty());
             for index in found {
-                let p = points.get(index) + points.center();
+                let p = cloud.points().get(index) + cloud.points().center();
                 assert!(p.coords.norm() < 4.0, "{response:?}: {p}");
             }
         }
@@ -201,24 +201,24 @@ mod tests {
     #[test]
     fn a_plane_ties_everywhere() -> Result<()> {
         let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
-        let points = Points::from_rows("points", &rows)?;
+        let cloud = Cloud::from_rows("points", &rows)?;
         let detector = Harris3d::new(2.0);
-        assert_eq!(detector.detect(&points, None, &Execution::default())?.len(), 100);
+        assert_eq!(detector.detect(&cloud, None, &Execution::default())?.len(), 100);
         let single = Harris3d { break_ties: true, nms_radius: 40.0, ..detector };
-        assert_eq!(single.detect(&points, None, &Execution::default())?, [0]);
+        assert_eq!(single.detect(&cloud, None, &Execution::default())?, [0]);
         let picky = Harris3d { threshold: 1e-6, ..detector };
-        assert!(picky.detect(&points, None, &Execution::default())?.is_empty());
+        assert!(picky.detect(&cloud, None, &Execution::default())?.is_empty());
         Ok(())
     }
 
     #[test]
     fn tensor_of_three_axes() -> Result<()> {
         let rows = [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]];
-        let points = Points::from_rows("points", &rows)?;
+        let cloud = Cloud::from_rows("points", &rows)?;
         let normals = [Vector3::x(), Vector3::y(), Vector3::z()];
         let run = |response| {
             Harris3d { response, ..Harris3d::new(1.0) }.responses(
-                &points,
+                &cloud,
                 Some(&normals),
                 &Execution::default(),
             )
@@ -232,9 +232,9 @@ mod tests {
 
     #[test]
     fn degenerate_input() -> Result<()> {
-        let empty = Points::from_rows("points", &[])?;
+        let empty = Cloud::from_rows("points", &[])?;
         assert!(Harris3d::new(1.0).detect(&empty, None, &Execution::default())?.is_empty());
-        let same = Points::from_rows("points", &[[1.0; 3]; 30])?;
+        let same = Cloud::from_rows("points", &[[1.0; 3]; 30])?;
         assert_eq!(Harris3d::new(1.0).detect(&same, None, &Execution::default())?.len(), 30);
         assert!(Harris3d::new(0.0).detect(&same, None, &Execution::default()).is_err());
         assert!(Harris3d::new(1.0).detect(&same, Some(&[]), &Execution::default()).is_err());

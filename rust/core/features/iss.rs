@@ -6,13 +6,13 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::cloud::Cloud;
 use crate::error::{Result, at_least_one, positive};
 use crate::execution::Execution;
 use crate::features::maxima::{Suppression, local_maxima, maxima_of_about};
 use crate::features::normals::{add_products, symmetric};
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::geometry::symmetric::eigen;
-use crate::points::Points;
 
 /// Below this share of the largest eigenvalue the smallest is a rounding error: points on a plane.
 const FLAT: f64 = 1e-13;
@@ -68,15 +68,15 @@ impl Iss {
     ///
     /// # Errors
     /// [`crate::Error::InvalidInput`] for lengths or bounds that are not positive; [`crate::Error::Interrupted`].
-    pub fn detect(&self, points: &Points, execution: &Execution) -> Result<Vec<usize>> {
+    pub fn detect(&self, cloud: &Cloud, execution: &Execution) -> Result<Vec<usize>> {
         positive("nms_radius", self.nms_radius)?;
-        let saliencies = self.saliencies(points, execution)?;
+        let saliencies = self.saliencies(cloud, execution)?;
         let rule =
             Suppression { radius: self.nms_radius, min_neighbors: self.min_neighbors, break_ties: false };
         let is_salient = |saliency| saliency > 0.0;
         match self.count {
-            None => local_maxima(points, &saliencies, is_salient, &rule, execution),
-            Some(count) => maxima_of_about(count, points, &saliencies, is_salient, &rule, execution),
+            None => local_maxima(cloud, &saliencies, is_salient, &rule, execution),
+            Some(count) => maxima_of_about(count, cloud, &saliencies, is_salient, &rule, execution),
         }
     }
 
@@ -84,12 +84,12 @@ impl Iss {
     ///
     /// # Errors
     /// As [`Self::detect`].
-    pub fn saliencies(&self, points: &Points, execution: &Execution) -> Result<Vec<f64>> {
+    pub fn saliencies(&self, cloud: &Cloud, execution: &Execution) -> Result<Vec<f64>> {
         positive("salient_radius", self.salient_radius)?;
         positive("gamma_21", self.gamma_21)?;
         positive("gamma_32", self.gamma_32)?;
         at_least_one("min_neighbors", self.min_neighbors)?;
-        let search = BallSearch::new(points, self.salient_radius)?;
+        let search = cloud.balls(self.salient_radius)?;
         let weights = self.weights(&search, execution)?;
         search.map_points(execution, |_, ball| {
             if ball.len() < self.min_neighbors { 0.0 } else { self.saliency(ball, weights.as_deref()) }
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn a_corner_is_more_salient_than_a_face() -> Result<()> {
-        let points = Points::from_rows("points", &corner())?;
+        let cloud = Cloud::from_rows("points", &corner())?;
         for (density_weight, covariance) in [
             (false, Covariance::AboutPoint),
             (true, Covariance::AboutPoint),
@@ -165,9 +165,9 @@ mod tests {
             (true, Covariance::AboutMean),
         ] {
             let detector = Iss { density_weight, covariance, ..Iss::new(3.0, 40.0) };
-            let found = detector.detect(&points, &Execution::default())?;
+            let found = detector.detect(&cloud, &Execution::default())?;
             assert_eq!(found.len(), 1, "{detector:?}");
-            let p = points.get(found[0]).coords + points.center();
+            let p = cloud.points().get(found[0]).coords + cloud.points().center();
             assert!(p.norm() < 5.0, "{p}");
         }
         Ok(())
@@ -177,9 +177,9 @@ mod tests {
     fn saliency_of_a_known_scatter() -> Result<()> {
         let rows =
             [[0.0; 3], [3.0, 0.0, 0.0], [-3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
-        let points = Points::from_rows("points", &rows)?;
+        let cloud = Cloud::from_rows("points", &rows)?;
         let detector = Iss::new(3.1, 3.1);
-        let saliency = |detector: Iss| detector.saliencies(&points, &Execution::default()).map(|s| s[0]);
+        let saliency = |detector: Iss| detector.saliencies(&cloud, &Execution::default()).map(|s| s[0]);
         // Scatter about the point: diag(18, 4, 2).
         assert!((saliency(detector)? - 2.0).abs() < 1e-12);
         assert!((saliency(Iss { covariance: Covariance::AboutMean, ..detector })? - 2.0 / 6.0).abs() < 1e-12);
@@ -193,9 +193,9 @@ mod tests {
     fn degenerate_input_has_no_keypoints() -> Result<()> {
         let plane: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
         for rows in [plane, vec![[1.0; 3]; 30], vec![[0.0; 3]], vec![]] {
-            let points = Points::from_rows("points", &rows)?;
-            assert!(Iss::new(2.5, 2.0).detect(&points, &Execution::default())?.is_empty());
-            assert!(Iss::new(0.0, 2.0).detect(&points, &Execution::default()).is_err());
+            let cloud = Cloud::from_rows("points", &rows)?;
+            assert!(Iss::new(2.5, 2.0).detect(&cloud, &Execution::default())?.is_empty());
+            assert!(Iss::new(0.0, 2.0).detect(&cloud, &Execution::default()).is_err());
         }
         Ok(())
     }

@@ -2,9 +2,9 @@
 
 use nalgebra::Point3;
 
+use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
-use crate::geometry::ball_search::BallSearch;
 use crate::points::Points;
 
 /// The points that `keypoints` name.
@@ -29,15 +29,14 @@ pub fn locations(points: &Points, keypoints: &[usize]) -> Result<Vec<Point3<f64>
 /// [`Error::InvalidInput`] for a radius that is not positive, or an index beyond the cloud;
 /// [`Error::Interrupted`].
 pub fn drop_isolated(
-    points: &Points,
+    cloud: &Cloud,
     keypoints: &[usize],
     radius: f64,
     min_points: usize,
     execution: &Execution,
 ) -> Result<Vec<usize>> {
-    let centers = locations(points, keypoints)?;
-    let search = BallSearch::new(points, radius)?;
-    let counts = search.map_at(&centers, execution, |_, ball| ball.len())?;
+    let centers = locations(cloud.points(), keypoints)?;
+    let counts = cloud.balls(radius)?.map_at(&centers, execution, |_, ball| ball.len())?;
     Ok(keypoints.iter().zip(counts).filter(|&(_, count)| count >= min_points).map(|(&i, _)| i).collect())
 }
 
@@ -48,9 +47,9 @@ mod tests {
     #[test]
     fn drops_keypoints_without_support() -> Result<()> {
         let rows = [[0.0; 3], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [9.0, 0.0, 0.0]];
-        let points = Points::from_rows("points", &rows)?;
-        assert_eq!(drop_isolated(&points, &[0, 3], 1.0, 3, &Execution::default())?, [0]);
-        assert!(drop_isolated(&points, &[4], 1.0, 3, &Execution::default()).is_err());
+        let cloud = Cloud::from_rows("points", &rows)?;
+        assert_eq!(drop_isolated(&cloud, &[0, 3], 1.0, 3, &Execution::default())?, [0]);
+        assert!(drop_isolated(&cloud, &[4], 1.0, 3, &Execution::default()).is_err());
         Ok(())
     }
 }

@@ -3,12 +3,12 @@
 
 use nalgebra::Vector3;
 
+use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::features::harris3d::check_normals;
 use crate::features::keypoints::locations;
-use crate::geometry::ball_search::{Ball, BallSearch};
-use crate::points::Points;
+use crate::geometry::ball_search::Ball;
 
 /// Length of the descriptor: bins of local depth, horizontal radius and deviation angle.
 pub const LENGTH: usize = DEPTH_BINS + RADIUS_BINS + ANGLE_BINS;
@@ -35,14 +35,14 @@ impl Lfsh {
     /// wrong number of normals; [`crate::Error::Interrupted`].
     pub fn describe(
         self,
-        points: &Points,
+        cloud: &Cloud,
         normals: &[Vector3<f64>],
         keypoints: &[usize],
         execution: &Execution,
     ) -> Result<Vec<[f32; LENGTH]>> {
-        let centers = locations(points, keypoints)?;
-        check_normals(points, Some(normals))?;
-        let search = BallSearch::new(points, self.radius)?;
+        let centers = locations(cloud.points(), keypoints)?;
+        check_normals(cloud.points(), Some(normals))?;
+        let search = cloud.balls(self.radius)?;
         let sorted = search.reorder(normals);
         search.map_at(&centers, execution, |i, ball| {
             let normal = &normals[keypoints[i]];
@@ -89,9 +89,9 @@ mod tests {
     #[test]
     fn a_plane_fills_one_bin_of_depth_and_angle() -> Result<()> {
         let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
-        let points = Points::from_rows("points", &rows)?;
+        let cloud = Cloud::from_rows("points", &rows)?;
         let normals = vec![Vector3::z(); 100];
-        let rows = Lfsh { radius: 3.5 }.describe(&points, &normals, &[55], &Execution::default())?;
+        let rows = Lfsh { radius: 3.5 }.describe(&cloud, &normals, &[55], &Execution::default())?;
         let row = rows[0];
         assert!((row[5] - 1.0).abs() < 1e-6 && (row[15] - 1.0).abs() < 1e-6);
         assert!((row[10..15].iter().sum::<f32>() - 1.0).abs() < 1e-6);
@@ -103,10 +103,10 @@ mod tests {
     fn bins_of_a_hand_made_ball() -> Result<()> {
         // Heights -0.95, 0.95, 0; horizontal radii 0, 0, 0.95; angles 180, 90, 0 degrees, of radius 1.
         let rows = [[0.0; 3], [0.0, 0.0, -0.95], [0.0, 0.0, 0.95], [0.95, 0.0, 0.0], [0.0; 3], [0.0; 3]];
-        let points = Points::from_rows("points", &rows)?;
+        let cloud = Cloud::from_rows("points", &rows)?;
         let z = Vector3::z();
         let normals = [z, -z, Vector3::x(), z, z, Vector3::repeat(f64::NAN)];
-        let rows = Lfsh { radius: 1.0 }.describe(&points, &normals, &[0, 5], &Execution::default())?;
+        let rows = Lfsh { radius: 1.0 }.describe(&cloud, &normals, &[0, 5], &Execution::default())?;
         let sixths: Vec<i32> = rows[0].iter().map(|value| (value * 6.0).round() as i32).collect();
         assert_eq!(sixths[..10], [1, 0, 0, 0, 0, 4, 0, 0, 0, 1]);
         assert_eq!(sixths[10..15], [5, 0, 0, 0, 1]);
@@ -117,8 +117,8 @@ mod tests {
 
     #[test]
     fn too_few_points_are_zero() -> Result<()> {
-        let points = Points::from_rows("points", &[[0.0; 3]; 5])?;
-        let rows = Lfsh { radius: 1.0 }.describe(&points, &[Vector3::z(); 5], &[0], &Execution::default())?;
+        let cloud = Cloud::from_rows("points", &[[0.0; 3]; 5])?;
+        let rows = Lfsh { radius: 1.0 }.describe(&cloud, &[Vector3::z(); 5], &[0], &Execution::default())?;
         assert!(rows[0].iter().all(|&value| value.to_bits() == 0));
         Ok(())
     }

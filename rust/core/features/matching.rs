@@ -38,15 +38,16 @@ impl Descriptors {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] for a length of 0 or an incomplete last row; `name` is used in it.
-    pub fn new(name: &str, values: &[f64], length: usize) -> Result<Self> {
+    pub fn new<T: Copy + Into<f64>>(name: &str, values: &[T], length: usize) -> Result<Self> {
         if length == 0 || !values.len().is_multiple_of(length) {
             let got = format!("{} values for rows of {length}", values.len());
             return Err(Error::invalid(name, got, "give one row of equal length per keypoint"));
         }
-        let is_complete = |row: &&[f64]| row.iter().all(|value| value.is_finite());
+        let is_complete = |row: &&[T]| row.iter().all(|&value| value.into().is_finite());
         let complete = values.chunks_exact(length).enumerate().filter(|(_, row)| is_complete(row));
         let rows = complete.map(|(i, _)| i).collect::<Vec<_>>();
-        let values = rows.iter().flat_map(|&i| &values[i * length..(i + 1) * length]).copied().collect();
+        let kept = rows.iter().flat_map(|&i| &values[i * length..(i + 1) * length]);
+        let values = kept.map(|&value| value.into()).collect();
         Ok(Self { values, length, rows })
     }
 
@@ -378,7 +379,7 @@ mod tests {
         let twins = Descriptors::new("t", &[1.0, 0.0, 1.0, 0.0], 2)?;
         let exact = Matching::default().run(&one, &twins, &Execution::default())?;
         assert!(exact[0].distance == 0.0 && exact[0].ratio() >= 1.0);
-        let none = Descriptors::new("t", &[], 2)?;
+        let none = Descriptors::new::<f64>("t", &[], 2)?;
         assert!(Matching::default().run(&one, &none, &Execution::default())?.is_empty());
         assert!(Matching::default().run(&none, &one, &Execution::default())?.is_empty());
         assert!(Descriptors::new("t", &[1.0; 3], 2).is_err());

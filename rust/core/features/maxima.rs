@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
+use crate::cloud::Cloud;
 use crate::error::{Result, at_least_one, positive};
 use crate::execution::Execution;
-use crate::geometry::ball_search::{Ball, BallSearch};
+use crate::geometry::ball_search::BallSearch;
 use crate::points::Points;
 
 /// Halvings of the radius' bracket when a number of keypoints is asked for.
@@ -30,40 +31,15 @@ pub struct Suppression {
 /// # Errors
 /// [`crate::Error::InvalidInput`] for a radius that is not positive; [`crate::Error::Interrupted`].
 pub fn local_maxima(
-    points: &Points,
+    cloud: &Cloud,
     scores: &[f64],
-    is_candidate: impl Fn(f64) -> bool + Sync,
+    is_candidate: impl Fn(f64) -> bool,
     rule: &Suppression,
     execution: &Execution,
 ) -> Result<Vec<usize>> {
-    let search = BallSearch::new(points, rule.radius)?;
-    let sorted = search.reorder(scores);
-    let beats = |rival: u32, position: u32| {
-        let (score, own) = (sorted[rival as usize], sorted[position as usize]);
-        score > own || (rule.break_ties && score >= own && search.index(rival) < search.index(position))
-    };
-    let is_maximum = |ball: &mut Ball, position: u32| {
-        let own = sorted[position as usize];
-        if own.is_nan() || !is_candidate(own) || search.any_near(position, |rival| beats(rival, position)) {
-            return false;
-        }
-        if rule.min_neighbors > 1 {
-            search.within(&points.get(search.index(position) as usize), ball);
-        }
-        rule.min_neighbors <= 1 || ball.len() >= rule.min_neighbors
-    };
-    let positions: Vec<u32> = (0..points.len() as u32).collect();
-    let survivors = positions
-        .par_chunks(QUERIES_PER_TASK)
-        .map_init(Ball::default, |ball, chunk| {
-            execution.check()?;
-            let kept = chunk.iter().filter(|&&position| is_maximum(ball, position));
-            Ok(kept.map(|&position| search.index(position) as usize).collect())
-        })
-        .collect::<Result<Vec<Vec<usize>>>>()?;
-    let mut indices = survivors.concat();
-    indices.sort_unstable();
-    Ok(indices)
+    let search = cloud.unordered_balls(rule.radius)?;
+    let maxima = unbeaten(&search, scores, &candidates(scores, is_candidate), rule.break_ties, execution)?;
+    supported(cloud.points(), &search, &maxima, rule.min_neighbors, execution)
 }
 
 /// About `count` maxima: bisects the radius, starting from the rule's, and keeps the closest count (of
@@ -73,18 +49,25 @@ pub fn local_maxima(
 /// As [`local_maxima`]; [`crate::Error::InvalidInput`] for a count of 0.
 pub fn maxima_of_about(
     count: usize,
-    points: &Points,
+    cloud: &Cloud,
     scores: &[f64],
-    is_candidate: impl Fn(f64) -> bool + Sync,
+    is_candidate: impl Fn(f64) -> bool,
     rule: &Suppression,
     execution: &Execution,
 ) -> Result<Vec<usize>> {
     at_least_one("count", count)?;
-    let mut rule = *rule;
+    let points = cloud.points();
+    let mut radius = rule.radius;
+    let mut search = cloud.unordered_balls(radius)?;
+    let mut among = candidates(scores, is_candidate);
     let mut best: Vec<usize> = Vec::new();
     let (mut low, mut high) = (0.0, f64::INFINITY);
     for _ in 0..BISECTIONS {
-        let found = local_maxima(points, scores, &is_candidate, &rule, execution)?;
+        // Not kept by the cloud: the radii tried here are nobody else's.
+        search =
+            if search.serves(radius) { search.narrowed(radius) } else { BallSearch::new(points, radius)? };
+        let maxima = unbeaten(&search, scores, &among, rule.break_ties, execution)?;
+        let found = supported(points, &search, &maxima, rule.min_neighbors, execution)?;
         let (gap, is_dense) = (found.len().abs_diff(count), found.len() > count);
         if best.is_empty() || gap < best.len().abs_diff(count) {
             best = found;
@@ -93,16 +76,74 @@ pub fn maxima_of_about(
             break;
         }
         if is_dense {
-            low = rule.radius;
+            low = radius;
+            // What is beaten within this radius is beaten within all larger ones, which alone follow.
+            among = members(&maxima, points.len());
         } else {
-            high = rule.radius;
+            high = radius;
         }
-        rule.radius = next_radius(low, high);
-        if positive("nms_radius", rule.radius).is_err() || rule.radius > 2.0 * points.diagonal() {
+        radius = next_radius(low, high);
+        if positive("nms_radius", radius).is_err() || radius > 2.0 * points.diagonal() {
             break;
         }
     }
     Ok(best)
+}
+
+/// Which points have a score and satisfy the test.
+fn candidates(scores: &[f64], is_candidate: impl Fn(f64) -> bool) -> Vec<bool> {
+    scores.iter().map(|&score| !score.is_nan() && is_candidate(score)).collect()
+}
+
+/// Which of `len` points are listed.
+fn members(indices: &[usize], len: usize) -> Vec<bool> {
+    let mut mask = vec![false; len];
+    for &index in indices {
+        mask[index] = true;
+    }
+    mask
+}
+
+/// Ascending indices of those `among` the points that no point within the search's radius exceeds.
+fn unbeaten(
+    search: &BallSearch,
+    scores: &[f64],
+    among: &[bool],
+    break_ties: bool,
+    execution: &Execution,
+) -> Result<Vec<usize>> {
+    let sorted = search.reorder(scores);
+    let beats = |rival: u32, position: u32| {
+        let (score, own) = (sorted[rival as usize], sorted[position as usize]);
+        score > own || (break_ties && score >= own && search.index(rival) < search.index(position))
+    };
+    let all = 0..search.len() as u32;
+    let positions: Vec<u32> = all.filter(|&position| among[search.index(position) as usize]).collect();
+    let is_unbeaten = |&&position: &&u32| !search.any_near(position, |rival| beats(rival, position));
+    let chunks = positions.par_chunks(QUERIES_PER_TASK).map(|chunk| {
+        execution.check()?;
+        let kept = chunk.iter().filter(is_unbeaten);
+        Ok(kept.map(|&position| search.index(position) as usize).collect())
+    });
+    let mut indices = chunks.collect::<Result<Vec<Vec<usize>>>>()?.concat();
+    indices.sort_unstable();
+    Ok(indices)
+}
+
+/// Those of the points `indices` that have at least so many neighbours within the search's radius.
+fn supported(
+    points: &Points,
+    search: &BallSearch,
+    indices: &[usize],
+    min_neighbors: usize,
+    execution: &Execution,
+) -> Result<Vec<usize>> {
+    if min_neighbors <= 1 {
+        return Ok(indices.to_vec());
+    }
+    let centers: Vec<_> = indices.iter().map(|&index| points.get(index)).collect();
+    let counts = search.map_at(&centers, execution, |_, ball| ball.len())?;
+    Ok(indices.iter().zip(counts).filter(|&(_, count)| count >= min_neighbors).map(|(&i, _)| i).collect())
 }
 
 /// Between the brackets in the geometric mean; without an upper one, twice the lower.
@@ -117,9 +158,9 @@ fn next_radius(low: f64, high: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn row(count: i32) -> Result<Points> {
+    fn row(count: i32) -> Result<Cloud> {
         let rows: Vec<[f64; 3]> = (0..count).map(|i| [f64::from(i), 0.0, 0.0]).collect();
-        Points::from_rows("points", &rows)
+        Cloud::from_rows("points", &rows)
     }
 
     fn rule(radius: f64) -> Suppression {
@@ -145,6 +186,37 @@ mod tests {
             let found =
                 maxima_of_about(count, &points, &scores, |_| true, &rule(3.0), &Execution::default())?;
             assert!(found.len().abs_diff(count) <= 1 + count / 10, "{count}: {}", found.len());
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn bisecting_finds_what_each_radius_alone_would() -> Result<()> {
+        let rows: Vec<[f64; 3]> =
+            (0..2000).map(|i| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin())).collect();
+        let scores: Vec<f64> = (0..2000).map(|i| f64::from(i * i % 401)).collect();
+        let execution = Execution::default();
+        let cloud = Cloud::from_rows("points", &rows)?;
+        for min_neighbors in [1, 4] {
+            let rule = Suppression { min_neighbors, ..rule(0.1) };
+            let found = maxima_of_about(60, &cloud, &scores, |_| true, &rule, &execution)?;
+            // The same bisection, with all points and a search of its own for every radius.
+            let (mut radius, mut low, mut high) = (rule.radius, 0.0, f64::INFINITY);
+            let mut best: Vec<usize> = Vec::new();
+            for _ in 0..BISECTIONS {
+                let alone = Cloud::from_rows("points", &rows)?;
+                let rule = Suppression { radius, ..rule };
+                let all = local_maxima(&alone, &scores, |_| true, &rule, &execution)?;
+                if best.is_empty() || all.len().abs_diff(60) < best.len().abs_diff(60) {
+                    best.clone_from(&all);
+                }
+                if all.len() == 60 {
+                    break;
+                }
+                (low, high) = if all.len() > 60 { (radius, high) } else { (low, radius) };
+                radius = next_radius(low, high);
+            }
+            assert_eq!(found, best);
         }
         Ok(())
     }

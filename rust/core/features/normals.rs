@@ -5,12 +5,10 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
+use crate::cloud::Cloud;
 use crate::error::{Result, at_least_one};
 use crate::execution::Execution;
-use crate::geometry::ball_search::BallSearch;
-use crate::geometry::neighbors::NearestNeighbors;
 use crate::geometry::symmetric::eigen;
-use crate::points::Points;
 
 /// Below this share of the largest eigenvalue the middle one counts as zero: points on a line.
 const COLLINEAR: f64 = 1e-12;
@@ -46,25 +44,23 @@ impl Default for Surface {
 /// [`crate::Error::InvalidInput`] for a radius that is not positive or fewer than one neighbour;
 /// [`crate::Error::Interrupted`].
 pub fn surfaces(
-    points: &Points,
+    cloud: &Cloud,
     neighborhood: Neighborhood,
     viewpoint: Point3<f64>,
     execution: &Execution,
 ) -> Result<Vec<Surface>> {
+    let points = cloud.points();
     let mut surfaces = match neighborhood {
         Neighborhood::Nearest(count) => {
             let others = at_least_one("neighbors", count)? - 1;
-            NearestNeighbors::new(points).map_points(others, execution, |query, found| {
+            cloud.nearest().map_points(others, execution, |query, found| {
                 let center = points.get(query);
                 fit(found.iter().map(|neighbor| points.get(neighbor.index as usize) - center), true)
             })?
         }
-        Neighborhood::Radius(radius) => {
-            let search = BallSearch::new(points, radius)?;
-            search.map_points(execution, |_, ball| {
-                fit(ball.offsets().iter().map(|&offset| Vector3::from(offset)), false)
-            })?
-        }
+        Neighborhood::Radius(radius) => cloud.balls(radius)?.map_points(execution, |_, ball| {
+            fit(ball.offsets().iter().map(|&offset| Vector3::from(offset)), false)
+        })?,
     };
     let viewpoint = viewpoint - points.center();
     for (i, surface) in surfaces.iter_mut().enumerate() {
@@ -124,10 +120,10 @@ mod tests {
 
     #[test]
     fn a_plane_has_its_normal_everywhere() -> Result<()> {
-        let points = Points::from_rows("points", &plane())?;
+        let cloud = Cloud::from_rows("points", &plane())?;
         for neighborhood in [Neighborhood::Nearest(9), Neighborhood::Radius(1.5)] {
             for (viewpoint, z) in [(Point3::origin(), -1.0), (Point3::new(0.0, 0.0, 9.0), 1.0)] {
-                for surface in surfaces(&points, neighborhood, viewpoint, &Execution::default())? {
+                for surface in surfaces(&cloud, neighborhood, viewpoint, &Execution::default())? {
                     assert!((surface.normal - Vector3::new(0.0, 0.0, z)).amax() < 1e-12);
                     assert!(surface.curvature < 1e-12);
                 }
@@ -140,9 +136,9 @@ mod tests {
     fn lines_duplicates_and_isolated_points_have_none() -> Result<()> {
         let line: Vec<[f64; 3]> = (0..9).map(|i| [0.1 * f64::from(i), 0.2 * f64::from(i), 0.0]).collect();
         for rows in [line, vec![[1.0; 3]; 9], vec![[0.0; 3]], vec![]] {
-            let points = Points::from_rows("points", &rows)?;
+            let cloud = Cloud::from_rows("points", &rows)?;
             for neighborhood in [Neighborhood::Nearest(5), Neighborhood::Radius(1.0)] {
-                let fits = surfaces(&points, neighborhood, Point3::origin(), &Execution::default())?;
+                let fits = surfaces(&cloud, neighborhood, Point3::origin(), &Execution::default())?;
                 assert_eq!(fits.len(), rows.len());
                 assert!(fits.iter().all(|surface| surface.normal.x.is_nan() && surface.curvature.is_nan()));
             }

@@ -5,13 +5,13 @@ use std::f64::consts::FRAC_PI_6;
 
 use nalgebra::Matrix3;
 
+use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::features::keypoints::locations;
 use crate::features::toldi_lrf::{Recipe, frame};
 use crate::geometry::angle::atan2;
-use crate::geometry::ball_search::{Ball, BallSearch};
-use crate::points::Points;
+use crate::geometry::ball_search::Ball;
 use crate::simd;
 
 /// Length of the descriptor: contour points of every view.
@@ -43,13 +43,12 @@ impl Rcs {
     /// [`crate::Error::Interrupted`].
     pub fn describe(
         self,
-        points: &Points,
+        cloud: &Cloud,
         keypoints: &[usize],
         execution: &Execution,
     ) -> Result<Vec<[f32; LENGTH]>> {
-        let centers = locations(points, keypoints)?;
-        let search = BallSearch::new(points, self.radius)?;
-        search.map_at(&centers, execution, |_, ball| {
+        let centers = locations(cloud.points(), keypoints)?;
+        cloud.balls(self.radius)?.map_at(&centers, execution, |_, ball| {
             frame(ball, self.radius, RECIPE).map_or([0.0; LENGTH], |axes| self.contours(ball, &axes))
         })
     }
@@ -159,11 +158,7 @@ mod tests {
             .map(|&row| (turn * Vector3::from(row) + Vector3::new(5.0, -3.0, 9.0)).into())
             .collect();
         let describe = |rows: &[[f64; 3]]| {
-            Rcs { radius: 0.8 }.describe(
-                &Points::from_rows("points", rows)?,
-                &[0, 300],
-                &Execution::default(),
-            )
+            Rcs { radius: 0.8 }.describe(&Cloud::from_rows("points", rows)?, &[0, 300], &Execution::default())
         };
         for (before, after) in describe(&rows)?.iter().zip(describe(&moved)?) {
             assert!(before.iter().any(|&value| value > 0.5));
@@ -174,8 +169,8 @@ mod tests {
 
     #[test]
     fn no_frame_is_zero() -> Result<()> {
-        let points = Points::from_rows("points", &bumpy()[..8])?;
-        let rows = Rcs { radius: 9.0 }.describe(&points, &[0], &Execution::default())?;
+        let cloud = Cloud::from_rows("points", &bumpy()[..8])?;
+        let rows = Rcs { radius: 9.0 }.describe(&cloud, &[0], &Execution::default())?;
         assert!(rows[0].iter().all(|&value| value.to_bits() == 0));
         Ok(())
     }

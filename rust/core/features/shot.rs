@@ -9,6 +9,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::cloud::Cloud;
 use crate::correspondences::Frame;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
@@ -16,8 +17,7 @@ use crate::features::harris3d::check_normals;
 use crate::features::keypoints::locations;
 use crate::features::shot_lrf::frame;
 use crate::geometry::angle::atan2;
-use crate::geometry::ball_search::{Ball, BallSearch};
-use crate::points::Points;
+use crate::geometry::ball_search::Ball;
 use crate::simd;
 
 /// Length of the descriptor.
@@ -58,16 +58,16 @@ impl Shot {
     /// number of normals or frames; [`Error::Interrupted`].
     pub fn describe(
         &self,
-        points: &Points,
+        cloud: &Cloud,
         normals: &[Vector3<f64>],
         keypoints: &[usize],
         frames: Option<&[Frame]>,
         execution: &Execution,
     ) -> Result<Vec<[f32; LENGTH]>> {
-        let centers = locations(points, keypoints)?;
-        check_normals(points, Some(normals))?;
+        let centers = locations(cloud.points(), keypoints)?;
+        check_normals(cloud.points(), Some(normals))?;
         check_frames(keypoints, frames)?;
-        let search = BallSearch::new(points, self.radius)?;
+        let search = cloud.balls(self.radius)?;
         let normals = search.reorder(normals);
         search.map_at(&centers, execution, |i, ball| {
             let axes = frames.map_or_else(|| frame(ball, &search), |frames| frames[i]);
@@ -265,17 +265,15 @@ mod tests {
     fn invalid_keypoints_are_nan_and_missing_normals_zero() -> Result<()> {
         let rows: Vec<[f64; 3]> =
             (0..30).map(|i| [f64::from(i % 6), f64::from(i / 6), f64::from(i % 5)]).collect();
-        let points = Points::from_rows("points", &rows)?;
+        let cloud = Cloud::from_rows("points", &rows)?;
         let none = vec![Vector3::repeat(f64::NAN); 30];
         let execution = Execution::default();
-        assert!(
-            Shot::new(9.0).describe(&points, &none, &[0], None, &execution)?[0].iter().all(|&v| v == 0.0)
-        );
+        assert!(Shot::new(9.0).describe(&cloud, &none, &[0], None, &execution)?[0].iter().all(|&v| v == 0.0));
         let up = vec![Vector3::z(); 30];
-        assert!(Shot::new(0.5).describe(&points, &up, &[0], None, &execution)?[0][0].is_nan());
-        assert!(Shot::new(9.0).describe(&points, &up, &[0], Some(&[None]), &execution)?[0][0].is_nan());
-        assert!(Shot::new(9.0).describe(&points, &up, &[], None, &execution)?.is_empty());
-        assert!(Shot::new(9.0).describe(&points, &up[1..], &[], None, &execution).is_err());
+        assert!(Shot::new(0.5).describe(&cloud, &up, &[0], None, &execution)?[0][0].is_nan());
+        assert!(Shot::new(9.0).describe(&cloud, &up, &[0], Some(&[None]), &execution)?[0][0].is_nan());
+        assert!(Shot::new(9.0).describe(&cloud, &up, &[], None, &execution)?.is_empty());
+        assert!(Shot::new(9.0).describe(&cloud, &up[1..], &[], None, &execution).is_err());
         Ok(())
     }
 }

@@ -6,6 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::cloud::Cloud;
 use crate::correspondences::Frame;
 use crate::error::Result;
 use crate::execution::Execution;
@@ -13,7 +14,6 @@ use crate::features::keypoints::locations;
 use crate::features::normals::{add_products, symmetric};
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::geometry::symmetric::eigen;
-use crate::points::Points;
 
 /// Fewer neighbours than this, not counting points that coincide with the keypoint, make no frame.
 const MIN_NEIGHBORS: usize = 5;
@@ -24,13 +24,13 @@ const MIN_NEIGHBORS: usize = 5;
 /// [`crate::Error::InvalidInput`] for a radius that is not positive, or an index beyond the cloud;
 /// [`crate::Error::Interrupted`].
 pub fn shot_frames(
-    points: &Points,
+    cloud: &Cloud,
     keypoints: &[usize],
     radius: f64,
     execution: &Execution,
 ) -> Result<Vec<Frame>> {
-    let centers = locations(points, keypoints)?;
-    let search = BallSearch::new(points, radius)?;
+    let centers = locations(cloud.points(), keypoints)?;
+    let search = cloud.balls(radius)?;
     search.map_at(&centers, execution, |_, ball| frame(ball, &search))
 }
 
@@ -99,8 +99,8 @@ mod tests {
 
     #[test]
     fn rows_are_a_right_handed_basis() -> Result<()> {
-        let points = Points::from_rows("points", &half_dome())?;
-        let frames = shot_frames(&points, &[0], 1.2, &Execution::default())?;
+        let cloud = Cloud::from_rows("points", &half_dome())?;
+        let frames = shot_frames(&cloud, &[0], 1.2, &Execution::default())?;
         let axes = frames[0].unwrap_or_default();
         assert!((axes * axes.transpose() - Matrix3::identity()).amax() < 1e-14);
         assert!((axes.determinant() - 1.0).abs() < 1e-14);
@@ -112,11 +112,11 @@ mod tests {
     #[test]
     fn duplicates_of_the_keypoint_change_nothing() -> Result<()> {
         let mut rows = half_dome();
-        let points = Points::from_rows("points", &rows)?;
-        let expected = shot_frames(&points, &[0], 1.2, &Execution::default())?;
+        let cloud = Cloud::from_rows("points", &rows)?;
+        let expected = shot_frames(&cloud, &[0], 1.2, &Execution::default())?;
         rows.extend([[0.0; 3]; 40]);
-        let points = Points::from_rows("points", &rows)?;
-        let frames = shot_frames(&points, &[0], 1.2, &Execution::default())?;
+        let cloud = Cloud::from_rows("points", &rows)?;
+        let frames = shot_frames(&cloud, &[0], 1.2, &Execution::default())?;
         let difference = frames[0].unwrap_or_default() - expected[0].unwrap_or_default();
         assert!(difference.amax() < 1e-12);
         Ok(())
@@ -124,10 +124,10 @@ mod tests {
 
     #[test]
     fn too_few_neighbours_make_no_frame() -> Result<()> {
-        let points = Points::from_rows("points", &half_dome()[..5])?;
-        assert_eq!(shot_frames(&points, &[0, 1], 9.0, &Execution::default())?, [None, None]);
-        assert!(shot_frames(&points, &[], 9.0, &Execution::default())?.is_empty());
-        assert!(shot_frames(&points, &[5], 9.0, &Execution::default()).is_err());
+        let cloud = Cloud::from_rows("points", &half_dome()[..5])?;
+        assert_eq!(shot_frames(&cloud, &[0, 1], 9.0, &Execution::default())?, [None, None]);
+        assert!(shot_frames(&cloud, &[], 9.0, &Execution::default())?.is_empty());
+        assert!(shot_frames(&cloud, &[5], 9.0, &Execution::default()).is_err());
         Ok(())
     }
 }

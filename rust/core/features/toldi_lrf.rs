@@ -6,13 +6,13 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::cloud::Cloud;
 use crate::correspondences::Frame;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::features::keypoints::locations;
 use crate::features::normals::fit;
-use crate::geometry::ball_search::{Ball, BallSearch};
-use crate::points::Points;
+use crate::geometry::ball_search::Ball;
 
 /// Fewer points within the smaller ball, or the whole one, make no frame.
 const MIN_INNER_POINTS: usize = 4;
@@ -39,14 +39,13 @@ const TOLDI: Recipe = Recipe { inner_share: 1.0 / 3.0, is_signed: false };
 /// [`crate::Error::InvalidInput`] for a radius that is not positive, or an index beyond the cloud;
 /// [`crate::Error::Interrupted`].
 pub fn toldi_frames(
-    points: &Points,
+    cloud: &Cloud,
     keypoints: &[usize],
     radius: f64,
     execution: &Execution,
 ) -> Result<Vec<Frame>> {
-    let centers = locations(points, keypoints)?;
-    let search = BallSearch::new(points, radius)?;
-    search.map_at(&centers, execution, |_, ball| frame(ball, radius, TOLDI))
+    let centers = locations(cloud.points(), keypoints)?;
+    cloud.balls(radius)?.map_at(&centers, execution, |_, ball| frame(ball, radius, TOLDI))
 }
 
 /// The frame of one neighbourhood.
@@ -104,8 +103,8 @@ mod tests {
 
     #[test]
     fn axes_of_a_lopsided_dome() -> Result<()> {
-        let points = Points::from_rows("points", &dome())?;
-        let frames = toldi_frames(&points, &[0], 1.0, &Execution::default())?;
+        let cloud = Cloud::from_rows("points", &dome())?;
+        let frames = toldi_frames(&cloud, &[0], 1.0, &Execution::default())?;
         let axes = frames[0].unwrap_or_default();
         assert!((axes * axes.transpose() - Matrix3::identity()).amax() < 1e-14);
         assert!((axes.determinant() - 1.0).abs() < 1e-14);
@@ -117,10 +116,10 @@ mod tests {
     #[test]
     fn planes_and_small_balls_have_no_frame() -> Result<()> {
         let plane: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
-        let points = Points::from_rows("points", &plane)?;
-        assert_eq!(toldi_frames(&points, &[44, 0], 6.0, &Execution::default())?, [None, None]);
-        let points = Points::from_rows("points", &dome()[..10])?;
-        assert_eq!(toldi_frames(&points, &[0], 9.0, &Execution::default())?, [None]);
+        let cloud = Cloud::from_rows("points", &plane)?;
+        assert_eq!(toldi_frames(&cloud, &[44, 0], 6.0, &Execution::default())?, [None, None]);
+        let cloud = Cloud::from_rows("points", &dome()[..10])?;
+        assert_eq!(toldi_frames(&cloud, &[0], 9.0, &Execution::default())?, [None]);
         Ok(())
     }
 }

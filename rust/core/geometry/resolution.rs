@@ -3,7 +3,6 @@
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::geometry::neighbors::NearestNeighbors;
-use crate::points::Points;
 
 /// Mean distance to the nearest other point, in the unit of the data (paper, section 4.1).
 ///
@@ -12,7 +11,11 @@ use crate::points::Points;
 /// # Errors
 /// [`Error::InvalidInput`] for fewer than two points, or where every distance was left out;
 /// [`Error::Interrupted`].
-pub fn resolution(points: &Points, ignore_zero: bool, execution: &Execution) -> Result<f64> {
+pub fn mean_nearest_distance(
+    points: &NearestNeighbors,
+    ignore_zero: bool,
+    execution: &Execution,
+) -> Result<f64> {
     if points.len() < 2 {
         let remedy = "a resolution needs at least two points";
         return Err(Error::invalid("points", format!("{} points", points.len()), remedy));
@@ -30,8 +33,8 @@ pub fn resolution(points: &Points, ignore_zero: bool, execution: &Execution) -> 
 ///
 /// # Errors
 /// [`Error::Interrupted`].
-pub fn nearest_distances(points: &Points, execution: &Execution) -> Result<Vec<f64>> {
-    NearestNeighbors::new(points).map_points(1, execution, |_, found| {
+pub fn nearest_distances(points: &NearestNeighbors, execution: &Execution) -> Result<Vec<f64>> {
+    points.map_points(1, execution, |_, found| {
         found.first().map_or(f64::INFINITY, |nearest| nearest.squared_distance.sqrt())
     })
 }
@@ -39,12 +42,17 @@ pub fn nearest_distances(points: &Points, execution: &Execution) -> Result<Vec<f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::points::Points;
+
+    fn resolution(points: &Points, ignore_zero: bool) -> Result<f64> {
+        mean_nearest_distance(&NearestNeighbors::new(points), ignore_zero, &Execution::default())
+    }
 
     #[test]
     fn mean_of_nearest_distances() -> Result<()> {
         let rows = [[0.0; 3], [1.0, 0.0, 0.0], [4.0, 0.0, 0.0]];
         let points = Points::from_rows("points", &rows)?;
-        let pr = resolution(&points, false, &Execution::default())?;
+        let pr = resolution(&points, false)?;
         assert!((pr - (1.0 + 1.0 + 3.0) / 3.0).abs() < 1e-15);
         Ok(())
     }
@@ -53,15 +61,15 @@ mod tests {
     fn duplicates_count_as_zero_or_not_at_all() -> Result<()> {
         let rows = [[0.0; 3], [0.0; 3], [2.0, 0.0, 0.0]];
         let points = Points::from_rows("points", &rows)?;
-        assert!((resolution(&points, false, &Execution::default())? - 2.0 / 3.0).abs() < 1e-15);
-        assert!((resolution(&points, true, &Execution::default())? - 2.0).abs() < 1e-15);
+        assert!((resolution(&points, false)? - 2.0 / 3.0).abs() < 1e-15);
+        assert!((resolution(&points, true)? - 2.0).abs() < 1e-15);
         Ok(())
     }
 
     #[test]
     fn needs_two_points() -> Result<()> {
         let points = Points::from_rows("points", &[[0.0; 3]])?;
-        assert!(resolution(&points, false, &Execution::default()).is_err());
+        assert!(resolution(&points, false).is_err());
         Ok(())
     }
 }

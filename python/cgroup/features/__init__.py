@@ -1,0 +1,68 @@
+"""The front end: from a point cloud to keypoints, frames, descriptors and matches.
+
+The steps of the paper (J. Yang, K. Xian, P. Wang, Y. Zhang, TPAMI 2019, section 4.1), each usable alone:
+
+============  ==========================================================================
+cloud         `Cloud`: points made ready once for all of the steps
+unit          `resolution`: the paper's *pr*
+surface       `normals` (plane fits), `mesh_normals`
+detectors     `harris3d`, `iss`; `drop_isolated` removes keypoints without support
+frames        `shot_lrf`, `toldi_lrf`
+descriptors   `shot` (352 numbers), `lfsh` (30), `rcs` (72), `fpfh` (33, through Open3D)
+matching      `match`
+============  ==========================================================================
+
+Points are (N,3) in any unit and finite; lengths are in that unit. Keypoints are row numbers of the cloud.
+"Within a radius" means nearer than it, as in PCL. For several steps make a `Cloud` of the points first: it
+is checked and indexed once for all of them. All functions but `mesh_normals` and `fpfh` take ``threads``
+(int or None, None for all cores); results do not depend on it. Input that can't be worked with raises
+`InputError`, a `ValueError`.
+
+>>> import numpy as np
+>>> from cgroup import features
+>>> rng = np.random.default_rng(0)
+>>> xy = rng.uniform(size=(4000, 2))
+>>> points = np.column_stack([xy, 0.1 * np.sin(9 * xy[:, 0]) * np.cos(7 * xy[:, 1])])
+>>> cloud = features.Cloud(points)
+>>> pr = features.resolution(cloud)
+>>> keypoints = features.harris3d(cloud, resolution=pr, threshold=1e-6)
+>>> normals = features.normals(cloud, viewpoint=(0, 0, 9))
+>>> descriptors = features.shot(cloud, normals, keypoints, radius=15 * pr)
+>>> matches = features.match(descriptors, descriptors)
+>>> bool((matches.source_indices == matches.target_indices).all())
+True
+"""
+
+from __future__ import annotations
+
+from cgroup.features._lengths import SUPPORT_RADIUS
+from cgroup.features.cloud import Cloud, CloudLike, resolution
+from cgroup.features.described import DescribedCloud
+from cgroup.features.descriptors import fpfh, lfsh, rcs, shot
+from cgroup.features.frames import shot_lrf, toldi_lrf
+from cgroup.features.keypoints import drop_isolated, harris3d, iss
+from cgroup.features.matching import Matches, match
+from cgroup.features.surface import ORIGIN, Viewpoint, mesh_normals, normals
+
+__all__ = [
+    "ORIGIN",
+    "SUPPORT_RADIUS",
+    "Cloud",
+    "CloudLike",
+    "DescribedCloud",
+    "Matches",
+    "Viewpoint",
+    "drop_isolated",
+    "fpfh",
+    "harris3d",
+    "iss",
+    "lfsh",
+    "match",
+    "mesh_normals",
+    "normals",
+    "rcs",
+    "resolution",
+    "shot",
+    "shot_lrf",
+    "toldi_lrf",
+]

@@ -1,0 +1,51 @@
+"""Radii: their defaults in pr, and where the unit comes from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cgroup import _core
+from cgroup._options import run_options
+from cgroup.errors import InputError
+
+HARRIS_RADIUS = 2.7
+"""Default radius of Harris 3D in pr, as in the paper authors' pipeline."""
+
+ISS_RADII = (2.7, 1.8)
+"""Default salient and non-maximum radius of ISS in pr, as in the paper authors' pipeline."""
+
+SUPPORT_RADIUS = 15.0
+"""Radius of descriptors and frames in pr (paper, section 4.4)."""
+
+
+def positive_length(name: str, value: float) -> float:
+    """Return a finite length greater than 0."""
+    if not 0 < value < np.inf:
+        message = f"{name}: got {value}; give a finite number greater than 0"
+        raise InputError(message)
+    return float(value)
+
+
+def known_resolution(cloud: _core.Cloud, threads: int | None) -> float:
+    """Return the resolution of the cloud, which keeps it."""
+    return _core.resolution(cloud, run_options(threads), ignore_zero=False)
+
+
+def length_or_multiple(
+    name: str,
+    given: float | None,
+    factor: float,
+    cloud: _core.Cloud,
+    unit: float | None,
+    threads: int | None,
+) -> float:
+    """Return the length `given`, or else `factor` times the resolution."""
+    if given is not None:
+        return positive_length(name, given)
+    if unit is not None:
+        return factor * positive_length("resolution", unit)
+    computed = known_resolution(cloud, threads)
+    if computed == 0:
+        message = f"{name}: the cloud's resolution is 0, as every point has a duplicate; give `{name}`"
+        raise InputError(message)
+    return factor * computed

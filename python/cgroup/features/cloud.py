@@ -1,0 +1,121 @@
+"""A cloud that is made ready once, and its resolution."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+from cgroup import _core
+from cgroup._arguments import real_points
+from cgroup._options import run_options
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import RealArray
+
+
+class Cloud:
+    """A point cloud made ready once, for all functions of `cgroup.features`.
+
+    Each of them takes an array too, but then checks, centres and indexes it anew. A `Cloud` keeps its
+    search for nearest neighbours, those within the last three radii, and its resolution; that takes up to
+    240 bytes per point. Results are the same bits. Threads may share a cloud.
+
+    Parameters
+    ----------
+    points : (N,3) array_like of float
+        Finite. Arrays of float32 and float64 are read where they lie; don't change them while the cloud is in
+        use.
+    name : str
+        What error messages call the points.
+
+    Attributes
+    ----------
+    points : (N,3) array of float32 or float64
+        As given, read-only.
+
+    Raises
+    ------
+    InputError
+        For a wrong shape, or a coordinate that is not finite; the message names the row.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> from cgroup.datasets import standin_pair
+    >>> cloud = features.Cloud(standin_pair(pixels=60).source.points)
+    >>> pr = features.resolution(cloud)
+    >>> keypoints = features.harris3d(cloud, resolution=pr, threshold=1e-6)
+    >>> descriptors = features.shot(cloud, features.normals(cloud), keypoints, radius=15 * pr)
+    """
+
+    __slots__ = ("_core", "_points")
+
+    def __init__(self, points: ArrayLike, *, name: str = "points") -> None:
+        array = real_points(name, points).view()
+        array.flags.writeable = False
+        self._points: RealArray = array
+        self._core = _core.Cloud(array, name)
+
+    @property
+    def points(self) -> RealArray:
+        """The points as given, read-only: (N,3) array of float32 or float64."""
+        return self._points
+
+    @property
+    def diagonal(self) -> float:
+        """Diagonal of the bounding box, in the unit of the points."""
+        return self._core.diagonal
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self._points)
+
+    def __repr__(self) -> str:
+        return f"Cloud(n={len(self)})"
+
+
+CloudLike: TypeAlias = "Cloud | ArrayLike"
+
+
+def core_cloud(points: CloudLike) -> _core.Cloud:
+    """Return what the compiled core takes: that of the cloud, or one of the array alone."""
+    if isinstance(points, Cloud):
+        return points._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
+    return _core.Cloud(real_points("points", points), "points")
+
+
+def points_of(points: CloudLike) -> RealArray:
+    """Return the coordinates themselves, for what the core does not do."""
+    return points.points if isinstance(points, Cloud) else real_points("points", points)
+
+
+def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | None = None) -> float:
+    """Mean distance of a point to its nearest other point, the unit *pr* of the paper.
+
+    Parameters
+    ----------
+    points : Cloud or (N,3) array_like of float
+        Two points or more.
+    ignore_zero : bool
+        Leave out points that have a duplicate; otherwise they count as 0.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    float
+        A length in the unit of the points.
+
+    Raises
+    ------
+    InputError
+        For fewer than two points.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> features.resolution([[0, 0, 0], [1, 0, 0], [3, 0, 0]])
+    1.3333333333333333
+    """
+    return _core.resolution(core_cloud(points), run_options(threads), ignore_zero)

@@ -1,0 +1,240 @@
+"""Keypoint detectors, and the support that keypoints need."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from cgroup import _core
+from cgroup._arguments import as_count, real_points
+from cgroup._options import run_options
+from cgroup.errors import InputError
+from cgroup.features import _open3d
+from cgroup.features._lengths import (
+    HARRIS_RADIUS,
+    ISS_RADII,
+    SUPPORT_RADIUS,
+    known_resolution,
+    length_or_multiple,
+)
+from cgroup.features._rows import as_rows
+from cgroup.features.cloud import core_cloud, points_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.features.cloud import CloudLike
+    from cgroup.types import IndexArray
+
+
+def harris3d(
+    points: CloudLike,
+    *,
+    radius: float | None = None,
+    resolution: float | None = None,
+    normals: ArrayLike | None = None,
+    response: Literal["harris", "noble", "lowe", "tomasi", "curvature"] = "harris",
+    threshold: float = 0.0,
+    nms_radius: float | None = None,
+    break_ties: bool = False,
+    count: int | None = None,
+    threads: int | None = None,
+) -> IndexArray:
+    """Harris 3D keypoints (H3D): where normals vary in all directions (as PCL's ``HarrisKeypoint3D``).
+
+    With C the mean of ``n n^T`` over the normals within `radius`, the response is
+    ``0.04 + det C - 0.04 (trace C)^2``, which is 0 on planes and edges and 1/27 at most. Keypoints are
+    its local maxima. Flat regions tie at 0 and all of them survive, as in PCL: raise `threshold` to 1e-6
+    to be rid of them. Cost O(N k), k points per ball.
+
+    Parameters
+    ----------
+    points : Cloud or (N,3) array_like of float
+    radius : float, optional
+        Radius of normals and response; 2.7 times `resolution` by default.
+    resolution : float, optional
+        The unit pr; computed from the points where it is needed and not given.
+    normals : (N,3) array_like of float, optional
+        Normals to use; their sign does not matter, NaN rows are left out. By default planes are fitted
+        within `radius`.
+    response : {"harris", "noble", "lowe", "tomasi", "curvature"}
+        What is maximised: the above, det C / trace C, det C / (trace C)^2, the smallest eigenvalue of C,
+        or the surface variation of the plane fit.
+    threshold : float
+        Least response of a keypoint.
+    nms_radius : float, optional
+        Radius of the non-maximum suppression; `radius` by default.
+    break_ties : bool
+        Of equal responses keep the lowest index only.
+    count : int, optional
+        Change `nms_radius` by bisection until about this many keypoints remain.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    (m,) array of int64
+        Ascending row numbers.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = features.resolution(points)
+    >>> usual = features.harris3d(points, resolution=pr)
+    >>> len(usual) > len(features.harris3d(points, resolution=pr, count=50)) > 30
+    True
+    """
+    cloud = core_cloud(points)
+    if len(cloud) == 0:
+        return np.empty(0, dtype=np.int64)
+    size = length_or_multiple("radius", radius, HARRIS_RADIUS, cloud, resolution, threads)
+    return _core.harris3d(
+        cloud,
+        None if normals is None else real_points("normals", normals),
+        run_options(threads),
+        radius=size,
+        response=response,
+        threshold=threshold,
+        nms_radius=size if nms_radius is None else nms_radius,
+        break_ties=break_ties,
+        count=None if count is None else as_count("count", count, 1),
+    )
+
+
+def iss(
+    points: CloudLike,
+    *,
+    salient_radius: float | None = None,
+    nms_radius: float | None = None,
+    resolution: float | None = None,
+    gamma_21: float = 0.975,
+    gamma_32: float = 0.975,
+    min_neighbors: int = 5,
+    density_weight: bool = False,
+    covariance: Literal["point", "mean"] = "point",
+    count: int | None = None,
+    backend: Literal["cgroup", "open3d"] = "cgroup",
+    threads: int | None = None,
+) -> IndexArray:
+    """Intrinsic shape signature keypoints (Zhong 2009; as PCL's ``ISSKeypoint3D``).
+
+    Keypoints are local maxima of the smallest eigenvalue of a neighbourhood's scatter, where each
+    eigenvalue is clearly smaller than the one before. Cost O(N k), k points per ball.
+
+    Parameters
+    ----------
+    points : Cloud or (N,3) array_like of float
+    salient_radius : float, optional
+        Radius of the scatter; 2.7 times `resolution` by default.
+    nms_radius : float, optional
+        Radius of the non-maximum suppression; 1.8 times `resolution` by default.
+    resolution : float, optional
+        The unit pr; computed from the points where it is needed and not given.
+    gamma_21, gamma_32 : float
+        Bounds on second / first and third / second eigenvalue.
+    min_neighbors : int
+        Least number of points in either ball, the point itself included.
+    density_weight : bool
+        Weight neighbours by the inverse of their own number of neighbours, as the original paper does.
+    covariance : {"point", "mean"}
+        Scatter about the point itself (PCL), or covariance about the ball's mean (Open3D).
+    count : int, optional
+        Change `nms_radius` by bisection until about this many keypoints remain.
+    backend : {"cgroup", "open3d"}
+        Open3D's own detector has the two radii, the two bounds and `min_neighbors` only, and the
+        covariance about the mean.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    (m,) array of int64
+        Ascending row numbers.
+
+    Raises
+    ------
+    CgroupError
+        Where Open3D is asked for and can't be imported.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = features.resolution(points)
+    >>> usual = features.iss(points, resolution=pr)
+    >>> len(usual) > 3 * len(features.iss(points, resolution=pr, nms_radius=6 * pr))
+    True
+    """
+    cloud = core_cloud(points)
+    as_count("min_neighbors", min_neighbors, 1)
+    if backend not in ("cgroup", "open3d"):
+        message = f"backend: got {backend!r}; choose one of 'cgroup', 'open3d'"
+        raise InputError(message)
+    if len(cloud) == 0:
+        return np.empty(0, dtype=np.int64)
+    if resolution is None and None in (salient_radius, nms_radius):
+        resolution = known_resolution(cloud, threads)
+    salient = length_or_multiple("salient_radius", salient_radius, ISS_RADII[0], cloud, resolution, threads)
+    nms = length_or_multiple("nms_radius", nms_radius, ISS_RADII[1], cloud, resolution, threads)
+    if backend == "open3d":
+        _open3d.refuse_options(density_weight=density_weight, count=count)
+        return _open3d.iss(points_of(points), salient, nms, gamma_21, gamma_32, min_neighbors)
+    return _core.iss(
+        cloud,
+        run_options(threads),
+        salient_radius=salient,
+        nms_radius=nms,
+        gamma_21=gamma_21,
+        gamma_32=gamma_32,
+        min_neighbors=min_neighbors,
+        density_weight=density_weight,
+        covariance=covariance,
+        count=None if count is None else as_count("count", count, 1),
+    )
+
+
+def drop_isolated(
+    points: CloudLike,
+    keypoints: ArrayLike,
+    *,
+    radius: float | None = None,
+    resolution: float | None = None,
+    min_points: int = 10,
+    threads: int | None = None,
+) -> IndexArray:
+    """Keep the keypoints that have enough points around them to be described.
+
+    Parameters
+    ----------
+    points : Cloud or (N,3) array_like of float
+    keypoints : (m,) array_like of int
+        Row numbers of points.
+    radius : float, optional
+        15 times `resolution` by default.
+    resolution : float, optional
+        The unit pr; computed from the points where it is needed and not given.
+    min_points : int
+        Least number of points nearer than `radius`, the keypoint itself included.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    (k,) array of int64
+        Those of `keypoints`, in their order.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> features.drop_isolated([[0, 0, 0], [1, 0, 0], [9, 0, 0]], [0, 2], radius=2, min_points=2).tolist()
+    [0]
+    """
+    cloud, rows = core_cloud(points), as_rows("keypoints", keypoints)
+    if len(rows) == 0:
+        return rows
+    size = length_or_multiple("radius", radius, SUPPORT_RADIUS, cloud, resolution, threads)
+    return _core.drop_isolated(cloud, rows, run_options(threads), size, as_count("min_points", min_points, 1))

@@ -1,0 +1,107 @@
+"""Surface normals: plane fits, or averages over a mesh's faces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from cgroup import _core
+from cgroup._arguments import as_count, as_floats
+from cgroup._options import run_options
+from cgroup.errors import InputError
+from cgroup.features.cloud import core_cloud
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.features.cloud import CloudLike
+    from cgroup.types import FloatArray
+
+Viewpoint: TypeAlias = tuple[float, float, float]
+"""Where a scanner stood, in its cloud's frame."""
+
+ORIGIN: Viewpoint = (0.0, 0.0, 0.0)
+
+
+def normals(
+    points: CloudLike,
+    *,
+    neighbors: int = 20,
+    radius: float | None = None,
+    viewpoint: Viewpoint = ORIGIN,
+    threads: int | None = None,
+) -> FloatArray:
+    """Fit a plane to the neighbourhood of every point (as PCL's ``NormalEstimation``).
+
+    SHOT and LFSH depend on the side the normals point to. A viewpoint is right for a scan taken from it;
+    for whole models use `mesh_normals`, or move the viewpoint along with the model. Cost O(N log N), then
+    O(N neighbors).
+
+    Parameters
+    ----------
+    points : Cloud or (N,3) array_like of float
+    neighbors : int
+        Points per plane, the point itself included.
+    radius : float, optional
+        Use all points nearer than this instead.
+    viewpoint : (float, float, float)
+        Normals point to this side.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    (N,3) array of float64
+        Unit vectors; NaN rows where fewer than three points, or points on one line, leave the plane open.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> grid = [[x, y, 0] for x in range(5) for y in range(5)]
+    >>> upwards = features.normals(grid, neighbors=9, viewpoint=(0, 0, 1))[:, 2]
+    >>> bool((upwards > 0.999).all())
+    True
+    """
+    place = as_floats("viewpoint", viewpoint)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        message = f"viewpoint: got {viewpoint!r}; give three finite coordinates"
+        raise InputError(message)
+    as_count("neighbors", neighbors, 1)
+    return _core.normals(core_cloud(points), run_options(threads), neighbors, radius, place.tolist())
+
+
+def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
+    """Vertex normals of a triangle mesh, weighted by area and consistently oriented.
+
+    Faces are turned alike within every connected part: outwards where the part is closed, else as most of
+    its area is wound. Cost O(F log F).
+
+    Parameters
+    ----------
+    points : Cloud or (N,3) array_like of float
+    faces : (F,3) array_like of int
+        Rows of `points`.
+
+    Returns
+    -------
+    (N,3) array of float64
+        Unit vectors; NaN rows for points without a face.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    >>> features.mesh_normals(corners, faces)[0].round(3).tolist()
+    [-0.577, -0.577, -0.577]
+    """
+    array = np.asarray(faces)
+    if array.size == 0:
+        array = np.empty((0, 3), dtype=np.int64)
+    if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] != 3:
+        message = (
+            f"faces: got shape {array.shape} of {array.dtype}; give (F,3) whole numbers, rows of `points`"
+        )
+        raise InputError(message)
+    return _core.mesh_normals(core_cloud(points), np.ascontiguousarray(array, dtype=np.int64))

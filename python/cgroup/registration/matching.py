@@ -1,0 +1,56 @@
+"""Matches of described clouds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cgroup import features
+from cgroup.types import Correspondences
+
+if TYPE_CHECKING:
+    from cgroup.features import DescribedCloud
+
+
+def match_described(
+    source: DescribedCloud, target: DescribedCloud, *, threads: int | None = None
+) -> Correspondences:
+    """Match every source keypoint with the target keypoint whose descriptor is nearest.
+
+    Parameters
+    ----------
+    source, target : DescribedCloud
+        Described alike; the resolution of the matches is the mean of theirs.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    Correspondences
+        With every field that a method may need.
+
+    Raises
+    ------
+    InputError
+        If the descriptors are not of the same kind.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import describe
+    >>> described = describe(standin_pair(pixels=60).source)
+    >>> matches = match_described(described, described)
+    >>> len(matches) == len(described), float(matches.similarity.min())
+    (True, 1.0)
+    """
+    matches = features.match(source.descriptors, target.descriptors, threads=threads)
+    rows, partners = matches.source_indices, matches.target_indices
+    return Correspondences(
+        source.points[rows],
+        target.points[partners],
+        similarity=matches.similarity,
+        ratio=matches.ratio,
+        source_lrf=source.lrf[rows],
+        target_lrf=target.lrf[partners],
+        resolution=(source.resolution + target.resolution) / 2,
+        source_centroid=source.centroid,
+    )

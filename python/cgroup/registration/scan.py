@@ -1,0 +1,99 @@
+"""A cloud as the pipeline takes it: checked and indexed once, with the normals or faces it came with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from cgroup import features
+from cgroup._arguments import real_points
+from cgroup.errors import InputError
+from cgroup.features import Cloud
+from cgroup.io import PointCloud
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import FloatArray, IndexArray
+
+Normals: TypeAlias = Literal["pca", "mesh", "given"]
+NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")
+
+NORMAL_NEIGHBORS = 20
+
+NEEDED_FOR = {"mesh": "faces", "given": "normals"}
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A cloud that is ready, and what its file says of the surface.
+
+    Attributes
+    ----------
+    cloud : Cloud
+        More than 20 points, all finite.
+    normals : (N,3) array of float64 or None
+        As stored with the points.
+    faces : (F,3) array of int or None
+        Triangles as rows of the points.
+    name : str
+        What error messages call it.
+    """
+
+    cloud: Cloud
+    normals: FloatArray | None
+    faces: IndexArray | None
+    name: str
+
+    def has(self, normals: Normals) -> bool:
+        """Whether the cloud has what such normals need."""
+        return normals == "pca" or getattr(self, NEEDED_FOR[normals]) is not None
+
+    def resolution(self, threads: int | None) -> float:
+        """Return the unit pr of the cloud."""
+        resolution = features.resolution(self.cloud, threads=threads)
+        if resolution <= 0:
+            message = f"{self.name}: all its points coincide with others"
+            raise InputError(message)
+        return resolution
+
+    def unit(self, given: float | None, threads: int | None) -> float:
+        """Return the unit pr: the one given, or that of the cloud."""
+        if given is None:
+            return self.resolution(threads)
+        if checked_length("resolution", given) > self.cloud.diagonal:
+            message = (
+                f"resolution: got {given}, but the whole cloud is {self.cloud.diagonal:.3g} across; "
+                "give it in the cloud's unit"
+            )
+            raise InputError(message)
+        return given
+
+
+def as_scan(name: str, cloud: PointCloud | Cloud | ArrayLike) -> Scan:
+    """Check a cloud, and make it ready."""
+    normals, faces = None, None
+    if isinstance(cloud, PointCloud):
+        cloud, normals, faces = cloud.points, cloud.normals, cloud.faces
+    points = cloud.points if isinstance(cloud, Cloud) else real_points(name, cloud)
+    if len(points) <= NORMAL_NEIGHBORS:
+        message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
+        raise InputError(message)
+    return Scan(cloud if isinstance(cloud, Cloud) else Cloud(points, name=name), normals, faces, name)
+
+
+def checked_length(name: str, length: float) -> float:
+    """Return a finite length greater than 0."""
+    if not 0 < length < np.inf:
+        message = f"{name}: got {length}; give a finite length greater than 0"
+        raise InputError(message)
+    return length
+
+
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    """Refuse a word that is none of the choices."""
+    if value not in choices:
+        message = f"{name}: got {value!r}; choose one of {', '.join(choices)}"
+        raise InputError(message)

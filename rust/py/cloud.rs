@@ -1,0 +1,39 @@
+//! The class `Cloud`: points that cross to the core once.
+
+use std::sync::Arc;
+
+use cgroup::Cloud as CoreCloud;
+use numpy::ndarray::Ix2;
+use pyo3::prelude::*;
+
+use crate::convert::Reals;
+
+/// A point cloud made ready once; use it through `cgroup.features.Cloud`.
+#[pyclass(frozen, module = "cgroup._core")]
+pub struct Cloud {
+    core: Arc<CoreCloud>,
+}
+
+#[pymethods]
+impl Cloud {
+    #[new]
+    fn new(points: Reals<'_, Ix2>, name: &str) -> PyResult<Self> {
+        Ok(Self { core: Arc::new(CoreCloud::new(points.points(name)?)) })
+    }
+
+    fn __len__(&self) -> usize {
+        self.core.points().len()
+    }
+
+    #[getter]
+    fn diagonal(&self) -> f64 {
+        self.core.points().diagonal()
+    }
+}
+
+impl Cloud {
+    /// The cloud, for a computation that may outlive this object.
+    pub fn core(&self) -> Arc<CoreCloud> {
+        Arc::clone(&self.core)
+    }
+}

@@ -1,0 +1,134 @@
+"""A cloud that is made ready once gives what its array gives, in any order, thread and process."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from cgroup import InputError, features
+from cgroup.datasets import standin_pair
+from cgroup.io import PointCloud
+from cgroup.registration import correspond, describe, detect
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+POINTS = standin_pair(pixels=80).source.points
+PR = features.resolution(POINTS)
+NORMALS = features.normals(POINTS)
+ROWS = np.arange(0, len(POINTS), 97)
+
+STEPS: dict[str, Callable[[Any], Any]] = {
+    "resolution": features.resolution,
+    "normals": features.normals,
+    "normals in a ball": lambda cloud: features.normals(cloud, radius=4 * PR),
+    "mesh normals": lambda cloud: features.mesh_normals(cloud, [[0, 1, 2], [1, 2, 3]]),
+    "harris3d": features.harris3d,
+    "harris3d of a count": lambda cloud: features.harris3d(cloud, count=40),
+    "iss": features.iss,
+    "iss of a count": lambda cloud: features.iss(cloud, count=40),
+    "drop_isolated": lambda cloud: features.drop_isolated(cloud, ROWS, min_points=300),
+    "shot_lrf": lambda cloud: features.shot_lrf(cloud, ROWS, radius=15 * PR),
+    "toldi_lrf": lambda cloud: features.toldi_lrf(cloud, ROWS, radius=15 * PR),
+    "shot": lambda cloud: features.shot(cloud, NORMALS, ROWS, radius=15 * PR),
+    "lfsh": lambda cloud: features.lfsh(cloud, NORMALS, ROWS, radius=9 * PR),
+    "rcs": lambda cloud: features.rcs(cloud, ROWS, radius=12 * PR),
+}
+EXPECTED = {name: step(POINTS) for name, step in STEPS.items()}
+
+
+def assert_same(got: NDArray[np.generic] | float, expected: NDArray[np.generic] | float) -> None:
+    assert np.asarray(got).dtype == np.asarray(expected).dtype
+    np.testing.assert_array_equal(got, expected)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_steps_in_any_order_are_those_of_the_array(seed: int) -> None:
+    cloud = features.Cloud(POINTS)
+    names = [*STEPS, *STEPS]
+    np.random.default_rng(seed).shuffle(names)
+    for name in names:
+        assert_same(STEPS[name](cloud), EXPECTED[name])
+
+
+def test_threads_share_a_cloud() -> None:
+    cloud = features.Cloud(POINTS)
+    together = threading.Barrier(4)
+
+    def all_steps(first: int) -> list[Any]:
+        together.wait()
+        names = [*list(STEPS)[first:], *list(STEPS)[:first]]
+        found = {name: STEPS[name](cloud) for name in names}
+        return [found[name] for name in STEPS]
+
+    with ThreadPoolExecutor(4) as pool:
+        for results in pool.map(all_steps, (0, 4, 7, 9)):
+            for got, expected in zip(results, EXPECTED.values(), strict=True):
+                assert_same(got, expected)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no fork there")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_forked_process_uses_the_cloud() -> None:
+    cloud = features.Cloud(POINTS)
+    features.harris3d(cloud)
+    child = os.fork()
+    if child == 0:
+        same = all(np.array_equal(STEPS[name](cloud), EXPECTED[name]) for name in ("harris3d", "shot", "iss"))
+        os._exit(0 if same else 1)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_float32_is_read_as_it_is() -> None:
+    single = POINTS.astype(np.float32)
+    cloud = features.Cloud(single)
+    assert cloud.points.dtype == np.float32
+    assert np.shares_memory(cloud.points, single)
+    assert features.resolution(cloud) == features.resolution(single.astype(np.float64))
+    described, double = describe(cloud), describe(single.astype(np.float64))
+    for name in ("indices", "points", "lrf", "descriptors", "resolution", "centroid"):
+        assert_same(getattr(described, name), getattr(double, name))
+
+
+def test_the_pipeline_takes_clouds() -> None:
+    cloud = features.Cloud(POINTS)
+    assert_same(detect(cloud), detect(POINTS))
+    for options in ({}, {"detector": "iss", "descriptor": "rcs"}, {"keypoints": 40, "descriptor": "lfsh"}):
+        by_cloud, by_array = describe(cloud, **options), describe(PointCloud(POINTS), **options)
+        assert_same(by_cloud.indices, by_array.indices)
+        assert_same(by_cloud.lrf, by_array.lrf)
+        assert_same(by_cloud.descriptors, by_array.descriptors)
+    assert_same(correspond(cloud, cloud).target, correspond(POINTS, POINTS).target)
+
+
+def test_a_cloud_is_read_only_and_outlives_its_array() -> None:
+    copy = POINTS.copy()
+    cloud = features.Cloud(copy)
+    assert (len(cloud), repr(cloud)) == (len(POINTS), f"Cloud(n={len(POINTS)})")
+    assert cloud.diagonal == pytest.approx(np.linalg.norm(np.ptp(POINTS, axis=0)))
+    with pytest.raises(ValueError, match="read-only"):
+        cloud.points[0] = 0
+    assert copy.flags.writeable
+    del copy
+    gc.collect()
+    assert_same(features.iss(cloud), EXPECTED["iss"])
+
+
+def test_what_is_no_cloud() -> None:
+    with pytest.raises(InputError, match=r"scan: got shape \(3,2\); give \(n,3\)"):
+        features.Cloud(np.zeros((3, 2)), name="scan")
+    bad = POINTS.copy()
+    bad[7, 1] = np.inf
+    with pytest.raises(InputError, match=r"scan: got .*inf.* in row 7; coordinates must be finite"):
+        features.Cloud(bad, name="scan")
+    with pytest.raises(InputError, match="two points"):
+        features.resolution(features.Cloud(np.zeros((1, 3))))
