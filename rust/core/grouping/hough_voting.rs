@@ -22,6 +22,9 @@ const MAX_BINS: f64 = 2_097_151.0;
 /// A grid of no more bins has a counter for each.
 const MOST_COUNTERS: u64 = 1 << 16;
 
+/// So many votes of the grid variant are counted within a millisecond.
+const MOST_INSTANT_VOTES: usize = 20_000;
+
 /// How votes are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Variant {
@@ -104,6 +107,10 @@ impl GroupingMethod for HoughVoting {
         }?;
         let from_keypoints = correspondences.centered_source_centroid().is_none();
         Ok(group.with("centroid_from_keypoints", f64::from(u8::from(from_keypoints))))
+    }
+
+    fn is_instant(&self, correspondences: &Correspondences) -> bool {
+        self.variant == Variant::Grid && correspondences.len() <= MOST_INSTANT_VOTES
     }
 }
 

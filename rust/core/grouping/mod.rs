@@ -19,4 +19,9 @@ pub trait GroupingMethod {
     /// # Errors
     /// Options out of range, a field the method needs that is missing, or an interruption.
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping>;
+
+    /// Whether the group is found within a millisecond, so that handing it to another thread costs more than it saves.
+    fn is_instant(&self, _correspondences: &Correspondences) -> bool {
+        false
+    }
 }

@@ -31,6 +31,10 @@ impl GroupingMethod for NearestNeighborRatio {
             ..Grouping::default()
         })
     }
+
+    fn is_instant(&self, _: &Correspondences) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]

@@ -24,6 +24,10 @@ impl GroupingMethod for SimilarityScore {
         };
         Ok(Grouping { mask, scores: Some(scores.to_vec()), threshold, ..Grouping::default() })
     }
+
+    fn is_instant(&self, _: &Correspondences) -> bool {
+        true
+    }
 }
 
 fn at_least(scores: &[f64], threshold: f64) -> Cut {
