@@ -15,7 +15,7 @@ import numpy as np
 from cgroup import features
 from cgroup._plugins import load_plugin
 from cgroup.datasets.base import moved
-from cgroup.datasets.standin import random_direction, stone
+from cgroup.datasets.generated.pairs import random_direction, stone
 from cgroup.datasets.voxels import voxel_means
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within

@@ -26,8 +26,8 @@ from cgroup.datasets import (
 from cgroup.datasets import u3or as u3or_module
 from cgroup.datasets.base import moved
 from cgroup.datasets.cache import cache_folder, cached
-from cgroup.datasets.scanner import Mesh, range_image
-from cgroup.datasets.standin import stone
+from cgroup.datasets.generated.pairs import stone
+from cgroup.datasets.generated.scanner import Mesh, range_image
 from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
@@ -140,7 +140,7 @@ def test_unknown_dataset() -> None:
 
 
 def test_dataset_from_outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    code = "from cgroup.datasets.standins import StandinFull\nclass Mine(StandinFull):\n    name = 'mine'\nwrong = list\n"
+    code = "from cgroup.datasets.generated.stones import StandinFull\nclass Mine(StandinFull):\n    name = 'mine'\nwrong = list\n"
     (tmp_path / "outside_dataset.py").write_text(code.replace("wrong = list", "def wrong(root): return 3"))
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     assert open_dataset("outside_dataset:Mine").name == "mine"

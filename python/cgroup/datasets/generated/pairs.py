@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.datasets.base import MatchingPair
-from cgroup.datasets.scanner import Mesh, angular_size, range_image
+from cgroup.datasets.generated.scanner import Mesh, angular_size, range_image
 from cgroup.errors import InputError
 from cgroup.io import PointCloud
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from cgroup import features
 from cgroup.datasets.base import ORIGIN, Dataset, MatchingPair
-from cgroup.datasets.scanner import merged, range_image
-from cgroup.datasets.standin import RADIUS, random_direction, standin_pair, stone
+from cgroup.datasets.generated.pairs import RADIUS, random_direction, standin_pair, stone
+from cgroup.datasets.generated.scanner import merged, range_image
 from cgroup.evaluation import clutter_and_occlusion, overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
 from cgroup.io import PointCloud
