@@ -46,8 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cgroup.benchmark import MethodResult
-    from cgroup.io import PointCloud
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray, PointCloud
 
 INPUT_ERROR = 2
 INTERRUPTED = 130

@@ -6,21 +6,33 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cgroup import _core
 from cgroup._arguments import as_number, as_reals, real_frames, real_points, real_vector
+from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup.errors import InputError
+from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
-FloatArray: TypeAlias = NDArray[np.float64]
-RealArray: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
-IndexArray: TypeAlias = NDArray[np.int64]
+__all__ = [
+    "OPTIONAL_FIELDS",
+    "BoolArray",
+    "Correspondences",
+    "DescribedCloud",
+    "Fields",
+    "FloatArray",
+    "Grouping",
+    "IndexArray",
+    "PointCloud",
+    "RawGrouping",
+    "RealArray",
+    "RunOptions",
+    "checked_fields",
+]
 
 RawGrouping: TypeAlias = tuple[
     BoolArray, FloatArray | None, float | None, FloatArray | None, dict[str, float]
@@ -222,6 +234,52 @@ class Grouping:
 
     def __repr__(self) -> str:
         return f"Grouping({self.size} of {len(self.mask)} selected)"
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """A scan or a model, as read from a file.
+
+    Attributes
+    ----------
+    points : (N,3) array of float64
+        Coordinates in the file's unit, all finite.
+    normals : (N,3) array of float64, optional
+        Normals as stored in the file.
+    faces : (M,3) array of int, optional
+        Triangles as rows of `points`.
+    colors : (N,3) array of uint8, optional
+        Red, green, blue.
+    dropped : int
+        Points of the file that were left out because a coordinate was NaN or infinite.
+    """
+
+    points: FloatArray
+    normals: FloatArray | None = None
+    faces: IndexArray | None = None
+    colors: NDArray[np.uint8] | None = None
+    dropped: int = 0
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.points)
+
+    def transformed(self, transform: ArrayLike) -> PointCloud:
+        """Move the cloud by a rigid transform.
+
+        Parameters
+        ----------
+        transform : (4,4) array_like of float
+            Applied to column vectors: p' = R p + t.
+
+        Returns
+        -------
+        PointCloud
+            Moved points and turned normals; faces and colours as they were.
+        """
+        matrix = check_rigid(transform)
+        normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
+        return PointCloud(apply(matrix, self.points), normals, self.faces, self.colors, self.dropped)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,8 @@ from cgroup.datasets.generated.scanner import Mesh, merged, range_image
 from cgroup.errors import InputError
 from cgroup.evaluation import clutter_and_occlusion
 from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
-from cgroup.io import PointCloud, read_cloud, read_transform
+from cgroup.io import read_cloud, read_transform
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from pathlib import Path
