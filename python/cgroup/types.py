@@ -1,21 +1,19 @@
-"""What goes into a grouping method, and what comes out."""
+"""What goes into a grouping method, what comes out, and the clouds it is about."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup import _core
-from cgroup._arguments import as_number, as_reals, real_frames, real_points, real_vector
 from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
+from cgroup._fields import OPTIONAL_FIELDS, checked_fields
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
@@ -23,26 +21,20 @@ __all__ = [
     "BoolArray",
     "Correspondences",
     "DescribedCloud",
-    "Fields",
     "FloatArray",
     "Grouping",
     "IndexArray",
     "PointCloud",
-    "RawGrouping",
     "RealArray",
-    "RunOptions",
-    "checked_fields",
 ]
-
-RawGrouping: TypeAlias = tuple[
-    BoolArray, FloatArray | None, float | None, FloatArray | None, dict[str, float]
-]
-"""Mask, scores, threshold, model and diagnostics, as the compiled core returns them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
     """Putative matches between two shapes; row i of every field describes the same match.
+
+    The arrays are read-only copies, which nothing changes later: float32 where they were given so, else
+    float64.
 
     Parameters
     ----------
@@ -65,14 +57,14 @@ class Correspondences:
         For a wrong shape or type; the message names the field and what to do.
     """
 
-    source: FloatArray
-    target: FloatArray
-    similarity: FloatArray | None = None
-    ratio: FloatArray | None = None
-    source_lrf: FloatArray | None = None
-    target_lrf: FloatArray | None = None
+    source: RealArray
+    target: RealArray
+    similarity: RealArray | None = None
+    ratio: RealArray | None = None
+    source_lrf: RealArray | None = None
+    target_lrf: RealArray | None = None
     resolution: float | None = None
-    source_centroid: FloatArray | None = None
+    source_centroid: RealArray | None = None
 
     def __init__(
         self,
@@ -107,70 +99,10 @@ class Correspondences:
         return f"Correspondences(n={len(self)}, fields={['source', 'target', *given]})"
 
 
-def _own(array: RealArray) -> FloatArray:
-    copy: FloatArray = array.astype(np.float64)
+def _own(array: RealArray) -> RealArray:
+    copy = array.copy()
     copy.flags.writeable = False
     return copy
-
-
-class Fields(NamedTuple):
-    """What a method gets of `Correspondences`: of the right shapes, in the precision that the caller has."""
-
-    source: RealArray
-    target: RealArray
-    similarity: RealArray | None
-    ratio: RealArray | None
-    source_lrf: RealArray | None
-    target_lrf: RealArray | None
-    resolution: float | None
-    source_centroid: RealArray | None
-
-
-def checked_fields(
-    source: ArrayLike,
-    target: ArrayLike,
-    *,
-    similarity: ArrayLike | None = None,
-    ratio: ArrayLike | None = None,
-    source_lrf: ArrayLike | None = None,
-    target_lrf: ArrayLike | None = None,
-    resolution: float | None = None,
-    source_centroid: ArrayLike | None = None,
-) -> Fields:
-    """Check the fields of `Correspondences` for their shapes and types; nothing is copied without need."""
-    points = real_points("source", source)
-    n = len(points)
-    if (source_lrf is None) != (target_lrf is None):
-        missing = "source_lrf" if source_lrf is None else "target_lrf"
-        message = f"{missing}: missing; frames are needed on both sides or on neither"
-        raise InputError(message)
-    partners = real_points("target", target)
-    if len(partners) != n:
-        message = (
-            f"target: got {len(partners)} rows, but source has {n}; row i of one matches row i of the other"
-        )
-        raise InputError(message)
-    return Fields(
-        points,
-        partners,
-        None if similarity is None else real_vector("similarity", similarity, n),
-        None if ratio is None else real_vector("ratio", ratio, n),
-        None if source_lrf is None else real_frames("source_lrf", source_lrf, n),
-        None if target_lrf is None else real_frames("target_lrf", target_lrf, n),
-        None if resolution is None else as_number("resolution", resolution),
-        None if source_centroid is None else _centroid(source_centroid),
-    )
-
-
-def _centroid(value: ArrayLike) -> RealArray:
-    array = as_reals("source_centroid", value)
-    if array.shape != (3,):
-        message = f"source_centroid: got shape {array.shape}; give the three coordinates of one point"
-        raise InputError(message)
-    return array
-
-
-OPTIONAL_FIELDS = ("similarity", "ratio", "source_lrf", "target_lrf", "resolution", "source_centroid")
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,12 +246,3 @@ class DescribedCloud:
 
     def __repr__(self) -> str:
         return f"DescribedCloud(m={len(self)}, dimensions={self.descriptors.shape[1]})"
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How a computation runs: threads, memory for pairwise matrices in bytes, progress callback."""
-
-    threads: int | None
-    max_memory: int
-    progress: Callable[[float], Any] | None

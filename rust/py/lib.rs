@@ -6,6 +6,7 @@ mod convert;
 mod error;
 mod features;
 mod grouping;
+mod options;
 mod run;
 
 use pyo3::prelude::*;
@@ -19,7 +20,7 @@ mod _core {
         shot_lrf, toldi_lrf,
     };
     #[pymodule_export]
-    use super::grouping::{cv, gc, gtm, hough3d, nnsr, ransac, rigid_fit, si, ss, st};
+    use super::grouping::{group, rigid_fit};
 
     use pyo3::prelude::*;
 
