@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup._arguments import as_count
 from cgroup.errors import InputError
@@ -14,8 +13,7 @@ if TYPE_CHECKING:
 MOST_THREADS = 1024
 
 
-@dataclass(frozen=True)
-class RunOptions:
+class RunOptions(NamedTuple):
     """Threads, bytes for pairwise matrices, progress callback; the compiled core reads them."""
 
     threads: int | None

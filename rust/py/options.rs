@@ -22,10 +22,10 @@ impl<'py> Options<'py> {
 
     /// Refuses options that were not read: the method does not have them.
     pub fn finish(&self) -> PyResult<()> {
-        for name in self.given.keys() {
+        let Self { method, given, read } = self;
+        for name in given.keys() {
             let name: String = name.extract()?;
-            if !self.read.contains(&name.as_str()) {
-                let Self { method, read, .. } = self;
+            if !read.contains(&name.as_str()) {
                 let message = format!("option: {method} has no {name:?}; it takes {}", read.join(", "));
                 return Err(InputError::new_err(message));
             }
