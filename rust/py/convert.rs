@@ -167,6 +167,11 @@ pub fn choose<T: Copy>(name: &str, given: &str, choices: &[(&str, T)]) -> PyResu
     if let Some((_, value)) = choices.iter().find(|(choice, _)| *choice == given) {
         return Ok(*value);
     }
+    Err(InputError::new_err(format!("{name}: got {given:?}; {}", one_of(choices))))
+}
+
+/// What to choose from, for an error message.
+pub fn one_of<T>(choices: &[(&str, T)]) -> String {
     let known: Vec<String> = choices.iter().map(|(choice, _)| format!("{choice:?}")).collect();
-    Err(InputError::new_err(format!("{name}: got {given:?}; choose one of {}", known.join(", "))))
+    format!("choose one of {}", known.join(", "))
 }

@@ -4,8 +4,8 @@ use cgroup::GroupingMethod;
 use cgroup::geometry::rigid::fit_group;
 use cgroup::grouping::consistency_voting::ConsistencyVoting;
 use cgroup::grouping::game_theory::{Dynamics, GameTheory, Payoff};
-use cgroup::grouping::geometric_consistency::{self, GeometricConsistency, Ties};
-use cgroup::grouping::hough_voting::{self, HoughVoting, Neighborhood};
+use cgroup::grouping::geometric_consistency::{self as gc, GeometricConsistency, Ties};
+use cgroup::grouping::hough_voting::{self as hv, HoughVoting, Neighborhood};
 use cgroup::grouping::nearest_neighbor_ratio::NearestNeighborRatio;
 use cgroup::grouping::ransac::Ransac;
 use cgroup::grouping::search_of_inliers::{GlobalRank, SearchOfInliers};
@@ -103,23 +103,15 @@ fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<Method> {
         }),
         "gc" => Box::new(GeometricConsistency {
             tolerance: options.optional("tolerance")?,
-            variant: options.choice(
-                "variant",
-                &[
-                    ("star", geometric_consistency::Variant::Star),
-                    ("clique", geometric_consistency::Variant::Clique),
-                ],
-            )?,
+            variant: options
+                .choice("variant", &[("star", gc::Variant::Star), ("clique", gc::Variant::Clique)])?,
             ties: options.choice("ties", &[("lowest", Ties::Lowest), ("union", Ties::Union)])?,
             min_cluster_size: options.count("min_cluster_size", 0)?,
             iterations: options.count("iterations", 1)?,
             seed: options.seed("seed")?,
         }),
         "3dhv" => Box::new(HoughVoting {
-            variant: options.choice(
-                "variant",
-                &[("grid", hough_voting::Variant::Grid), ("pcl", hough_voting::Variant::Pcl)],
-            )?,
+            variant: options.choice("variant", &[("grid", hv::Variant::Grid), ("pcl", hv::Variant::Pcl)])?,
             bins: options.count("bins", 1)?,
             bin_size: options.optional("bin_size")?,
             neighbors: neighborhood(options.count("neighbors", 0)?)?,

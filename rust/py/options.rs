@@ -4,7 +4,7 @@ use cgroup::selection::otsu::{DEFAULT_BINS, OtsuMode, Threshold};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyString};
 
-use crate::convert::choose;
+use crate::convert::{choose, one_of};
 use crate::error::InputError;
 
 /// Options by name, as Python gave them.
@@ -73,7 +73,7 @@ impl<'py> Options<'py> {
         let value = self.take(name)?;
         match value.cast::<PyString>() {
             Ok(word) => choose(name, word.to_str()?, choices),
-            Err(_) => choose(name, value.repr()?.to_str()?, choices),
+            Err(_) => Err(refused(name, &value, &one_of(choices))),
         }
     }
 

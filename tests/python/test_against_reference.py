@@ -14,13 +14,14 @@ returned; nothing is ambiguous then and the masks must be equal without exceptio
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as hst
+from method_cases import OPTION_SETS, Options, call_method, name_of
 
 import cgroup
 import reference
@@ -57,237 +58,12 @@ SCORE_TOLERANCE = {
 # The same for problems so large that GTM's payoffs are rounded to 16 bits, and entries of ST's matrix to f32.
 LARGE_SCORE_TOLERANCE = {"gtm": 1e-3, "st": 1e-6}
 
-Options = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Pr:
-    """A length as a multiple of the problem's resolution."""
-
-    multiple: float
-
-    def __repr__(self) -> str:
-        """Return the length as one would write it."""
-        return f"{self.multiple:g}pr"
-
-
-@dataclass(frozen=True)
-class Field:
-    """A field of the problem."""
-
-    name: str
-
-    def __repr__(self) -> str:
-        """Return the name of the field."""
-        return self.name
-
-
-SIMILARITY = Field("similarity")
-OTSU_MODES: list[Options] = [{"otsu": mode} for mode in ("exact", "covis", "legacy")]
-
-# What each method takes from a problem, and the options it is tried with.
-POSITIONAL = {"ss": ("similarity",), "nnsr": ("ratio",)}
-FIELDS: dict[str, tuple[str, ...]] = {
-    "si": ("ratio", "source_lrf", "target_lrf", "resolution"),
-    "cv": ("ratio", "source_lrf", "target_lrf", "resolution"),
-    "ransac": ("resolution",),
-    "gc": ("resolution",),
-    "hough3d": ("source_lrf", "target_lrf", "source_centroid"),
-}
-OPTIONS: dict[str, list[Options]] = {
-    "ss": [
-        {},
-        {"bins": 7},
-        {"threshold": 0.5},
-        {"threshold": -1.0},
-        {"bins": 12, "otsu": "legacy"},
-        *OTSU_MODES,
-    ],
-    "nnsr": [{}, {"max_ratio": 0.5}, {"max_ratio": 0.0}, {"max_ratio": 1.0}],
-    "si": [
-        {},
-        {"neighbors": 1},
-        {"neighbors": 10},
-        {"neighbors": 10, "global_rank": "local_score"},
-        {"neighbors": 50, "global_rank": "local_score", "otsu": "covis"},
-        {"tolerance": Pr(20.0)},
-        {"tolerance": Pr(20.0), "resolution": None},
-        {"min_distance_ratio": 0.97},
-        {"lowe_ratio": 0.6},
-        {"threshold": 0.25},
-        *OTSU_MODES,
-    ],
-    "cv": [
-        {},
-        {"voters": 1},
-        {"voters": 20},
-        {"voters": 20, "exclude_self": True},
-        {"exclude_self": True},
-        {"distance_scale": Pr(3.0)},
-        {"distance_scale": Pr(30.0), "resolution": None},
-        {"angle_scale": 3.0},
-        {"angle_scale": 40.0},
-        {"threshold": 1.5},
-        *OTSU_MODES,
-    ],
-    "ransac": [
-        {},
-        {"iterations": 300},
-        {"iterations": 300, "seed": 7},
-        {"iterations": 300, "seed": 2**64 - 1},
-        {"iterations": 300, "tolerance": Pr(2.0)},
-        {"iterations": 300, "tolerance": Pr(20.0), "resolution": None},
-        {"iterations": 300, "refine": True},
-        {"iterations": 600, "edge_ratio": 0.9},
-        {"iterations": 2000, "confidence": 0.9},
-        {"iterations": 1000, "confidence": 0.99, "refine": True, "edge_ratio": 0.8},
-        {"iterations": 1},
-    ],
-    "st": [
-        {},
-        {"min_distance_ratio": 0.9},
-        {"affinity": "threshold"},
-        {"affinity": "binary"},
-        {"affinity": "threshold", "min_distance_ratio": 0.95},
-        {"affinity": "binary", "min_distance_ratio": 0.95},
-        {"diagonal": "one"},
-        {"diagonal": "score", "similarity": SIMILARITY},
-        {"diagonal": "score", "similarity": SIMILARITY, "affinity": "binary"},
-        {"recompute": True},
-        {"recompute": True, "diagonal": "one", "min_distance_ratio": 0.9},
-        {"eigensolver": "dense"},
-        {"eigensolver": "dense", "affinity": "threshold"},
-        {"eigensolver": "dense", "recompute": True},
-        {"eigensolver": "dense", "diagonal": "score", "similarity": SIMILARITY},
-        {"conflict": "one_to_one"},
-        {"conflict": "both"},
-        {"conflict": "both", "min_distance_ratio": 0.0},
-        {"conflict": "one_to_one", "affinity": "threshold", "recompute": True},
-    ],
-    "gc": [
-        {},
-        {"ties": "union"},
-        {"tolerance": Pr(0.5)},
-        {"tolerance": Pr(20.0), "resolution": None},
-        {"tolerance": Pr(0.5), "ties": "union"},
-        {"variant": "clique", "iterations": 100},
-        {"variant": "clique", "iterations": 100, "similarity": SIMILARITY},
-        {"variant": "clique", "iterations": 100, "min_cluster_size": 0},
-        {"variant": "clique", "iterations": 30, "min_cluster_size": 10, "seed": 3},
-        {"variant": "clique", "iterations": 100, "tolerance": Pr(10.0)},
-    ],
-    "hough3d": [
-        {},
-        {"source_centroid": None},
-        {"bins": 1},
-        {"bins": 4},
-        {"bins": 40, "neighbors": 26},
-        {"neighbors": 0},
-        {"neighbors": 26},
-        {"bin_size": Pr(10.0)},
-        {"bin_size": Pr(50.0), "neighbors": 0},
-        {"variant": "pcl", "bin_size": Pr(10.0), "iterations": 100},
-        {"variant": "pcl", "bin_size": Pr(40.0), "iterations": 100, "seed": 5},
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "interpolation": False,
-            "iterations": 100,
-        },
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "vote_threshold": -0.5,
-            "iterations": 50,
-        },
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "vote_threshold": 2.0,
-            "interpolation": False,
-            "iterations": 50,
-        },
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "distance_weight": True,
-            "similarity": SIMILARITY,
-            "iterations": 100,
-        },
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "distance_weight": True,
-            "similarity": SIMILARITY,
-            "interpolation": False,
-            "iterations": 100,
-        },
-    ],
-    "gtm": [
-        {},
-        {"iterations": 1},
-        {"iterations": 500},
-        {"threshold": 0.02},
-        {"one_to_one": True},
-        {"convergence_tolerance": 1e-2},
-        {"payoff": "distance_difference", "resolution": Field("resolution")},
-        {"payoff": "distance_difference", "tolerance": Pr(10.0)},
-        {
-            "payoff": "distance_difference",
-            "tolerance": Pr(10.0),
-            "one_to_one": True,
-            "iterations": 20,
-        },
-        {"dynamics": "infection_immunisation"},
-        {"dynamics": "infection_immunisation", "iterations": 1000},
-        {
-            "dynamics": "infection_immunisation",
-            "iterations": 1000,
-            "convergence_tolerance": 1e-3,
-        },
-        {"dynamics": "infection_immunisation", "threshold": 0.02},
-        {
-            "dynamics": "infection_immunisation",
-            "payoff": "distance_difference",
-            "tolerance": Pr(5.0),
-            "one_to_one": True,
-        },
-        *OTSU_MODES,
-    ],
-}
-CASES = [(method, options) for method, sets in OPTIONS.items() for options in sets]
-
-
-def name_of(value: object) -> str:
-    """Return the name of a test parameter."""
-    if isinstance(value, dict):
-        return ",".join(f"{key}={entry}" for key, entry in value.items()) or "defaults"
-    return str(value)
-
-
-def call(package: Any, method: str, problem: Problem, options: Options) -> Any:
-    """Call a method of cgroup or of the reference on a problem."""
-    inputs = POSITIONAL.get(method, ("source", "target"))
-    arguments: Options = {name: Field(name) for name in FIELDS.get(method, ())}
-    arguments |= options
-    resolved = {name: resolve(value, problem) for name, value in arguments.items()}
-    return getattr(package, method)(*(getattr(problem, x) for x in inputs), **resolved)
-
-
-def resolve(value: object, problem: Problem) -> object:
-    """Replace a length in pr or a field by its value in the problem."""
-    if isinstance(value, Pr):
-        return value.multiple * problem.resolution
-    if isinstance(value, Field):
-        return getattr(problem, value.name)
-    return value
-
 
 def compare(oracle: OracleReport, method: str, problem: Problem, options: Options) -> None:
     """Compare cgroup with the reference on one problem and record the outcome."""
-    expected = call(reference, method, problem, options)
-    nudged = [call(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
-    got = call(cgroup, method, problem, options)
+    expected = call_method(reference, method, problem, options)
+    nudged = [call_method(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+    got = call_method(cgroup, method, problem, options)
 
     margin = score_margin(method, expected, options)
     shaky = ambiguous_scores(expected, nudged, margin)
@@ -487,7 +263,7 @@ def assert_mask_follows_scores(
 # --- The tests ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 @given(data=hst.data())
 @PER_OPTION
 def test_random_problems(oracle: OracleReport, method: str, options: Options, data: hst.DataObject) -> None:
@@ -502,7 +278,7 @@ def largest(method: str, options: Options) -> int:
     return 150
 
 
-@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 def test_tiny_problems(oracle: OracleReport, method: str, options: Options) -> None:
     for n in range(5):
         for seed in range(3):
@@ -520,9 +296,9 @@ def test_problems_beyond_every_block(method: str, shape: str) -> None:
         rng, 1357, inlier_ratio=0.2, repeated_targets=repeated, duplicated_sources=repeated
     )
     options: Options = {"iterations": 300} if method == "ransac" else {}
-    expected = call(reference, method, problem, options)
+    expected = call_method(reference, method, problem, options)
     for memory in [{"max_memory": 0}, {}] if method in {"gtm", "st"} else [{}]:
-        got = call(cgroup, method, problem, options | memory)
+        got = call_method(cgroup, method, problem, options | memory)
         np.testing.assert_array_equal(got.mask, expected.mask)
         if expected.scores is not None:
             allowed = LARGE_SCORE_TOLERANCE.get(method, 1e-9) * expected.scores.max()
@@ -542,7 +318,7 @@ def collinear(points: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("shape", [coincident, collinear], ids=["point", "line"])
-@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 def test_degenerate_shapes(
     oracle: OracleReport,
     method: str,
@@ -556,13 +332,13 @@ def test_degenerate_shapes(
         compare(oracle, method, degenerate, options)
 
 
-@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 def test_few_rows_are_ambiguous(method: str, options: Options) -> None:
     rows = ambiguous = 0
     for seed in range(3):
         problem = make_problem(np.random.default_rng(seed), 60, missing_frames=0.1)
-        expected = call(reference, method, problem, options)
-        nudged = [call(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+        expected = call_method(reference, method, problem, options)
+        nudged = [call_method(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
         margin = score_margin(method, expected, options)
         shaky = ambiguous_scores(expected, nudged, margin)
         rows += len(problem)
@@ -580,7 +356,7 @@ def test_equal_neighbouring_maxima_of_hough_voting(oracle: OracleReport, first: 
     problem = replace(plain, source=source, target=target, source_lrf=same, target_lrf=same)
     options = {"variant": "pcl", "bin_size": 6.0, "interpolation": False, "iterations": 100}
     compare(oracle, "hough3d", problem, options)
-    group = call(cgroup, "hough3d", problem, options)
+    group = call_method(cgroup, "hough3d", problem, options)
     assert np.flatnonzero(group.mask).tolist() == list(range(first, first + 4))
 
 
