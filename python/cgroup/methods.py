@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     Progress: TypeAlias = Callable[[float], Any]
 
+__all__ = ["cv", "gc", "gtm", "hough3d", "nnsr", "ransac", "si", "ss", "st"]
+
 OtsuMode: TypeAlias = Literal["minmax", "exact", "covis", "legacy"]
 
 

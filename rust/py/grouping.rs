@@ -1,7 +1,7 @@
 //! All grouping methods through one function: one arm per method, which reads its options.
 
-use cgroup::GroupingMethod;
 use cgroup::geometry::rigid::fit_group;
+use cgroup::grouping::BoxedMethod;
 use cgroup::grouping::consistency_voting::ConsistencyVoting;
 use cgroup::grouping::game_theory::{Dynamics, GameTheory, Payoff};
 use cgroup::grouping::geometric_consistency::{self as gc, GeometricConsistency, Ties};
@@ -43,10 +43,8 @@ pub fn group<'py>(
     convert::grouping(py, result?)
 }
 
-type Method = Box<dyn GroupingMethod + Send + Sync>;
-
-#[expect(clippy::too_many_lines, reason = "one arm per method, one line per option")]
-fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<Method> {
+#[allow(clippy::too_many_lines, reason = "one arm per method, one line per option")]
+fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<BoxedMethod> {
     Ok(match name {
         "ss" => {
             let bins = options.count("bins", 1)?;

@@ -1,6 +1,6 @@
 """Every method and option of cgroup against the NumPy reference, on random problems.
 
-Scores must agree to the accuracy in `SCORE_TOLERANCE`, masks must be equal. The only
+Scores must agree to the accuracy in method_cases.py, masks must be equal. The only
 rows left out are the ambiguous ones, where the exact answer hangs on rounding:
 
 * the reference itself decides otherwise when the points are deformed by 1e-12 of their
@@ -21,10 +21,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as hst
-from method_cases import OPTION_SETS, Options, call_method, name_of
+from method_cases import CASES, OPTION_SETS, Options, call_cgroup, call_reference, name_of
 
-import cgroup
-import reference
 from reference.otsu import select_above
 from reference.spectral import greedy
 from strategies import BoolArray, FloatArray, Problem, make_problem, problems
@@ -43,27 +41,12 @@ NEAR_TIE = 1e-9
 COSINE_ERROR = 4e-15
 PER_OPTION = settings(max_examples=max(10, settings().max_examples // 3))
 
-# Largest difference of a score, relative to the greatest score; 0 means the same bits.
-# CV is compared score by score instead, see `score_margin`.
-SCORE_TOLERANCE = {
-    "ss": 0.0,
-    "nnsr": 0.0,
-    "si": 0.0,
-    "cv": 1e-9,
-    "st": 1e-6,
-    "gc": 0.0,
-    "gtm": 1e-6,
-}
-
-# The same for problems so large that GTM's payoffs are rounded to 16 bits, and entries of ST's matrix to f32.
-LARGE_SCORE_TOLERANCE = {"gtm": 1e-3, "st": 1e-6}
-
 
 def compare(oracle: OracleReport, method: str, problem: Problem, options: Options) -> None:
     """Compare cgroup with the reference on one problem and record the outcome."""
-    expected = call_method(reference, method, problem, options)
-    nudged = [call_method(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
-    got = call_method(cgroup, method, problem, options)
+    expected = call_reference(method, problem, options)
+    nudged = [call_reference(method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+    got = call_cgroup(method, problem, options)
 
     margin = score_margin(method, expected, options)
     shaky = ambiguous_scores(expected, nudged, margin)
@@ -107,7 +90,7 @@ def score_margin(method: str, expected: ReferenceGrouping, options: Options) -> 
     if expected.scores is None:
         return np.zeros(len(expected.mask))
     finite = np.abs(expected.scores[np.isfinite(expected.scores)])
-    margin = np.full(len(expected.scores), SCORE_TOLERANCE[method] * finite.max(initial=0.0))
+    margin = np.full(len(expected.scores), CASES[method].score_tolerance * finite.max(initial=0.0))
     if method == "cv":
         d = expected.details
         with np.errstate(divide="ignore"):
@@ -124,7 +107,7 @@ def score_margin(method: str, expected: ReferenceGrouping, options: Options) -> 
         scale = options.get("angle_scale", 10.0)
         sensitivity = d["compatibility"] * (2.0 * affinity + angle_error) / scale**2
         wobble = np.where(d["compatibility"] > 0.0, sensitivity * angle_error, 0.0)
-        relative = SCORE_TOLERANCE[method] * expected.scores
+        relative = CASES[method].score_tolerance * expected.scores
         margin = relative + wobble[:, d["voters"]].sum(axis=1)
     return margin
 
@@ -286,7 +269,7 @@ def test_tiny_problems(oracle: OracleReport, method: str, options: Options) -> N
             compare(oracle, method, make_problem(rng, n, inlier_ratio=0.8), options)
 
 
-@pytest.mark.parametrize("method", ["gc", "gtm", "ransac", "si", "cv", "st", "hough3d"])
+@pytest.mark.parametrize("method", [method for method, case in CASES.items() if "source" in case.inputs])
 @pytest.mark.parametrize("shape", ["spread", "repeated"])
 def test_problems_beyond_every_block(method: str, shape: str) -> None:
     """So large that pair matrices are rounded and cut into many bands and tiles."""
@@ -296,12 +279,12 @@ def test_problems_beyond_every_block(method: str, shape: str) -> None:
         rng, 1357, inlier_ratio=0.2, repeated_targets=repeated, duplicated_sources=repeated
     )
     options: Options = {"iterations": 300} if method == "ransac" else {}
-    expected = call_method(reference, method, problem, options)
+    expected = call_reference(method, problem, options)
     for memory in [{"max_memory": 0}, {}] if method in {"gtm", "st"} else [{}]:
-        got = call_method(cgroup, method, problem, options | memory)
+        got = call_cgroup(method, problem, options | memory)
         np.testing.assert_array_equal(got.mask, expected.mask)
         if expected.scores is not None:
-            allowed = LARGE_SCORE_TOLERANCE.get(method, 1e-9) * expected.scores.max()
+            allowed = CASES[method].large_score_tolerance * expected.scores.max()
             np.testing.assert_allclose(got.scores, expected.scores, rtol=0, atol=allowed)
 
 
@@ -337,8 +320,8 @@ def test_few_rows_are_ambiguous(method: str, options: Options) -> None:
     rows = ambiguous = 0
     for seed in range(3):
         problem = make_problem(np.random.default_rng(seed), 60, missing_frames=0.1)
-        expected = call_method(reference, method, problem, options)
-        nudged = [call_method(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+        expected = call_reference(method, problem, options)
+        nudged = [call_reference(method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
         margin = score_margin(method, expected, options)
         shaky = ambiguous_scores(expected, nudged, margin)
         rows += len(problem)
@@ -356,7 +339,7 @@ def test_equal_neighbouring_maxima_of_hough_voting(oracle: OracleReport, first: 
     problem = replace(plain, source=source, target=target, source_lrf=same, target_lrf=same)
     options = {"variant": "pcl", "bin_size": 6.0, "interpolation": False, "iterations": 100}
     compare(oracle, "hough3d", problem, options)
-    group = call_method(cgroup, "hough3d", problem, options)
+    group = call_cgroup("hough3d", problem, options)
     assert np.flatnonzero(group.mask).tolist() == list(range(first, first + 4))
 
 

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from method_cases import CASES, Options, Trial, call_method, name_of
+from method_cases import CASES, Options, Trial, call_cgroup, call_reference, name_of
 
 import cgroup
-import reference
 from cgroup.registry import METHOD_INFO
 from strategies import Problem, make_problem
 
 if TYPE_CHECKING:
-    from types import ModuleType
+    from collections.abc import Callable
+
+    Call = Callable[[str, Problem, Options], Any]
 
 # How a run is controlled, as opposed to what it computes.
 CONTROL = {"threads", "max_memory", "progress"}
@@ -54,17 +55,17 @@ def outcome(group: Any) -> tuple[list[bool], list[float] | None, float | None]:
     return np.asarray(group.mask).tolist(), scores, group.threshold
 
 
-@pytest.mark.parametrize("package", [reference, cgroup], ids=name_of)
+@pytest.mark.parametrize("call", [call_reference, call_cgroup], ids=name_of)
 @pytest.mark.parametrize(("method", "trial"), TRIALS, ids=name_of)
-def test_option_has_an_effect(package: ModuleType, method: str, trial: Trial) -> None:
-    before = outcome(call_method(package, method, PROBLEM, trial.base))
-    assert outcome(call_method(package, method, PROBLEM, trial.base)) == before
-    assert outcome(call_method(package, method, PROBLEM, trial.options)) != before
+def test_option_has_an_effect(call: Call, method: str, trial: Trial) -> None:
+    before = outcome(call(method, PROBLEM, trial.base))
+    assert outcome(call(method, PROBLEM, trial.base)) == before
+    assert outcome(call(method, PROBLEM, trial.options)) != before
 
 
-@pytest.mark.parametrize("package", [reference, cgroup], ids=name_of)
+@pytest.mark.parametrize("call", [call_reference, call_cgroup], ids=name_of)
 @pytest.mark.parametrize("method", ["ss", "si", "cv", "gtm"])
-def test_exact_otsu_differs_from_binned_otsu(package: ModuleType, method: str) -> None:
+def test_exact_otsu_differs_from_binned_otsu(call: Call, method: str) -> None:
     # Only where scores are crowded around the best cut, so without inliers, and not always.
     base: dict[str, Options] = {
         "si": {"neighbors": 40, "tolerance": 100.0, "min_distance_ratio": 0.7},
@@ -73,10 +74,7 @@ def test_exact_otsu_differs_from_binned_otsu(package: ModuleType, method: str) -
     for seed in range(20):
         crowd = make_problem(np.random.default_rng(seed), 300, inlier_ratio=0.0)
         options = base.get(method, {})
-        cuts = {
-            call_method(package, method, crowd, {**options, "otsu": mode}).threshold
-            for mode in ("minmax", "exact")
-        }
+        cuts = {call(method, crowd, {**options, "otsu": mode}).threshold for mode in ("minmax", "exact")}
         if len(cuts) == 2:
             return
     pytest.fail("the same cut on all problems")
@@ -89,24 +87,24 @@ def test_every_method_has_a_case() -> None:
 @pytest.mark.parametrize("method", CASES)
 def test_every_option_is_in_the_table(method: str) -> None:
     changed = {name for m, trial in TRIALS if m == method for name in trial.change}
-    assert keyword_options(reference, method) - changed == set()
+    assert keyword_options(CASES[method].reference) - changed == set()
 
 
 @pytest.mark.parametrize("method", CASES)
 def test_no_option_without_reference(method: str) -> None:
-    assert keyword_options(cgroup, method) - CONTROL == keyword_options(reference, method)
+    assert keyword_options(getattr(cgroup, method)) - CONTROL == keyword_options(CASES[method].reference)
 
 
 @pytest.mark.parametrize("method", CASES)
 def test_defaults_are_those_of_the_reference(method: str) -> None:
-    expected = inspect.signature(getattr(reference, method)).parameters
+    expected = inspect.signature(CASES[method].reference).parameters
     actual = inspect.signature(getattr(cgroup, method)).parameters
     for name, parameter in expected.items():
         assert actual[name].default == parameter.default, name
         assert actual[name].kind in {parameter.kind, inspect.Parameter.POSITIONAL_ONLY}, name
 
 
-def keyword_options(package: ModuleType, method: str) -> set[str]:
+def keyword_options(function: Callable[..., object]) -> set[str]:
     """Return the names of the keyword-only parameters."""
-    parameters = inspect.signature(getattr(package, method)).parameters.values()
+    parameters = inspect.signature(function).parameters.values()
     return {p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as hst
-from method_cases import CASES, Options, call_method
+from method_cases import CASES, Options, call_reference
 
 import reference
 from reference.otsu import otsu_split
@@ -32,7 +32,7 @@ def frames(problem: Problem) -> dict[str, Any]:
 
 def quick(method: str, problem: Problem) -> ReferenceGrouping:
     """Call a reference method with the options that make it quick."""
-    return call_method(reference, method, problem, CASES[method].quick)
+    return call_reference(method, problem, CASES[method].quick)
 
 
 def noiseless(n: int, seed: int = 0) -> Problem:
@@ -693,7 +693,7 @@ def test_degenerate_input_never_raises(method: str, n: int) -> None:
             variants.append(Problem(**{**vars(plain), **arrays}))
     for problem in variants:
         for options in option_sets(method):
-            group = call_method(reference, method, problem, options)
+            group = call_reference(method, problem, options)
             assert group.mask.shape == (n,)
             assert group.mask.dtype == bool
             if group.scores is not None:
@@ -708,7 +708,7 @@ def test_input_is_not_modified(method: str) -> None:
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
     for options in option_sets(method):
-        call_method(reference, method, problem, options)
+        call_reference(method, problem, options)
 
 
 def test_missing_lengths_are_explained() -> None:
@@ -786,7 +786,7 @@ def test_table_of_section_13(
 ) -> None:
     problem = large[share]
     options: dict[str, Options] = {"ransac": {"iterations": 1500}, "hough3d": {"source_centroid": None}}
-    group = call_method(reference, method, problem, options.get(method, {}))
+    group = call_reference(method, problem, options.get(method, {}))
     q = reference.quality(group.mask, problem.inlier_mask)
     assert (q.precision >= at_least[0], q.recall >= at_least[1]) == (True, True)
 

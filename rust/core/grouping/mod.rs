@@ -1,4 +1,4 @@
-//! The nine grouping methods of the paper, one file each; the files know nothing of each other.
+//! The grouping methods, one file each; the files know nothing of each other.
 
 pub mod consistency_voting;
 pub mod game_theory;
@@ -10,7 +10,35 @@ pub mod search_of_inliers;
 pub mod similarity_score;
 pub mod spectral;
 
+use consistency_voting::ConsistencyVoting;
+use game_theory::GameTheory;
+use geometric_consistency::GeometricConsistency;
+use hough_voting::HoughVoting;
+use nearest_neighbor_ratio::NearestNeighborRatio;
+use ransac::Ransac;
+use search_of_inliers::SearchOfInliers;
+use similarity_score::SimilarityScore;
+use spectral::Spectral;
+
 use crate::{Correspondences, Execution, Grouping, Result};
+
+/// A method whose parameters are set.
+pub type BoxedMethod = Box<dyn GroupingMethod + Send + Sync>;
+
+/// Every method by its public name, with default parameters.
+pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
+    vec![
+        ("ss", Box::new(SimilarityScore::default())),
+        ("nnsr", Box::new(NearestNeighborRatio::default())),
+        ("si", Box::new(SearchOfInliers::default())),
+        ("cv", Box::new(ConsistencyVoting::default())),
+        ("ransac", Box::new(Ransac::default())),
+        ("st", Box::new(Spectral::default())),
+        ("gc", Box::new(GeometricConsistency::default())),
+        ("3dhv", Box::new(HoughVoting::default())),
+        ("gtm", Box::new(GameTheory::default())),
+    ]
+}
 
 /// A way to tell right correspondences from wrong ones.
 pub trait GroupingMethod {
