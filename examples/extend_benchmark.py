@@ -13,7 +13,7 @@ from cgroup.benchmark import records
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.run import run
 from cgroup.datasets import Dataset, MatchingPair, standin_pair
-from cgroup.io import PointCloud
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from cgroup import Correspondences

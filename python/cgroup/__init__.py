@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import warnings as _warnings
 
-from cgroup import _core
+from cgroup import _core, methods
 from cgroup._core import __version__
 from cgroup.errors import CgroupError, InputError, NoConsensusError
 from cgroup.group import group, group_many
-from cgroup.methods import cv, gc, gtm, hough3d, nnsr, ransac, si, ss, st
 from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
 from cgroup.types import Correspondences, Grouping
+
+from .methods import *  # noqa: F403 - the methods, as they list themselves
 
 __all__ = [
     "METHODS",
@@ -33,18 +34,10 @@ __all__ = [
     "InputError",
     "NoConsensusError",
     "__version__",
-    "cv",
-    "gc",
     "group",
     "group_many",
-    "gtm",
-    "hough3d",
-    "nnsr",
-    "ransac",
-    "si",
-    "ss",
-    "st",
 ]
+__all__ += methods.__all__
 
 if _core.DEBUG_BUILD:
     _warnings.warn(

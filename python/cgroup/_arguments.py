@@ -12,7 +12,7 @@ from cgroup.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup.types import FloatArray, RealArray
+    from cgroup._arrays import FloatArray, RealArray
 
 LARGEST_COUNT = 2**64 - 1
 

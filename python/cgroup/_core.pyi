@@ -1,130 +1,42 @@
 from collections.abc import Sequence
-from typing import Literal, TypeAlias, final
+from typing import TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup.types import Fields, FloatArray, IndexArray, RawGrouping, RealArray, RunOptions
+from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
+from cgroup._fields import Fields
+from cgroup._options import RunOptions
 
 _DescriptorArray: TypeAlias = NDArray[np.float32]
-_Threshold: TypeAlias = float | Literal["otsu"]
+_Grouping: TypeAlias = tuple[
+    BoolArray, FloatArray | None, float | None, FloatArray | None, dict[str, float]
+]  # mask, scores, threshold, model, diagnostics
 
 __all__ = [
     "DEBUG_BUILD",
     "Cloud",
     "__version__",
-    "cv",
     "drop_isolated",
-    "gc",
-    "gtm",
+    "group",
     "harris3d",
-    "hough3d",
     "iss",
     "lfsh",
     "match_descriptors",
     "mesh_normals",
-    "nnsr",
     "normals",
-    "ransac",
     "rcs",
     "resolution",
     "rigid_fit",
     "shot",
     "shot_lrf",
-    "si",
-    "ss",
-    "st",
     "toldi_lrf",
 ]
 
 __version__: str
 DEBUG_BUILD: bool
 
-def ss(similarity: RealArray, threshold: _Threshold, otsu: str, bins: int) -> RawGrouping: ...
-def nnsr(ratio: RealArray, max_ratio: float) -> RawGrouping: ...
-def si(
-    fields: Fields,
-    run_options: RunOptions,
-    *,
-    tolerance: float | None,
-    neighbors: int,
-    min_distance_ratio: float,
-    lowe_ratio: float,
-    global_rank: str,
-    threshold: _Threshold,
-    otsu: str,
-) -> RawGrouping: ...
-def cv(
-    fields: Fields,
-    run_options: RunOptions,
-    *,
-    distance_scale: float | None,
-    angle_scale: float,
-    voters: int,
-    exclude_self: bool,
-    threshold: _Threshold,
-    otsu: str,
-) -> RawGrouping: ...
-def ransac(
-    fields: Fields,
-    run_options: RunOptions,
-    *,
-    tolerance: float | None,
-    iterations: int,
-    seed: int,
-    refine: bool,
-    edge_ratio: float | None,
-    confidence: float | None,
-) -> RawGrouping: ...
-def st(
-    fields: Fields,
-    run_options: RunOptions,
-    *,
-    min_distance_ratio: float,
-    affinity: str,
-    diagonal: str,
-    conflict: str,
-    eigensolver: str,
-    recompute: bool,
-) -> RawGrouping: ...
-def gc(
-    fields: Fields,
-    run_options: RunOptions,
-    *,
-    tolerance: float | None,
-    variant: str,
-    ties: str,
-    min_cluster_size: int,
-    iterations: int,
-    seed: int,
-) -> RawGrouping: ...
-def hough3d(
-    fields: Fields,
-    run_options: RunOptions,
-    *,
-    variant: str,
-    bins: int,
-    bin_size: float | None,
-    neighbors: int,
-    interpolation: bool,
-    distance_weight: bool,
-    vote_threshold: float,
-    iterations: int,
-    seed: int,
-) -> RawGrouping: ...
-def gtm(
-    fields: Fields,
-    run_options: RunOptions,
-    *,
-    iterations: int,
-    threshold: _Threshold,
-    otsu: str,
-    payoff: str,
-    tolerance: float | None,
-    one_to_one: bool,
-    convergence_tolerance: float | None,
-    dynamics: str,
-) -> RawGrouping: ...
+def group(method: str, fields: Fields, run_options: RunOptions, options: dict[str, object]) -> _Grouping: ...
 def rigid_fit(source: RealArray, target: RealArray) -> FloatArray: ...
 
 @final

@@ -14,8 +14,20 @@ SHARE_OF_FREE = 4
 UNKNOWN_FREE = 4 << 30
 """Taken to be free where the system does not tell."""
 
+SMALL = 32 << 20
+"""Bytes that a problem gets without a look at what is free, which takes longer than to solve it."""
+
+_LARGEST_PAIR = 40
+"""Bytes per pair of correspondences that the most demanding method, ST's dense eigensolver, needs."""
+
 MEMINFO = Path("/proc/meminfo")
 CONTAINER = Path("/sys/fs/cgroup")
+
+
+def max_memory_for(correspondences: int) -> int:
+    """Bytes that a pairwise matrix of so many correspondences may take."""
+    small = _LARGEST_PAIR * correspondences**2 <= SMALL
+    return SMALL if small else default_max_memory()
 
 
 def default_max_memory() -> int:

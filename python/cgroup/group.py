@@ -6,18 +6,20 @@ import inspect
 import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from cgroup._arguments import as_count
+from cgroup._calls import compute
+from cgroup._fields import FIELDS, Fields
 from cgroup._memory import default_max_memory
 from cgroup.errors import InputError
-from cgroup.registry import ALIASES, METHODS, PRESETS
-from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray, Grouping
+from cgroup.registry import ALIASES, METHOD_INFO, PRESETS, MethodInfo
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
+
+    from cgroup.types import Correspondences, Grouping
 
 
 def group(
@@ -50,19 +52,15 @@ def group(
     InputError
         For an unknown method, preset or option, or where the method needs a field that is missing.
     """
-    method = ALIASES.get(method, method)
-    function = METHODS.get(method)
-    if function is None:
-        message = f"method: got {method!r}; choose one of {', '.join(METHODS)}"
-        raise InputError(message)
+    info = _find(method)
     if preset not in PRESETS:
         message = f"preset: got {preset!r}; choose one of {', '.join(PRESETS)}"
         raise InputError(message)
-    parameters = _parameters(function)
-    _refuse_unknown(method, options, parameters)
-    fields = _fields_for(method, correspondences, parameters)
-    result = function(**{**fields, **PRESETS[preset].get(method, {}), **options})
-    return replace(result, _positions=(correspondences.source, correspondences.target))
+    defaults = _defaults(info.function)
+    _refuse_unknown(info.name, options, defaults)
+    fields = _fields_for(info, correspondences)
+    chosen = {**defaults, **PRESETS[preset].get(info.name, {}), **options}
+    return compute(info.name, fields, chosen, (correspondences.source, correspondences.target))
 
 
 def group_many(
@@ -96,11 +94,11 @@ def group_many(
         if stopped.is_set():
             raise InterruptedError
 
+    known = _defaults(_find(method).function)
     options = {"threads": 1, **options}
-    parameters = _parameters(METHODS[method]) if method in METHODS else {}
-    if "max_memory" in parameters:
+    if "max_memory" in known:
         options = {"max_memory": default_max_memory() // workers, **options}
-    if "progress" in parameters:
+    if "progress" in known:
         options = {"progress": stop_with_the_others, **options}
     pool = ThreadPoolExecutor(max_workers=workers)
     try:
@@ -110,33 +108,35 @@ def group_many(
         pool.shutdown(cancel_futures=True)
 
 
+def _find(method: str) -> MethodInfo:
+    info = METHOD_INFO.get(ALIASES.get(method, method))
+    if info is None:
+        message = f"method: got {method!r}; choose one of {', '.join(METHOD_INFO)}"
+        raise InputError(message)
+    return info
+
+
 @cache
-def _parameters(function: Callable[..., Grouping]) -> Mapping[str, inspect.Parameter]:
-    return inspect.signature(function).parameters
+def _defaults(function: Callable[..., Grouping]) -> Mapping[str, Any]:
+    """Options of a method, and what they are where they are not given."""
+    parameters = inspect.signature(function).parameters
+    return {name: parameter.default for name, parameter in parameters.items() if name not in FIELDS}
 
 
-def _refuse_unknown(method: str, options: Mapping[str, Any], parameters: Mapping[str, Any]) -> None:
-    known = [name for name in parameters if name not in ("source", "target", *OPTIONAL_FIELDS)]
+def _refuse_unknown(method: str, options: Mapping[str, Any], known: Mapping[str, Any]) -> None:
     unknown = [name for name in options if name not in known]
     if unknown:
         message = f"option: {method} has no {unknown[0]!r}; it takes {', '.join(known)}"
         raise InputError(message)
 
 
-def _fields_for(
-    method: str, correspondences: Correspondences, parameters: Mapping[str, inspect.Parameter]
-) -> dict[str, FloatArray | float]:
-    fields: dict[str, FloatArray | float] = {}
-    for name in ("source", "target", *OPTIONAL_FIELDS):
-        if name not in parameters:
-            continue
-        value = getattr(correspondences, name)
-        if value is not None:
-            fields[name] = value
-        elif parameters[name].default is inspect.Parameter.empty:
+def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:
+    for name in info.fields:
+        if getattr(correspondences, name) is None:
+            modest = [other.name for other in METHOD_INFO.values() if other.fields == ("source", "target")]
             message = (
-                f"method: {method} needs `{name}`, which these correspondences lack; "
-                "give it to Correspondences, or use a method that does without: ransac, st, gc, gtm"
+                f"method: {info.name} needs `{name}`, which these correspondences lack; "
+                f"give it to Correspondences, or use a method that does without: {', '.join(modest)}"
             )
             raise InputError(message)
-    return fields
+    return Fields(**{name: getattr(correspondences, name) for name in (*info.fields, *info.optional_fields)})

@@ -4,31 +4,25 @@ References are to J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation
 Grouping Methods for 3D Rigid Data Matching*, TPAMI 2019 ("the paper").
 
 A length (``tolerance`` and the like) is in the data's unit; without one it is the paper's multiple of
-``resolution``. The methods that compare pairs of points also take
-
-- ``threads``: int or None; threads to compute on, None for all cores. The result does not depend on it.
-- ``max_memory``: int or None; bytes that a pairwise matrix may take, None for a quarter of the memory
-  that is free, at most 1.5 GiB. A larger matrix is recomputed row by row, with the same result.
-- ``progress``: callable or None; called now and then with the share of the work done, in [0,1].
-
-Input that a method can't work with raises `InputError`, a `ValueError`.
+``resolution``. Each function hands its arguments on by their names; the compiled core reads its options.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from cgroup import _core
-from cgroup._arguments import real_vector
-from cgroup._options import checked, run_options
-from cgroup.types import Fields, Grouping, RawGrouping, checked_fields
+from cgroup._calls import call
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import ArrayLike
 
+    from cgroup.types import Grouping
+
     Progress: TypeAlias = Callable[[float], Any]
+
+__all__ = ["cv", "gc", "gtm", "hough3d", "nnsr", "ransac", "si", "ss", "st"]
 
 OtsuMode: TypeAlias = Literal["minmax", "exact", "covis", "legacy"]
 
@@ -64,10 +58,13 @@ def ss(
     -------
     Grouping
         Its scores are the similarities.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    run_options(threads, 0, None)
-    options = checked({"threshold": threshold, "otsu": otsu, "bins": bins})
-    return _grouping(_core.ss(real_vector("similarity", similarity, None), **options))
+    return call("ss", locals())
 
 
 def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8, threads: int | None = None) -> Grouping:
@@ -89,9 +86,13 @@ def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8, threads: int | None = None
     -------
     Grouping
         Its scores are ``1 - ratio``.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    run_options(threads, 0, None)
-    return _grouping(_core.nnsr(real_vector("ratio", ratio, None), **checked({"max_ratio": max_ratio})))
+    return call("nnsr", locals())
 
 
 def si(
@@ -141,30 +142,22 @@ def si(
         Scores above it are selected.
     otsu : {"minmax", "exact", "covis", "legacy"}
         How Otsu's cut is sought, see `ss`.
-    threads, progress
-        See the module.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
 
     Returns
     -------
     Grouping
         Its scores are shares of votes, in [0,1].
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    fields = checked_fields(
-        source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
-    )
-    run = run_options(threads, 0, progress)
-    options = checked(
-        {
-            "tolerance": tolerance,
-            "neighbors": neighbors,
-            "min_distance_ratio": min_distance_ratio,
-            "lowe_ratio": lowe_ratio,
-            "global_rank": global_rank,
-            "threshold": threshold,
-            "otsu": otsu,
-        }
-    )
-    return _grouping(_core.si(fields, run, **options), fields)
+    return call("si", locals())
 
 
 def cv(
@@ -210,29 +203,22 @@ def cv(
         Scores above it are selected.
     otsu : {"minmax", "exact", "covis", "legacy"}
         How Otsu's cut is sought, see `ss`.
-    threads, progress
-        See the module.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
 
     Returns
     -------
     Grouping
         Its scores are sums of votes, in [0, voters].
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    fields = checked_fields(
-        source, target, ratio=ratio, source_lrf=source_lrf, target_lrf=target_lrf, resolution=resolution
-    )
-    run = run_options(threads, 0, progress)
-    options = checked(
-        {
-            "distance_scale": distance_scale,
-            "angle_scale": angle_scale,
-            "voters": voters,
-            "exclude_self": exclude_self,
-            "threshold": threshold,
-            "otsu": otsu,
-        }
-    )
-    return _grouping(_core.cv(fields, run, **options), fields)
+    return call("cv", locals())
 
 
 def ransac(
@@ -271,27 +257,22 @@ def ransac(
         Drop samples with an edge whose length ratio ``min(ds/dt, dt/ds)`` is lower, before judging them.
     confidence : float, optional
         Stop once a better transform has been missed with probability at most ``1 - confidence``.
-    threads, progress
-        See the module.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
 
     Returns
     -------
     Grouping
         Its `model` is the transform (4,4) behind the selection. Without any inlier the group is empty.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    fields = checked_fields(source, target, resolution=resolution)
-    run = run_options(threads, 0, progress)
-    options = checked(
-        {
-            "tolerance": tolerance,
-            "iterations": iterations,
-            "seed": seed,
-            "refine": refine,
-            "edge_ratio": edge_ratio,
-            "confidence": confidence,
-        }
-    )
-    return _grouping(_core.ransac(fields, run, **options), fields)
+    return call("ransac", locals())
 
 
 def st(
@@ -332,27 +313,25 @@ def st(
         Power iteration, or a full O(n^3) decomposition (about ``40 n^2`` bytes).
     recompute : bool
         Compute the eigenvector of what is left after each acceptance.
-    threads, max_memory, progress
-        See the module.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    max_memory : int, optional
+        Bytes that the pairwise matrix may take; by default a quarter of the memory that is free, at most
+        1.5 GiB. A larger matrix is recomputed row by row, with the same result.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
 
     Returns
     -------
     Grouping
         Its scores are the entries of the principal eigenvector.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    fields = checked_fields(source, target, similarity=similarity)
-    run = run_options(threads, max_memory, progress)
-    options = checked(
-        {
-            "min_distance_ratio": min_distance_ratio,
-            "affinity": affinity,
-            "diagonal": diagonal,
-            "conflict": conflict,
-            "eigensolver": eigensolver,
-            "recompute": recompute,
-        }
-    )
-    return _grouping(_core.st(fields, run, **options), fields)
+    return call("st", locals())
 
 
 def gc(
@@ -394,27 +373,22 @@ def gc(
         Clique variant: a set with no more members is no cluster.
     iterations, seed : int
         Clique variant: of the RANSAC filter.
-    threads, progress
-        See the module.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
 
     Returns
     -------
     Grouping
         Its scores are the sizes of the star clusters (star variant).
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    fields = checked_fields(source, target, similarity=similarity, resolution=resolution)
-    run = run_options(threads, 0, progress)
-    options = checked(
-        {
-            "tolerance": tolerance,
-            "variant": variant,
-            "ties": ties,
-            "min_cluster_size": min_cluster_size,
-            "iterations": iterations,
-            "seed": seed,
-        }
-    )
-    return _grouping(_core.gc(fields, run, **options), fields)
+    return call("gc", locals())
 
 
 def hough3d(
@@ -468,37 +442,22 @@ def hough3d(
         "pcl" variant: least value of a maximum; from -1 to 0, a share of the greatest value.
     iterations, seed : int
         "pcl" variant: of the RANSAC filter.
-    threads, progress
-        See the module.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
 
     Returns
     -------
     Grouping
         Without scores.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    fields = checked_fields(
-        source,
-        target,
-        similarity=similarity,
-        source_lrf=source_lrf,
-        target_lrf=target_lrf,
-        source_centroid=source_centroid,
-    )
-    run = run_options(threads, 0, progress)
-    options = checked(
-        {
-            "variant": variant,
-            "bins": bins,
-            "bin_size": bin_size,
-            "neighbors": neighbors,
-            "interpolation": interpolation,
-            "distance_weight": distance_weight,
-            "vote_threshold": vote_threshold,
-            "iterations": iterations,
-            "seed": seed,
-        }
-    )
-    return _grouping(_core.hough3d(fields, run, **options), fields)
+    return call("3dhv", locals())
 
 
 def gtm(
@@ -545,33 +504,22 @@ def gtm(
     dynamics : {"replicator", "infection_immunisation"}
         The paper's replicator dynamics; or infection and immunisation (Rota Bulo, Bomze, 2011) at O(n)
         per step, whose survivors (share above 1e-9) are selected. Give it some 10,000 iterations.
-    threads, max_memory, progress
-        See the module.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    max_memory : int, optional
+        Bytes that the pairwise matrix may take; by default a quarter of the memory that is free, at most
+        1.5 GiB. A larger matrix is recomputed row by row, with the same result.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
 
     Returns
     -------
     Grouping
         Its scores are the population shares, which sum to 1.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
     """
-    fields = checked_fields(source, target, resolution=resolution)
-    run = run_options(threads, max_memory, progress)
-    options = checked(
-        {
-            "iterations": iterations,
-            "threshold": threshold,
-            "otsu": otsu,
-            "payoff": payoff,
-            "tolerance": tolerance,
-            "one_to_one": one_to_one,
-            "convergence_tolerance": convergence_tolerance,
-            "dynamics": dynamics,
-        }
-    )
-    return _grouping(_core.gtm(fields, run, **options), fields)
-
-
-def _grouping(raw: RawGrouping, fields: Fields | None = None) -> Grouping:
-    mask, scores, threshold, model, diagnostics = raw
-    # Copies of one's own: the caller's buffers may hold other points by the time of transform().
-    positions = None if fields is None else (fields.source.copy(), fields.target.copy())
-    return Grouping(mask, scores, threshold, model, diagnostics, positions)
+    return call("gtm", locals())

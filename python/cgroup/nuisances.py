@@ -14,13 +14,13 @@ import numpy as np
 
 from cgroup import features
 from cgroup._plugins import load_plugin
-from cgroup.datasets.base import moved
-from cgroup.datasets.standin import random_direction, stone
+from cgroup.datasets.generated.shapes import random_direction, stone
 from cgroup.datasets.voxels import voxel_means
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
-from cgroup.io import PointCloud
+from cgroup.rigid import apply
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -168,7 +168,7 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     _check_share("overlap", level)
     direction = random_direction(rng)
     tolerance = OVERLAP_WITHIN * _common_resolution(pair)
-    source, target = moved(pair.source.points, pair.T_target_source), pair.target.points
+    source, target = apply(pair.T_target_source, pair.source.points), pair.target.points
     source_height, target_height = source @ direction, target @ direction
     source_shared, target_shared = within(source, target, tolerance), within(target, source, tolerance)
 
@@ -204,7 +204,7 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     _check_share("occlusion", level)
     direction = random_direction(rng)
     tolerance = VISIBLE_WITHIN * _common_resolution(pair)
-    model, scene = moved(pair.source.points, pair.T_target_source), pair.target.points
+    model, scene = apply(pair.T_target_source, pair.source.points), pair.target.points
     visible = within(model, scene, tolerance)
     if 1 - visible.mean() > level:
         message = f"occlusion: {pair.name} has {1 - visible.mean():.2f} already; ask for more than {level}"
@@ -226,7 +226,7 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     _check_share("clutter", level)
     scene = pair.target.points
     pr = _common_resolution(pair)
-    own = within(scene, moved(pair.source.points, pair.T_target_source), VISIBLE_WITHIN * pr)
+    own = within(scene, apply(pair.T_target_source, pair.source.points), VISIBLE_WITHIN * pr)
     missing = round(np.count_nonzero(own) / (1 - level)) - len(scene)
     if missing < 0:
         message = f"clutter: {pair.name} has {1 - own.mean():.2f} already; ask for more than {level}"

@@ -1,36 +1,39 @@
-"""What goes into a grouping method, and what comes out."""
+"""What goes into a grouping method, what comes out, and the clouds it is about."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cgroup import _core
-from cgroup._arguments import as_number, as_reals, real_frames, real_points, real_vector
+from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
+from cgroup._fields import OPTIONAL_FIELDS, checked_fields
 from cgroup.errors import InputError
+from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from numpy.typing import ArrayLike, NDArray
 
-    from numpy.typing import ArrayLike
-
-FloatArray: TypeAlias = NDArray[np.float64]
-RealArray: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
-IndexArray: TypeAlias = NDArray[np.int64]
-
-RawGrouping: TypeAlias = tuple[
-    BoolArray, FloatArray | None, float | None, FloatArray | None, dict[str, float]
+__all__ = [
+    "OPTIONAL_FIELDS",
+    "BoolArray",
+    "Correspondences",
+    "FloatArray",
+    "Grouping",
+    "IndexArray",
+    "PointCloud",
+    "RealArray",
 ]
-"""Mask, scores, threshold, model and diagnostics, as the compiled core returns them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
     """Putative matches between two shapes; row i of every field describes the same match.
+
+    The arrays are read-only copies, which nothing changes later: float32 where they were given so, else
+    float64.
 
     Parameters
     ----------
@@ -53,14 +56,14 @@ class Correspondences:
         For a wrong shape or type; the message names the field and what to do.
     """
 
-    source: FloatArray
-    target: FloatArray
-    similarity: FloatArray | None = None
-    ratio: FloatArray | None = None
-    source_lrf: FloatArray | None = None
-    target_lrf: FloatArray | None = None
+    source: RealArray
+    target: RealArray
+    similarity: RealArray | None = None
+    ratio: RealArray | None = None
+    source_lrf: RealArray | None = None
+    target_lrf: RealArray | None = None
     resolution: float | None = None
-    source_centroid: FloatArray | None = None
+    source_centroid: RealArray | None = None
 
     def __init__(
         self,
@@ -95,70 +98,10 @@ class Correspondences:
         return f"Correspondences(n={len(self)}, fields={['source', 'target', *given]})"
 
 
-def _own(array: RealArray) -> FloatArray:
-    copy: FloatArray = array.astype(np.float64)
+def _own(array: RealArray) -> RealArray:
+    copy = array.copy()
     copy.flags.writeable = False
     return copy
-
-
-class Fields(NamedTuple):
-    """What a method gets of `Correspondences`: of the right shapes, in the precision that the caller has."""
-
-    source: RealArray
-    target: RealArray
-    similarity: RealArray | None
-    ratio: RealArray | None
-    source_lrf: RealArray | None
-    target_lrf: RealArray | None
-    resolution: float | None
-    source_centroid: RealArray | None
-
-
-def checked_fields(
-    source: ArrayLike,
-    target: ArrayLike,
-    *,
-    similarity: ArrayLike | None = None,
-    ratio: ArrayLike | None = None,
-    source_lrf: ArrayLike | None = None,
-    target_lrf: ArrayLike | None = None,
-    resolution: float | None = None,
-    source_centroid: ArrayLike | None = None,
-) -> Fields:
-    """Check the fields of `Correspondences` for their shapes and types; nothing is copied without need."""
-    points = real_points("source", source)
-    n = len(points)
-    if (source_lrf is None) != (target_lrf is None):
-        missing = "source_lrf" if source_lrf is None else "target_lrf"
-        message = f"{missing}: missing; frames are needed on both sides or on neither"
-        raise InputError(message)
-    partners = real_points("target", target)
-    if len(partners) != n:
-        message = (
-            f"target: got {len(partners)} rows, but source has {n}; row i of one matches row i of the other"
-        )
-        raise InputError(message)
-    return Fields(
-        points,
-        partners,
-        None if similarity is None else real_vector("similarity", similarity, n),
-        None if ratio is None else real_vector("ratio", ratio, n),
-        None if source_lrf is None else real_frames("source_lrf", source_lrf, n),
-        None if target_lrf is None else real_frames("target_lrf", target_lrf, n),
-        None if resolution is None else as_number("resolution", resolution),
-        None if source_centroid is None else _centroid(source_centroid),
-    )
-
-
-def _centroid(value: ArrayLike) -> RealArray:
-    array = as_reals("source_centroid", value)
-    if array.shape != (3,):
-        message = f"source_centroid: got shape {array.shape}; give the three coordinates of one point"
-        raise InputError(message)
-    return array
-
-
-OPTIONAL_FIELDS = ("similarity", "ratio", "source_lrf", "target_lrf", "resolution", "source_centroid")
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,10 +167,47 @@ class Grouping:
         return f"Grouping({self.size} of {len(self.mask)} selected)"
 
 
-@dataclass(frozen=True)
-class RunOptions:
-    """How a computation runs: threads, memory for pairwise matrices in bytes, progress callback."""
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """A scan or a model, as read from a file.
 
-    threads: int | None
-    max_memory: int
-    progress: Callable[[float], Any] | None
+    Attributes
+    ----------
+    points : (N,3) array of float64
+        Coordinates in the file's unit, all finite.
+    normals : (N,3) array of float64, optional
+        Normals as stored in the file.
+    faces : (M,3) array of int, optional
+        Triangles as rows of `points`.
+    colors : (N,3) array of uint8, optional
+        Red, green, blue.
+    dropped : int
+        Points of the file that were left out because a coordinate was NaN or infinite.
+    """
+
+    points: FloatArray
+    normals: FloatArray | None = None
+    faces: IndexArray | None = None
+    colors: NDArray[np.uint8] | None = None
+    dropped: int = 0
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.points)
+
+    def transformed(self, transform: ArrayLike) -> PointCloud:
+        """Move the cloud by a rigid transform.
+
+        Parameters
+        ----------
+        transform : (4,4) array_like of float
+            Applied to column vectors: p' = R p + t.
+
+        Returns
+        -------
+        PointCloud
+            Moved points and turned normals; faces and colours as they were.
+        """
+        matrix = check_rigid(transform)
+        normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
+        return PointCloud(apply(matrix, self.points), normals, self.faces, self.colors, self.dropped)

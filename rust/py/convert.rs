@@ -1,10 +1,9 @@
 //! Between numpy arrays and the core's types; nothing else touches arrays.
 
 use cgroup::frames::Frames;
-use cgroup::selection::otsu::{OtsuMode, Threshold};
 use cgroup::{Correspondences, Error, Grouping, Points};
 use nalgebra::Matrix4;
-use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3};
+use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3, arr2};
 use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -33,8 +32,8 @@ impl<'py, D: Dimension> FromPyObject<'_, 'py> for Reals<'py, D> {
 /// A Python `Fields`; that class has checked shapes and types.
 #[derive(FromPyObject)]
 pub struct Fields<'py> {
-    source: Reals<'py, Ix2>,
-    target: Reals<'py, Ix2>,
+    source: Option<Reals<'py, Ix2>>,
+    target: Option<Reals<'py, Ix2>>,
     similarity: Option<Reals<'py, Ix1>>,
     ratio: Option<Reals<'py, Ix1>>,
     source_lrf: Option<Reals<'py, Ix3>>,
@@ -44,10 +43,9 @@ pub struct Fields<'py> {
 }
 
 impl Fields<'_> {
-    /// The core's correspondences.
+    /// The core's correspondences; it checks the values.
     pub fn to_core(&self) -> PyResult<Correspondences> {
-        let (source, target) = (self.source.points("source")?, self.target.points("target")?);
-        let mut result = checked(Correspondences::between(source, target))?;
+        let mut result = self.positions()?;
         if let Some(similarity) = &self.similarity {
             result = checked(result.with_similarity(similarity.vector()?))?;
         }
@@ -64,6 +62,15 @@ impl Fields<'_> {
             result = checked(result.with_source_centroid([*x, *y, *z]))?;
         }
         Ok(result)
+    }
+
+    /// Correspondences with their points, where the method takes points.
+    fn positions(&self) -> PyResult<Correspondences> {
+        if let (Some(source), Some(target)) = (&self.source, &self.target) {
+            return checked(Correspondences::between(source.points("source")?, target.points("target")?));
+        }
+        let len = self.similarity.as_ref().or(self.ratio.as_ref()).map_or(Ok(0), Reals::len)?;
+        Ok(Correspondences::without_positions(len))
     }
 }
 
@@ -82,6 +89,13 @@ impl Reals<'_, Ix2> {
 }
 
 impl Reals<'_, Ix1> {
+    fn len(&self) -> PyResult<usize> {
+        Ok(match self {
+            Self::Single(array) => array.len()?,
+            Self::Double(array) => array.len()?,
+        })
+    }
+
     /// The numbers.
     pub fn vector(&self) -> PyResult<Vec<f64>> {
         Ok(match self {
@@ -103,10 +117,9 @@ impl Reals<'_, Ix3> {
 
 /// A 4x4 array.
 pub fn matrix<'py>(py: Python<'py>, matrix: &Matrix4<f64>) -> Bound<'py, PyArray2<f64>> {
-    let row = |i: usize| vec![matrix[(i, 0)], matrix[(i, 1)], matrix[(i, 2)], matrix[(i, 3)]];
-    let rows = [row(0), row(1), row(2), row(3)];
-    let array = PyArray2::from_vec2(py, &rows);
-    array.unwrap_or_else(|_| PyArray2::zeros(py, [4, 4], false))
+    // Transposed, because nalgebra stores columns and numpy rows.
+    let rows: [[f64; 4]; 4] = matrix.transpose().into();
+    PyArray2::from_owned_array(py, arr2(&rows))
 }
 
 /// What Python gets of a grouping: mask, scores, threshold, model, diagnostics.
@@ -133,37 +146,16 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyGrouping<'_>> {
     ))
 }
 
-/// `threshold`: "otsu" or a number.
-#[derive(FromPyObject)]
-pub enum ThresholdOption {
-    /// A number.
-    Fixed(f64),
-    /// A word; only "otsu" is one.
-    Named(String),
-}
-
-/// A threshold from the options `threshold`, `otsu` and `bins`.
-pub fn threshold(option: &ThresholdOption, mode: &str, bins: usize) -> PyResult<Threshold> {
-    let modes = [
-        ("minmax", OtsuMode::MinMax { bins }),
-        ("exact", OtsuMode::Exact),
-        ("covis", OtsuMode::Covis),
-        ("legacy", OtsuMode::Legacy { bins }),
-    ];
-    match option {
-        ThresholdOption::Fixed(value) => Ok(Threshold::Fixed(*value)),
-        ThresholdOption::Named(name) if name == "otsu" => Ok(Threshold::Otsu(choose("otsu", mode, &modes)?)),
-        ThresholdOption::Named(name) => {
-            Err(InputError::new_err(format!("threshold: got {name:?}; give \"otsu\" or a number")))
-        }
-    }
-}
-
 /// The value that goes by `given` among the choices of option `name`.
 pub fn choose<T: Copy>(name: &str, given: &str, choices: &[(&str, T)]) -> PyResult<T> {
     if let Some((_, value)) = choices.iter().find(|(choice, _)| *choice == given) {
         return Ok(*value);
     }
+    Err(InputError::new_err(format!("{name}: got {given:?}; {}", one_of(choices))))
+}
+
+/// What to choose from, for an error message.
+pub fn one_of<T>(choices: &[(&str, T)]) -> String {
     let known: Vec<String> = choices.iter().map(|(choice, _)| format!("{choice:?}")).collect();
-    Err(InputError::new_err(format!("{name}: got {given:?}; choose one of {}", known.join(", "))))
+    format!("choose one of {}", known.join(", "))
 }

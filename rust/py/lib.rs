@@ -7,6 +7,8 @@ mod convert;
 mod error;
 mod features;
 mod grouping;
+mod heap;
+mod options;
 mod run;
 
 use pyo3::prelude::*;
@@ -22,18 +24,13 @@ mod _core {
         shot_lrf, toldi_lrf,
     };
     #[pymodule_export]
-    use super::grouping::{cv, gc, gtm, hough3d, nnsr, ransac, rigid_fit, si, ss, st};
+    use super::grouping::{group, rigid_fit};
 
     use pyo3::prelude::*;
 
-    /// Size of blocks that the C library shall keep when they are freed.
-    const KEPT: usize = 4 << 20;
-
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        // glibc gives freed blocks back to the system, and clearing their pages anew takes half of a short call,
-        // until a block of their size has once been freed. This one is never touched, and takes no memory.
-        drop(std::hint::black_box(Vec::<u8>::with_capacity(KEPT)));
+        super::heap::keep_freed_blocks();
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("DEBUG_BUILD", cfg!(debug_assertions))
     }

@@ -7,16 +7,9 @@
 
 use cgroup::consensus::counter_rng::random_words;
 use cgroup::correspondences::Frame;
-use cgroup::grouping::consistency_voting::ConsistencyVoting;
-use cgroup::grouping::game_theory::GameTheory;
-use cgroup::grouping::geometric_consistency::GeometricConsistency;
-use cgroup::grouping::hough_voting::HoughVoting;
-use cgroup::grouping::nearest_neighbor_ratio::NearestNeighborRatio;
+use cgroup::grouping::BoxedMethod;
 use cgroup::grouping::ransac::Ransac;
-use cgroup::grouping::search_of_inliers::SearchOfInliers;
-use cgroup::grouping::similarity_score::SimilarityScore;
-use cgroup::grouping::spectral::Spectral;
-use cgroup::{Correspondences, GroupingMethod, Result};
+use cgroup::{Correspondences, Result};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// Raw fields of a problem, so that a test can move, scale or reorder them.
@@ -217,16 +210,12 @@ impl Motion {
 }
 
 /// The nine methods with the paper's parameters.
-pub fn methods() -> Vec<(&'static str, Box<dyn GroupingMethod + Send + Sync>)> {
-    vec![
-        ("ss", Box::new(SimilarityScore::default())),
-        ("nnsr", Box::new(NearestNeighborRatio::default())),
-        ("si", Box::new(SearchOfInliers::default())),
-        ("cv", Box::new(ConsistencyVoting::default())),
-        ("ransac", Box::new(Ransac { iterations: 500, ..Ransac::default() })),
-        ("st", Box::new(Spectral::default())),
-        ("gc", Box::new(GeometricConsistency::default())),
-        ("3dhv", Box::new(HoughVoting::default())),
-        ("gtm", Box::new(GameTheory::default())),
-    ]
+pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
+    let mut methods = cgroup::grouping::methods();
+    for (name, method) in &mut methods {
+        if *name == "ransac" {
+            *method = Box::new(Ransac { iterations: 500, ..Ransac::default() });
+        }
+    }
+    methods
 }

@@ -17,7 +17,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup.datasets import make_problem, standin_pair
-from cgroup.datasets.standin import stone
+from cgroup.datasets.generated.shapes import stone
 
 HERE = Path(__file__).resolve().parent
 SUPPORT = 8.0  # pr

@@ -12,7 +12,7 @@ import numpy as np
 
 from cgroup import Correspondences, group
 from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
-from cgroup.datasets.standin import stone
+from cgroup.datasets.generated.shapes import stone
 from cgroup.errors import InputError
 from cgroup.io import PointCloud
 

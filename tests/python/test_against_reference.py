@@ -1,6 +1,6 @@
 """Every method and option of cgroup against the NumPy reference, on random problems.
 
-Scores must agree to the accuracy in `SCORE_TOLERANCE`, masks must be equal. The only
+Scores must agree to the accuracy in method_cases.py, masks must be equal. The only
 rows left out are the ambiguous ones, where the exact answer hangs on rounding:
 
 * the reference itself decides otherwise when the points are deformed by 1e-12 of their
@@ -14,16 +14,15 @@ returned; nothing is ambiguous then and the masks must be equal without exceptio
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as hst
+from method_cases import CASES, OPTION_SETS, Options, call_cgroup, call_reference, name_of
 
-import cgroup
-import reference
 from reference.otsu import select_above
 from reference.spectral import greedy
 from strategies import BoolArray, FloatArray, Problem, make_problem, problems
@@ -42,252 +41,12 @@ NEAR_TIE = 1e-9
 COSINE_ERROR = 4e-15
 PER_OPTION = settings(max_examples=max(10, settings().max_examples // 3))
 
-# Largest difference of a score, relative to the greatest score; 0 means the same bits.
-# CV is compared score by score instead, see `score_margin`.
-SCORE_TOLERANCE = {
-    "ss": 0.0,
-    "nnsr": 0.0,
-    "si": 0.0,
-    "cv": 1e-9,
-    "st": 1e-6,
-    "gc": 0.0,
-    "gtm": 1e-6,
-}
-
-# The same for problems so large that GTM's payoffs are rounded to 16 bits, and entries of ST's matrix to f32.
-LARGE_SCORE_TOLERANCE = {"gtm": 1e-3, "st": 1e-6}
-
-Options = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Pr:
-    """A length as a multiple of the problem's resolution."""
-
-    multiple: float
-
-    def __repr__(self) -> str:
-        """Return the length as one would write it."""
-        return f"{self.multiple:g}pr"
-
-
-@dataclass(frozen=True)
-class Field:
-    """A field of the problem."""
-
-    name: str
-
-    def __repr__(self) -> str:
-        """Return the name of the field."""
-        return self.name
-
-
-SIMILARITY = Field("similarity")
-OTSU_MODES: list[Options] = [{"otsu": mode} for mode in ("exact", "covis", "legacy")]
-
-# What each method takes from a problem, and the options it is tried with.
-POSITIONAL = {"ss": ("similarity",), "nnsr": ("ratio",)}
-FIELDS: dict[str, tuple[str, ...]] = {
-    "si": ("ratio", "source_lrf", "target_lrf", "resolution"),
-    "cv": ("ratio", "source_lrf", "target_lrf", "resolution"),
-    "ransac": ("resolution",),
-    "gc": ("resolution",),
-    "hough3d": ("source_lrf", "target_lrf", "source_centroid"),
-}
-OPTIONS: dict[str, list[Options]] = {
-    "ss": [
-        {},
-        {"bins": 7},
-        {"threshold": 0.5},
-        {"threshold": -1.0},
-        {"bins": 12, "otsu": "legacy"},
-        *OTSU_MODES,
-    ],
-    "nnsr": [{}, {"max_ratio": 0.5}, {"max_ratio": 0.0}, {"max_ratio": 1.0}],
-    "si": [
-        {},
-        {"neighbors": 1},
-        {"neighbors": 10},
-        {"neighbors": 10, "global_rank": "local_score"},
-        {"neighbors": 50, "global_rank": "local_score", "otsu": "covis"},
-        {"tolerance": Pr(20.0)},
-        {"tolerance": Pr(20.0), "resolution": None},
-        {"min_distance_ratio": 0.97},
-        {"lowe_ratio": 0.6},
-        {"threshold": 0.25},
-        *OTSU_MODES,
-    ],
-    "cv": [
-        {},
-        {"voters": 1},
-        {"voters": 20},
-        {"voters": 20, "exclude_self": True},
-        {"exclude_self": True},
-        {"distance_scale": Pr(3.0)},
-        {"distance_scale": Pr(30.0), "resolution": None},
-        {"angle_scale": 3.0},
-        {"angle_scale": 40.0},
-        {"threshold": 1.5},
-        *OTSU_MODES,
-    ],
-    "ransac": [
-        {},
-        {"iterations": 300},
-        {"iterations": 300, "seed": 7},
-        {"iterations": 300, "seed": 2**64 - 1},
-        {"iterations": 300, "tolerance": Pr(2.0)},
-        {"iterations": 300, "tolerance": Pr(20.0), "resolution": None},
-        {"iterations": 300, "refine": True},
-        {"iterations": 600, "edge_ratio": 0.9},
-        {"iterations": 2000, "confidence": 0.9},
-        {"iterations": 1000, "confidence": 0.99, "refine": True, "edge_ratio": 0.8},
-        {"iterations": 1},
-    ],
-    "st": [
-        {},
-        {"min_distance_ratio": 0.9},
-        {"affinity": "threshold"},
-        {"affinity": "binary"},
-        {"affinity": "threshold", "min_distance_ratio": 0.95},
-        {"affinity": "binary", "min_distance_ratio": 0.95},
-        {"diagonal": "one"},
-        {"diagonal": "score", "similarity": SIMILARITY},
-        {"diagonal": "score", "similarity": SIMILARITY, "affinity": "binary"},
-        {"recompute": True},
-        {"recompute": True, "diagonal": "one", "min_distance_ratio": 0.9},
-        {"eigensolver": "dense"},
-        {"eigensolver": "dense", "affinity": "threshold"},
-        {"eigensolver": "dense", "recompute": True},
-        {"eigensolver": "dense", "diagonal": "score", "similarity": SIMILARITY},
-        {"conflict": "one_to_one"},
-        {"conflict": "both"},
-        {"conflict": "both", "min_distance_ratio": 0.0},
-        {"conflict": "one_to_one", "affinity": "threshold", "recompute": True},
-    ],
-    "gc": [
-        {},
-        {"ties": "union"},
-        {"tolerance": Pr(0.5)},
-        {"tolerance": Pr(20.0), "resolution": None},
-        {"tolerance": Pr(0.5), "ties": "union"},
-        {"variant": "clique", "iterations": 100},
-        {"variant": "clique", "iterations": 100, "similarity": SIMILARITY},
-        {"variant": "clique", "iterations": 100, "min_cluster_size": 0},
-        {"variant": "clique", "iterations": 30, "min_cluster_size": 10, "seed": 3},
-        {"variant": "clique", "iterations": 100, "tolerance": Pr(10.0)},
-    ],
-    "hough3d": [
-        {},
-        {"source_centroid": None},
-        {"bins": 1},
-        {"bins": 4},
-        {"bins": 40, "neighbors": 26},
-        {"neighbors": 0},
-        {"neighbors": 26},
-        {"bin_size": Pr(10.0)},
-        {"bin_size": Pr(50.0), "neighbors": 0},
-        {"variant": "pcl", "bin_size": Pr(10.0), "iterations": 100},
-        {"variant": "pcl", "bin_size": Pr(40.0), "iterations": 100, "seed": 5},
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "interpolation": False,
-            "iterations": 100,
-        },
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "vote_threshold": -0.5,
-            "iterations": 50,
-        },
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "vote_threshold": 2.0,
-            "interpolation": False,
-            "iterations": 50,
-        },
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "distance_weight": True,
-            "similarity": SIMILARITY,
-            "iterations": 100,
-        },
-        {
-            "variant": "pcl",
-            "bin_size": Pr(20.0),
-            "distance_weight": True,
-            "similarity": SIMILARITY,
-            "interpolation": False,
-            "iterations": 100,
-        },
-    ],
-    "gtm": [
-        {},
-        {"iterations": 1},
-        {"iterations": 500},
-        {"threshold": 0.02},
-        {"one_to_one": True},
-        {"convergence_tolerance": 1e-2},
-        {"payoff": "distance_difference", "resolution": Field("resolution")},
-        {"payoff": "distance_difference", "tolerance": Pr(10.0)},
-        {
-            "payoff": "distance_difference",
-            "tolerance": Pr(10.0),
-            "one_to_one": True,
-            "iterations": 20,
-        },
-        {"dynamics": "infection_immunisation"},
-        {"dynamics": "infection_immunisation", "iterations": 1000},
-        {
-            "dynamics": "infection_immunisation",
-            "iterations": 1000,
-            "convergence_tolerance": 1e-3,
-        },
-        {"dynamics": "infection_immunisation", "threshold": 0.02},
-        {
-            "dynamics": "infection_immunisation",
-            "payoff": "distance_difference",
-            "tolerance": Pr(5.0),
-            "one_to_one": True,
-        },
-        *OTSU_MODES,
-    ],
-}
-CASES = [(method, options) for method, sets in OPTIONS.items() for options in sets]
-
-
-def name_of(value: object) -> str:
-    """Return the name of a test parameter."""
-    if isinstance(value, dict):
-        return ",".join(f"{key}={entry}" for key, entry in value.items()) or "defaults"
-    return str(value)
-
-
-def call(package: Any, method: str, problem: Problem, options: Options) -> Any:
-    """Call a method of cgroup or of the reference on a problem."""
-    inputs = POSITIONAL.get(method, ("source", "target"))
-    arguments: Options = {name: Field(name) for name in FIELDS.get(method, ())}
-    arguments |= options
-    resolved = {name: resolve(value, problem) for name, value in arguments.items()}
-    return getattr(package, method)(*(getattr(problem, x) for x in inputs), **resolved)
-
-
-def resolve(value: object, problem: Problem) -> object:
-    """Replace a length in pr or a field by its value in the problem."""
-    if isinstance(value, Pr):
-        return value.multiple * problem.resolution
-    if isinstance(value, Field):
-        return getattr(problem, value.name)
-    return value
-
 
 def compare(oracle: OracleReport, method: str, problem: Problem, options: Options) -> None:
     """Compare cgroup with the reference on one problem and record the outcome."""
-    expected = call(reference, method, problem, options)
-    nudged = [call(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
-    got = call(cgroup, method, problem, options)
+    expected = call_reference(method, problem, options)
+    nudged = [call_reference(method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+    got = call_cgroup(method, problem, options)
 
     margin = score_margin(method, expected, options)
     shaky = ambiguous_scores(expected, nudged, margin)
@@ -331,7 +90,7 @@ def score_margin(method: str, expected: ReferenceGrouping, options: Options) -> 
     if expected.scores is None:
         return np.zeros(len(expected.mask))
     finite = np.abs(expected.scores[np.isfinite(expected.scores)])
-    margin = np.full(len(expected.scores), SCORE_TOLERANCE[method] * finite.max(initial=0.0))
+    margin = np.full(len(expected.scores), CASES[method].score_tolerance * finite.max(initial=0.0))
     if method == "cv":
         d = expected.details
         with np.errstate(divide="ignore"):
@@ -348,7 +107,7 @@ def score_margin(method: str, expected: ReferenceGrouping, options: Options) -> 
         scale = options.get("angle_scale", 10.0)
         sensitivity = d["compatibility"] * (2.0 * affinity + angle_error) / scale**2
         wobble = np.where(d["compatibility"] > 0.0, sensitivity * angle_error, 0.0)
-        relative = SCORE_TOLERANCE[method] * expected.scores
+        relative = CASES[method].score_tolerance * expected.scores
         margin = relative + wobble[:, d["voters"]].sum(axis=1)
     return margin
 
@@ -487,7 +246,7 @@ def assert_mask_follows_scores(
 # --- The tests ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 @given(data=hst.data())
 @PER_OPTION
 def test_random_problems(oracle: OracleReport, method: str, options: Options, data: hst.DataObject) -> None:
@@ -502,7 +261,7 @@ def largest(method: str, options: Options) -> int:
     return 150
 
 
-@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 def test_tiny_problems(oracle: OracleReport, method: str, options: Options) -> None:
     for n in range(5):
         for seed in range(3):
@@ -510,7 +269,7 @@ def test_tiny_problems(oracle: OracleReport, method: str, options: Options) -> N
             compare(oracle, method, make_problem(rng, n, inlier_ratio=0.8), options)
 
 
-@pytest.mark.parametrize("method", ["gc", "gtm", "ransac", "si", "cv", "st", "hough3d"])
+@pytest.mark.parametrize("method", [method for method, case in CASES.items() if "source" in case.inputs])
 @pytest.mark.parametrize("shape", ["spread", "repeated"])
 def test_problems_beyond_every_block(method: str, shape: str) -> None:
     """So large that pair matrices are rounded and cut into many bands and tiles."""
@@ -520,12 +279,12 @@ def test_problems_beyond_every_block(method: str, shape: str) -> None:
         rng, 1357, inlier_ratio=0.2, repeated_targets=repeated, duplicated_sources=repeated
     )
     options: Options = {"iterations": 300} if method == "ransac" else {}
-    expected = call(reference, method, problem, options)
+    expected = call_reference(method, problem, options)
     for memory in [{"max_memory": 0}, {}] if method in {"gtm", "st"} else [{}]:
-        got = call(cgroup, method, problem, options | memory)
+        got = call_cgroup(method, problem, options | memory)
         np.testing.assert_array_equal(got.mask, expected.mask)
         if expected.scores is not None:
-            allowed = LARGE_SCORE_TOLERANCE.get(method, 1e-9) * expected.scores.max()
+            allowed = CASES[method].large_score_tolerance * expected.scores.max()
             np.testing.assert_allclose(got.scores, expected.scores, rtol=0, atol=allowed)
 
 
@@ -542,7 +301,7 @@ def collinear(points: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("shape", [coincident, collinear], ids=["point", "line"])
-@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 def test_degenerate_shapes(
     oracle: OracleReport,
     method: str,
@@ -556,13 +315,13 @@ def test_degenerate_shapes(
         compare(oracle, method, degenerate, options)
 
 
-@pytest.mark.parametrize(("method", "options"), CASES, ids=name_of)
+@pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 def test_few_rows_are_ambiguous(method: str, options: Options) -> None:
     rows = ambiguous = 0
     for seed in range(3):
         problem = make_problem(np.random.default_rng(seed), 60, missing_frames=0.1)
-        expected = call(reference, method, problem, options)
-        nudged = [call(reference, method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+        expected = call_reference(method, problem, options)
+        nudged = [call_reference(method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
         margin = score_margin(method, expected, options)
         shaky = ambiguous_scores(expected, nudged, margin)
         rows += len(problem)
@@ -580,7 +339,7 @@ def test_equal_neighbouring_maxima_of_hough_voting(oracle: OracleReport, first: 
     problem = replace(plain, source=source, target=target, source_lrf=same, target_lrf=same)
     options = {"variant": "pcl", "bin_size": 6.0, "interpolation": False, "iterations": 100}
     compare(oracle, "hough3d", problem, options)
-    group = call(cgroup, "hough3d", problem, options)
+    group = call_cgroup("hough3d", problem, options)
     assert np.flatnonzero(group.mask).tolist() == list(range(first, first + 4))
 
 

@@ -24,16 +24,17 @@ from cgroup.datasets import (
     standins,
 )
 from cgroup.datasets import u3or as u3or_module
-from cgroup.datasets.base import moved
 from cgroup.datasets.cache import cache_folder, cached
-from cgroup.datasets.scanner import Mesh, range_image
-from cgroup.datasets.standin import stone
+from cgroup.datasets.generated.scanner import Mesh, range_image
+from cgroup.datasets.generated.shapes import stone
 from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
 from cgroup.evaluation import PROTOCOLS, clutter_and_occlusion, correct_matches, overlap, within
-from cgroup.io import PointCloud, check_rigid, read_cloud, read_transform, write_cloud
+from cgroup.io import read_cloud, read_transform, write_cloud
 from cgroup.registration import correspond
+from cgroup.rigid import apply, check_rigid
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -90,7 +91,7 @@ def residuals(pair: MatchingPair) -> np.ndarray:
     """Distances in pr from source points to the target, of those that come within 4 pr of it."""
     spatial = pytest.importorskip("scipy.spatial")
     pr = (features.resolution(pair.source.points) + features.resolution(pair.target.points)) / 2
-    posed = moved(pair.source.points, pair.T_target_source)
+    posed = apply(pair.T_target_source, pair.source.points)
     distances, _ = spatial.cKDTree(pair.target.points).query(posed[::5])
     return distances[distances < 4 * pr] / pr
 
@@ -140,7 +141,7 @@ def test_unknown_dataset() -> None:
 
 
 def test_dataset_from_outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    code = "from cgroup.datasets.standins import StandinFull\nclass Mine(StandinFull):\n    name = 'mine'\nwrong = list\n"
+    code = "from cgroup.datasets.generated.stones import StandinFull\nclass Mine(StandinFull):\n    name = 'mine'\nwrong = list\n"
     (tmp_path / "outside_dataset.py").write_text(code.replace("wrong = list", "def wrong(root): return 3"))
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     assert open_dataset("outside_dataset:Mine").name == "mine"
@@ -328,7 +329,7 @@ def b3r(tmp_path: Path, model: PointCloud) -> B3RFolder:
     write(stanford / "Retrieval" / "ConfigScene0.ini", CONFIG)
     write(stanford / "Retrieval" / "Scene0-rs0.xf", text_of(POSE))
     vectors = np.random.default_rng(0).normal(size=model.points.shape)
-    scenes = {level: PointCloud(moved(model.points, POSE) + level * vectors) for level in (0.1, 0.3, 0.5)}
+    scenes = {level: PointCloud(apply(POSE, model.points) + level * vectors) for level in (0.1, 0.3, 0.5)}
     for level, scene in scenes.items():
         write(stanford / "Retrieval" / f"Scene0_{level}.ply", scene)
     return B3RFolder(tmp_path, scenes)
@@ -342,7 +343,7 @@ def test_b3r_as_published(b3r: B3RFolder, model: PointCloud) -> None:
         np.testing.assert_array_equal(pair.target.points, scene.points)
         np.testing.assert_array_equal(pair.source.points, model.points)
         np.testing.assert_array_equal(pair.T_target_source, POSE)
-        np.testing.assert_allclose(pair.target_viewpoint, moved(np.zeros((1, 3)), POSE)[0])
+        np.testing.assert_allclose(pair.target_viewpoint, apply(POSE, np.zeros((1, 3)))[0])
         assert pair.facts == {"noise": level}
 
 
@@ -357,7 +358,7 @@ def test_b3r_rebuilds_what_is_missing(b3r: B3RFolder) -> None:
 
 def test_b3r_clean_has_no_noise(b3r: B3RFolder, model: PointCloud) -> None:
     pair = matching(open_dataset("b3r-clean", b3r.root), "scene0")
-    np.testing.assert_allclose(pair.target.points, moved(model.points, POSE))
+    np.testing.assert_allclose(pair.target.points, apply(POSE, model.points))
     assert pair.target.faces is not None
 
 
@@ -565,7 +566,7 @@ def fgr(tmp_path: Path, views: MatchingPair) -> Path:
     write(home / "Depth_0000.ply", views.target)
     write(home / "Depth_0001.ply", views.source)
     write(home / "gt.log", log_of({(0, 1): views.T_target_source}))
-    for number, cloud in ((0, views.target.points), (1, moved(views.source.points, views.T_target_source))):
+    for number, cloud in ((0, views.target.points), (1, apply(views.T_target_source, views.source.points))):
         # Features that are the true places: nearest neighbours are correct matches.
         table = np.concatenate([cloud, cloud], axis=1).astype("<f4")
         head = np.array([len(cloud), 3], dtype="<i4")
@@ -586,12 +587,12 @@ def test_fgr_matches_features_both_ways(fgr: Path, views: MatchingPair) -> None:
     assert correct_matches(found.source, found.target, pair.T_target_source, tolerance=tolerance).mean() > 0.8
     # The same, from neighbours that were computed before.
     matches = features.match(
-        moved(views.source.points, views.T_target_source).astype(np.float32),
+        apply(views.T_target_source, views.source.points).astype(np.float32),
         views.target.points.astype(np.float32),
     )
     back = features.match(
         views.target.points.astype(np.float32),
-        moved(views.source.points, views.T_target_source).astype(np.float32),
+        apply(views.T_target_source, views.source.points).astype(np.float32),
     )
     np.savez(
         fgr / "fgr" / "pair_01" / "fpfh_nn.npz",
@@ -618,7 +619,7 @@ def test_fgr_broken_features(fgr: Path) -> None:
 def test_correspondence_files(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     source = rng.normal(size=(20, 3))
-    target = moved(source, POSE)
+    target = apply(POSE, source)
     home = tmp_path / "corr"
     write(home / "indoor" / "corr.txt", text_of(np.concatenate([source, target], axis=1)))
     write(home / "indoor" / "GTmat.txt", text_of(POSE))
@@ -710,7 +711,7 @@ def test_real_noise_is_in_mean_edge_lengths() -> None:
         assert pair.source.faces is not None
         corners = pair.source.points[pair.source.faces]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean()
-        noise = (pair.target.points - moved(pair.source.points, pair.T_target_source)).std()
+        noise = (pair.target.points - apply(pair.T_target_source, pair.source.points)).std()
         assert noise / edges == pytest.approx(level, rel=0.1)
 
 
@@ -723,7 +724,7 @@ def test_stanford_normals_agree_between_views() -> None:
     )
     there = features.normals(pair.target.points, viewpoint=pair.target_viewpoint)
     distances, nearest = spatial.cKDTree(pair.target.points).query(
-        moved(pair.source.points, pair.T_target_source)
+        apply(pair.T_target_source, pair.source.points)
     )
     close = distances < 0.001
     assert ((turned[close] * there[nearest[close]]).sum(axis=1) > 0).mean() > 0.99
@@ -747,7 +748,7 @@ def test_u3or_normals_of_models_and_scan_agree(real_u3or: U3OR) -> None:
         assert pair.source.faces is not None
         turned = features.mesh_normals(pair.source.points, pair.source.faces) @ pair.T_target_source[:3, :3].T
         seen = features.normals(pair.target.points, viewpoint=pair.target_viewpoint)
-        distances, nearest = spatial.cKDTree(moved(pair.source.points, pair.T_target_source)).query(
+        distances, nearest = spatial.cKDTree(apply(pair.T_target_source, pair.source.points)).query(
             pair.target.points
         )
         close = (distances < 2) & np.isfinite(turned[nearest]).all(axis=1)

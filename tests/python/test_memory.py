@@ -46,3 +46,17 @@ def test_a_full_container_leaves_nothing(system):
 def test_some_bound_where_the_system_does_not_tell(system):
     system()
     assert 0 < _memory.default_max_memory() <= 2 * GIB
+
+
+def test_small_problems_get_a_bound_without_a_look_at_the_system(monkeypatch):
+    def fail():
+        pytest.fail("looked at the system")
+
+    monkeypatch.setattr(_memory, "default_max_memory", fail)
+    assert _memory.max_memory_for(0) == _memory.max_memory_for(900) == _memory.SMALL
+    assert _memory.SMALL > 900**2 * 40  # what ST's dense eigensolver takes
+
+
+def test_large_problems_get_a_share_of_what_is_free(system):
+    system(available_kib=4 << 20)
+    assert _memory.max_memory_for(5000) == GIB

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import select
 import signal
 import subprocess
@@ -16,7 +17,19 @@ import numpy as np
 import pytest
 
 import cgroup
-from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusError, group, group_many
+from cgroup import (
+    METHODS,
+    PRESETS,
+    Correspondences,
+    InputError,
+    NoConsensusError,
+    _core,
+    group,
+    group_many,
+)
+from cgroup._fields import FIELDS, checked_scores
+from cgroup._options import run_options
+from cgroup.registry import METHOD_INFO
 from strategies import make_problem
 
 PROBLEM = make_problem(np.random.default_rng(3), 120, inlier_ratio=0.4)
@@ -126,14 +139,50 @@ def test_float32_means_the_same_numbers(method):
     }
     got, expected = (group(Correspondences(**points, **fields), method) for points in (single, double))
     np.testing.assert_array_equal(got.mask, expected.mask)
+    np.testing.assert_array_equal(got.scores, expected.scores)
+    if got.size > 2:
+        np.testing.assert_array_equal(got.transform(), expected.transform())
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_correspondences_keep_precision_and_nothing_else(dtype):
+    arrays = {name: getattr(PROBLEM, name).astype(dtype) for name in ARRAYS}
+    before = {name: array.copy() for name, array in arrays.items()}
+    kept = Correspondences(**arrays)
+    for name, array in arrays.items():
+        array[:] = 7.0  # the buffer gets the next frame
+        own = getattr(kept, name)
+        assert own.dtype == dtype
+        np.testing.assert_array_equal(own, before[name])
+        with pytest.raises(ValueError, match="read-only"):
+            own[:] = 0.0
+
+
+@pytest.mark.parametrize("info", METHOD_INFO.values(), ids=lambda info: info.name)
+def test_the_table_knows_the_fields_of_each_method(info):
+    parameters = inspect.signature(info.function).parameters
+    taken = {name: parameters[name].default for name in FIELDS if name in parameters}
+    assert {name for name, default in taken.items() if default is inspect.Parameter.empty} == set(info.fields)
+    assert {name for name, default in taken.items() if default is None} == set(info.optional_fields)
+
+
+@pytest.mark.parametrize("method", METHODS.values(), ids=lambda method: method.__name__)
+def test_help_explains_every_argument(method):
+    section = method.__doc__.partition("Parameters\n")[2].partition("Returns\n")[0]
+    explained = re.findall(r"^    (\w[\w, ]*) : \S", section, flags=re.MULTILINE)
+    assert {name for names in explained for name in names.split(", ")} == set(
+        inspect.signature(method).parameters
+    )
+
+
+ARRAYS = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "source_centroid")
 
 
 def directly(method, change):
     """Call the method's own function, with no `Correspondences` in between."""
     function = METHODS[method]
-    arrays = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "source_centroid")
     taken = inspect.signature(function).parameters
-    fields = {name: change(getattr(PROBLEM, name)) for name in arrays if name in taken}
+    fields = {name: change(getattr(PROBLEM, name)) for name in ARRAYS if name in taken}
     return function(**fields, **({"resolution": 1.0} if "resolution" in taken else {}))
 
 
@@ -288,11 +337,58 @@ def test_bad_options(method, options, words):
         ({"resolution": "a"}, "resolution.*number"),
         ({"threads": 2.5}, "threads.*whole number"),
         ({"threads": 10**6}, "threads.*at most"),
+        ({"refine": 1}, "refine.*got 1.*True or False"),
+        ({"refine": None}, "refine.*True or False"),
+        ({"edge_ratio": True}, "edge_ratio.*True.*number"),
+        ({"confidence": np.ones(1)}, "confidence.*number"),
+        ({"seed": np.float64(3.0)}, "seed.*whole number"),
+        ({"iterations": None}, "iterations.*None.*whole number"),
+        ({"progress": 5}, "progress.*5.*function"),
     ],
 )
 def test_options_of_the_wrong_kind(options, words):
     with pytest.raises(InputError, match=words):
         cgroup.ransac(PROBLEM.source, PROBLEM.target, **{"resolution": 1.0, **options})
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda p: cgroup.gc(p.source, p.target, tolerance=1.0, variant=3), "variant: got 3.*star.*clique"),
+        (lambda p: cgroup.ss(p.similarity, threshold=[0.5]), "threshold.*0.5.*otsu.*number"),
+        (lambda p: cgroup.ss(p.similarity, threshold=None), "threshold.*None.*otsu"),
+        (lambda p: cgroup.ss(p.similarity, threshold=0.5, otsu="median"), "otsu.*median.*minmax"),
+        (lambda p: cgroup.nnsr(p.ratio, max_ratio="a"), "max_ratio: got 'a'; give a number"),
+        (lambda p: cgroup.gtm(None, p.target), "source.*real numbers"),
+    ],
+)
+def test_arguments_of_the_wrong_kind(call, words):
+    with pytest.raises(InputError, match=f"(?s){words}"):
+        call(PROBLEM)
+
+
+@pytest.mark.parametrize(
+    ("options", "scale"),
+    [
+        ({"tolerance": np.float32(4.0), "iterations": np.int16(300), "refine": np.True_}, 1.0),
+        ({"tolerance": np.array(4.0), "iterations": np.uint64(300), "refine": True}, 1.0),
+        ({"tolerance": 4, "iterations": 300, "refine": True}, np.float32(1.0)),
+    ],
+)
+def test_numbers_of_numpy_are_numbers(options, scale):
+    plain = cgroup.ransac(PROBLEM.source, PROBLEM.target, tolerance=4.0, iterations=300, refine=True)
+    other = cgroup.ransac(PROBLEM.source, PROBLEM.target, resolution=scale, **options)
+    np.testing.assert_array_equal(plain.mask, other.mask)
+
+
+def test_an_option_that_nobody_reads_is_an_error():
+    fields, run = checked_scores(ratio=PROBLEM.ratio), run_options(None, 0, None)
+    with pytest.raises(InputError, match='nnsr has no "cut"; it takes max_ratio'):
+        _core.group("nnsr", fields, run, {"max_ratio": 0.8, "cut": 1.0})
+    with pytest.raises(InputError, match='nnsr needs "max_ratio"'):
+        _core.group("nnsr", fields, run, {})
+    with pytest.raises(InputError, match="nsr"):
+        _core.group("nsr", fields, run, {})
 
 
 def test_memory_bound_is_a_count():

@@ -10,7 +10,7 @@ import pytest
 
 from cgroup import features
 from cgroup.datasets import MatchingPair, standin_pair
-from cgroup.datasets.standin import stone
+from cgroup.datasets.generated.shapes import stone
 from cgroup.datasets.voxels import voxel_means
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within

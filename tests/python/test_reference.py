@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as hst
+from method_cases import CASES, Options, call_reference
 
 import reference
 from reference.otsu import otsu_split
 from reference.pairwise import distance_difference, distance_ratio
 from reference.ransac import enough, sample_triples
-from reference.result import ReferenceGrouping
 from reference.rigid import apply, determines_rotation, kabsch
 from strategies import Problem, make_problem, problems, random_motion, random_rotations
 
+if TYPE_CHECKING:
+    from reference.result import ReferenceGrouping
+
 pytestmark = pytest.mark.filterwarnings("error")
 
-Method = Callable[[Problem], ReferenceGrouping]
 SEEDS = range(4)
 
 
@@ -29,88 +30,9 @@ def frames(problem: Problem) -> dict[str, Any]:
     return {"source_lrf": problem.source_lrf, "target_lrf": problem.target_lrf}
 
 
-METHODS: dict[str, Method] = {
-    "ss": lambda p: reference.ss(p.similarity),
-    "nnsr": lambda p: reference.nnsr(p.ratio),
-    "si": lambda p: reference.si(
-        p.source,
-        p.target,
-        ratio=p.ratio,
-        resolution=p.resolution,
-        neighbors=20,
-        **frames(p),
-    ),
-    "cv": lambda p: reference.cv(
-        p.source,
-        p.target,
-        ratio=p.ratio,
-        resolution=p.resolution,
-        voters=30,
-        **frames(p),
-    ),
-    "ransac": lambda p: reference.ransac(p.source, p.target, resolution=p.resolution, iterations=500),
-    "st": lambda p: reference.st(p.source, p.target),
-    "gc": lambda p: reference.gc(p.source, p.target, resolution=p.resolution, ties="union"),
-    "hough3d": lambda p: reference.hough3d(
-        p.source, p.target, source_centroid=p.source_centroid, **frames(p)
-    ),
-    "gtm": lambda p: reference.gtm(p.source, p.target),
-}
-OPTION_SETS: dict[str, list[dict[str, Any]]] = {
-    "ss": [{"otsu": mode} for mode in ("minmax", "exact", "covis", "legacy")] + [{"threshold": 0.5}],
-    "nnsr": [{"max_ratio": 0.5}],
-    "si": [{"global_rank": "local_score"}, {"threshold": 0.2}, {"otsu": "covis"}],
-    "cv": [{"exclude_self": True}, {"threshold": 0.2}, {"otsu": "legacy"}],
-    "ransac": [{"refine": True}, {"edge_ratio": 0.9}, {"confidence": 0.99}],
-    "st": [
-        {"affinity": affinity, "diagonal": diagonal, "eigensolver": solver}
-        for affinity in ("raw", "threshold", "binary")
-        for diagonal in ("zero", "one", "score")
-        for solver in ("power", "dense")
-    ]
-    + [{"recompute": True}, {"conflict": "one_to_one"}, {"conflict": "both"}],
-    "gc": [{"ties": "union"}, {"variant": "clique", "min_cluster_size": 0}],
-    "hough3d": [
-        {"neighbors": 26},
-        {"bin_size": 1.0},
-        {"variant": "pcl", "bin_size": 1.0},
-        {"variant": "pcl", "bin_size": 1.0, "interpolation": False},
-        {"variant": "pcl", "bin_size": 1.0, "distance_weight": True},
-    ],
-    "gtm": [
-        {"payoff": payoff, "dynamics": dynamics, "one_to_one": one_to_one}
-        for payoff in ("distance_ratio", "distance_difference")
-        for dynamics in ("replicator", "infection_immunisation")
-        for one_to_one in (False, True)
-    ],
-}
-INPUTS: dict[str, tuple[str, ...]] = {
-    "ss": ("similarity",),
-    "nnsr": ("ratio",),
-    "si": ("source", "target"),
-    "cv": ("source", "target"),
-    "ransac": ("source", "target"),
-    "st": ("source", "target"),
-    "gc": ("source", "target"),
-    "hough3d": ("source", "target"),
-    "gtm": ("source", "target"),
-}
-FIELDS: dict[str, tuple[str, ...]] = {
-    "si": ("ratio", "source_lrf", "target_lrf", "resolution"),
-    "cv": ("ratio", "source_lrf", "target_lrf", "resolution"),
-    "ransac": ("resolution",),
-    "st": ("similarity",),
-    "gc": ("resolution", "similarity"),
-    "hough3d": ("source_lrf", "target_lrf", "similarity"),
-    "gtm": ("resolution",),
-}
-
-
-def call(method: str, problem: Problem, **options: Any) -> ReferenceGrouping:
-    """Call a reference method with the fields it takes."""
-    inputs = [getattr(problem, name) for name in INPUTS[method]]
-    fields = {name: getattr(problem, name) for name in FIELDS.get(method, ())}
-    return getattr(reference, method)(*inputs, **fields, **options)
+def quick(method: str, problem: Problem) -> ReferenceGrouping:
+    """Call a reference method with the options that make it quick."""
+    return call_reference(method, problem, CASES[method].quick)
 
 
 def noiseless(n: int, seed: int = 0) -> Problem:
@@ -693,42 +615,42 @@ def test_correct_count_grows_with_the_tolerance(problem: Problem) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("method", sorted(set(METHODS) - {"ransac", "hough3d"}))
+@pytest.mark.parametrize("method", sorted(set(CASES) - {"ransac", "hough3d"}))
 def test_permutation_equivariance(method: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem = make_problem(rng, 60, repeated_targets=0.0, missing_frames=0.1)
     order = rng.permutation(60)
-    group, permuted = METHODS[method](problem), METHODS[method](problem.subset(order))
+    group, permuted = quick(method, problem), quick(method, problem.subset(order))
     assert permuted.scores == pytest.approx(group.scores[order], rel=1e-8, abs=1e-9)
     assert (permuted.mask == group.mask[order]).all()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("method", sorted(METHODS))
+@pytest.mark.parametrize("method", sorted(CASES))
 def test_rigid_motion_invariance(method: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem = make_problem(rng, 60, missing_frames=0.1)
     source_motion, target_motion = random_motion(rng, 500.0), random_motion(rng, 500.0)
     if method == "hough3d":  # its grid is aligned with the axes of the target
         target_motion[:3, :3] = np.eye(3)
-    group = METHODS[method](problem)
-    moved = METHODS[method](problem.moved(source_motion, target_motion))
+    group = quick(method, problem)
+    moved = quick(method, problem.moved(source_motion, target_motion))
     assert (moved.mask == group.mask).all()
     if group.scores is not None:
         assert moved.scores == pytest.approx(group.scores, rel=1e-7, abs=1e-9)
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
-@pytest.mark.parametrize("method", sorted(METHODS))
+@pytest.mark.parametrize("method", sorted(CASES))
 def test_scale_invariance(method: str, factor: float) -> None:
     problem = make_problem(np.random.default_rng(11), 60)
-    group, scaled = METHODS[method](problem), METHODS[method](problem.scaled(factor))
+    group, scaled = quick(method, problem), quick(method, problem.scaled(factor))
     assert (scaled.mask == group.mask).all()
 
 
 @pytest.mark.parametrize("method", ["si", "ransac", "st", "gc", "hough3d", "gtm"])
 def test_exact_inliers_are_all_selected(method: str) -> None:
-    assert METHODS[method](noiseless(40)).mask.all()
+    assert quick(method, noiseless(40)).mask.all()
 
 
 def test_cv_is_symmetric_in_the_sides() -> None:
@@ -755,7 +677,12 @@ def shapes(n: int) -> dict[str, np.ndarray]:
     }
 
 
-@pytest.mark.parametrize("method", sorted(METHODS))
+def option_sets(method: str) -> list[Options]:
+    """Return all sets of options that a method is tried on."""
+    return [*CASES[method].option_sets(), *CASES[method].combinations()]
+
+
+@pytest.mark.parametrize("method", sorted(CASES))
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 7])
 def test_degenerate_input_never_raises(method: str, n: int) -> None:
     plain = make_problem(np.random.default_rng(n), n, missing_frames=0.3)
@@ -765,8 +692,8 @@ def test_degenerate_input_never_raises(method: str, n: int) -> None:
             arrays = {"source": source, "target": target}
             variants.append(Problem(**{**vars(plain), **arrays}))
     for problem in variants:
-        for options in [{}, *OPTION_SETS[method]]:
-            group = call(method, problem, **options)
+        for options in option_sets(method):
+            group = call_reference(method, problem, options)
             assert group.mask.shape == (n,)
             assert group.mask.dtype == bool
             if group.scores is not None:
@@ -774,14 +701,14 @@ def test_degenerate_input_never_raises(method: str, n: int) -> None:
                 assert not np.isnan(group.scores).any()
 
 
-@pytest.mark.parametrize("method", sorted(METHODS))
+@pytest.mark.parametrize("method", sorted(CASES))
 def test_input_is_not_modified(method: str) -> None:
     problem = make_problem(np.random.default_rng(0), 12, missing_frames=0.3)
     for value in vars(problem).values():
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
-    for options in [{}, *OPTION_SETS[method]]:
-        call(method, problem, **options)
+    for options in option_sets(method):
+        call_reference(method, problem, options)
 
 
 def test_missing_lengths_are_explained() -> None:
@@ -858,8 +785,8 @@ def test_table_of_section_13(
     large: dict[float, Problem], method: str, share: float, at_least: tuple[float, float]
 ) -> None:
     problem = large[share]
-    options = {"iterations": 1500} if method == "ransac" else {}
-    group = call(method, problem, **options)
+    options: dict[str, Options] = {"ransac": {"iterations": 1500}, "hough3d": {"source_centroid": None}}
+    group = call_reference(method, problem, options.get(method, {}))
     q = reference.quality(group.mask, problem.inlier_mask)
     assert (q.precision >= at_least[0], q.recall >= at_least[1]) == (True, True)
 

@@ -10,7 +10,7 @@ from cgroup.datasets import standin_pair
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
-from cgroup.io import check_rigid
+from cgroup.rigid import check_rigid
 
 SMALL = 60  # pixels
 

@@ -20,7 +20,7 @@ from cgroup.types import OPTIONAL_FIELDS, Correspondences, Grouping
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from cgroup.types import FloatArray
+    from cgroup.types import RealArray
 
 IN_RESOLUTIONS = "_pr"
 """An option whose name ends so is a length in pr; the method gets it without that, in the data's unit."""
@@ -167,5 +167,5 @@ def _as_grouping(name: str, result: object, correspondences: Correspondences) ->
             f"return a Grouping or a mask of {len(correspondences)} bool"
         )
         raise InputError(message)
-    positions: tuple[FloatArray, FloatArray] = (correspondences.source, correspondences.target)
+    positions: tuple[RealArray, RealArray] = (correspondences.source, correspondences.target)
     return Grouping(mask, scores, threshold, model, diagnostics, positions)

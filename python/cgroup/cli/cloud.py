@@ -30,8 +30,7 @@ from cgroup.cli.terminal import (
 from cgroup.registration import Detector, describe, detect
 
 if TYPE_CHECKING:
-    from cgroup.io import PointCloud
-    from cgroup.types import IndexArray
+    from cgroup.types import IndexArray, PointCloud
 
 _DETECTOR_NAMES: dict[Detector, str] = {"h3d": "Harris 3D", "iss": "ISS"}
 _PICTURES = ("keypoints.ply", "keypoints.png")

@@ -38,8 +38,7 @@ from cgroup.registration import correspond
 
 if TYPE_CHECKING:
     from cgroup.comparison import MethodResult
-    from cgroup.io import PointCloud
-    from cgroup.types import BoolArray, Correspondences, FloatArray
+    from cgroup.types import BoolArray, Correspondences, FloatArray, PointCloud
 
 _FILES = ("comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz")
 

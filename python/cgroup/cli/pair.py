@@ -35,7 +35,7 @@ from cgroup.registration import Registration, register
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from cgroup.io import PointCloud
+    from cgroup.types import PointCloud
 
 app = typer.Typer()
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.progress import ProgressColumn
     from rich.table import Table
 
-    from cgroup.io import PointCloud
+    from cgroup.types import PointCloud
 
 INPUT_ERROR = 2
 INTERRUPTED = 130

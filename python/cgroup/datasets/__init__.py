@@ -1,9 +1,9 @@
 """Pairs of clouds, or of matched points, with a known pose."""
 
 from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair, data_root
+from cgroup.datasets.generated.pairs import standin_pair
 from cgroup.datasets.matching_problems import MatchingProblem, make_problem
 from cgroup.datasets.registry import DATASETS, open_dataset
-from cgroup.datasets.standin import standin_pair
 
 __all__ = [
     "DATASETS",

@@ -16,11 +16,12 @@ from cgroup.datasets.base import (
     dataset_folder,
     fitting_pose,
     missing_file,
-    moved,
 )
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
-from cgroup.io import PointCloud, read_cloud, read_transform
+from cgroup.io import read_cloud, read_transform
+from cgroup.rigid import apply
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -135,7 +136,7 @@ class B3R(B3RClean):
         if len(lowest) != len(model):
             message = f"{self._folder}: scene {number} has {len(lowest)} vertices, its model {len(model)}"
             raise InputError(message)
-        clean = moved(model.points, pose)
+        clean = apply(pose, model.points)
         points = clean + noise / NOISE_LEVELS[0] * (lowest.points - clean)
         return PointCloud(points, faces=model.faces)
 

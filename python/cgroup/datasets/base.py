@@ -13,13 +13,13 @@ import numpy as np
 from cgroup.errors import InputError
 from cgroup.evaluation import within
 from cgroup.features import ORIGIN
+from cgroup.rigid import apply, invert
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cgroup.features import Viewpoint
-    from cgroup.io import PointCloud
-    from cgroup.types import Correspondences, FloatArray
+    from cgroup.types import Correspondences, FloatArray, PointCloud
 
 Role: TypeAlias = Literal["full-full", "full-partial", "partial-partial", "correspondences"]
 Origin: TypeAlias = Literal["real", "semi-synthetic", "synthetic"]
@@ -226,9 +226,8 @@ def fitting_pose(
         If neither lays `MIN_FITTING` of the source points on the target.
     """
     sample = source[:: max(1, len(source) // _FITTING_SAMPLE)]
-    inverse: FloatArray = np.linalg.inv(pose).astype(np.float64)
-    candidates = (pose, inverse)
-    shares = [float(within(moved(sample, T), target, tolerance).mean()) for T in candidates]
+    candidates = (pose, invert(pose))
+    shares = [float(within(apply(T, sample), target, tolerance).mean()) for T in candidates]
     best = int(np.argmax(shares))
     if shares[best] < MIN_FITTING:
         message = (
@@ -237,8 +236,3 @@ def fitting_pose(
         )
         raise InputError(message)
     return candidates[best]
-
-
-def moved(points: FloatArray, transform: FloatArray) -> FloatArray:
-    """Apply a 4x4 transform to points."""
-    return points @ transform[:3, :3].T + transform[:3, 3]

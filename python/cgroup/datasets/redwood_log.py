@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.errors import InputError
-from cgroup.io import check_rigid
+from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
 from cgroup.datasets.correspondence_files import CorrespondenceFiles
 from cgroup.datasets.fgr import FGR
-from cgroup.datasets.standins import StandinClutter, StandinFull, StandinViews
+from cgroup.datasets.generated.stones import StandinClutter, StandinFull, StandinViews
 from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.threedmatch import ThreeDMatch
 from cgroup.datasets.u3m import U3M

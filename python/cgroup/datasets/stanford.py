@@ -19,14 +19,14 @@ from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import read_cloud
+from cgroup.rigid import invert
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cgroup.datasets.base import Origin, Role
     from cgroup.features import Viewpoint
-    from cgroup.io import PointCloud
-    from cgroup.types import FloatArray
+    from cgroup.types import FloatArray, PointCloud
 
 URL = "http://graphics.stanford.edu/data/3Dscanrep (range data of bunny, happy buddha, ...)"
 
@@ -159,7 +159,7 @@ def _pose(translation: FloatArray, quaternion: FloatArray) -> FloatArray:
 
 
 def _between(source: _View, target: _View) -> FloatArray:
-    return np.linalg.inv(target.T_world_view) @ source.T_world_view
+    return invert(target.T_world_view) @ source.T_world_view
 
 
 def _overlap(source: PointCloud, target: PointCloud, pose: FloatArray) -> float:

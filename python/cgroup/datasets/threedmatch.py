@@ -18,7 +18,9 @@ from cgroup.datasets.redwood_log import read_log
 from cgroup.datasets.voxels import voxel_means
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
-from cgroup.io import PointCloud, check_rigid, read_cloud
+from cgroup.io import read_cloud
+from cgroup.rigid import check_rigid
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from pathlib import Path

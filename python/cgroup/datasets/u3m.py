@@ -16,7 +16,8 @@ from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, fitting_
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
-from cgroup.io import check_rigid, read_cloud
+from cgroup.io import read_cloud
+from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
     from pathlib import Path

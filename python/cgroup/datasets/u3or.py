@@ -14,11 +14,12 @@ import numpy as np
 from cgroup import features
 from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, fitting_pose, missing_file
 from cgroup.datasets.cache import cached
-from cgroup.datasets.scanner import Mesh, merged, range_image
+from cgroup.datasets.generated.scanner import Mesh, merged, range_image
 from cgroup.errors import InputError
 from cgroup.evaluation import clutter_and_occlusion
 from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
-from cgroup.io import PointCloud, read_cloud, read_transform
+from cgroup.io import read_cloud, read_transform
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from pathlib import Path

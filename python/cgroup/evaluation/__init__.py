@@ -9,12 +9,11 @@ from cgroup.evaluation.ground_truth import (
     correct_matches,
     match_errors,
     overlap,
-    rotation_error,
-    translation_error,
     within,
 )
 from cgroup.evaluation.metrics import GroupScore, Scores, score_counts, score_group
 from cgroup.evaluation.protocols import PROTOCOLS, Protocol
+from cgroup.rigid import rotation_error, translation_error
 
 __all__ = [
     "PROTOCOLS",

@@ -9,7 +9,7 @@ import numpy as np
 
 from cgroup._arguments import as_points
 from cgroup.errors import InputError
-from cgroup.io import check_rigid
+from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -46,7 +46,7 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
     InputError
         If the shapes don't fit, or the transform isn't rigid.
     """
-    moved = _moved(as_points("source", source), T_target_source)
+    moved = apply(check_rigid(T_target_source), as_points("source", source))
     there = as_points("target", target)
     if len(moved) != len(there):
         message = f"target: got {len(there)} rows, `source` has {len(moved)}"
@@ -80,52 +80,6 @@ def correct_matches(
     """
     limit = _positive("tolerance", tolerance)
     return match_errors(source, target, T_target_source) <= limit
-
-
-def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
-    """Angle between the rotations of two poses.
-
-    Parameters
-    ----------
-    estimated, true : (4,4) array_like of float
-        Rigid transforms.
-
-    Returns
-    -------
-    float
-        In degrees, 0 to 180.
-
-    Raises
-    ------
-    InputError
-        If either isn't a rigid transform.
-    """
-    turn = check_rigid(estimated, "estimated")[:3, :3].T @ check_rigid(true, "true")[:3, :3]
-    # The sine keeps the precision that the arc cosine of the trace loses near 0 and 180 degrees.
-    sine = np.linalg.norm((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]))
-    return float(np.degrees(np.arctan2(sine, np.trace(turn) - 1)))
-
-
-def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
-    """Distance between the translations of two poses.
-
-    Parameters
-    ----------
-    estimated, true : (4,4) array_like of float
-        Rigid transforms.
-
-    Returns
-    -------
-    float
-        In the data's unit. It depends on where the origin of the source lies.
-
-    Raises
-    ------
-    InputError
-        If either isn't a rigid transform.
-    """
-    difference = check_rigid(estimated, "estimated")[:3, 3] - check_rigid(true, "true")[:3, 3]
-    return float(np.linalg.norm(difference))
 
 
 def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
@@ -204,7 +158,7 @@ def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *,
     InputError
         If a cloud is empty, or the transform or tolerance is invalid.
     """
-    moved = _moved(as_points("source", source), T_target_source)
+    moved = apply(check_rigid(T_target_source), as_points("source", source))
     there = as_points("target", target)
     for name, points in (("source", moved), ("target", there)):
         if len(points) == 0:
@@ -245,11 +199,11 @@ def alignment_error(
         If a transform or the tolerance is invalid.
     """
     points = as_points("source", source)
-    expected = _moved(points, true)
+    expected = apply(check_rigid(true), points)
     counted = within(expected, target, tolerance)
     if not counted.any():
         return float("nan")
-    gap = _moved(points, estimated)[counted] - expected[counted]
+    gap = apply(check_rigid(estimated), points)[counted] - expected[counted]
     return float(np.linalg.norm(gap, axis=1).mean())
 
 
@@ -287,7 +241,7 @@ def clutter_and_occlusion(
     InputError
         If a mesh has no area, or the transform or tolerance is invalid.
     """
-    posed, vertices = _moved(as_points("model", model), T_scene_model), as_points("scene", scene)
+    posed, vertices = apply(check_rigid(T_scene_model), as_points("model", model)), as_points("scene", scene)
     triangles = np.asarray(scene_faces, dtype=np.int64).reshape(-1, 3)
     areas = triangle_areas(vertices, triangles)
     model_area = triangle_areas(posed, model_faces).sum()
@@ -311,11 +265,6 @@ def _ranges(first: NDArray[np.intp], last: NDArray[np.intp]) -> tuple[NDArray[np
     rows = np.repeat(np.arange(len(first)), counts)
     offsets = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
     return rows, first[rows] + offsets
-
-
-def _moved(points: FloatArray, transform: ArrayLike) -> FloatArray:
-    matrix = check_rigid(transform)
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _positive(name: str, value: float) -> float:

@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from cgroup.evaluation import score_group
 from cgroup.plots import style
 from cgroup.plots.shading import Picture, face_broadside, overlay, shade
+from cgroup.rigid import apply
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -148,7 +149,7 @@ class _Scene:
     @classmethod
     def of(cls, source: FloatArray, target: FloatArray, pose: FloatArray) -> _Scene:
         view = face_broadside(target)
-        placed = view.project(source @ pose[:3, :3].T + pose[:3, 3])
+        placed = view.project(apply(pose, source))
         there = view.project(target)
         tints = (style.SOURCE_TINT, style.TARGET_TINT)
         pictures = shade(placed, tints[0]), shade(there, tints[1])
@@ -210,7 +211,7 @@ class _Scene:
         """Draw at most `limit` of the rows; returns how many."""
         if len(rows) > limit:
             rows = rows[np.linspace(0, len(rows) - 1, limit).astype(np.int64)]
-        source = correspondences.source[rows] @ self.pose[:3, :3].T + self.pose[:3, 3]
+        source = apply(self.pose, correspondences.source[rows])
         start = source @ self.to_plane.T
         end = correspondences.target[rows] @ self.to_plane.T + self.shift
         lines = np.stack([start, end], axis=1)

@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from cgroup.features import Cloud, Viewpoint
-    from cgroup.io import PointCloud
     from cgroup.registration.scan import Normals, Scan
-    from cgroup.types import FloatArray, IndexArray
+    from cgroup.types import FloatArray, IndexArray, PointCloud
 
 Detector: TypeAlias = Literal["h3d", "iss"]
 Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]

@@ -19,10 +19,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Cloud, Viewpoint
-    from cgroup.io import PointCloud
     from cgroup.registration.description import Descriptor, Detector
     from cgroup.registration.scan import Normals, Scan
-    from cgroup.types import Correspondences
+    from cgroup.types import Correspondences, PointCloud
 
 MAX_RESOLUTION_RATIO = 20.0
 """Clouds that differ more than this are taken to be in different units; descriptors would be useless."""

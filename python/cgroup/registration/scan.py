@@ -11,7 +11,7 @@ from cgroup import features
 from cgroup._arguments import real_points
 from cgroup.errors import InputError
 from cgroup.features import Cloud
-from cgroup.io import PointCloud
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

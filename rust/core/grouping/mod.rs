@@ -1,4 +1,4 @@
-//! The nine grouping methods of the paper, one module each; none uses another.
+//! The grouping methods, one file each; the files know nothing of each other.
 
 pub mod consistency_voting;
 pub mod game_theory;
@@ -10,7 +10,35 @@ pub mod search_of_inliers;
 pub mod similarity_score;
 pub mod spectral;
 
+use consistency_voting::ConsistencyVoting;
+use game_theory::GameTheory;
+use geometric_consistency::GeometricConsistency;
+use hough_voting::HoughVoting;
+use nearest_neighbor_ratio::NearestNeighborRatio;
+use ransac::Ransac;
+use search_of_inliers::SearchOfInliers;
+use similarity_score::SimilarityScore;
+use spectral::Spectral;
+
 use crate::{Correspondences, Execution, Grouping, Result};
+
+/// A method whose parameters are set.
+pub type BoxedMethod = Box<dyn GroupingMethod + Send + Sync>;
+
+/// Every method by its public name, with default parameters.
+pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
+    vec![
+        ("ss", Box::new(SimilarityScore::default())),
+        ("nnsr", Box::new(NearestNeighborRatio::default())),
+        ("si", Box::new(SearchOfInliers::default())),
+        ("cv", Box::new(ConsistencyVoting::default())),
+        ("ransac", Box::new(Ransac::default())),
+        ("st", Box::new(Spectral::default())),
+        ("gc", Box::new(GeometricConsistency::default())),
+        ("3dhv", Box::new(HoughVoting::default())),
+        ("gtm", Box::new(GameTheory::default())),
+    ]
+}
 
 /// A way to tell right correspondences from wrong ones.
 pub trait GroupingMethod {
@@ -20,8 +48,7 @@ pub trait GroupingMethod {
     /// Options out of range, a field the method needs that is missing, or an interruption.
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping>;
 
-    /// Whether a call with these correspondences takes no more than about a millisecond, so that it may as
-    /// well run on the thread that asks for it: handing it to another one would take about as long.
+    /// Whether the group is found within a millisecond, so that handing it to another thread costs more than it saves.
     fn is_instant(&self, _correspondences: &Correspondences) -> bool {
         false
     }

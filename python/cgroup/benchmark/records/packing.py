@@ -11,7 +11,7 @@ import numpy as np
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
-    from cgroup.types import BoolArray, FloatArray
+    from cgroup.types import BoolArray, FloatArray, RealArray
 
 
 def pack(correspondences: Correspondences) -> bytes:
@@ -46,7 +46,7 @@ def unpack_mask(packed: bytes, n: int) -> BoolArray:
     return np.unpackbits(np.frombuffer(packed, dtype=np.uint8), count=n).astype(bool)
 
 
-def floats_as_bytes(array: FloatArray) -> bytes:
+def floats_as_bytes(array: RealArray) -> bytes:
     """Float64, row by row."""
     return np.ascontiguousarray(array, dtype=np.float64).tobytes()
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from cgroup.benchmark.records.packing import floats_from_bytes, unpack, unpack_mask
 from cgroup.benchmark.records.types import ScoreRecord
-from cgroup.datasets.base import moved
 from cgroup.evaluation import match_errors, rotation_error, score_group, translation_error
 from cgroup.evaluation.protocols import PROTOCOLS
+from cgroup.rigid import apply
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -107,7 +107,7 @@ def _measure_pose(truth: Truth, pose: FloatArray | None) -> tuple[float, float, 
     """Rotation in degrees, translation in the data's unit, mean displacement of the overlap in pr."""
     if pose is None:
         return None
-    gap = np.linalg.norm(moved(truth.sample, pose) - moved(truth.sample, truth.pose), axis=1)
+    gap = np.linalg.norm(apply(pose, truth.sample) - apply(truth.pose, truth.sample), axis=1)
     rmse = float(gap.mean() / truth.pr) if len(gap) else float("nan")
     return rotation_error(pose, truth.pose), translation_error(pose, truth.pose), rmse
 

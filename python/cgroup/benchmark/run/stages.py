@@ -17,13 +17,12 @@ from cgroup._progress import StageClock
 from cgroup.benchmark.records.packing import floats_as_bytes, pack, pack_mask, unpack
 from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
 from cgroup.datasets import CorrespondencePair, MatchingPair, open_dataset
-from cgroup.datasets.base import moved
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
-from cgroup.io import check_rigid
 from cgroup.nuisances import apply_nuisance
 from cgroup.registration import correspond, surface_normals
+from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,9 +32,8 @@ if TYPE_CHECKING:
     from cgroup.benchmark.candidates import Candidate
     from cgroup.benchmark.cases import Case
     from cgroup.datasets import Dataset
-    from cgroup.io import PointCloud
     from cgroup.registration import Normals, Viewpoint
-    from cgroup.types import Correspondences, FloatArray, Grouping
+    from cgroup.types import Correspondences, FloatArray, Grouping, PointCloud, RealArray
 
 KILLED = "WorkerKilled: the process that worked on it died, perhaps for want of memory"
 """Error of a task that took its worker with it."""
@@ -116,7 +114,7 @@ def _record_ready_made(case: Case, pair: CorrespondencePair) -> MatchingRecord:
 
 
 def _describe_problem(
-    matches: Correspondences, pair: MatchingPair | CorrespondencePair, sample: FloatArray
+    matches: Correspondences, pair: MatchingPair | CorrespondencePair, sample: RealArray
 ) -> dict[str, Any]:
     """Fields of `MatchingRecord` that are the same wherever the matches come from."""
     return {
@@ -130,13 +128,13 @@ def _describe_problem(
 
 
 def overlap_sample(
-    source: FloatArray, target: FloatArray, truth: FloatArray, pr: float, rng: np.random.Generator
-) -> FloatArray:
+    source: RealArray, target: RealArray, truth: FloatArray, pr: float, rng: np.random.Generator
+) -> RealArray:
     """Source points that lie close to the target under the true pose.
 
     Parameters
     ----------
-    source, target : (N,3) and (M,3) array of float64
+    source, target : (N,3) and (M,3) array of float
         Whole clouds.
     truth : (4,4) array of float64
         True pose.
@@ -147,11 +145,11 @@ def overlap_sample(
 
     Returns
     -------
-    (m,3) array of float64
+    (m,3) array of float
         At most `OVERLAP_SAMPLE`.
     """
     tried = source[rng.permutation(len(source))[: _CANDIDATES_PER_SAMPLE * OVERLAP_SAMPLE]]
-    close = within(moved(tried, truth), target, OVERLAP_WITHIN * pr)
+    close = within(apply(truth, tried), target, OVERLAP_WITHIN * pr)
     return tried[close][:OVERLAP_SAMPLE]
 
 

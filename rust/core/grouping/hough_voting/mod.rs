@@ -19,7 +19,7 @@ use crate::{Correspondences, Execution, Grouping, Result};
 /// Bins per axis beyond this can't be told apart in the grid's index.
 const MAX_BINS: f64 = 2_097_151.0;
 
-/// So many votes are counted in a grid within a millisecond.
+/// So many votes of the grid variant are counted within a millisecond.
 const MOST_INSTANT_VOTES: usize = 20_000;
 
 /// How votes are counted.

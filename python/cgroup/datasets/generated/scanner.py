@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.rigid import apply
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -32,7 +34,7 @@ class Mesh:
 
     def moved(self, transform: FloatArray) -> Mesh:
         """Apply a 4x4 transform."""
-        return Mesh(self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
+        return Mesh(apply(transform, self.vertices), self.faces)
 
 
 def merged(meshes: Sequence[Mesh]) -> Mesh:

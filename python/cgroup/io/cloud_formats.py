@@ -12,10 +12,11 @@ from __future__ import annotations
 import io
 import itertools
 import re
-import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+
+from cgroup.io._files import load_npy, load_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,19 +33,6 @@ class CloudContent(NamedTuple):
     normals: FloatArray | None = None
     faces: IndexArray | None = None
     colors: NDArray[np.uint8] | None = None
-
-
-def load_numbers(content: bytes) -> FloatArray:
-    """Read rows of numbers, separated by white space, commas or semicolons; # and // start comments."""
-    text = re.sub("[,;]", " ", content.decode())
-    with warnings.catch_warnings():
-        warnings.filterwarnings("error", message=".*input contained no data")
-        return np.loadtxt(io.StringIO(text), dtype=np.float64, comments=("#", "//"), ndmin=2)
-
-
-def load_npy(content: bytes) -> NDArray[Any]:
-    """Read a NumPy array; pickled objects are refused."""
-    return np.load(io.BytesIO(content), allow_pickle=False)
 
 
 def _points(array: ArrayLike) -> FloatArray:

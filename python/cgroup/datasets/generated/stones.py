@@ -13,12 +13,13 @@ import numpy as np
 
 from cgroup import features
 from cgroup.datasets.base import Dataset, MatchingPair
-from cgroup.datasets.scanner import merged, range_image
-from cgroup.datasets.standin import RADIUS, random_direction, standin_pair, stone
+from cgroup.datasets.generated.pairs import standin_pair
+from cgroup.datasets.generated.scanner import merged, range_image
+from cgroup.datasets.generated.shapes import RADIUS, random_pose, stone
 from cgroup.evaluation import clutter_and_occlusion, overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
 from cgroup.features import ORIGIN
-from cgroup.io import PointCloud
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,7 +73,7 @@ class StandinFull(_Standin):
         self.check_name(name)
         seed = int(name.removeprefix("stone"))
         model = _model(seed)
-        pose = _random_pose(np.random.default_rng((seed, 1)))
+        pose = random_pose(np.random.default_rng((seed, 1)))
         x, y, z = (float(value) for value in pose[:3, 3])
         return MatchingPair(
             name, model, model.transformed(pose), pose, ORIGIN, (x, y, z), facts={"noise": 0.0}
@@ -145,7 +146,7 @@ def _model(seed: int) -> PointCloud:
 def _heap(number: int) -> list[FloatArray]:
     """Poses of the stones in a scene: around the line of sight, each behind the other, in random order."""
     rng = np.random.default_rng((number, 2))
-    poses = [_random_pose(rng) for _ in range(_WANTED + _OTHERS)]
+    poses = [random_pose(rng) for _ in range(_WANTED + _OTHERS)]
     places = rng.permutation(len(poses))
     for layer, stone_number in enumerate(rng.permutation(len(poses))):
         angle = 2 * np.pi * (places[layer] + rng.uniform(-0.3, 0.3)) / len(poses)
@@ -165,19 +166,3 @@ def _scene(number: int) -> PointCloud:
     ranges = image.ranges()
     noise = _SCENE_NOISE * _STEP * ranges * rng.normal(size=len(ranges))
     return PointCloud(image.rays() * (ranges + noise)[:, None], faces=image.faces())
-
-
-def _random_pose(rng: np.random.Generator) -> FloatArray:
-    """Any rotation; a translation of a few radii."""
-    quaternion = rng.normal(size=4)
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    pose = np.eye(4)
-    pose[:3, :3] = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    pose[:3, 3] = 3 * RADIUS * random_direction(rng)
-    return pose

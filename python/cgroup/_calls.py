@@ -1,0 +1,61 @@
+"""From the arguments of a method to its group."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from cgroup import _core
+from cgroup._fields import FIELDS, Fields, checked_fields, checked_scores
+from cgroup._memory import max_memory_for
+from cgroup._options import run_options
+from cgroup.types import Grouping
+
+if TYPE_CHECKING:
+    from cgroup._arrays import RealArray
+
+
+def call(method: str, arguments: dict[str, Any]) -> Grouping:
+    """Group what the function of a method was called with.
+
+    Parameters
+    ----------
+    method : str
+        Its public name.
+    arguments : dict
+        All arguments of the function by name: fields of correspondences, and options. It is used up.
+    """
+    given = {name: arguments.pop(name) for name in FIELDS if name in arguments}
+    fields = checked_fields(**given) if "source" in given else checked_scores(**given)
+    # Copies of one's own: the caller's buffers may hold other points by the time of transform().
+    return compute(method, fields, arguments, _copies(fields))
+
+
+def compute(
+    method: str, fields: Fields, options: dict[str, Any], positions: tuple[RealArray, RealArray] | None
+) -> Grouping:
+    """Group by fields that are checked.
+
+    Parameters
+    ----------
+    method : str
+        Public name.
+    fields : Fields
+        Those that the method takes.
+    options : dict
+        All options of the method, and how it is to run: `threads`, and `max_memory` and `progress` where it
+        has them. It is used up.
+    positions : (source, target) or None
+        Points that nothing will change, for `Grouping.transform`.
+    """
+    threads, progress = options.pop("threads"), options.pop("progress", None)
+    max_memory = options.pop("max_memory", 0)
+    if max_memory is None:
+        max_memory = max_memory_for(0 if fields.source is None else len(fields.source))
+    run = run_options(threads, max_memory, progress)
+    return Grouping(*_core.group(method, fields, run, options), positions)
+
+
+def _copies(fields: Fields) -> tuple[RealArray, RealArray] | None:
+    if fields.source is None or fields.target is None:
+        return None
+    return fields.source.copy(), fields.target.copy()

@@ -1,0 +1,108 @@
+"""Generated shapes, and where they are put.
+
+A stone is a ball cut by planes, with bumps and dents at two scales, all strewn at random: rich in local
+detail and without symmetry.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.datasets.generated.scanner import Mesh
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from cgroup.types import FloatArray, IndexArray
+
+RADIUS = 50.0
+"""Mean radius of the shape, in mm."""
+
+_AXES = (1.0, 0.85, 0.7)  # of the ellipsoid that the details sit on, in radii
+
+_FACETS, _CUT = 150, 0.15  # planes that cut the ball, and the depth of the deepest cut in radii
+_TALLEST = 1.1  # radii, of what no plane cuts off
+# Bumps and dents: (how many, sharpness, height in radii); down to 1/e at an angle of sqrt(2 / sharpness).
+_BUMPS = ((150, 60.0, 0.06), (500, 300.0, 0.03))
+
+
+def stone(rng: np.random.Generator, grid: int) -> Mesh:
+    """Make a closed, star-shaped mesh of mean radius `RADIUS` around the origin, wound outwards.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Another state, another shape; the grid doesn't change it.
+    grid : int
+        Vertices along each edge of the cube that is blown up to the ball; there are 6 grid^2 vertices, those
+        on the edges several times.
+
+    Returns
+    -------
+    Mesh
+        In mm.
+    """
+    directions, faces = _ball(grid)
+    columns = np.ascontiguousarray(directions.T)
+    height = np.full(len(directions), _TALLEST, dtype=np.float32)
+    for normal in _random_directions(rng, _FACETS):
+        distance = np.float32(1 - _CUT * rng.uniform())
+        height = np.minimum(height, distance / np.maximum(_cosines(columns, normal), np.float32(0.01)))
+    for count, sharpness, amplitude in _BUMPS:
+        centers = _random_directions(rng, count)
+        heights = amplitude * rng.uniform(0.5, 1, size=count) * rng.choice((-1, 1), size=count)
+        for center, bump in zip(centers, heights, strict=True):
+            cosines = _cosines(columns, center)
+            near = np.flatnonzero(cosines > 1 - 10 / sharpness)  # elsewhere it is below bump / 20000
+            height[near] += bump * np.exp(sharpness * (cosines[near] - 1))
+    return Mesh(RADIUS * height[:, None].astype(np.float64) * directions * _AXES, faces)
+
+
+def random_direction(rng: np.random.Generator) -> FloatArray:
+    """Draw a unit vector, all directions alike."""
+    vector = rng.normal(size=3)
+    return vector / np.linalg.norm(vector)
+
+
+def random_pose(rng: np.random.Generator) -> FloatArray:
+    """Any rotation; a translation of a few radii."""
+    quaternion = rng.normal(size=4)
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    pose = np.eye(4)
+    pose[:3, :3] = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    pose[:3, 3] = 3 * RADIUS * random_direction(rng)
+    return pose
+
+
+def _cosines(columns: NDArray[np.float32], direction: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Dot products: the same bits on every machine, and no threads that BLAS would start for each."""
+    x, y, z = columns
+    return x * direction[0] + y * direction[1] + z * direction[2]
+
+
+def _ball(grid: int) -> tuple[NDArray[np.float32], IndexArray]:
+    """Spread unit vectors over the six faces of a blown-up cube, and triangles between them."""
+    steps = np.tan(np.linspace(-np.pi / 4, np.pi / 4, grid))  # nearly even on the ball
+    a, b = (part.reshape(-1) for part in np.meshgrid(steps, steps, indexing="ij"))
+    one = np.ones_like(a)
+    sides = [(a, b, one), (b, a, -one), (b, one, a), (a, -one, b), (one, a, b), (-one, b, a)]
+    directions = np.concatenate([np.stack(side, axis=1) for side in sides]).astype(np.float32)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    corner = (np.arange(grid - 1)[:, None] * grid + np.arange(grid - 1)).reshape(-1)
+    low = np.stack([corner, corner + grid, corner + 1], axis=1)
+    high = np.stack([corner + 1, corner + grid, corner + grid + 1], axis=1)
+    one_side = np.concatenate([low, high])
+    return directions, np.concatenate([one_side + side * grid**2 for side in range(6)])
+
+
+def _random_directions(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
+    vectors = rng.normal(size=(count, 3)).astype(np.float32)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -1,0 +1,29 @@
+"""Files: point clouds, rigid transforms, correspondences.
+
+Point clouds are parsed by trimesh (PLY, OBJ, STL, OFF) and pypcd4 (PCD); both come with the extra
+``cgroup[scans]``. Whatever is wrong with a file ends in one `InputError` that names the file.
+"""
+
+from cgroup.io._files import write_file
+from cgroup.io.clouds import read_cloud, read_descriptors, write_cloud, write_descriptors, write_keypoints
+from cgroup.io.correspondences import read_correspondences, write_correspondences, write_mask
+from cgroup.io.transforms import read_transform, write_transform
+from cgroup.rigid import RIGID_TOLERANCE, check_rigid
+from cgroup.types import PointCloud
+
+__all__ = [
+    "RIGID_TOLERANCE",
+    "PointCloud",
+    "check_rigid",
+    "read_cloud",
+    "read_correspondences",
+    "read_descriptors",
+    "read_transform",
+    "write_cloud",
+    "write_correspondences",
+    "write_descriptors",
+    "write_file",
+    "write_keypoints",
+    "write_mask",
+    "write_transform",
+]

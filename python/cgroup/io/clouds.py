@@ -1,0 +1,200 @@
+"""Files of point clouds, keypoints and descriptors."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup.errors import InputError
+from cgroup.features import DescribedCloud
+from cgroup.io._files import npz_bytes, parse_file, read_arrays, single_number, write_file
+from cgroup.io.cloud_formats import PARSERS, CloudContent
+from cgroup.types import PointCloud
+
+if TYPE_CHECKING:
+    import os
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from cgroup.types import BoolArray
+
+_DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
+
+_CLOUD_COLOR = (190, 190, 190)
+_KEYPOINT_COLOR = (213, 94, 0)
+
+
+def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
+    """Read a point cloud or mesh.
+
+    PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, NPY with an (N, 3) array, and
+    text (``.xyz``, ``.txt``) with x y z in its first three columns. Points with a NaN or infinite
+    coordinate, which range scanners write where they saw nothing, are left out and counted in
+    `PointCloud.dropped`. STL and OBJ repeat the corners of their triangles: points of exactly
+    equal coordinates are made one. Other formats are taken as they are, in the file's order.
+
+    Parameters
+    ----------
+    path : path-like
+        The suffix says the format.
+
+    Returns
+    -------
+    PointCloud
+        Points, and normals, faces and colours where the file has them.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable, cut off, of an unknown format, or has no finite point.
+    """
+    path = Path(path)
+    reader = PARSERS.get(path.suffix.lower())
+    if reader is None:
+        known = " ".join(sorted(PARSERS))
+        message = f"{path}: unknown point cloud format {path.suffix!r}; known are {known}"
+        raise InputError(message)
+    return _finite_cloud(path, parse_file(path, reader))
+
+
+def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
+    """Write a point cloud as binary PLY, coordinates in double precision.
+
+    Parameters
+    ----------
+    path : path-like
+        Must end in ``.ply``.
+    cloud : PointCloud
+        Normals, faces and colours are written where there are any.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file can't be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".ply":
+        message = f"{path}: point clouds are written as PLY; use a name that ends in .ply"
+        raise InputError(message)
+    columns: list[tuple[str, str, str, NDArray[Any]]] = [
+        (name, "<f8", "double", cloud.points[:, i]) for i, name in enumerate("xyz")
+    ]
+    if cloud.normals is not None:
+        names = ("nx", "ny", "nz")
+        columns += [(n, "<f4", "float", cloud.normals[:, i]) for i, n in enumerate(names)]
+    if cloud.colors is not None:
+        names = ("red", "green", "blue")
+        columns += [(n, "u1", "uchar", cloud.colors[:, i]) for i, n in enumerate(names)]
+    vertices = np.empty(len(cloud), dtype=[(name, kind) for name, kind, _, _ in columns])
+    for name, _, _, values in columns:
+        vertices[name] = values
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(cloud)}"]
+    header += [f"property {word} {name}" for name, _, word, _ in columns]
+    triangles = b""
+    if cloud.faces is not None:
+        faces = np.empty(len(cloud.faces), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
+        faces["count"], faces["corners"] = 3, cloud.faces
+        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+        triangles = faces.tobytes()
+    text = "\n".join([*header, "end_header", ""])
+    write_file(path, text.encode() + vertices.tobytes() + triangles)
+
+
+def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: ArrayLike) -> None:
+    """Write the keypoints of a cloud.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.npz`` with the arrays ``indices`` and ``points``, or ``.ply``: the whole cloud in grey, its
+        keypoints in vermilion.
+    cloud : PointCloud
+        The whole cloud.
+    indices : (m,) array_like of int
+        Rows of the cloud.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file can't be written.
+    """
+    path, rows = Path(path), np.asarray(indices, dtype=np.int64)
+    if path.suffix.lower() == ".npz":
+        write_file(path, npz_bytes(indices=rows, points=cloud.points[rows]))
+        return
+    colors = np.full((len(cloud), 3), _CLOUD_COLOR, dtype=np.uint8)
+    colors[rows] = _KEYPOINT_COLOR
+    write_cloud(path, PointCloud(cloud.points, cloud.normals, cloud.faces, colors))
+
+
+def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -> None:
+    """Write described keypoints.
+
+    Parameters
+    ----------
+    path : path-like
+        Must end in ``.npz``; the arrays are named as the fields of `DescribedCloud`.
+    described : DescribedCloud
+        What to write.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file can't be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        message = f"{path}: descriptors are written as NPZ; use a name that ends in .npz"
+        raise InputError(message)
+    write_file(path, npz_bytes(**{name: getattr(described, name) for name in _DESCRIBED_FIELDS}))
+
+
+def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
+    """Read described keypoints, as written by `write_descriptors`.
+
+    Parameters
+    ----------
+    path : path-like
+        NPZ.
+
+    Returns
+    -------
+    DescribedCloud
+        Exactly what was written.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or unreadable, or lacks an array.
+    """
+    path = Path(path)
+    arrays = read_arrays(path, *_DESCRIBED_FIELDS)
+    rows = {name: len(arrays[name]) for name in _DESCRIBED_FIELDS[:4]}
+    if len(set(rows.values())) > 1:
+        message = f"{path}: its arrays differ in length: {rows}"
+        raise InputError(message)
+    indices, points, lrf, descriptors, resolution, centroid = (arrays[name] for name in _DESCRIBED_FIELDS)
+    return DescribedCloud(indices, points, lrf, descriptors, single_number(path, resolution), centroid)
+
+
+def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:
+    """Leave out points that aren't finite, and the triangles that touch them."""
+    points, normals, faces, colors = content
+    if len(points) == 0:
+        message = f"{path}: holds no points"
+        raise InputError(message)
+    keep: BoolArray = np.asarray(np.isfinite(points).all(axis=1))
+    dropped = len(points) - int(np.count_nonzero(keep))
+    if dropped == len(points):
+        message = f"{path}: none of its {dropped} points is finite"
+        raise InputError(message)
+    if dropped == 0:
+        return PointCloud(points, normals, faces, colors)
+    if faces is not None:
+        faces = (np.cumsum(keep) - 1)[faces[keep[faces].all(axis=1)]]
+    normals = None if normals is None else normals[keep]
+    colors = None if colors is None else colors[keep]
+    return PointCloud(points[keep], normals, faces, colors, dropped)

@@ -1,0 +1,115 @@
+"""Files of correspondences, and of the groups among them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup.errors import InputError
+from cgroup.io._files import (
+    load_numbers,
+    npy_bytes,
+    npz_bytes,
+    parse_file,
+    read_arrays,
+    single_number,
+    write_file,
+)
+from cgroup.types import OPTIONAL_FIELDS, Correspondences
+
+if TYPE_CHECKING:
+    import os
+
+    from numpy.typing import ArrayLike
+
+_COLUMNS = 6
+
+
+def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
+    """Read correspondences that were computed elsewhere, or written by `write_correspondences`.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.npz`` with arrays named as the fields of `Correspondences` (``source`` and ``target``
+        are needed), or text with six columns: x y z of the source, x y z of the target.
+
+    Returns
+    -------
+    Correspondences
+        One row per match, in the file's order.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or unreadable, or its content can't be correspondences.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".npz":
+        arrays = read_arrays(path, "source", "target")
+    else:
+        table = parse_file(path, load_numbers)
+        if table.shape[1] != _COLUMNS:
+            message = (
+                f"{path}: has {table.shape[1]} columns; correspondences have six: "
+                "x y z of the source, x y z of the target"
+            )
+            raise InputError(message)
+        arrays = {"source": table[:, :3], "target": table[:, 3:]}
+    optional: dict[str, Any] = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
+    if "resolution" in optional:
+        optional["resolution"] = single_number(path, optional["resolution"])
+    try:
+        return Correspondences(arrays["source"], arrays["target"], **optional)
+    except InputError as error:
+        message = f"{path}: {error}"
+        raise InputError(message) from error
+
+
+def write_correspondences(path: str | os.PathLike[str], correspondences: Correspondences) -> None:
+    """Write correspondences with every field they have.
+
+    Parameters
+    ----------
+    path : path-like
+        Must end in ``.npz``.
+    correspondences : Correspondences
+        What to write.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file can't be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        message = f"{path}: correspondences are written as NPZ; use a name that ends in .npz"
+        raise InputError(message)
+    names = ("source", "target", *OPTIONAL_FIELDS)
+    values = {name: getattr(correspondences, name) for name in names}
+    write_file(path, npz_bytes(**{name: value for name, value in values.items() if value is not None}))
+
+
+def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
+    """Write which correspondences belong to a group.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.npy`` (bool), or text of any other suffix: one 0 or 1 per line.
+    mask : (n,) array_like of bool
+        Aligned with the correspondences.
+
+    Raises
+    ------
+    InputError
+        If the file can't be written.
+    """
+    path = Path(path)
+    values = np.asarray(mask, dtype=bool)
+    if path.suffix.lower() == ".npy":
+        write_file(path, npy_bytes(values))
+    else:
+        write_file(path, "".join(f"{int(value)}\n" for value in values).encode())

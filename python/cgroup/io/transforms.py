@@ -1,0 +1,63 @@
+"""Files of rigid transforms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cgroup.io._files import load_npy, load_numbers, npy_bytes, parse_file, write_file
+from cgroup.rigid import check_rigid
+
+if TYPE_CHECKING:
+    import os
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import FloatArray
+
+
+def read_transform(path: str | os.PathLike[str]) -> FloatArray:
+    """Read a 4x4 rigid transform of column vectors.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.npy``, or text of any suffix (``.txt``, ``.xf``): four rows of four numbers.
+
+    Returns
+    -------
+    (4,4) array of float64
+        The transform.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or unreadable, or isn't a rigid transform.
+    """
+    path = Path(path)
+    reader = load_npy if path.suffix.lower() == ".npy" else load_numbers
+    return check_rigid(parse_file(path, reader), str(path))
+
+
+def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
+    """Write a 4x4 rigid transform, exact to the last bit.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.npy``, or text of any other suffix.
+    transform : (4,4) array_like of float
+        Rotation and translation.
+
+    Raises
+    ------
+    InputError
+        If it isn't rigid, or the file can't be written.
+    """
+    path = Path(path)
+    matrix = check_rigid(transform)
+    if path.suffix.lower() == ".npy":
+        write_file(path, npy_bytes(matrix))
+    else:
+        rows = (" ".join(repr(float(number)) for number in row) for row in matrix)
+        write_file(path, ("\n".join(rows) + "\n").encode())

@@ -1,0 +1,138 @@
+"""Rigid transforms: 4x4 matrices of column vectors, p' = R p + t."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup._arrays import FloatArray, RealArray
+
+RIGID_TOLERANCE = 1e-3
+"""Largest deviation of R^T R from the identity in a transform file; such files carry few digits."""
+
+
+def apply(transform: FloatArray, points: RealArray) -> FloatArray:
+    """Move points.
+
+    Parameters
+    ----------
+    transform : (4,4) array of float64
+        Taken as it is; see `check_rigid`.
+    points : (N,3) array of float32 or float64
+        Left as they are.
+
+    Returns
+    -------
+    (N,3) array of float64
+        R p + t of each.
+    """
+    return points @ transform[:3, :3].T + transform[:3, 3]
+
+
+def invert(transform: FloatArray) -> FloatArray:
+    """Return the transform back.
+
+    Parameters
+    ----------
+    transform : (4,4) array of float64
+        The matrix is inverted as it is, so that few digits in its rotation don't matter.
+
+    Returns
+    -------
+    (4,4) array of float64
+        The inverse matrix.
+    """
+    return np.linalg.inv(transform).astype(np.float64, copy=False)
+
+
+def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
+    """Accept a 4x4 rigid transform of column vectors.
+
+    Parameters
+    ----------
+    transform : (4,4) array_like of float
+        Rotation and translation.
+    name : str
+        What to call it in an error.
+
+    Returns
+    -------
+    (4,4) array of float64
+        The same numbers as float64.
+
+    Raises
+    ------
+    InputError
+        If the shape differs, a number isn't finite, the last row isn't 0 0 0 1, or the upper left
+        3x3 block isn't a rotation to within `RIGID_TOLERANCE`.
+    """
+    matrix = np.asarray(transform, dtype=np.float64)
+    if matrix.shape != (4, 4):
+        message = f"{name}: got shape {matrix.shape}; a rigid transform is a 4x4 matrix"
+        raise InputError(message)
+    if not np.isfinite(matrix).all():
+        message = f"{name}: holds a number that isn't finite"
+        raise InputError(message)
+    if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9):
+        hint = "; transpose it" if np.allclose(matrix[:, 3], (0, 0, 0, 1), atol=1e-9) else ""
+        message = f"{name}: last row is {matrix[3]}, not 0 0 0 1{hint}"
+        raise InputError(message)
+    rotation = matrix[:3, :3]
+    deviation = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if deviation > RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
+        kind = "a reflection" if deviation <= RIGID_TOLERANCE else "scaled or sheared"
+        message = f"{name}: its upper left 3x3 block is {kind}, not a rotation"
+        raise InputError(message)
+    return matrix
+
+
+def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
+    """Angle between the rotations of two poses.
+
+    Parameters
+    ----------
+    estimated, true : (4,4) array_like of float
+        Rigid transforms.
+
+    Returns
+    -------
+    float
+        In degrees, 0 to 180.
+
+    Raises
+    ------
+    InputError
+        If either isn't a rigid transform.
+    """
+    turn = check_rigid(estimated, "estimated")[:3, :3].T @ check_rigid(true, "true")[:3, :3]
+    # The sine keeps the precision that the arc cosine of the trace loses near 0 and 180 degrees.
+    sine = np.linalg.norm((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]))
+    return float(np.degrees(np.arctan2(sine, np.trace(turn) - 1)))
+
+
+def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
+    """Distance between the translations of two poses.
+
+    Parameters
+    ----------
+    estimated, true : (4,4) array_like of float
+        Rigid transforms.
+
+    Returns
+    -------
+    float
+        In the data's unit. It depends on where the origin of the source lies.
+
+    Raises
+    ------
+    InputError
+        If either isn't a rigid transform.
+    """
+    difference = check_rigid(estimated, "estimated")[:3, 3] - check_rigid(true, "true")[:3, 3]
+    return float(np.linalg.norm(difference))

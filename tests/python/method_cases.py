@@ -1,0 +1,402 @@
+"""What every grouping method is tried on: one entry per method, one line per trial.
+
+The tests of options run both sides of a trial and compare them with each other; the tests against the reference
+compare what cgroup and the reference make of its options.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import cgroup
+from reference.consistency_voting import cv
+from reference.game_theory import gtm
+from reference.geometric_consistency import gc
+from reference.hough_voting import hough3d
+from reference.nearest_neighbor_ratio import nnsr
+from reference.ransac import ransac
+from reference.search_of_inliers import si
+from reference.similarity_score import ss
+from reference.spectral import st
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from reference.result import ReferenceGrouping
+    from strategies import FloatArray, Problem
+
+Options = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Pr:
+    """A length as a multiple of the problem's resolution."""
+
+    multiple: float
+
+    def __repr__(self) -> str:
+        """Return the length as one would write it."""
+        return f"{self.multiple:g}pr"
+
+    def of(self, problem: Problem) -> float:
+        """Return the length."""
+        return self.multiple * problem.resolution
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of the problem, or what a function makes of it."""
+
+    name: str
+    change: Callable[[FloatArray], FloatArray] | None = None
+
+    def __repr__(self) -> str:
+        """Return the name of the field."""
+        return self.name if self.change is None else f"{self.change.__name__}({self.name})"
+
+    def of(self, problem: Problem) -> Any:
+        """Return its value."""
+        value = getattr(problem, self.name)
+        return value if self.change is None else self.change(value)
+
+
+def backwards(values: FloatArray) -> FloatArray:
+    """Return the rows in reverse order."""
+    return values[::-1].copy()
+
+
+def rolled(values: FloatArray) -> FloatArray:
+    """Return the rows moved on by one."""
+    return np.roll(values, 1, axis=0)
+
+
+def far_away(point: FloatArray) -> FloatArray:
+    """Return another point, whatever is given."""
+    return np.array([200.0, 0.0, 0.0]) + 0.0 * point
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Options, and what they are compared with.
+
+    `change` comes on top of `base`. Where it `shows`, the two must differ on the problem of
+    test_options_are_wired.py; where it does not, they are for the comparison with the reference alone. It is not
+    `compared` where the exact answer hangs on rounding for too many rows.
+    """
+
+    change: Options
+    base: Options = field(default_factory=dict)
+    shows: bool = True
+    compared: bool = True
+
+    @property
+    def options(self) -> Options:
+        """All options of the trial."""
+        return self.base | self.change
+
+
+@dataclass(frozen=True)
+class MethodCase:
+    """How a method is called, and its trials.
+
+    `fields` are passed by name unless an option of the same name says otherwise. `quick` are options with which
+    the properties of a method are tested often. `field_trials` exchange a field; that must show. All combinations of
+    the `choices` must work on input of every shape. `score_tolerance` is the largest difference of a score from the
+    reference's relative to the greatest score, 0 for the same bits (CV is compared score by score, see
+    `score_margin`); the second is that of problems so large that GTM's payoffs are rounded to 16 bits, and the
+    entries of ST's matrix to f32.
+    """
+
+    reference: Callable[..., ReferenceGrouping]
+    trials: list[Trial]
+    inputs: tuple[str, ...] = ("source", "target")
+    fields: tuple[str, ...] = ()
+    quick: Options = field(default_factory=dict)
+    field_trials: list[Trial] = field(default_factory=list)
+    choices: dict[str, tuple[object, ...]] = field(default_factory=dict)
+    score_tolerance: float = 0.0
+    large_score_tolerance: float = 1e-9
+
+    def option_sets(self) -> Iterator[Options]:
+        """Yield the defaults, and the options of each trial."""
+        yield {}
+        yield from (trial.options for trial in self.trials if trial.compared)
+
+    def combinations(self) -> Iterator[Options]:
+        """Yield all combinations of the choices."""
+        for values in itertools.product(*self.choices.values()):
+            yield dict(zip(self.choices, values, strict=True))
+
+
+SIMILARITY = Field("similarity")
+OTHER_SIMILARITY = Field("similarity", backwards)
+OTHER_RATIO = Field("ratio", backwards)
+OTHER_FRAMES = [{name: Field(name, rolled)} for name in ("source_lrf", "target_lrf")]
+FRAMES = ("source_lrf", "target_lrf")
+
+LARGE = {"tolerance": Pr(20.0)}
+SCORED = {"diagonal": "score", "similarity": SIMILARITY}
+SAMPLED = {"iterations": 8}
+CLIQUE = {"variant": "clique", "iterations": 100}
+SHORT_CLIQUE = {"variant": "clique", "iterations": 8}
+PCL = {"variant": "pcl", "bin_size": Pr(20.0), "iterations": 100}
+WEIGHTED = {**PCL, "distance_weight": True, "similarity": SIMILARITY}
+CLOSE = {"payoff": "distance_difference", "resolution": Field("resolution")}
+INFECTION = {"dynamics": "infection_immunisation"}
+
+CASES: dict[str, MethodCase] = {
+    "ss": MethodCase(
+        ss,
+        inputs=("similarity",),
+        trials=[
+            Trial({"bins": 7}),
+            Trial({"threshold": 0.5}),
+            Trial({"threshold": -1.0}),
+            Trial({"otsu": "exact"}, shows=False),
+            Trial({"otsu": "covis"}),
+            Trial({"otsu": "legacy"}),
+            Trial({"bins": 12}, {"otsu": "legacy"}),
+        ],
+    ),
+    "nnsr": MethodCase(
+        nnsr,
+        inputs=("ratio",),
+        trials=[Trial({"max_ratio": 0.5}), Trial({"max_ratio": 0.0}), Trial({"max_ratio": 1.0})],
+    ),
+    "si": MethodCase(
+        si,
+        fields=("ratio", *FRAMES, "resolution"),
+        quick={"neighbors": 20},
+        trials=[
+            Trial({"neighbors": 1}),
+            Trial({"neighbors": 10}),
+            Trial({"global_rank": "local_score"}, {"neighbors": 10}),
+            Trial({"otsu": "covis"}, {"neighbors": 50, "global_rank": "local_score"}),
+            Trial(LARGE),
+            Trial({"resolution": None}, LARGE, shows=False),
+            Trial({"min_distance_ratio": 0.97}),
+            Trial({"lowe_ratio": 0.6}),
+            Trial({"threshold": 0.25}),
+            Trial({"otsu": "exact"}, shows=False),
+            Trial({"otsu": "covis"}),
+            Trial({"otsu": "legacy"}),
+        ],
+        field_trials=[
+            Trial(change, {"neighbors": 20})
+            for change in ({"ratio": OTHER_RATIO}, *OTHER_FRAMES, {"resolution": Pr(4.0)})
+        ],
+    ),
+    "cv": MethodCase(
+        cv,
+        score_tolerance=1e-9,
+        fields=("ratio", *FRAMES, "resolution"),
+        quick={"voters": 30},
+        trials=[
+            Trial({"voters": 1}),
+            Trial({"voters": 20}),
+            Trial({"exclude_self": True}, {"voters": 20}),
+            Trial({"exclude_self": True}),
+            Trial({"distance_scale": Pr(3.0)}),
+            Trial({"resolution": None}, {"distance_scale": Pr(30.0)}, shows=False),
+            Trial({"angle_scale": 3.0}),
+            Trial({"angle_scale": 40.0}),
+            Trial({"threshold": 1.5}),
+            Trial({"otsu": "exact"}, shows=False),
+            Trial({"otsu": "covis"}),
+            Trial({"otsu": "legacy"}),
+        ],
+        field_trials=[
+            Trial(change, {"voters": 30})
+            for change in ({"ratio": OTHER_RATIO}, *OTHER_FRAMES, {"resolution": Pr(2.0)})
+        ],
+    ),
+    "ransac": MethodCase(
+        ransac,
+        fields=("resolution",),
+        quick={"iterations": 500},
+        trials=[
+            Trial({"iterations": 1}, SAMPLED),
+            Trial({"iterations": 300}, SAMPLED),
+            Trial({"seed": 7}, SAMPLED),
+            Trial({"seed": 7}, {"iterations": 300}),
+            Trial({"seed": 2**64 - 1}, {"iterations": 300}),
+            Trial({"tolerance": Pr(2.0)}, {"iterations": 300}),
+            Trial({"resolution": None}, {"iterations": 300, **LARGE}, shows=False),
+            Trial({"refine": True}, SAMPLED),
+            Trial({"refine": True}, {"iterations": 300}, shows=False),
+            Trial({"edge_ratio": 0.999}, SAMPLED),
+            Trial({"edge_ratio": 0.9}, {"iterations": 600}, shows=False),
+            Trial({"confidence": 0.9}, {"iterations": 2000}),
+            Trial({"confidence": 0.01}, {"iterations": 2000}),
+            Trial({"confidence": 0.99}, {"iterations": 1000, "refine": True, "edge_ratio": 0.8}, shows=False),
+        ],
+        field_trials=[Trial({"resolution": Pr(0.5)}, {"iterations": 500})],
+    ),
+    "st": MethodCase(
+        st,
+        score_tolerance=1e-6,
+        large_score_tolerance=1e-6,
+        trials=[
+            Trial({"min_distance_ratio": 0.9}),
+            Trial({"affinity": "threshold"}),
+            Trial({"affinity": "binary"}),
+            Trial({"affinity": "threshold"}, {"min_distance_ratio": 0.95}),
+            Trial({"affinity": "binary"}, {"min_distance_ratio": 0.95}),
+            Trial({"diagonal": "one"}),
+            Trial(SCORED),
+            Trial({"affinity": "binary"}, SCORED),
+            Trial({"recompute": True}),
+            Trial({"recompute": True}, {"diagonal": "one", "min_distance_ratio": 0.9}),
+            Trial({"eigensolver": "dense"}),
+            Trial({"eigensolver": "dense"}, {"affinity": "threshold"}),
+            Trial({"eigensolver": "dense"}, {"recompute": True}),
+            Trial({"eigensolver": "dense"}, SCORED),
+            # Isolated correspondences keep a trace of the start in power iteration only.
+            Trial(
+                {"eigensolver": "dense"},
+                {"affinity": "threshold", "min_distance_ratio": 0.998, "conflict": "one_to_one"},
+                compared=False,
+            ),
+            Trial({"conflict": "one_to_one"}),
+            Trial({"conflict": "both"}, shows=False),
+            Trial({"conflict": "both"}, {"min_distance_ratio": 0.0}),
+            Trial({"recompute": True}, {"conflict": "one_to_one", "affinity": "threshold"}),
+        ],
+        field_trials=[Trial({"similarity": OTHER_SIMILARITY}, SCORED)],
+        choices={
+            "affinity": ("raw", "threshold", "binary"),
+            "diagonal": ("zero", "one", "score"),
+            "eigensolver": ("power", "dense"),
+            "similarity": (SIMILARITY,),
+        },
+    ),
+    "gc": MethodCase(
+        gc,
+        fields=("resolution",),
+        quick={"ties": "union"},
+        trials=[
+            Trial({"ties": "union"}),
+            Trial({"ties": "union"}, {"tolerance": Pr(1e-4)}),
+            Trial({"tolerance": Pr(0.5)}),
+            Trial({"resolution": None}, LARGE, shows=False),
+            Trial({"ties": "union"}, {"tolerance": Pr(0.5)}, shows=False),
+            Trial(CLIQUE),
+            Trial({"similarity": SIMILARITY}, CLIQUE),
+            Trial({"min_cluster_size": 0}, CLIQUE),
+            Trial({"min_cluster_size": 30}, CLIQUE),
+            Trial({"min_cluster_size": 10, "seed": 3}, {"variant": "clique", "iterations": 30}, shows=False),
+            Trial({"tolerance": Pr(10.0)}, CLIQUE),
+            Trial({"iterations": 500}, SHORT_CLIQUE),
+            Trial({"seed": 1}, SHORT_CLIQUE),
+        ],
+        field_trials=[Trial({"resolution": Pr(2.0)})],
+    ),
+    "hough3d": MethodCase(
+        hough3d,
+        fields=(*FRAMES, "source_centroid"),
+        trials=[
+            Trial({"source_centroid": None}),
+            Trial({"bins": 1}),
+            Trial({"bins": 4}),
+            Trial({"bins": 40, "neighbors": 26}),
+            Trial({"neighbors": 0}),
+            Trial({"neighbors": 26}),
+            Trial({"bin_size": Pr(10.0)}),
+            Trial({"neighbors": 0}, {"bin_size": Pr(50.0)}),
+            Trial({"variant": "pcl", "iterations": 100}, {"bin_size": Pr(10.0)}),
+            Trial({"bin_size": Pr(20.0)}, {**PCL, "bin_size": Pr(40.0)}),
+            Trial({"seed": 5}, {**PCL, "bin_size": Pr(40.0)}, shows=False),
+            Trial({"seed": 1}, {**PCL, "bin_size": Pr(40.0), "iterations": 1}),
+            Trial({"iterations": 100}, {**PCL, "bin_size": Pr(40.0), "iterations": 1}),
+            Trial({"interpolation": False}, PCL),
+            Trial({"vote_threshold": -0.5}, {**PCL, "iterations": 50}, shows=False),
+            Trial({"vote_threshold": 2.0}, {**PCL, "interpolation": False, "iterations": 50}, shows=False),
+            Trial({"vote_threshold": 1e3}, PCL),
+            Trial({"distance_weight": True}, {**PCL, "similarity": SIMILARITY}),
+            Trial({"interpolation": False}, WEIGHTED),
+        ],
+        field_trials=[
+            *(Trial(change) for change in OTHER_FRAMES),
+            Trial({"source_centroid": Field("source_centroid", far_away)}),
+            Trial({"source_centroid": Field("source_centroid", far_away)}, {"source_centroid": None}),
+            Trial({"similarity": OTHER_SIMILARITY}, WEIGHTED),
+        ],
+    ),
+    "gtm": MethodCase(
+        gtm,
+        score_tolerance=1e-6,
+        large_score_tolerance=1e-3,
+        trials=[
+            Trial({"iterations": 1}),
+            Trial({"iterations": 500}),
+            Trial({"threshold": 0.02}),
+            Trial({"one_to_one": True}, shows=False),
+            Trial({"convergence_tolerance": 1e-2}),
+            Trial(CLOSE),
+            Trial({"one_to_one": True}, CLOSE),
+            Trial({"tolerance": Pr(10.0)}, {"payoff": "distance_difference", "resolution": Pr(1.0)}),
+            Trial(
+                {"one_to_one": True, "iterations": 20},
+                {"payoff": "distance_difference", "tolerance": Pr(10.0)},
+            ),
+            Trial(INFECTION),
+            Trial({"iterations": 1000}, INFECTION),
+            Trial({"iterations": 20}, INFECTION),
+            Trial({"convergence_tolerance": 1e-3}, {**INFECTION, "iterations": 1000}),
+            Trial({"convergence_tolerance": 0.1}, INFECTION),
+            Trial({"threshold": 0.02}, INFECTION),
+            Trial(
+                {"one_to_one": True},
+                {**INFECTION, "payoff": "distance_difference", "tolerance": Pr(5.0)},
+            ),
+            Trial({"otsu": "exact"}, shows=False),
+            Trial({"otsu": "covis"}),
+            Trial({"otsu": "legacy"}),
+        ],
+        field_trials=[Trial({"resolution": Pr(2.0)}, CLOSE)],
+        choices={
+            "payoff": ("distance_ratio", "distance_difference"),
+            "dynamics": ("replicator", "infection_immunisation"),
+            "one_to_one": (False, True),
+            "resolution": (Field("resolution"),),
+        },
+    ),
+}
+"""By the name of the function, in cgroup and in the reference."""
+
+OPTION_SETS = [(method, options) for method, case in CASES.items() for options in case.option_sets()]
+
+
+def call_reference(method: str, problem: Problem, options: Options) -> ReferenceGrouping:
+    """Call a method of the reference on a problem."""
+    return _call(CASES[method].reference, method, problem, options)
+
+
+def call_cgroup(method: str, problem: Problem, options: Options) -> cgroup.Grouping:
+    """Call a method of cgroup on a problem."""
+    return _call(getattr(cgroup, method), method, problem, options)
+
+
+def _call(function: Callable[..., Any], method: str, problem: Problem, options: Options) -> Any:
+    case = CASES[method]
+    arguments = {name: Field(name) for name in case.fields} | options
+    resolved = {
+        name: value.of(problem) if isinstance(value, (Pr, Field)) else value
+        for name, value in arguments.items()
+    }
+    return function(*(getattr(problem, name) for name in case.inputs), **resolved)
+
+
+def name_of(value: object) -> str | None:
+    """Return the name of a test parameter."""
+    if callable(value):
+        return value.__name__
+    if isinstance(value, Trial):
+        return f"{name_of(value.change)}|{name_of(value.base)}"
+    if isinstance(value, dict):
+        return ",".join(f"{key}={entry}" for key, entry in value.items()) or "defaults"
+    return None
