@@ -6,7 +6,7 @@ from cgroup.datasets import standin_pair
 from cgroup.evaluation import correct_matches, score_group
 
 pair = standin_pair()
-clouds = pair.source.points, pair.target.points
+clouds = [features.Cloud(cloud.points) for cloud in (pair.source, pair.target)]
 pr = sum(features.resolution(cloud) for cloud in clouds) / 2
 
 keypoints = [features.iss(cloud, resolution=pr) for cloud in clouds]
@@ -20,14 +20,14 @@ descriptors = [
 matches = features.match(*descriptors)
 
 correspondences = cgroup.Correspondences(
-    clouds[0][keypoints[0][matches.source_indices]],
-    clouds[1][keypoints[1][matches.target_indices]],
+    clouds[0].points[keypoints[0][matches.source_indices]],
+    clouds[1].points[keypoints[1][matches.target_indices]],
     similarity=matches.similarity,
     ratio=matches.ratio,
     source_lrf=frames[0][matches.source_indices],
     target_lrf=frames[1][matches.target_indices],
     resolution=pr,
-    source_centroid=clouds[0].mean(axis=0),
+    source_centroid=clouds[0].points.mean(axis=0),
 )
 group = cgroup.group(correspondences, "ransac", tolerance=3 * pr)
 

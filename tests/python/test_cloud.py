@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from cgroup import InputError, features
+from cgroup import InputError, _core, features
 from cgroup.datasets import standin_pair
 from cgroup.io import PointCloud
 from cgroup.registration import correspond, describe, detect
@@ -132,3 +132,20 @@ def test_what_is_no_cloud() -> None:
         features.Cloud(bad, name="scan")
     with pytest.raises(InputError, match="two points"):
         features.resolution(features.Cloud(np.zeros((1, 3))))
+
+
+def test_a_cloud_crosses_to_the_core_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    crossed: list[str] = []
+    crossing = _core.Cloud
+
+    def count(points: Any, name: str) -> _core.Cloud:
+        crossed.append(name)
+        return crossing(points, name)
+
+    monkeypatch.setattr(_core, "Cloud", count)
+    describe(POINTS)
+    assert crossed == ["cloud"]
+    correspond(POINTS, POINTS, detector="iss", descriptor="lfsh")
+    assert crossed == ["cloud", "source", "target"]
+    detect(features.Cloud(POINTS))
+    assert crossed == ["cloud", "source", "target", "points"]

@@ -7,15 +7,8 @@ one call, so that any of them can be replaced.
 from __future__ import annotations
 
 from cgroup.features import ORIGIN, DescribedCloud, Viewpoint
-from cgroup.registration.description import (
-    DESCRIPTORS,
-    DETECTORS,
-    Descriptor,
-    Detector,
-    describe,
-    detect,
-    surface_normals,
-)
+from cgroup.registration.description import describe, detect, surface_normals
+from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, Descriptor, Detector
 from cgroup.registration.matching import match_described
 from cgroup.registration.pipeline import correspond, register
 from cgroup.registration.result import Registration

@@ -2,41 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from cgroup import features
-from cgroup._arguments import in_double
 from cgroup._progress import ignore_progress
-from cgroup.errors import InputError
-from cgroup.features import ORIGIN, SUPPORT_RADIUS, DescribedCloud
-from cgroup.registration.scan import (
-    NEEDED_FOR,
-    NORMAL_NEIGHBORS,
-    NORMALS,
-    as_scan,
-    check_choice,
-    checked_length,
-)
+from cgroup.features import ORIGIN
+from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, FrontEnd, find_normals
+from cgroup.registration.scan import NORMALS, as_scan, check_choice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from cgroup.features import Cloud, Viewpoint
-    from cgroup.registration.scan import Normals, Scan
+    from cgroup.features import Cloud, DescribedCloud, Viewpoint
+    from cgroup.registration.front_end import Descriptor, Detector
+    from cgroup.registration.scan import Normals
     from cgroup.types import FloatArray, IndexArray, PointCloud
-
-Detector: TypeAlias = Literal["h3d", "iss"]
-Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]
-
-DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
-DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs", "fpfh")
-
-MIN_SUPPORT_POINTS = 10
 
 
 def detect(
@@ -85,23 +66,7 @@ def detect(
     """
     check_choice("detector", detector, DETECTORS)
     scan = as_scan("cloud", cloud)
-    return _detect(scan.cloud, scan.unit(resolution, threads), detector, keypoints, nms_radius, threads)
-
-
-def _detect(
-    cloud: Cloud,
-    pr: float,
-    detector: Detector,
-    keypoints: int | None,
-    nms_radius: float | None,
-    threads: int | None,
-) -> IndexArray:
-    suppression = None if nms_radius is None else checked_length("nms_radius", nms_radius) * pr
-    find = features.harris3d if detector == "h3d" else features.iss
-    found = find(cloud, resolution=pr, nms_radius=suppression, count=keypoints, threads=threads)
-    return features.drop_isolated(
-        cloud, found, radius=SUPPORT_RADIUS * pr, min_points=MIN_SUPPORT_POINTS, threads=threads
-    )
+    return FrontEnd(detector, keypoints, nms_radius, threads).detect(scan, scan.unit(resolution, threads))
 
 
 def surface_normals(
@@ -146,18 +111,6 @@ def surface_normals(
     """
     check_choice("normals", normals, NORMALS)
     return find_normals(as_scan("cloud", cloud), normals, viewpoint, threads)
-
-
-def find_normals(scan: Scan, normals: Normals, viewpoint: Viewpoint, threads: int | None) -> FloatArray:
-    """Find the normals of a cloud that is ready."""
-    if not scan.has(normals):
-        message = f"normals: got {normals!r}, but the cloud has no {NEEDED_FOR[normals]}; choose 'pca'"
-        raise InputError(message)
-    if normals == "given" and scan.normals is not None:
-        return scan.normals
-    if normals == "mesh" and scan.faces is not None:
-        return features.mesh_normals(scan.cloud, scan.faces)
-    return features.normals(scan.cloud, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint, threads=threads)
 
 
 def describe(
@@ -220,55 +173,7 @@ def describe(
     check_choice("detector", detector, DETECTORS)
     check_choice("descriptor", descriptor, DESCRIPTORS)
     check_choice("normals", normals, NORMALS)
-    front_end = FrontEnd(detector, descriptor, keypoints, nms_radius, threads)
     scan = as_scan("cloud", cloud)
     pr = scan.unit(resolution, threads)
-    return front_end.describe(scan, pr, normals, viewpoint, progress or ignore_progress)
-
-
-@dataclass(frozen=True)
-class FrontEnd:
-    """How clouds that are to be matched are described alike."""
-
-    detector: Detector
-    descriptor: Descriptor
-    keypoints: int | None
-    nms_radius: float | None
-    threads: int | None
-
-    def describe(
-        self, scan: Scan, pr: float, normals: Normals, viewpoint: Viewpoint, begin: Callable[[str], Any]
-    ) -> DescribedCloud:
-        """Describe a cloud that is ready, with the unit `pr`."""
-        begin("normals")
-        directions = find_normals(scan, normals, viewpoint, self.threads)
-        begin("keypoints")
-        cloud, threads = scan.cloud, self.threads
-        found = _detect(cloud, pr, self.detector, self.keypoints, self.nms_radius, threads)
-        begin("frames")
-        frames = features.shot_lrf(cloud, found, radius=SUPPORT_RADIUS * pr, threads=threads)
-        begin("descriptors")
-        values = _describe(cloud, directions, found, frames, self.descriptor, SUPPORT_RADIUS * pr, threads)
-        valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
-        kept, points = found[valid], in_double(cloud.points)
-        return DescribedCloud(kept, points[kept], frames[valid], values[valid], pr, points.mean(axis=0))
-
-
-def _describe(
-    cloud: Cloud,
-    normals: FloatArray,
-    keypoints: IndexArray,
-    frames: FloatArray,
-    descriptor: Descriptor,
-    radius: float,
-    threads: int | None,
-) -> NDArray[np.float32]:
-    match descriptor:
-        case "shot":
-            return features.shot(cloud, normals, keypoints, radius=radius, lrf=frames, threads=threads)
-        case "lfsh":
-            return features.lfsh(cloud, normals, keypoints, radius=radius, threads=threads)
-        case "rcs":
-            return features.rcs(cloud, keypoints, radius=radius, threads=threads)
-        case "fpfh":
-            return features.fpfh(cloud, normals, radius=radius)[keypoints]
+    front_end = FrontEnd(detector, keypoints, nms_radius, threads)
+    return front_end.describe(scan, pr, descriptor, normals, viewpoint, progress or ignore_progress)

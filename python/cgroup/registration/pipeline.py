@@ -8,7 +8,7 @@ from cgroup._progress import StageClock, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
 from cgroup.group import group
-from cgroup.registration.description import DESCRIPTORS, DETECTORS, FrontEnd
+from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, FrontEnd
 from cgroup.registration.matching import match_described
 from cgroup.registration.result import Registration
 from cgroup.registration.scan import NEEDED_FOR, NORMALS, as_scan, check_choice
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Cloud, Viewpoint
-    from cgroup.registration.description import Descriptor, Detector
+    from cgroup.registration.front_end import Descriptor, Detector
     from cgroup.registration.scan import Normals, Scan
     from cgroup.types import Correspondences, PointCloud
 
@@ -179,11 +179,12 @@ def correspond(
     if not any(scan.has(normals) for scan in scans):
         message = f"normals: got {normals!r}, but neither cloud has {NEEDED_FOR[normals]}; choose 'pca'"
         raise InputError(message)
-    front_end = FrontEnd(detector, descriptor, keypoints, nms_radius, threads)
+    front_end = FrontEnd(detector, keypoints, nms_radius, threads)
     described = [
         front_end.describe(
             scan,
             pr,
+            descriptor,
             normals if scan.has(normals) else "pca",
             viewpoint,
             lambda stage, role=scan.name: begin(f"{role} {stage}"),
