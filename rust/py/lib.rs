@@ -26,11 +26,14 @@ mod _core {
     #[pymodule_export]
     use super::grouping::{group, rigid_fit};
 
+    use numpy::PyArray1;
     use pyo3::prelude::*;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::heap::keep_freed_blocks();
+        // NumPy's interface is looked up on its first use, which panics if Ctrl-C comes in between: so not later.
+        PyArray1::<f64>::zeros(module.py(), 0, false);
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("DEBUG_BUILD", cfg!(debug_assertions))
     }
