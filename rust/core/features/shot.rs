@@ -85,7 +85,7 @@ impl Shot {
         simd::run(
             #[inline(always)]
             || {
-                for (offsets, positions) in neighbors {
+                for (offsets, positions) in neighbors.clone() {
                     let places = places(offsets, axes);
                     for (place, &position) in places.iter().zip(positions) {
                         let cosine = z_axis.dot(&normals[position as usize]);

@@ -15,7 +15,7 @@ use super::neighbors::{Neighbor, widest_axis};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
-use crate::simd;
+use crate::simd::{self, Kernel, Lanes};
 
 /// Points of a block; all blocks but the last are full.
 const BLOCK: usize = 16;
@@ -118,10 +118,7 @@ impl NearestSets {
                 for (lane, result) in results.iter_mut().enumerate().take(self.len - block * BLOCK) {
                     execution.check()?;
                     let search = Search { sets: self, workspace, block, lane, count, last, keep: &keep };
-                    last = Some(simd::run(
-                        #[inline(always)]
-                        || search.run(),
-                    ));
+                    last = Some(simd::run(search));
                     *result = f(own.indices[lane] as usize, &workspace.members);
                 }
             }
@@ -293,11 +290,12 @@ struct Search<'a> {
     keep: &'a [u32],
 }
 
-impl Search<'_> {
-    /// Leaves the members in the workspace; returns the squared distance that was needed. Takes `self`, since
-    /// a closure that only borrows is not sure to be inlined, and so compiled for the best instruction set.
+impl Kernel for Search<'_> {
+    type Output = f64;
+
+    /// Leaves the members in the workspace; returns the squared distance that was needed.
     #[inline(always)]
-    fn run(self) -> f64 {
+    fn run<L: Lanes>(self, _: L) -> f64 {
         let Self { sets, workspace, block, lane, count, last, keep } = self;
         workspace.members.clear();
         if count == 0 {

@@ -22,11 +22,12 @@ pub trait Kernel {
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
-impl<R, F: FnOnce() -> R> Kernel for F {
+/// Not of `FnOnce`: calling a closure that only borrows as one goes through a function that is not inlined.
+impl<R, F: FnMut() -> R> Kernel for F {
     type Output = R;
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) -> R {
+    fn run<L: Lanes>(mut self, _: L) -> R {
         self()
     }
 }

@@ -52,7 +52,16 @@ impl Coordinate for f64 {
     fn fill_ratios(sides: &Sides<Self>, i: usize, first: usize, row: &mut [Self]) {
         simd::run(
             #[inline(always)]
-            || fill_row(sides, i, first, row, |ds, dt| (ds.min(dt) / ds.max(dt)).sqrt()),
+            || {
+                fill_row(
+                    sides,
+                    i,
+                    first,
+                    row,
+                    #[inline(always)]
+                    |ds, dt| (ds.min(dt) / ds.max(dt)).sqrt(),
+                );
+            },
         );
     }
 }
@@ -108,10 +117,8 @@ impl<T: Coordinate> Sides<T> {
 
     #[inline(always)]
     fn at(&self, i: usize) -> [T; 6] {
-        self.axes.each_ref().map(
-            #[inline(always)]
-            |axis| axis[i],
-        )
+        let [x, y, z, u, v, w] = &self.axes;
+        [x[i], y[i], z[i], u[i], v[i], w[i]]
     }
 }
 
@@ -138,11 +145,12 @@ pub fn fill_row<T: Coordinate>(
     score: impl Fn(T, T) -> T,
 ) {
     let n = row.len();
+    let part = first..first + n;
     let point = sides.at(i);
-    let [x, y, z, u, v, w] = sides.axes.each_ref().map(
-        #[inline(always)]
-        |axis| &axis[first..first + n],
-    );
+    // One by one, so that the compiler sees that all are as long as the row.
+    let [x, y, z, u, v, w] = &sides.axes;
+    let (x, y, z) = (&x[part.clone()], &y[part.clone()], &z[part.clone()]);
+    let (u, v, w) = (&u[part.clone()], &v[part.clone()], &w[part]);
     let [zero_source, zero_target] = sides.zero_squared;
     for j in 0..n {
         let ds = squared_norm([point[0] - x[j], point[1] - y[j], point[2] - z[j]]);

@@ -83,10 +83,9 @@ impl Kernel for LevelsTimesVector<'_> {
     fn run<L: Lanes>(self, lanes: L) -> Self::Output {
         let x_groups = self.x.as_chunks::<SINGLES>().0;
         let below_groups = self.mirrored.as_chunks_mut::<SINGLES>().0;
-        let [w0, w1, w2, w3] = self.weights.map(
-            #[inline(always)]
-            |weight| lanes.splat_singles(weight),
-        );
+        let [w0, w1, w2, w3] = self.weights;
+        let (w0, w1) = (lanes.splat_singles(w0), lanes.splat_singles(w1));
+        let (w2, w3) = (lanes.splat_singles(w2), lanes.splat_singles(w3));
         let [mut s0, mut s1, mut s2, mut s3] = [lanes.splat_singles(0.0); ROW_GROUP];
         let groups = self.entries.as_chunks::<INTERLEAVED>().0;
         for ((x, below), entries) in x_groups.iter().zip(below_groups).zip(groups) {

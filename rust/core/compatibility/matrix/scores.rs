@@ -106,10 +106,17 @@ impl<T: Coordinate> PairPositions<T> {
         simd::run(
             #[inline(always)]
             || {
-                fill_row(&self.sides, i, first, row, |ds, dt| {
-                    let (ds, dt) = (ds.sqrt(), dt.sqrt());
-                    T::from((if ds > dt { ds - dt } else { dt - ds }) <= tolerance)
-                });
+                fill_row(
+                    &self.sides,
+                    i,
+                    first,
+                    row,
+                    #[inline(always)]
+                    |ds, dt| {
+                        let (ds, dt) = (ds.sqrt(), dt.sqrt());
+                        T::from((if ds > dt { ds - dt } else { dt - ds }) <= tolerance)
+                    },
+                );
             },
         );
     }
