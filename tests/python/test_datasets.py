@@ -21,10 +21,10 @@ from cgroup.datasets import (
     data_root,
     open_dataset,
     standin_pair,
-    standins,
 )
 from cgroup.datasets import u3or as u3or_module
 from cgroup.datasets.cache import cache_folder, cached
+from cgroup.datasets.generated import stones
 from cgroup.datasets.generated.scanner import Mesh, range_image
 from cgroup.datasets.generated.shapes import stone
 from cgroup.datasets.stanford import StanfordViews
@@ -246,7 +246,7 @@ def test_standins_are_reproducible_and_posed(name: str, count: int, pair_name: s
     names = dataset.pair_names()
     assert len(names) == len(set(names)) == count
     first = standin(name, pair_name)
-    standins._scene.cache_clear()
+    stones._scene.cache_clear()
     again = matching(dataset, pair_name)
     np.testing.assert_array_equal(first.source.points, again.source.points)
     np.testing.assert_array_equal(first.target.points, again.target.points)
