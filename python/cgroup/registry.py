@@ -59,7 +59,7 @@ class MethodInfo:
 
 
 _POINTS = ("source", "target")
-_FRAMES = (*_POINTS, "source_lrf", "target_lrf")
+_FRAMES = ("source_lrf", "target_lrf")
 
 _TABLE = (
     MethodInfo(
@@ -90,7 +90,7 @@ _TABLE = (
         name="si",
         function=si,
         label="SI",
-        fields=(*_FRAMES, "ratio"),
+        fields=(*_POINTS, "ratio", *_FRAMES),
         optional_fields=("resolution",),
         complexity="n log n + n k",
         color="#88CCEE",
@@ -103,7 +103,7 @@ _TABLE = (
         name="cv",
         function=cv,
         label="CV",
-        fields=(*_FRAMES, "ratio"),
+        fields=(*_POINTS, "ratio", *_FRAMES),
         optional_fields=("resolution",),
         complexity="n k",
         color="#44AA99",
@@ -152,7 +152,7 @@ _TABLE = (
         name="3dhv",
         function=hough3d,
         label="3DHV",
-        fields=_FRAMES,
+        fields=(*_POINTS, *_FRAMES),
         optional_fields=("similarity", "source_centroid"),
         complexity="n log n",
         color="#CC6677",
