@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cgroup import _core
-from cgroup._fields import FIELDS, Fields, checked_fields, checked_scores
+from cgroup._fields import FIELDS, Fields, check_fields, check_scores
 from cgroup._memory import max_memory_for
 from cgroup._options import run_options
 from cgroup.types import Grouping
@@ -25,7 +25,7 @@ def call(method: str, arguments: dict[str, Any]) -> Grouping:
         All arguments of the function by name: fields of correspondences, and options. It is used up.
     """
     given = {name: arguments.pop(name) for name in FIELDS if name in arguments}
-    fields = checked_fields(**given) if "source" in given else checked_scores(**given)
+    fields = check_fields(**given) if "source" in given else check_scores(**given)
     # Copies of one's own: the caller's buffers may hold other points by the time of transform().
     return compute(method, fields, arguments, _copies(fields))
 

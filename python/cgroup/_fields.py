@@ -32,7 +32,7 @@ OPTIONAL_FIELDS = FIELDS[2:]
 """All but the points."""
 
 
-def checked_fields(
+def check_fields(
     source: ArrayLike,
     target: ArrayLike,
     *,
@@ -59,7 +59,7 @@ def checked_fields(
     )
 
 
-def checked_scores(*, similarity: ArrayLike | None = None, ratio: ArrayLike | None = None) -> Fields:
+def check_scores(*, similarity: ArrayLike | None = None, ratio: ArrayLike | None = None) -> Fields:
     """Check the field of a method that takes no points."""
     return Fields(
         similarity=None if similarity is None else real_vector("similarity", similarity, None),

@@ -186,8 +186,8 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     share = _bisect(overlap_at, level)
     cut_pair = replace(
         pair,
-        source=_kept(pair.source, source_height <= np.quantile(source_height, share)),
-        target=_kept(pair.target, target_height >= np.quantile(target_height, 1 - share)),
+        source=_keep(pair.source, source_height <= np.quantile(source_height, share)),
+        target=_keep(pair.target, target_height >= np.quantile(target_height, 1 - share)),
     )
     reached = overlap(
         cut_pair.source.points, cut_pair.target.points, pair.T_target_source, tolerance=tolerance
@@ -212,7 +212,7 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     heights = np.sort(model[visible] @ direction)
     edge = heights[min(round((1 - level) * len(model)), len(heights) - 1)]
     hidden = within(scene, model, tolerance) & (scene @ direction > edge)
-    target = _kept(pair.target, ~hidden)
+    target = _keep(pair.target, ~hidden)
     reached = 1 - float(within(model, target.points, tolerance).mean())
     return replace(pair, target=target, facts={**pair.facts, "occlusion": reached})
 
@@ -299,7 +299,7 @@ def _bisect(function: Callable[[float], float], value: float) -> float:
     return high
 
 
-def _kept(cloud: PointCloud, keep: BoolArray) -> PointCloud:
+def _keep(cloud: PointCloud, keep: BoolArray) -> PointCloud:
     """Keep some of the points, and the faces between them."""
     _check_left(int(np.count_nonzero(keep)), "the level")
     faces = cloud.faces

@@ -9,7 +9,7 @@ import numpy as np
 
 from cgroup import _core
 from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
-from cgroup._fields import OPTIONAL_FIELDS, checked_fields
+from cgroup._fields import OPTIONAL_FIELDS, check_fields
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 
@@ -77,7 +77,7 @@ class Correspondences:
         resolution: float | None = None,
         source_centroid: ArrayLike | None = None,
     ) -> None:
-        fields = checked_fields(
+        fields = check_fields(
             source,
             target,
             similarity=similarity,

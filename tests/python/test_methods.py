@@ -27,7 +27,7 @@ from cgroup import (
     group,
     group_many,
 )
-from cgroup._fields import FIELDS, checked_scores
+from cgroup._fields import FIELDS, check_scores
 from cgroup._options import run_options
 from cgroup.registry import METHOD_INFO
 from strategies import make_problem
@@ -382,7 +382,7 @@ def test_numbers_of_numpy_are_numbers(options, scale):
 
 
 def test_an_option_that_nobody_reads_is_an_error():
-    fields, run = checked_scores(ratio=PROBLEM.ratio), run_options(None, 0, None)
+    fields, run = check_scores(ratio=PROBLEM.ratio), run_options(None, 0, None)
     with pytest.raises(InputError, match='nnsr has no "cut"; it takes max_ratio'):
         _core.group("nnsr", fields, run, {"max_ratio": 0.8, "cut": 1.0})
     with pytest.raises(InputError, match='nnsr needs "max_ratio"'):

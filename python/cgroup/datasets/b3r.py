@@ -85,7 +85,7 @@ class B3RClean(Dataset):
         return read_cloud(path)
 
     def _scene_file(self, number: int, noise: float) -> Path | None:
-        path = _unquoted(_read_config(self._scenes[number])["SCENE"]["PATH"])
+        path = _unquote(_read_config(self._scenes[number])["SCENE"]["PATH"])
         stem, _, suffix = path.rpartition(".")
         noisy = f"{stem}_{noise}.{suffix}"
         places = (self._folder / noisy, self._folder / "scenes" / noisy.rsplit("/", 1)[-1])
@@ -93,12 +93,12 @@ class B3RClean(Dataset):
 
     def _model_file(self, written: str) -> Path:
         """Owners' path below the data set's folder, or ``models/<name of its folder>.ply``."""
-        path = _unquoted(written)
+        path = _unquote(written)
         places = (self._folder / path, self._folder / "models" / f"{path.split('/')[-2]}.ply")
         return _first(places, self.title)
 
     def _pose_file(self, written: str) -> Path:
-        path = _unquoted(written)
+        path = _unquote(written)
         return _first((self._folder / path, self._folder / "gt" / path.rsplit("/", 1)[-1]), self.title)
 
 
@@ -167,7 +167,7 @@ def _read_config(path: Path) -> configparser.ConfigParser:
     return config
 
 
-def _unquoted(path: str) -> str:
+def _unquote(path: str) -> str:
     """Path as a relative one; the configurations begin theirs with a slash, in quotes."""
     return re.sub(r"\\", "/", path.strip().strip('"')).lstrip("/")
 

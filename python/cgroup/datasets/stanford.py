@@ -74,7 +74,7 @@ class StanfordViews(Dataset):
         takes a minute the first time.
         """
         if self._names is None:
-            self._names = self._listed() or self._overlapping()
+            self._names = self._list_pairs() or self._overlapping()
         return list(self._names)
 
     def load(self, name: str) -> MatchingPair:
@@ -95,7 +95,7 @@ class StanfordViews(Dataset):
         message = f"{self.name}: has no pair {name!r}"
         raise InputError(message)
 
-    def _listed(self) -> list[str]:
+    def _list_pairs(self) -> list[str]:
         entry = manifest_entry(self._folder.parent, "stanford_views")
         if entry is None:
             return []

@@ -14,7 +14,7 @@ import numpy as np
 from cgroup import features
 from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, fitting_pose, missing_file
 from cgroup.datasets.cache import cached
-from cgroup.datasets.generated.scanner import Mesh, merged, range_image
+from cgroup.datasets.generated.scanner import Mesh, merge, range_image
 from cgroup.errors import InputError
 from cgroup.evaluation import clutter_and_occlusion
 from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
@@ -90,12 +90,12 @@ class U3OR(Dataset):
 
     def origin_of(self, name: str) -> Origin:
         """Return "real" where the scan is there, else "semi-synthetic"."""
-        scene, _ = self._parsed(name)
+        scene, _ = self._parse(name)
         return "semi-synthetic" if self._scan_file(scene) is None else "real"
 
     def load(self, name: str) -> MatchingPair:
         """Read the model, and read or simulate the scene."""
-        scene_number, model_name = self._parsed(name)
+        scene_number, model_name = self._parse(name)
         model, scene = self.model(model_name), self.scene(scene_number)
         pr = (features.resolution(model.points) + features.resolution(scene.points)) / 2
         path = self._poses[scene_number, model_name]
@@ -141,14 +141,14 @@ class U3OR(Dataset):
         return PointCloud(arrays["points"], faces=arrays["faces"])
 
     def _look_at(self, poses: dict[str, Path]) -> dict[str, FloatArray | IndexArray]:
-        parts = [self._posed(model, path) for model, path in poses.items()]
-        image = range_image(merged(parts), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
+        parts = [self._pose(model, path) for model, path in poses.items()]
+        image = range_image(merge(parts), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
         return {"points": image.points(), "faces": image.faces()}
 
-    def _posed(self, model: str, path: Path) -> Mesh:
+    def _pose(self, model: str, path: Path) -> Mesh:
         """Move a model into the scene, before the scanner."""
         cloud = self.model(model)
-        posed = Mesh(cloud.points, _faces(cloud)).moved(read_transform(path))
+        posed = Mesh(cloud.points, _faces(cloud)).move(read_transform(path))
         if posed.vertices[:, 2].max() >= 0:
             message = (
                 f"{path}: this pose puts the model behind the scanner; it has to be model to scene, in mm"
@@ -156,7 +156,7 @@ class U3OR(Dataset):
             raise InputError(message)
         return posed
 
-    def _parsed(self, name: str) -> tuple[int, str]:
+    def _parse(self, name: str) -> tuple[int, str]:
         self.check_name(name)
         scene, _, model = name.partition("-")
         return int(scene.removeprefix("rs")), model

@@ -169,7 +169,7 @@ def parse_pcd(content: bytes) -> CloudContent:
         message = f"its fields are {' '.join(loaded.fields)}, not x y z"
         raise ValueError(message)
     packed = next((name for name in ("rgb", "rgba") if name in loaded.fields), None)
-    colors = None if packed is None else _unpacked(np.ascontiguousarray(data[packed]))
+    colors = None if packed is None else _unpack_colors(np.ascontiguousarray(data[packed]))
     return CloudContent(points, columns("normal_x", "normal_y", "normal_z"), None, colors)
 
 
@@ -195,7 +195,7 @@ def _modern_pcd(content: bytes) -> bytes:
     return text.encode() + b"DATA " + match[1].lower() + b"\n" + body
 
 
-def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
+def _unpack_colors(packed: NDArray[Any]) -> NDArray[np.uint8]:
     """PCL packs 0x00RRGGBB into four bytes, often called a float."""
     bits = packed.view(np.uint32) if packed.dtype.itemsize == 4 else packed.astype(np.uint32)
     return np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], axis=1).astype(np.uint8)

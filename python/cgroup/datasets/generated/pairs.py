@@ -55,7 +55,7 @@ def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixel
     rng = np.random.default_rng(seed)
     mesh = stone(rng, round(_GRID_PER_PIXEL * pixels))
     first = _looking_at_center(rng, random_direction(rng), _DISTANCES[0] * RADIUS)
-    aside = _turned(rng, first[:3, :3].T @ (0.0, 0.0, 1.0), np.radians(turn))
+    aside = _tilt(rng, first[:3, :3].T @ (0.0, 0.0, 1.0), np.radians(turn))
     second = _looking_at_center(rng, aside, _DISTANCES[1] * RADIUS)
     source, target = (_scan(mesh, view, pixels, noise, rng) for view in (first, second))
     return MatchingPair(f"standin-{seed}", source, target, second @ invert(first))
@@ -77,7 +77,7 @@ def _scan(
     mesh: Mesh, T_scanner_world: FloatArray, pixels: int, noise: float, rng: np.random.Generator
 ) -> PointCloud:
     """Points that a range scanner sees, in its own frame."""
-    seen = mesh.moved(T_scanner_world)
+    seen = mesh.move(T_scanner_world)
     step = angular_size(seen) / pixels
     image = range_image(seen, step=step, offset=rng.uniform(1, 2, size=2))
     ranges = image.ranges()
@@ -96,7 +96,7 @@ def _looking_at_center(rng: np.random.Generator, direction: FloatArray, distance
     return transform
 
 
-def _turned(rng: np.random.Generator, direction: FloatArray, angle: float) -> FloatArray:
+def _tilt(rng: np.random.Generator, direction: FloatArray, angle: float) -> FloatArray:
     """Tilt the direction by an angle towards a random side."""
     side = np.cross(random_direction(rng), direction)
     side /= np.linalg.norm(side)

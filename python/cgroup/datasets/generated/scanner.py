@@ -32,12 +32,12 @@ class Mesh:
     vertices: FloatArray
     faces: IndexArray
 
-    def moved(self, transform: FloatArray) -> Mesh:
+    def move(self, transform: FloatArray) -> Mesh:
         """Apply a 4x4 transform."""
         return Mesh(apply(transform, self.vertices), self.faces)
 
 
-def merged(meshes: Sequence[Mesh]) -> Mesh:
+def merge(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]

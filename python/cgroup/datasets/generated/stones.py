@@ -14,7 +14,7 @@ import numpy as np
 from cgroup import features
 from cgroup.datasets.base import Dataset, MatchingPair
 from cgroup.datasets.generated.pairs import standin_pair
-from cgroup.datasets.generated.scanner import merged, range_image
+from cgroup.datasets.generated.scanner import merge, range_image
 from cgroup.datasets.generated.shapes import RADIUS, random_pose, stone
 from cgroup.evaluation import clutter_and_occlusion, overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
@@ -159,10 +159,10 @@ def _heap(number: int) -> list[FloatArray]:
 def _scene(number: int) -> PointCloud:
     """Scan the heap; all pairs of a scene share it."""
     stones = [
-        stone(np.random.default_rng(seed), _SCENE_GRID).moved(pose) for seed, pose in enumerate(_heap(number))
+        stone(np.random.default_rng(seed), _SCENE_GRID).move(pose) for seed, pose in enumerate(_heap(number))
     ]
     rng = np.random.default_rng((number, 3))
-    image = range_image(merged(stones), step=_STEP, offset=rng.uniform(1, 2, size=2))
+    image = range_image(merge(stones), step=_STEP, offset=rng.uniform(1, 2, size=2))
     ranges = image.ranges()
     noise = _SCENE_NOISE * _STEP * ranges * rng.normal(size=len(ranges))
     return PointCloud(image.rays() * (ranges + noise)[:, None], faces=image.faces())
