@@ -61,7 +61,7 @@ def test_legend_names_every_method_below_the_panels() -> None:
     figure = scores_figure(rows("overlap", "U3M"), **LABELS)
     drawn(figure)
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == [look.label for look in METHOD_STYLES.values()]
+    assert [text.get_text() for text in legend.get_texts()] == [METHOD_STYLES[name].label for name in METHODS]
     box = legend.get_window_extent()
     for axes in figure.axes:
         assert box.y1 <= axes.get_window_extent().y0

@@ -35,6 +35,7 @@ from cgroup.cli.terminal import (
 from cgroup.comparison import compare, find_correct, write_table
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.registration import correspond
+from cgroup.rigid import invert
 
 if TYPE_CHECKING:
     from cgroup.comparison import MethodResult
@@ -205,7 +206,7 @@ def _warn_of_inverse(compared: _Comparison) -> None:
     suspicious = 10 * max(int(compared.correct.sum()), 1)
     if len(compared.matches) <= suspicious:
         return
-    inverse = np.linalg.inv(compared.true_pose).astype(np.float64)
+    inverse = invert(compared.true_pose)
     count = int(find_correct(compared.matches, inverse).sum())
     if count > suspicious:
         print_line(
