@@ -105,10 +105,13 @@ impl Kernel for LevelsTimesVector<'_> {
             sum = lanes.multiply_add_singles(e3, w3, sum);
             lanes.store_singles(sum, below);
         }
-        [s0, s1, s2, s3].map(
-            #[inline(always)]
-            |sum| f64::from(lanes.sum_singles(sum)),
-        )
+        // One by one: an array of registers that is mapped would lie in memory throughout the loop.
+        [
+            f64::from(lanes.sum_singles(s0)),
+            f64::from(lanes.sum_singles(s1)),
+            f64::from(lanes.sum_singles(s2)),
+            f64::from(lanes.sum_singles(s3)),
+        ]
     }
 }
 
