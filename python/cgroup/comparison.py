@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.errors import InputError, NoConsensusError
-from cgroup.evaluation import correct_matches, rotation_error, score_group, translation_error
+from cgroup.evaluation import (
+    correct_matches,
+    mean_displacement,
+    rotation_error,
+    score_group,
+    translation_error,
+)
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.group import group
 from cgroup.io import write_file
@@ -28,6 +34,13 @@ if TYPE_CHECKING:
     from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
 
 
+MAX_ROTATION = 5.0
+"""Degrees that the pose of a registered pair may be off, by default."""
+
+MAX_DISPLACEMENT = 5.0
+"""Resolutions that the matched points of a registered pair may be displaced on average, by default."""
+
+
 @dataclass(frozen=True, eq=False)
 class MethodResult:
     """What one method made of the correspondences, and how good that is.
@@ -39,13 +52,18 @@ class MethodResult:
     grouping : Grouping
         What it selected.
     score : GroupScore
-        Precision, recall, F, whether the pair is registered.
+        Precision, recall, F; its `registered` is the paper's criterion, precision above 0.1.
     T_target_source : (4,4) array of float64, optional
         Least-squares pose of the group; None if the group fixes none.
     rotation_error : float
         Of that pose, in degrees; NaN without a pose.
     translation_error : float
         Of that pose, in the data's unit; NaN without a pose.
+    displacement : float
+        Mean distance of the matched source points under that pose from where they are under the true one,
+        in the data's unit; NaN without a pose.
+    registered : bool
+        Whether rotation error and displacement are within the limits of `compare`.
     seconds : float
         Wall time of the grouping alone.
     """
@@ -56,6 +74,8 @@ class MethodResult:
     T_target_source: FloatArray | None
     rotation_error: float
     translation_error: float
+    displacement: float
+    registered: bool
     seconds: float
 
 
@@ -66,6 +86,8 @@ def compare(
     methods: Iterable[str] = tuple(METHODS),
     tolerance: float | None = None,
     correct: ArrayLike | None = None,
+    max_rotation: float = MAX_ROTATION,
+    max_displacement: float | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Iterator[MethodResult]:
     """Run methods one after another on the same correspondences.
@@ -82,6 +104,11 @@ def compare(
         As in `find_correct`.
     correct : (n,) array_like of bool, optional
         Which correspondences are correct, where that is known already; `tolerance` doesn't matter then.
+    max_rotation : float
+        Largest rotation error of a registered pair, in degrees.
+    max_displacement : float, optional
+        Largest mean displacement of the matched source points of a registered pair, in the data's unit; the
+        tolerance where that is given, else 5 times the resolution.
     progress : callable, optional
         Called with the name of each method as it begins.
 
@@ -97,11 +124,15 @@ def compare(
     """
     if correct is None:
         correct = find_correct(correspondences, T_target_source, tolerance=tolerance)
-    truth, pose = np.asarray(correct), np.asarray(T_target_source)
+    if max_displacement is None:
+        max_displacement = tolerance
+    if max_displacement is None:
+        max_displacement = MAX_DISPLACEMENT * _need_resolution(correspondences, "max_displacement")
+    truth = _Truth(np.asarray(T_target_source), np.asarray(correct), max_rotation, max_displacement)
     for method in methods:
         if progress is not None:
             progress(method)
-        yield _run_method(correspondences, method, truth, pose)
+        yield _run_method(correspondences, method, truth)
 
 
 def find_correct(
@@ -130,28 +161,44 @@ def find_correct(
         If neither tolerance nor resolution is known, or the pose isn't rigid.
     """
     if tolerance is None:
-        if correspondences.resolution is None:
-            message = "tolerance: needed to tell correct matches where no resolution is known"
-            raise InputError(message)
-        tolerance = CORRECT_WITHIN * correspondences.resolution
+        tolerance = CORRECT_WITHIN * _need_resolution(correspondences, "tolerance")
     return correct_matches(
         correspondences.source, correspondences.target, T_target_source, tolerance=tolerance
     )
 
 
-def _run_method(
-    correspondences: Correspondences, method: str, correct: BoolArray, true_pose: FloatArray
-) -> MethodResult:
+def _need_resolution(correspondences: Correspondences, name: str) -> float:
+    if correspondences.resolution is None:
+        message = f"{name}: needed where no resolution is known; give it, or the resolution"
+        raise InputError(message)
+    return correspondences.resolution
+
+
+@dataclass(frozen=True, eq=False)
+class _Truth:
+    """What results are judged by."""
+
+    pose: FloatArray
+    correct: BoolArray
+    max_rotation: float
+    max_displacement: float
+
+
+def _run_method(correspondences: Correspondences, method: str, truth: _Truth) -> MethodResult:
     start = time.perf_counter()
     grouping = group(correspondences, method)
     seconds = time.perf_counter() - start
-    score = score_group(grouping.mask, correct)
+    score = score_group(grouping.mask, truth.correct)
     try:
         pose = grouping.transform()
     except NoConsensusError:
-        return MethodResult(method, grouping, score, None, np.nan, np.nan, seconds)
-    angle, shift = rotation_error(pose, true_pose), translation_error(pose, true_pose)
-    return MethodResult(method, grouping, score, pose, angle, shift, seconds)
+        return MethodResult(
+            method, grouping, score, None, np.nan, np.nan, np.nan, registered=False, seconds=seconds
+        )
+    angle, shift = rotation_error(pose, truth.pose), translation_error(pose, truth.pose)
+    displacement = mean_displacement(correspondences.source, pose, truth.pose)
+    registered = angle <= truth.max_rotation and displacement <= truth.max_displacement
+    return MethodResult(method, grouping, score, pose, angle, shift, displacement, registered, seconds)
 
 
 def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float | bool]]:
@@ -165,7 +212,7 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
     Returns
     -------
     list of dict
-        Method, counts, scores, pose errors (degrees; the data's unit) and milliseconds.
+        Method, counts, scores, both criteria, pose errors (degrees; the data's unit) and milliseconds.
     """
     return [
         {
@@ -177,9 +224,11 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
             "precision": result.score.precision,
             "recall": result.score.recall,
             "f_score": result.score.f_score,
-            "registered": result.score.registered,
+            "precision_above_0.1": result.score.registered,
+            "registered": result.registered,
             "rotation_error_deg": result.rotation_error,
             "translation_error": result.translation_error,
+            "displacement": result.displacement,
             "milliseconds": result.seconds * 1e3,
         }
         for result in results

@@ -72,3 +72,49 @@ def test_table_as_csv(matches: Correspondences, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [row["method"] for row in rows] == ["gc", "gtm"]
     assert [float(row["f_score"]) for row in rows] == [row["f_score"] for row in table(results)]
+
+
+def test_a_pair_is_registered_by_its_pose(matches: Correspondences) -> None:
+    (result,) = compare(matches, POSE, methods=["gc"])
+    assert result.registered
+    assert result.rotation_error < 1
+    assert result.displacement < 1e-9
+    moved = POSE.copy()
+    moved[0, 3] += 0.06
+    correct = find_correct(matches, POSE)
+    (off,) = compare(matches, moved, methods=["gc"], correct=correct)
+    assert off.displacement == pytest.approx(0.06)
+    assert off.score.registered
+    assert not off.registered
+    (allowed,) = compare(matches, moved, methods=["gc"], correct=correct, max_displacement=0.07)
+    assert allowed.registered
+
+
+def test_a_pose_that_turns_too_far_is_not_registered(matches: Correspondences) -> None:
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]]
+    correct = find_correct(matches, POSE)
+    truth = POSE @ turn
+    (result,) = compare(matches, truth, methods=["gc"], correct=correct, max_displacement=1.0)
+    assert result.rotation_error == pytest.approx(np.degrees(0.1))
+    assert not result.registered
+    (result,) = compare(matches, truth, methods=["gc"], correct=correct, max_displacement=1.0, max_rotation=6)
+    assert result.registered
+
+
+def test_no_pose_is_not_registered() -> None:
+    rng = np.random.default_rng(1)
+    scattered = Correspondences(rng.uniform(size=(3, 3)), 9 * rng.uniform(size=(3, 3)), resolution=1e-6)
+    (result,) = compare(scattered, POSE, methods=["gc"])
+    assert result.T_target_source is None
+    assert not result.registered
+    assert np.isnan(result.displacement)
+
+
+def test_limits_need_a_resolution(matches: Correspondences) -> None:
+    unknown = Correspondences(matches.source, matches.target)
+    correct = find_correct(matches, POSE)
+    with pytest.raises(InputError, match="max_displacement"):
+        next(compare(unknown, POSE, methods=["st"], correct=correct))
+    (result,) = compare(unknown, POSE, methods=["st"], correct=correct, max_displacement=0.05)
+    assert result.score.correct == 40

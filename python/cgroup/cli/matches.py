@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 from cgroup import io
 from cgroup.cli.options import MethodOption, check_method
-from cgroup.cli.terminal import print_line, show_stages
+from cgroup.cli.terminal import print_line, print_pose, show_stages
+from cgroup.errors import NoConsensusError
+from cgroup.evaluation import match_errors
 from cgroup.group import group
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
+
+if TYPE_CHECKING:
+    from cgroup.types import Grouping
 
 app = typer.Typer()
 
@@ -42,7 +48,7 @@ def group_command(
         ),
     ] = None,
 ) -> None:
-    """Group correspondences of your own, and write which of them are selected."""
+    """Group correspondences of your own: which of them are selected, and the pose they fix."""
     check_method(method)
     given = io.read_correspondences(correspondences)
     if resolution is not None:
@@ -56,7 +62,23 @@ def group_command(
     path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     io.write_mask(path, grouping.mask)
     print_line(f"{grouping.size} of {len(given)} selected by {method.upper()} in {1e3 * seconds:.0f} ms")
+    _print_pose(given, grouping)
     print_line(f"wrote {path}")
+
+
+def _print_pose(matches: Correspondences, grouping: Grouping) -> None:
+    """Print the least-squares pose of the group, and how closely the group follows it."""
+    try:
+        pose = grouping.transform()
+    except NoConsensusError as error:
+        print_line(f"no pose: {error}")
+        return
+    print_pose(pose)
+    residuals = match_errors(matches.source[grouping.mask], matches.target[grouping.mask], pose)
+    half, most = np.quantile(residuals, [0.5, 0.9])
+    pr = matches.resolution
+    unit = "" if pr is None else f" ({half / pr:.2g} and {most / pr:.2g} pr)"
+    print_line(f"residuals of the group: half below {half:.3g}, nine in ten below {most:.3g}{unit}")
 
 
 def _with_resolution(correspondences: Correspondences, resolution: float) -> Correspondences:

@@ -36,6 +36,13 @@ NmsRadiusOption = Annotated[
         show_default="2.7 for h3d, 1.8 for iss",
     ),
 ]
+MaxRotationOption = Annotated[
+    float, typer.Option(min=0, help="Largest rotation error of a registered pair, in degrees.")
+]
+MaxDisplacementOption = Annotated[
+    float,
+    typer.Option(min=0, help="Largest mean displacement of the matched points of a registered pair, in pr."),
+]
 ResolutionOption = Annotated[
     float | None,
     typer.Option(

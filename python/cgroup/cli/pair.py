@@ -25,7 +25,7 @@ from cgroup.cli.terminal import (
     make_folder,
     print_cloud,
     print_facts,
-    print_line,
+    print_pose,
     print_written,
     show_stages,
     write_figure,
@@ -114,6 +114,4 @@ def _print_registration(done: Registration, method: str) -> None:
         ("group", f"{done.grouping.size} by {method.upper()}"),
         ("time", ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in done.seconds.items())),
     )
-    print_line("pose of the source in the target's frame")
-    for row in done.T_target_source:
-        print_line("  " + " ".join(f"{number:12.6g}" for number in row))
+    print_pose(done.T_target_source)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.progress import ProgressColumn
     from rich.table import Table
 
-    from cgroup.types import PointCloud
+    from cgroup.types import FloatArray, PointCloud
 
 INPUT_ERROR = 2
 INTERRUPTED = 130
@@ -46,6 +46,13 @@ def print_cloud(role: str, file: Path, cloud: PointCloud) -> None:
     """Print how many points a cloud has."""
     dropped = f", {cloud.dropped} more without finite coordinates left out" if cloud.dropped else ""
     print_facts((role, f"{file}: {len(cloud)} points{dropped}"))
+
+
+def print_pose(pose: FloatArray) -> None:
+    """Print a transform, row by row."""
+    print_line("pose of the source in the target's frame")
+    for row in pose:
+        print_line("  " + " ".join(f"{number:12.6g}" for number in row))
 
 
 def print_written(folder: Path, *names: str) -> None:

@@ -8,6 +8,7 @@ from cgroup.evaluation.ground_truth import (
     clutter_and_occlusion,
     correct_matches,
     match_errors,
+    mean_displacement,
     overlap,
     within,
 )
@@ -24,6 +25,7 @@ __all__ = [
     "clutter_and_occlusion",
     "correct_matches",
     "match_errors",
+    "mean_displacement",
     "overlap",
     "rotation_error",
     "score_counts",

@@ -207,6 +207,43 @@ def alignment_error(
     return float(np.linalg.norm(gap, axis=1).mean())
 
 
+def mean_displacement(points: ArrayLike, estimated: ArrayLike, true: ArrayLike) -> float:
+    """How far an estimated pose leaves points from their true places, on average.
+
+    Unlike the translation error it does not depend on where the origin lies.
+
+    Parameters
+    ----------
+    points : (N,3) array_like of float
+        Points of the source: the whole cloud, or those that are matched.
+    estimated, true : (4,4) array_like of float
+        Poses of the source in the target's frame.
+
+    Returns
+    -------
+    float
+        Mean distance in the data's unit; NaN without points.
+
+    Raises
+    ------
+    InputError
+        If the points or a transform are invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> moved = np.eye(4)
+    >>> moved[0, 3] = 2.0
+    >>> mean_displacement([[0, 0, 0], [5, 5, 5]], moved, np.eye(4))
+    2.0
+    """
+    array = as_points("points", points)
+    if len(array) == 0:
+        return float("nan")
+    gap = apply(check_rigid(estimated), array) - apply(check_rigid(true), array)
+    return float(np.linalg.norm(gap, axis=1).mean())
+
+
 def clutter_and_occlusion(
     model: ArrayLike,
     model_faces: ArrayLike,
