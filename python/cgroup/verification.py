@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Surface", "Verification", "score_poses", "verify"]
 
-MATCH_UNITS = 3.75
-"""Distance within which a match speaks for a pose, in units: 1.5 voxels."""
+MATCH_UNITS = 2.5
+"""Distance within which a match speaks for a pose, in units: a voxel."""
 
 
 class Surface:
@@ -91,7 +91,9 @@ class Surface:
     ) -> None:
         rows, directions = real_points("points", points), real_points("normals", normals)
         if len(rows) != len(directions):
-            message = f"normals: got {len(directions)} for {len(rows)} points; give one per point, NaN for none"
+            message = (
+                f"normals: got {len(directions)} for {len(rows)} points; give one per point, NaN for none"
+            )
             raise InputError(message)
         self._unit = as_number("unit", unit)
         eye = None if viewpoint is None else _place("viewpoint", viewpoint)
@@ -181,7 +183,7 @@ def verify(
     matches : Correspondences, optional
         Putative matches; those that a refined pose lays together speak a little for it.
     match_tolerance : float, optional
-        Distance within which they do; 3.75 units (1.5 voxels) unless given.
+        Distance within which they do; 2.5 units, a voxel, unless given.
     threads : int, optional
         Threads to compute on, None for all cores.
 
@@ -309,7 +311,9 @@ def _poses(value: ArrayLike) -> FloatArray:
     rotations = poses[:, :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
         squares = np.einsum("kji,kjl->kil", rotations, rotations)
-        right = np.isfinite(poses).all(axis=(1, 2)) & (np.abs(squares - np.eye(3)).max(axis=(1, 2)) <= RIGID_TOLERANCE)
+        right = np.isfinite(poses).all(axis=(1, 2)) & (
+            np.abs(squares - np.eye(3)).max(axis=(1, 2)) <= RIGID_TOLERANCE
+        )
         right &= (np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1) <= 1e-9) & (np.linalg.det(rotations) > 0)
     if not right.all():
         message = (
