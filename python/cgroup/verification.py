@@ -6,10 +6,11 @@
 `score_poses`  scores of poses as they are
 =============  ====================================================================================
 
-Matches alone cannot tell a wrong pose that many of them happen to support from a right one with few. The surfaces can:
-under a right pose they coincide where they overlap, and neither lies where the other's scanner saw through.
-Lengths are in the unit of the points; `unit` scales every tolerance. Functions take ``threads`` (int or None, None for
-all cores); results do not depend on it. Input that can't be worked with raises `InputError`, a `ValueError`.
+Matches alone cannot tell a wrong pose that many of them happen to support from a right one with few. The
+surfaces can: under a right pose they coincide where they overlap, and neither lies where the other's scanner
+saw through. Lengths are in the unit of the points; `unit` scales every tolerance. Functions take ``threads``
+(int or None, None for all cores); results do not depend on it. Input that can't be worked with raises
+`InputError`, a `ValueError`.
 """
 
 from __future__ import annotations
@@ -49,22 +50,22 @@ class Surface:
     normals : (N,3) array_like of float
         Of any length; NaN or zero for none.
     unit : float
-        0.4 of the voxel, or of the distance between points. All tolerances are multiples of it. Both surfaces of a pair need
-        the same.
+        0.4 of the voxel, or of the distance between points. All tolerances are multiples of it. Both surfaces
+        of a pair need the same.
     viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, if the points are one single scan with normals towards it. What lies before the
-        scanned surface then counts against a pose. Leave it out for points fused from several scans.
+        Where the scanner stood, if the points are one single scan with normals towards it. What lies before
+        the scanned surface then counts against a pose. Leave it out for points fused from several scans.
     oriented : bool, optional
-        Whether the normals point to the same side of the surface in both clouds; otherwise a normal and its opposite are
-        the same. None stands for whether there is a viewpoint.
+        Whether the normals point to the same side of the surface in both clouds; otherwise a normal and its
+        opposite are the same. None stands for whether there is a viewpoint.
     threads : int, optional
         Threads to compute on, None for all cores.
 
     Raises
     ------
     InputError
-        For a wrong shape, a coordinate that is not finite, fewer than 10 points with a normal, or points that span
-        fewer than 10 units or so many that the unit can't be meant.
+        For a wrong shape, a coordinate that is not finite, fewer than 10 points with a normal, or points that
+        span fewer than 10 units or so many that the unit can't be meant.
 
     Examples
     --------
@@ -74,7 +75,7 @@ class Surface:
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
     >>> Surface(points, features.normals(points), unit=0.4 * pr, viewpoint=(0, 0, 0))
-    Surface(n=1447)
+    Surface(n=2554)
     """
 
     __slots__ = ("_core", "_unit")
@@ -124,18 +125,20 @@ class Verification:
     score : float
         Its agreement less violations, at most 2; 0 or less for nothing in common.
     margin : float
-        Lead in ln score (and evidence, see `verify`) over the best pose that differs by more than 10 degrees or 20 units;
-        infinite where there is none.
+        Lead in ln score (and evidence, see `verify`) over the best pose that differs by more than 10 degrees
+        or 20 units; infinite where there is none.
     fitness : float
-        Share of the source's points that lie on the target's surface: within 2 units of its plane, normals alike.
+        Share of the source's points that lie on the target's surface: within 2 units of its plane, normals
+        alike.
     inlier_rmse : float
         Root mean square of their distances to it, in the unit of the points; NaN where there are none.
     information : (6,6) array of float64
-        ``sum w J^T J`` of the last point-to-plane step, for a rotation vector about the target's origin (first) and a
-        translation. Divide by the variance of the distances for an information matrix of a pose graph.
+        ``sum w J^T J`` of a point-to-plane step at the best pose, for a rotation vector about the target's
+        origin (first) and a translation. Divide by the variance of the distances for the information of a
+        pose graph.
     open_motion : (6,) array of float64 or None
-        Where the surfaces leave a motion open (a plane, a cylinder, a sphere): the one they resist least, in the same
-        coordinates, of a size that moves them by about one unit. None where they fix all six.
+        Where the surfaces leave a motion open (a plane, a cylinder, a sphere): the one they resist least, in
+        the same coordinates, of a size that moves them by about one unit. None where they fix all six.
     poses : (k,4,4) array of float64
         Up to 12, best first; none within 3 units of a better one.
     scores : (k,) array of float64
@@ -170,16 +173,19 @@ def verify(
 ) -> Verification:
     """Find the best of many poses on the surfaces, and refine it.
 
-    All are scored with 300 samples of either surface and a tolerance of 8 units; the 150 best, none within 10 units of
-    another, are refined by 12 point-to-plane steps and scored with 1,000 samples and 3 units; the 12 best by 15 more steps
-    and scored with 2,500 samples and 2 units. These are ranked by ``ln score + 0.1 ln(1 + min(evidence, 20))``.
+    All are scored with 300 samples of either surface and a tolerance of 8 units; the 150 best, none within 10
+    units of another, are refined by 12 point-to-plane steps and scored with 1,000 samples and 3 units; the 12
+    best by 15 more steps and scored with 2,500 samples and 2 units. These are ranked by
+    ``ln score + 0.1 ln(1 + min(evidence, 20))``. The steps are those of Y. Chen and G. Medioni, *Object
+    modelling by registration of multiple range images*, 1992.
 
     Parameters
     ----------
     source, target : Surface
         Of the same unit.
     poses : (m,4,4) or (4,4) array_like of float
-        Rigid transforms from the source into the target: a grouping's model, its alternatives, one per match, your own.
+        Rigid transforms from the source into the target: a grouping's model, its alternatives, one per match,
+        your own.
     matches : Correspondences, optional
         Putative matches; those that a refined pose lays together speak a little for it.
     match_tolerance : float, optional
@@ -234,10 +240,11 @@ def score_poses(
 ) -> FloatArray:
     """Score poses as they are, by the measure of the last round of `verify`.
 
-    A sample x of one surface, moved onto the other, finds the nearest point y with normal m (that of a cell of 1 unit, up to
-    4 units away). With ``e^2 = ((x - y).m)^2 + 0.15 |x - y|^2`` it counts ``1 - e^2/t^2`` where that is positive, t = 2
-    units, and the normals' cosine exceeds 0.8. One that finds none counts -1 where it lies more than 3 units before what
-    the other's scanner saw, and -0.3 before its background while facing the scanner. The score is the sum of both means.
+    A sample x of one surface, moved onto the other, finds the nearest point y with normal m (nearest to the
+    centre of a cell of 1 unit, up to 4 units away). With ``e^2 = ((x - y).m)^2 + 0.15 |x - y|^2`` it counts
+    ``1 - e^2/t^2`` where that is positive, t = 2 units, and the normals' cosine exceeds 0.8. One that finds
+    none counts -1 where it lies more than 3 units before what the other's scanner saw, and -0.3 before its
+    background while facing the scanner. The score is the sum of both means.
 
     Parameters
     ----------
@@ -317,8 +324,8 @@ def _poses(value: ArrayLike) -> FloatArray:
         right &= (np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1) <= 1e-9) & (np.linalg.det(rotations) > 0)
     if not right.all():
         message = (
-            f"poses: pose {int(np.argmin(right))} of {len(poses)} is not rigid: [R t; 0 0 0 1] with a rotation R; "
-            "leave out those of matches without frames"
+            f"poses: pose {int(np.argmin(right))} of {len(poses)} is not rigid: [R t; 0 0 0 1] with a "
+            "rotation R; leave out those of matches without frames"
         )
         raise InputError(message)
     return poses
