@@ -13,9 +13,17 @@ _Grouping: TypeAlias = tuple[
     BoolArray, FloatArray | None, float | None, FloatArray | None, dict[str, float]
 ]  # mask, scores, threshold, model, diagnostics
 
+_Overlap: TypeAlias = tuple[
+    float, float, FloatArray, FloatArray | None
+]  # fitness, inlier_rmse, information, open_motion
+_Verified: TypeAlias = tuple[
+    FloatArray, FloatArray, IndexArray, float, _Overlap
+]  # poses, scores, evidence, margin, overlap of the best
+
 __all__ = [
     "DEBUG_BUILD",
     "Cloud",
+    "Surface",
     "__version__",
     "drop_isolated",
     "group",
@@ -28,9 +36,11 @@ __all__ = [
     "rcs",
     "resolution",
     "rigid_fit",
+    "score_poses",
     "shot",
     "shot_lrf",
     "toldi_lrf",
+    "verify",
 ]
 
 __version__: str
@@ -102,3 +112,27 @@ def rcs(cloud: Cloud, keypoints: IndexArray, run_options: RunOptions, radius: fl
 def match_descriptors(
     source: RealArray, target: RealArray, run_options: RunOptions, mutual: bool, max_distance: float | None
 ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]: ...
+
+@final
+class Surface:
+    def __new__(
+        cls,
+        points: RealArray,
+        normals: RealArray,
+        run_options: RunOptions,
+        unit: float,
+        viewpoint: Sequence[float] | None,
+        oriented: bool,
+    ) -> Surface: ...
+    def __len__(self) -> int: ...
+
+def score_poses(
+    source: Surface, target: Surface, poses: FloatArray, run_options: RunOptions
+) -> FloatArray: ...
+def verify(
+    source: Surface,
+    target: Surface,
+    poses: FloatArray,
+    matches: tuple[RealArray, RealArray, float] | None,
+    run_options: RunOptions,
+) -> _Verified: ...

@@ -44,6 +44,7 @@ pub mod grouping_result;
 pub mod points;
 pub mod selection;
 mod simd;
+pub mod verification;
 
 pub use cloud::Cloud;
 pub use correspondences::Correspondences;

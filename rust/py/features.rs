@@ -267,7 +267,8 @@ pub fn match_descriptors<'py>(
     ))
 }
 
-fn directions(array: &Reals<'_, Ix2>) -> PyResult<Vec<Vector3<f64>>> {
+/// Directions, one per row; they need not be numbers.
+pub fn directions(array: &Reals<'_, Ix2>) -> PyResult<Vec<Vector3<f64>>> {
     Ok(match array {
         Reals::Single(array) => array.as_slice()?.as_chunks::<3>().0.iter().map(widened).collect(),
         Reals::Double(array) => array.as_slice()?.as_chunks::<3>().0.iter().map(widened).collect(),

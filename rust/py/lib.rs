@@ -10,6 +10,7 @@ mod grouping;
 mod heap;
 mod options;
 mod run;
+mod verification;
 
 use pyo3::prelude::*;
 
@@ -25,6 +26,8 @@ mod _core {
     };
     #[pymodule_export]
     use super::grouping::{group, rigid_fit};
+    #[pymodule_export]
+    use super::verification::{Surface, score_poses, verify};
 
     use numpy::PyArray1;
     use pyo3::prelude::*;

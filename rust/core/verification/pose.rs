@@ -1,0 +1,66 @@
+//! Poses between two surfaces in the surfaces' own coordinates: centred, one unit long.
+
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+
+use crate::geometry::rigid::Rigid;
+use crate::verification::surface::Surface;
+
+/// `x' = R x + t` in single precision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pose {
+    pub rotation: Matrix3<f32>,
+    pub translation: Vector3<f32>,
+}
+
+impl Pose {
+    /// A pose of the data, between two surfaces.
+    pub fn between(source: &Surface, target: &Surface, pose: &Rigid) -> Self {
+        let moved = pose.rotation * source.center() + pose.translation - target.center();
+        let shift = (moved / source.unit()).map(|length| length as f32);
+        Self { rotation: pose.rotation.map(|number| number as f32), translation: shift }.orthonormal()
+    }
+
+    /// The same pose in the coordinates of the data.
+    pub fn in_data(&self, source: &Surface, target: &Surface) -> Rigid {
+        let rotation = nearest_rotation(&self.rotation.map(f64::from));
+        let shift = self.translation.map(f64::from) * source.unit();
+        Rigid { rotation, translation: shift + target.center() - rotation * source.center() }
+    }
+
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.transpose();
+        Self { rotation, translation: -(rotation * self.translation) }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.rotation.iter().chain(&self.translation).all(|number| number.is_finite())
+    }
+
+    /// The pose followed by a small motion: a rotation vector and a translation.
+    pub fn followed_by(&self, turn: Vector3<f64>, shift: Vector3<f64>) -> Self {
+        let turn = Rotation3::new(turn).into_inner().map(|number| number as f32);
+        let shift = shift.map(|number| number as f32);
+        Self { rotation: turn * self.rotation, translation: turn * self.translation + shift }
+    }
+
+    pub fn orthonormal(&self) -> Self {
+        let rotation = nearest_rotation(&self.rotation.map(f64::from)).map(|number| number as f32);
+        Self { rotation, ..*self }
+    }
+
+    /// Angle of the rotation between two poses, in radians.
+    pub fn angle_to(&self, other: &Self) -> f32 {
+        let cosine = (self.rotation.component_mul(&other.rotation).sum() - 1.0) / 2.0;
+        cosine.clamp(-1.0, 1.0).acos()
+    }
+
+    /// How far apart two poses carry a point at `radius` from the centre, about.
+    pub fn apart(&self, other: &Self, radius: f32) -> f32 {
+        (self.translation - other.translation).norm() + self.angle_to(other) * radius
+    }
+}
+
+fn nearest_rotation(matrix: &Matrix3<f64>) -> Matrix3<f64> {
+    let rotation = Rotation3::from_matrix_unchecked(*matrix);
+    UnitQuaternion::from_rotation_matrix(&rotation).to_rotation_matrix().into_inner()
+}

@@ -1,0 +1,181 @@
+//! From many poses to few: coarse scores of all, finer ones of the best, refined in between.
+
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::geometry::rigid::Rigid;
+use crate::points::Points;
+use crate::verification::pose::Pose;
+use crate::verification::refine::{Refinement, refine};
+use crate::verification::score::{Round, score};
+use crate::verification::surface::Surface;
+
+pub(super) const FIRST: Round =
+    Round { samples: 300, tolerance: 8.0, in_front: 8.0, cosine: 0.7, coarse: true };
+pub(super) const SECOND: Round =
+    Round { samples: 1000, tolerance: 3.0, in_front: 4.0, cosine: 0.8, coarse: false };
+pub(super) const LAST: Round =
+    Round { samples: 2500, tolerance: 2.0, in_front: 3.0, cosine: 0.8, coarse: false };
+
+const COARSELY: Refinement = Refinement { samples: 300, steps: 12, reach: (8.0, 4.0), coarse: true };
+pub(super) const FINELY: Refinement =
+    Refinement { samples: 1000, steps: 15, reach: (4.0, 2.5), coarse: false };
+
+/// Poses kept after the first round, and after the second.
+const KEPT: (usize, usize) = (150, 12);
+/// Poses closer to a better one than this, in units, are left out: after the first round, and later.
+const SAME: (f32, f32) = (10.0, 3.0);
+
+/// Weight of the matches' evidence beside the logarithm of the score, and the number of matches beyond which more of them
+/// tell nothing.
+const EVIDENCE: (f64, f64) = (0.1, 20.0);
+/// Scores below this are all the same: no agreement.
+const LEAST_SCORE: f64 = 1e-6;
+/// Radians and units beyond which two poses differ, for the margin.
+const DIFFERENT: (f32, f32) = (10.0 * std::f32::consts::PI / 180.0, 20.0);
+
+/// Matched points that speak for a pose which lays them together.
+#[derive(Debug)]
+pub struct Evidence {
+    /// Points of the source.
+    pub source: Points,
+    /// As many of the target.
+    pub target: Points,
+    /// Distance, in the data's unit, within which a match speaks for a pose.
+    pub tolerance: f64,
+}
+
+impl Evidence {
+    fn count(&self, pose: &Rigid) -> usize {
+        let (p, q) = (&self.source, &self.target);
+        let shift = pose.rotation * p.center() + pose.translation - q.center();
+        let near = |i: &usize| {
+            let moved = Point3::from(pose.rotation * p.get(*i).coords + shift);
+            (moved - q.get(*i)).norm_squared() < self.tolerance * self.tolerance
+        };
+        (0..p.len()).filter(near).count()
+    }
+}
+
+/// A pose that went through all rounds.
+#[derive(Debug, Clone)]
+pub struct Verified {
+    /// From the source's coordinates into the target's.
+    pub pose: Rigid,
+    /// Agreement less violations, at most 2.
+    pub score: f64,
+    /// Matches that the pose lays together.
+    pub evidence: usize,
+    /// What poses are ranked by: `ln score + 0.1 ln(1 + min(evidence, 20))`.
+    pub value: f64,
+}
+
+/// A pose and what it is ranked by.
+#[derive(Clone, Copy)]
+struct Ranked {
+    pose: Pose,
+    value: f64,
+}
+
+/// Scores of the poses as they are, by the measure of the last round.
+///
+/// # Errors
+/// [`Error::InvalidInput`] unless both surfaces have one unit, [`Error::Interrupted`].
+pub fn score_poses(
+    source: &Surface,
+    target: &Surface,
+    poses: &[Rigid],
+    execution: &Execution,
+) -> Result<Vec<f64>> {
+    check_units(source, target)?;
+    let poses: Vec<Pose> = poses.iter().map(|pose| Pose::between(source, target, pose)).collect();
+    let ranked = rank(&poses, execution, |pose| ranked_by_score(source, target, *pose, &LAST))?;
+    Ok(ranked.iter().map(|found| found.value).collect())
+}
+
+/// The best of the poses, refined, best first; none lies within 3 units of a better one.
+///
+/// # Errors
+/// [`Error::InvalidInput`] unless both surfaces have one unit, [`Error::Interrupted`].
+pub fn verify(
+    source: &Surface,
+    target: &Surface,
+    poses: &[Rigid],
+    evidence: Option<&Evidence>,
+    execution: &Execution,
+) -> Result<Vec<Verified>> {
+    check_units(source, target)?;
+    let radius = source.radius().max(target.radius());
+    let poses: Vec<Pose> = poses.iter().map(|pose| Pose::between(source, target, pose)).collect();
+    let all = rank(&poses, execution, |pose| ranked_by_score(source, target, *pose, &FIRST))?;
+    let best = suppress(all, SAME.0, radius, KEPT.0);
+    let refined = rank(&best, execution, |pose| {
+        ranked_by_score(source, target, refine(source, target, pose, &COARSELY), &SECOND)
+    })?;
+    let best = suppress(refined, SAME.1, radius, KEPT.1);
+    let last = rank(&best, execution, |pose| {
+        let pose = refine(source, target, pose, &FINELY);
+        let found = judge(source, target, &pose, evidence);
+        Ranked { pose, value: found.value }
+    })?;
+    let last = suppress(last, SAME.1, radius, KEPT.1);
+    Ok(last.iter().map(|pose| judge(source, target, pose, evidence)).collect())
+}
+
+/// Lead of the first pose's value over the best that differs from it by more than 10 degrees or 20 units; infinite where
+/// there is none.
+pub fn margin(source: &Surface, target: &Surface, found: &[Verified]) -> f64 {
+    let Some(best) = found.first() else { return f64::INFINITY };
+    let pose = |found: &Verified| Pose::between(source, target, &found.pose);
+    let first = pose(best);
+    let differs = |other: &&Verified| {
+        let other = pose(other);
+        first.angle_to(&other) > DIFFERENT.0 || (first.translation - other.translation).norm() > DIFFERENT.1
+    };
+    found[1..].iter().find(differs).map_or(f64::INFINITY, |next| best.value - next.value)
+}
+
+fn judge(source: &Surface, target: &Surface, pose: &Pose, evidence: Option<&Evidence>) -> Verified {
+    let score = f64::from(score(source, target, pose, &LAST));
+    let pose = pose.in_data(source, target);
+    let evidence = evidence.map_or(0, |matches| matches.count(&pose));
+    let (weight, most) = EVIDENCE;
+    let value = score.max(LEAST_SCORE).ln() + weight * (1.0 + (evidence as f64).min(most)).ln();
+    Verified { pose, score, evidence, value }
+}
+
+fn ranked_by_score(source: &Surface, target: &Surface, pose: Pose, round: &Round) -> Ranked {
+    Ranked { pose, value: f64::from(score(source, target, &pose, round)) }
+}
+
+/// What each pose is ranked by, in parallel.
+fn rank(poses: &[Pose], execution: &Execution, by: impl Fn(&Pose) -> Ranked + Sync) -> Result<Vec<Ranked>> {
+    let checked = |pose: &Pose| execution.check().map(|()| by(pose));
+    poses.par_iter().with_max_len(16).map(checked).collect()
+}
+
+/// The best `most` poses, without those within a distance of a better one; best first, ties to the earlier.
+fn suppress(mut poses: Vec<Ranked>, within: f32, radius: f32, most: usize) -> Vec<Pose> {
+    poses.sort_by(|a, b| b.value.total_cmp(&a.value));
+    let mut kept: Vec<Pose> = Vec::with_capacity(most);
+    for Ranked { pose, .. } in poses.into_iter().filter(|found| found.pose.is_finite()) {
+        if kept.len() == most {
+            break;
+        }
+        if kept.iter().all(|better| better.apart(&pose, radius) > within) {
+            kept.push(pose);
+        }
+    }
+    kept
+}
+
+fn check_units(source: &Surface, target: &Surface) -> Result<()> {
+    let (a, b) = (source.unit(), target.unit());
+    if (a - b).abs() <= 1e-9 * a.max(b) {
+        return Ok(());
+    }
+    let remedy = "make both surfaces with the same unit";
+    Err(Error::invalid("source, target", format!("surfaces of unit {a} and {b}"), remedy))
+}

@@ -1,0 +1,190 @@
+//! A surface made ready once: points with normals, nearest-point grids, ranges, samples.
+
+use nalgebra::Vector3;
+
+use crate::error::{Error, Result, positive};
+use crate::execution::Execution;
+use crate::points::Points;
+use crate::verification::nearest_grid::NearestGrid;
+use crate::verification::range_map::RangeMap;
+use crate::verification::sampling;
+
+/// Samples that the last round looks at; no round needs more.
+const MOST_SAMPLES: usize = 2_500;
+/// Points with a normal below which there is nothing to judge.
+const LEAST_POINTS: usize = 10;
+/// Diagonal of the bounding box, in units, below which all poses look alike.
+const LEAST_SPAN: f64 = 10.0;
+/// Farthest viewpoint, in units: beyond, single precision loses the depths.
+const MOST_RANGE: f64 = 1e6;
+
+/// Size of the cells and reach of the coarse grid, in units.
+const COARSE: (f32, f32) = (1.5, 8.0);
+/// The same of the fine grid.
+const FINE: (f32, f32) = (1.0, 4.0);
+
+/// A point and its unit normal (zero where there is none).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Element {
+    pub point: Vector3<f32>,
+    pub normal: Vector3<f32>,
+}
+
+/// What is known of the side that normals point to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Side {
+    /// Nothing: a normal and its opposite are the same.
+    Unknown,
+    /// The normals of both surfaces point to the same side.
+    Known,
+    /// The same, and the points are one scan from here.
+    Viewpoint([f64; 3]),
+}
+
+/// A surface that poses are judged on. Its lengths are in units, its points relative to their mean.
+#[derive(Debug)]
+pub struct Surface {
+    unit: f64,
+    center: Vector3<f64>,
+    radius: f32,
+    oriented: bool,
+    elements: Vec<Element>,
+    samples: Vec<Element>,
+    coarse: NearestGrid,
+    fine: NearestGrid,
+    ranges: Option<RangeMap>,
+}
+
+impl Surface {
+    /// Points and their normals, NaN for none; the unit is some 0.4 of the distance between points.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a wrong unit, fewer than 10 points with a normal, points that span fewer than 10 units
+    /// or too many for the grids, or a viewpoint too far away; [`Error::Interrupted`].
+    pub fn new(
+        points: &Points,
+        normals: &[Vector3<f64>],
+        unit: f64,
+        side: Side,
+        execution: &Execution,
+    ) -> Result<Self> {
+        let unit = positive("unit", unit)?;
+        check_span(points, unit)?;
+        let eye = viewpoint(points, unit, side)?;
+        let elements = elements(points, normals, unit);
+        let normals: Vec<Vector3<f32>> = elements.iter().map(|element| element.normal).collect();
+        let oriented = side != Side::Unknown;
+        let drawn = sampling::draw(&normals, oriented, MOST_SAMPLES);
+        if drawn.len() < LEAST_POINTS {
+            let remedy = format!("give at least {LEAST_POINTS} points that have one");
+            return Err(Error::invalid("normals", format!("{} that are numbers", drawn.len()), remedy));
+        }
+        let places: Vec<Vector3<f32>> = elements.iter().map(|element| element.point).collect();
+        Ok(Self {
+            unit,
+            center: points.center(),
+            radius: root_mean_square(&places),
+            oriented,
+            samples: drawn.iter().map(|&i| elements[i as usize]).collect(),
+            coarse: NearestGrid::new(&places, COARSE.0, COARSE.1, execution)?,
+            fine: NearestGrid::new(&places, FINE.0, FINE.1, execution)?,
+            ranges: eye.map(|eye| RangeMap::new(&places, eye)),
+            elements,
+        })
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.elements.len()
+    }
+
+    /// Whether there are no points; never so.
+    pub fn is_empty(&self) -> bool {
+        self.elements.is_empty()
+    }
+
+    /// The length that all others are multiples of.
+    pub fn unit(&self) -> f64 {
+        self.unit
+    }
+
+    /// Mean of the points.
+    pub fn center(&self) -> Vector3<f64> {
+        self.center
+    }
+
+    /// Root mean square distance of the points from their mean, in units.
+    pub(super) fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    pub(super) fn is_oriented(&self) -> bool {
+        self.oriented
+    }
+
+    pub(super) fn elements(&self) -> &[Element] {
+        &self.elements
+    }
+
+    /// The first samples drawn, at most `count`.
+    pub(super) fn samples(&self, count: usize) -> &[Element] {
+        &self.samples[..count.min(self.samples.len())]
+    }
+
+    pub(super) fn ranges(&self) -> Option<&RangeMap> {
+        self.ranges.as_ref()
+    }
+
+    /// The point nearest to a place by the coarse or the fine grid.
+    #[inline]
+    pub(super) fn nearest(&self, place: &Vector3<f32>, coarse: bool) -> Option<&Element> {
+        let grid = if coarse { &self.coarse } else { &self.fine };
+        grid.get(place).map(|index| &self.elements[index])
+    }
+}
+
+fn check_span(points: &Points, unit: f64) -> Result<()> {
+    let span = points.diagonal() / unit;
+    if span >= LEAST_SPAN {
+        return Ok(());
+    }
+    let got = format!("{unit}, of which the {} points span {span:.3}", points.len());
+    Err(Error::invalid(
+        "unit",
+        got,
+        format!("give about 0.4 of the distance between points; a surface spans {LEAST_SPAN} units or more"),
+    ))
+}
+
+/// The viewpoint in the surface's coordinates.
+fn viewpoint(points: &Points, unit: f64, side: Side) -> Result<Option<Vector3<f32>>> {
+    let Side::Viewpoint(viewpoint) = side else { return Ok(None) };
+    let eye = (Vector3::from(viewpoint) - points.center()) / unit;
+    if eye.norm() <= MOST_RANGE {
+        return Ok(Some(eye.map(|number| number as f32)));
+    }
+    let remedy = format!("give the scanner's place, at most {MOST_RANGE:e} units from the points, or None");
+    Err(Error::invalid("viewpoint", format!("{viewpoint:?}"), remedy))
+}
+
+fn elements(points: &Points, normals: &[Vector3<f64>], unit: f64) -> Vec<Element> {
+    let element = |(i, normal): (usize, &Vector3<f64>)| Element {
+        point: (points.get(i).coords / unit).map(|number| number as f32),
+        normal: unit_length(normal).map(|number| number as f32),
+    };
+    normals.iter().enumerate().map(element).collect()
+}
+
+/// A direction of unit length, or zero where there is none.
+fn unit_length(normal: &Vector3<f64>) -> Vector3<f64> {
+    let scale = normal.amax();
+    if normal.iter().all(|number| number.is_finite()) && scale > 0.0 {
+        return (normal / scale).normalize();
+    }
+    Vector3::zeros()
+}
+
+fn root_mean_square(points: &[Vector3<f32>]) -> f32 {
+    let sum: f64 = points.iter().map(|p| f64::from(p.norm_squared())).sum();
+    (sum / points.len().max(1) as f64).sqrt() as f32
+}

@@ -1,0 +1,147 @@
+//! Poses judged on surfaces: the class `Surface`, and two functions.
+
+use std::sync::Arc;
+
+use cgroup::Error;
+use cgroup::geometry::rigid::Rigid;
+use cgroup::verification::{
+    self as core, Evidence, Overlap, Side, Surface as CoreSurface, Verified, margin, overlap,
+};
+use nalgebra::{Matrix3, Vector3};
+use numpy::ndarray::Ix2;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
+use pyo3::prelude::*;
+
+use crate::convert::Reals;
+use crate::features::directions;
+use crate::run::{RunOptions, run};
+
+/// A surface made ready once; use it through `cgroup.verification.Surface`.
+#[pyclass(frozen, module = "cgroup._core")]
+pub struct Surface {
+    core: Arc<CoreSurface>,
+}
+
+#[pymethods]
+impl Surface {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        points: Reals<'_, Ix2>,
+        normals: Reals<'_, Ix2>,
+        run_options: RunOptions,
+        unit: f64,
+        viewpoint: Option<[f64; 3]>,
+        oriented: bool,
+    ) -> PyResult<Self> {
+        let side = match viewpoint {
+            Some(viewpoint) => Side::Viewpoint(viewpoint),
+            None if oriented => Side::Known,
+            None => Side::Unknown,
+        };
+        let points = points.points("points")?;
+        let normals = directions(&normals)?;
+        let built = run(py, &run_options, move |execution| {
+            CoreSurface::new(&points, &normals, unit, side, execution)
+        })?;
+        Ok(Self { core: Arc::new(built) })
+    }
+
+    fn __len__(&self) -> usize {
+        self.core.len()
+    }
+}
+
+/// Scores of poses as they are.
+#[pyfunction]
+pub fn score_poses<'py>(
+    py: Python<'py>,
+    source: &Surface,
+    target: &Surface,
+    poses: PyReadonlyArray3<'py, f64>,
+    run_options: RunOptions,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&poses)?);
+    let scores =
+        run(py, &run_options, move |execution| core::score_poses(&source, &target, &poses, execution))?;
+    Ok(scores.into_pyarray(py))
+}
+
+/// Matched points, and the distance within which a match speaks for a pose.
+type Matches<'py> = (Reals<'py, Ix2>, Reals<'py, Ix2>, f64);
+
+/// What Python gets: poses, scores, evidence; margin; fitness, rmse, information, open motion.
+type PyVerified<'py> = (
+    Bound<'py, PyArray3<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    f64,
+    (f64, f64, Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray1<f64>>>),
+);
+
+/// Poses refined, best first.
+#[pyfunction]
+pub fn verify<'py>(
+    py: Python<'py>,
+    source: &Surface,
+    target: &Surface,
+    poses: PyReadonlyArray3<'py, f64>,
+    matches: Option<Matches<'py>>,
+    run_options: RunOptions,
+) -> PyResult<PyVerified<'py>> {
+    let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&poses)?);
+    let evidence = matches.map(evidence).transpose()?;
+    let (found, lead, shared) = run(py, &run_options, move |execution| {
+        let found = core::verify(&source, &target, &poses, evidence.as_ref(), execution)?;
+        let Some(best) = found.first() else {
+            let remedy = "give at least one pose whose numbers are finite";
+            return Err(Error::invalid("poses", format!("{} that can be judged", found.len()), remedy));
+        };
+        let shared = overlap(&source, &target, &best.pose);
+        let lead = margin(&source, &target, &found);
+        Ok((found, lead, shared))
+    })?;
+    verified(py, &found, lead, &shared)
+}
+
+fn verified<'py>(
+    py: Python<'py>,
+    found: &[Verified],
+    lead: f64,
+    shared: &Overlap,
+) -> PyResult<PyVerified<'py>> {
+    // Transposed, because nalgebra stores columns and numpy rows.
+    let poses = found.iter().map(|found| found.pose.to_matrix().transpose());
+    let numbers: Vec<f64> = poses.flat_map(|pose| <[[f64; 4]; 4]>::from(pose).concat()).collect();
+    let information = <[[f64; 6]; 6]>::from(shared.information).concat();
+    Ok((
+        numbers.into_pyarray(py).reshape([found.len(), 4, 4])?,
+        found.iter().map(|found| found.score).collect::<Vec<_>>().into_pyarray(py),
+        found.iter().map(|found| found.evidence as i64).collect::<Vec<_>>().into_pyarray(py),
+        lead,
+        (
+            shared.fitness,
+            shared.inlier_rmse,
+            information.into_pyarray(py).reshape([6, 6])?,
+            shared.open_motion.map(|motion| motion.as_slice().to_vec().into_pyarray(py)),
+        ),
+    ))
+}
+
+fn evidence((source, target, tolerance): Matches<'_>) -> PyResult<Evidence> {
+    Ok(Evidence {
+        source: source.points("matches.source")?,
+        target: target.points("matches.target")?,
+        tolerance,
+    })
+}
+
+/// Poses, which the caller has checked.
+fn transforms(poses: &PyReadonlyArray3<'_, f64>) -> PyResult<Vec<Rigid>> {
+    let rows = poses.as_slice()?.as_chunks::<16>().0.iter();
+    let rigid = |m: &[f64; 16]| Rigid {
+        rotation: Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]),
+        translation: Vector3::new(m[3], m[7], m[11]),
+    };
+    Ok(rows.map(rigid).collect())
+}
