@@ -168,4 +168,4 @@ def _as_grouping(name: str, result: object, correspondences: Correspondences) ->
         )
         raise InputError(message)
     positions: tuple[RealArray, RealArray] = (correspondences.source, correspondences.target)
-    return Grouping(mask, scores, threshold, model, diagnostics, positions)
+    return Grouping(mask, scores, threshold, model, diagnostics, _positions=positions)
