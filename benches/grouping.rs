@@ -1,11 +1,12 @@
-//! The nine methods with the paper's parameters on seeded problems, one inlier in ten.
+//! Every method with its default parameters on seeded problems: one inlier in ten, or as few as LC is made for.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use std::hint::black_box;
 
-use cgroup::{Execution, Result};
+use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
+use cgroup::{Execution, GroupingMethod, Result};
 use common::{methods, problem};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 
@@ -24,8 +25,21 @@ fn all_methods(criterion: &mut Criterion) -> Result<()> {
     Ok(())
 }
 
+fn few_inliers(criterion: &mut Criterion) -> Result<()> {
+    let mut group = criterion.benchmark_group("likelihood_consensus");
+    group.sample_size(10);
+    for (n, share) in [(1_000, 0.01), (5_000, 0.005), (20_000, 0.005)] {
+        let input = problem(1, n, share, 2.0).correspondences()?;
+        group.bench_with_input(BenchmarkId::new("lc", n), &input, |bencher, input| {
+            bencher.iter(|| LikelihoodConsensus::default().group(black_box(input), &Execution::default()));
+        });
+    }
+    group.finish();
+    Ok(())
+}
+
 fn benches(criterion: &mut Criterion) {
-    if let Err(error) = all_methods(criterion) {
+    if let Err(error) = all_methods(criterion).and_then(|()| few_inliers(criterion)) {
         criterion.bench_function(&format!("skipped: {error}"), |bencher| bencher.iter(|| ()));
     }
 }

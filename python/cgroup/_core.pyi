@@ -10,8 +10,14 @@ from cgroup._options import RunOptions
 
 _DescriptorArray: TypeAlias = NDArray[np.float32]
 _Grouping: TypeAlias = tuple[
-    BoolArray, FloatArray | None, float | None, FloatArray | None, dict[str, float]
-]  # mask, scores, threshold, model, diagnostics
+    BoolArray,
+    FloatArray | None,
+    float | None,
+    FloatArray | None,
+    dict[str, float],
+    FloatArray | None,
+    FloatArray | None,
+]  # mask, scores, threshold, model, diagnostics, alternatives, their scores
 
 _Overlap: TypeAlias = tuple[
     float, float, FloatArray, FloatArray | None

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup.methods import cv, gc, gtm, hough3d, nnsr, ransac, si, ss, st
+from cgroup.methods import cv, gc, gtm, hough3d, lc, nnsr, ransac, si, ss, st
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -171,6 +171,18 @@ _TABLE = (
         marker="*",
         in_paper=True,
         citation="Rodola et al., IJCV 2013",
+    ),
+    MethodInfo(
+        name="lc",
+        function=lc,
+        label="LC",
+        fields=_POINTS,
+        optional_fields=("ratio", "resolution"),
+        complexity="n² bits",
+        color="#000000",
+        marker="h",
+        in_paper=False,
+        citation="this library",
     ),
 )
 

@@ -117,9 +117,13 @@ class Grouping:
     threshold : float or None
         The cut on the scores that was really used.
     model : (4,4) array of float64 or None
-        The transform behind the selection, for methods that fit one (RANSAC); maps source into target.
+        The transform behind the selection, for methods that fit one (RANSAC, LC); maps source into target.
     diagnostics : dict of str to float
         Facts about the run: iterations, seed of the cluster, eigenvalue, ...
+    alternatives : (k,4,4) array of float64 or None
+        Transforms that the correspondences speak for, `model` first, for methods that find several (LC).
+    alternative_scores : (k,) array of float64 or None
+        The method's score of each, descending.
     """
 
     mask: BoolArray
@@ -127,6 +131,8 @@ class Grouping:
     threshold: float | None
     model: FloatArray | None
     diagnostics: dict[str, float]
+    alternatives: FloatArray | None = None
+    alternative_scores: FloatArray | None = None
     _positions: tuple[RealArray, RealArray] | None = field(default=None, repr=False)
 
     @property

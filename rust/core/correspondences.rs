@@ -160,6 +160,11 @@ impl Correspondences {
         self.ratio.as_deref().ok_or(Error::MissingField { method, field: "ratio", remedy })
     }
 
+    /// Ratios of nearest to second-nearest descriptor distance, where a method can do without them.
+    pub fn optional_ratio(&self) -> Option<&[f64]> {
+        self.ratio.as_deref()
+    }
+
     /// Local reference frames of source and target.
     ///
     /// # Errors

@@ -15,8 +15,19 @@ pub struct Grouping {
     pub threshold: Option<f64>,
     /// The rigid model behind the selection, for methods that fit one: maps source into target.
     pub model: Option<Matrix4<f64>>,
+    /// Poses that the correspondences speak for, the model first, for methods that find several.
+    pub alternatives: Option<Vec<Alternative>>,
     /// Facts about the run: iterations, cluster seed, eigenvalue, ...
     pub diagnostics: BTreeMap<&'static str, f64>,
+}
+
+/// A rigid model that a method holds to be possible.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alternative {
+    /// Maps source into target.
+    pub model: Matrix4<f64>,
+    /// The method's score of it, higher is better.
+    pub score: f64,
 }
 
 impl Grouping {

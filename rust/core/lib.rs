@@ -51,5 +51,5 @@ pub use correspondences::Correspondences;
 pub use error::{Error, Result};
 pub use execution::Execution;
 pub use grouping::GroupingMethod;
-pub use grouping_result::Grouping;
+pub use grouping_result::{Alternative, Grouping};
 pub use points::Points;

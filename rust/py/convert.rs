@@ -1,10 +1,10 @@
 //! Between numpy arrays and the core's types; nothing else touches arrays.
 
 use cgroup::frames::Frames;
-use cgroup::{Correspondences, Error, Grouping, Points};
+use cgroup::{Alternative, Correspondences, Error, Grouping, Points};
 use nalgebra::Matrix4;
-use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3, arr2};
-use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray};
+use numpy::ndarray::{Array3, Dimension, Ix1, Ix2, Ix3, arr2};
+use numpy::{PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -122,13 +122,21 @@ pub fn matrix<'py>(py: Python<'py>, matrix: &Matrix4<f64>) -> Bound<'py, PyArray
     PyArray2::from_owned_array(py, arr2(&rows))
 }
 
-/// What Python gets of a grouping: mask, scores, threshold, model, diagnostics.
+/// An array (k,4,4).
+fn models<'py>(py: Python<'py>, found: &[Alternative]) -> Bound<'py, PyArray3<f64>> {
+    let entry = |(k, row, column): (usize, usize, usize)| found[k].model[(row, column)];
+    PyArray3::from_owned_array(py, Array3::from_shape_fn((found.len(), 4, 4), entry))
+}
+
+/// What Python gets of a grouping: mask, scores, threshold, model, diagnostics, alternatives and their scores.
 pub type PyGrouping<'py> = (
     Bound<'py, PyArray1<bool>>,
     Option<Bound<'py, PyArray1<f64>>>,
     Option<f64>,
     Option<Bound<'py, PyArray2<f64>>>,
     Bound<'py, PyDict>,
+    Option<Bound<'py, PyArray3<f64>>>,
+    Option<Bound<'py, PyArray1<f64>>>,
 );
 
 /// Converts a grouping.
@@ -143,6 +151,8 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyGrouping<'_>> {
         result.threshold,
         result.model.map(|model| matrix(py, &model)),
         diagnostics,
+        result.alternatives.as_ref().map(|found| models(py, found)),
+        result.alternatives.map(|found| PyArray1::from_iter(py, found.iter().map(|one| one.score))),
     ))
 }
 

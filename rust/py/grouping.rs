@@ -6,6 +6,7 @@ use cgroup::grouping::consistency_voting::ConsistencyVoting;
 use cgroup::grouping::game_theory::{Dynamics, GameTheory, Payoff};
 use cgroup::grouping::geometric_consistency::{self as gc, GeometricConsistency, Ties};
 use cgroup::grouping::hough_voting::{self as hv, HoughVoting, Neighborhood};
+use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
 use cgroup::grouping::nearest_neighbor_ratio::NearestNeighborRatio;
 use cgroup::grouping::ransac::Ransac;
 use cgroup::grouping::search_of_inliers::{GlobalRank, SearchOfInliers};
@@ -139,6 +140,10 @@ fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<BoxedMethod> {
                     ("infection_immunisation", Dynamics::InfectionImmunisation),
                 ],
             )?,
+        }),
+        "lc" => Box::new(LikelihoodConsensus {
+            tolerance: options.optional("tolerance")?,
+            modes: options.count("modes", 1)?,
         }),
         _ => return Err(InputError::new_err(format!("method: got {name:?}, which the core does not have"))),
     })

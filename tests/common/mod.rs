@@ -209,7 +209,7 @@ impl Motion {
     }
 }
 
-/// The nine methods with the paper's parameters.
+/// Every method, the paper's with its parameters.
 pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
     let mut methods = cgroup::grouping::methods();
     for (name, method) in &mut methods {

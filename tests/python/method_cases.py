@@ -17,6 +17,7 @@ from reference.consistency_voting import cv
 from reference.game_theory import gtm
 from reference.geometric_consistency import gc
 from reference.hough_voting import hough3d
+from reference.likelihood_consensus import lc
 from reference.nearest_neighbor_ratio import nnsr
 from reference.ransac import ransac
 from reference.search_of_inliers import si
@@ -364,6 +365,24 @@ CASES: dict[str, MethodCase] = {
             "one_to_one": (False, True),
             "resolution": (Field("resolution"),),
         },
+    ),
+    "lc": MethodCase(
+        lc,
+        score_tolerance=1e-6,
+        large_score_tolerance=1e-6,
+        fields=("resolution",),
+        trials=[
+            Trial({"ratio": Field("ratio")}),
+            Trial({"tolerance": Pr(6.0)}),
+            Trial({"tolerance": Pr(1.0)}),
+            Trial({"resolution": None}, LARGE, shows=False),
+            Trial({"modes": 1}, {"tolerance": Pr(0.5)}),
+            Trial({"modes": 3}, {"tolerance": Pr(0.5), "ratio": Field("ratio")}),
+        ],
+        field_trials=[
+            Trial({"ratio": OTHER_RATIO}, {"ratio": Field("ratio")}),
+            Trial({"resolution": Pr(2.0)}),
+        ],
     ),
 }
 """By the name of the function, in cgroup and in the reference."""

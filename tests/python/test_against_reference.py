@@ -54,6 +54,7 @@ def compare(oracle: OracleReport, method: str, problem: Problem, options: Option
     ambiguous = ambiguous_rows(method, expected, nudged, shaky)
     masks_equal = assert_same_group(got, expected, ambiguous)
     assert_same_threshold(got, expected, ambiguous)
+    assert_same_alternatives(got, expected, nudged, problem)
     assert_mask_follows_scores(method, got, expected, nudged, options)
     oracle.record(
         method,
@@ -208,6 +209,34 @@ def assert_same_threshold(rust: Any, reference: ReferenceGrouping, ambiguous_row
         assert rust.threshold is None
     else:
         assert rust.threshold == pytest.approx(reference.threshold, rel=1e-6, abs=1e-12)
+
+
+def assert_same_alternatives(
+    rust: Any, reference: ReferenceGrouping, nudged: list[ReferenceGrouping], problem: Problem
+) -> None:
+    """Compare the motions by where they lay the points, unless rounding may have changed their number or order."""
+    if reference.alternatives is None:
+        assert rust.alternatives is None
+        assert rust.alternative_scores is None
+        return
+    if any(not same_motions(other, reference, problem) for other in nudged):
+        return
+    assert same_motions(rust, reference, problem)
+
+
+def same_motions(found: Any, reference: ReferenceGrouping, problem: Problem) -> bool:
+    """Return True for as many motions, which lay the points in the same places, with the same scores."""
+    if found.alternatives.shape != reference.alternatives.shape:
+        return False
+    if len(reference.alternatives) == 0:
+        return True
+    points = np.column_stack([problem.source, np.ones(len(problem.source))])
+    extent = max(np.ptp(side, axis=0).max(initial=0.0) for side in (problem.source, problem.target))
+    magnitude = max(np.abs(side).max(initial=0.0) for side in (problem.source, problem.target))
+    places = [points @ np.swapaxes(side.alternatives, 1, 2) for side in (found, reference)]
+    return np.allclose(*places, rtol=0.0, atol=1e-5 * extent + 1e-9 * magnitude) and np.allclose(
+        found.alternative_scores, reference.alternative_scores, rtol=1e-6
+    )
 
 
 def assert_mask_follows_scores(

@@ -49,10 +49,10 @@ TRIALS = [
 ]
 
 
-def outcome(group: Any) -> tuple[list[bool], list[float] | None, float | None]:
+def outcome(group: Any) -> tuple[list[Any] | float | None, ...]:
     """Return all that a caller can observe."""
-    scores = None if group.scores is None else np.asarray(group.scores).tolist()
-    return np.asarray(group.mask).tolist(), scores, group.threshold
+    arrays = (group.mask, group.scores, group.alternatives, group.alternative_scores)
+    return (*(None if array is None else np.asarray(array).tolist() for array in arrays), group.threshold)
 
 
 @pytest.mark.parametrize("call", [call_reference, call_cgroup], ids=name_of)

@@ -6,7 +6,7 @@ import functools
 import hashlib
 import inspect
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -156,11 +156,8 @@ def _function(name: str) -> Callable[..., Any]:
 
 
 def _as_grouping(name: str, result: object, correspondences: Correspondences) -> Grouping:
-    if isinstance(result, Grouping):
-        mask, scores, threshold = result.mask, result.scores, result.threshold
-        model, diagnostics = result.model, result.diagnostics
-    else:
-        mask, scores, threshold, model, diagnostics = np.asarray(result), None, None, None, {}
+    found = result if isinstance(result, Grouping) else Grouping(np.asarray(result), None, None, None, {})
+    mask = found.mask
     if mask.dtype != bool or mask.shape != (len(correspondences),):
         message = (
             f"{name}: returned {mask.dtype} of shape {mask.shape}; "
@@ -168,4 +165,4 @@ def _as_grouping(name: str, result: object, correspondences: Correspondences) ->
         )
         raise InputError(message)
     positions: tuple[RealArray, RealArray] = (correspondences.source, correspondences.target)
-    return Grouping(mask, scores, threshold, model, diagnostics, positions)
+    return replace(found, _positions=positions)

@@ -31,18 +31,18 @@ const MIN_BAND: usize = 64;
 const BANDS: usize = 64;
 
 /// u, half a unit in the last place of 1 in f32.
-const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
+pub(super) const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
 
 /// Scaled points are within 1 of the origin, so no two lengths differ by more than 2.
 const BEYOND_ALL: f64 = 4.0;
 
 /// Of a correspondence: source x, y, z, target x, y, z, and the squared norms of these two points.
-type Terms<T> = [T; 8];
+pub(super) type Terms<T> = [T; 8];
 
 /// The terms of correspondences next to each other; bands and strips are whole blocks.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-struct Block(Terms<[f32; SINGLES]>);
+pub(super) struct Block(Terms<[f32; SINGLES]>);
 
 /// The test `|ds - dt| < tolerance` on pairs of correspondences.
 #[derive(Debug)]
@@ -50,8 +50,10 @@ pub struct DistanceAgreement<'a> {
     source: &'a Points,
     target: &'a Points,
     tolerance: f64,
+    /// The power of two that brings all points within 1 of the origin.
+    pub(super) scale: f64,
     /// Scaled to at most 1; filled up with NaN, which agrees with nothing.
-    blocks: Vec<Block>,
+    pub(super) blocks: Vec<Block>,
     criterion: Criterion,
 }
 
@@ -110,13 +112,35 @@ impl<'a> DistanceAgreement<'a> {
                 term[i % SINGLES] = value;
             }
         }
-        Self { source, target, tolerance, blocks, criterion }
+        Self { source, target, tolerance, scale, blocks, criterion }
     }
 
     /// Whether a pair agrees, in f64.
     #[inline]
     pub fn agree(&self, i: usize, j: usize) -> bool {
-        distance_difference(self.source.distance(i, j), self.target.distance(i, j)) < self.tolerance
+        let [ds, dt] = self.lengths(i, j);
+        distance_difference(ds, dt) < self.tolerance
+    }
+
+    /// The distances between the two source points and between the two target points, in f64.
+    #[inline]
+    pub(super) fn lengths(&self, i: usize, j: usize) -> [f64; 2] {
+        [self.source.distance(i, j), self.target.distance(i, j)]
+    }
+
+    /// The scaled terms of one correspondence.
+    pub(super) fn terms(&self, i: usize) -> Terms<f32> {
+        self.blocks[i / SINGLES].0.map(|term| term[i % SINGLES])
+    }
+
+    /// What the row of a correspondence has to do with the criterion.
+    pub(super) fn row_terms(&self, i: usize) -> RowTerms {
+        RowTerms::new(self.terms(i), self.criterion)
+    }
+
+    /// The criterion's left side is off by no more.
+    pub(super) fn slack(&self) -> f32 {
+        self.criterion.slack
     }
 
     /// For each correspondence, how many others agree with it.
@@ -172,12 +196,9 @@ impl<'a> DistanceAgreement<'a> {
     /// How many of the columns agree with each row of the group from `i` on; each that does counts one more
     /// in `mirrored`.
     fn count_part(&self, i: usize, columns: &Range<usize>, mirrored: &mut [u32]) -> [u32; ROWS] {
-        let row = |i: usize| {
-            RowTerms::new(self.blocks[i / SINGLES].0.map(|term| term[i % SINGLES]), self.criterion)
-        };
-        let rows = [row(i), row(i + 1), row(i + 2), row(i + 3)];
+        let rows = [i, i + 1, i + 2, i + 3].map(|i| self.row_terms(i));
         let blocks = &self.blocks[columns.start / SINGLES..columns.end / SINGLES];
-        let slack = self.criterion.slack;
+        let slack = self.slack();
         let count = CountInside { rows, blocks, slack, mirrored: &mut *mirrored };
         let Found { mut inside, unsure } = simd::run(count);
         for (row, mut strips) in unsure.into_iter().enumerate() {
@@ -210,7 +231,7 @@ fn squared_norm(row: &[f64; 3]) -> f64 {
 
 /// What a row has to do with the criterion's left side.
 #[derive(Clone, Copy)]
-struct RowTerms {
+pub(super) struct RowTerms {
     /// `-2 p`, then `-2 p'`.
     minus_twice: [f32; 6],
     /// `|p|^2 - |p'|^2`.
@@ -238,7 +259,7 @@ impl RowTerms {
 
 /// The same in every lane.
 #[derive(Clone, Copy)]
-struct RowLanes<L: Lanes> {
+pub(super) struct RowLanes<L: Lanes> {
     minus_twice: [L::Singles; 6],
     difference: L::Singles,
     minus_square: L::Singles,
@@ -249,7 +270,7 @@ struct RowLanes<L: Lanes> {
 
 impl<L: Lanes> RowLanes<L> {
     #[inline(always)]
-    fn new(lanes: L, row: RowTerms) -> Self {
+    pub(super) fn new(lanes: L, row: RowTerms) -> Self {
         Self {
             minus_twice: row.minus_twice.map(
                 #[inline(always)]
@@ -266,12 +287,24 @@ impl<L: Lanes> RowLanes<L> {
     /// The criterion's left side for the columns of a block.
     #[inline(always)]
     fn left_side(&self, lanes: L, columns: &Terms<L::Singles>) -> L::Singles {
+        self.left_side_of(lanes, self.partial_squares(lanes, columns))
+    }
+
+    /// `|q|^2 - 2 p q` on each side: the squared lengths but for the squared norms of the row.
+    #[inline(always)]
+    pub(super) fn partial_squares(&self, lanes: L, columns: &Terms<L::Singles>) -> [L::Singles; 2] {
         let [px, py, pz, qx, qy, qz, p_norm, q_norm] = *columns;
         let [x, y, z, u, v, w] = self.minus_twice;
         let a = lanes.multiply_add_singles(pz, z, p_norm);
         let a = lanes.multiply_add_singles(px, x, lanes.multiply_add_singles(py, y, a));
         let b = lanes.multiply_add_singles(qz, w, q_norm);
         let b = lanes.multiply_add_singles(qx, u, lanes.multiply_add_singles(qy, v, b));
+        [a, b]
+    }
+
+    /// The criterion's left side, from both partial squares.
+    #[inline(always)]
+    pub(super) fn left_side_of(&self, lanes: L, [a, b]: [L::Singles; 2]) -> L::Singles {
         let difference = lanes.add_singles(lanes.subtract_singles(a, b), self.difference);
         let sum = lanes.add_singles(a, b);
         let wide = lanes.multiply_add_singles(sum, self.minus_twice_square, self.wide);
@@ -282,7 +315,7 @@ impl<L: Lanes> RowLanes<L> {
 
 impl Block {
     #[inline(always)]
-    fn load<L: Lanes>(&self, lanes: L) -> Terms<L::Singles> {
+    pub(super) fn load<L: Lanes>(&self, lanes: L) -> Terms<L::Singles> {
         self.0.each_ref().map(
             #[inline(always)]
             |term| lanes.load_singles(term),

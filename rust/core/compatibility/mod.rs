@@ -2,6 +2,8 @@
 
 pub mod agreement;
 pub mod distance;
+pub mod graph;
+mod long_agreement;
 pub(crate) mod lrf_angle;
 pub mod matrix;
 pub mod pose;

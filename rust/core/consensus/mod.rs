@@ -1,7 +1,10 @@
 //! Hypotheses of a rigid motion from samples, and how many correspondences agree with each.
 
+pub mod cliques;
 pub mod counter_rng;
 mod inlier_counter;
+pub mod likelihood;
+pub mod modes;
 pub mod sample_consensus;
 
 pub use sample_consensus::{Consensus, SampleConsensus};

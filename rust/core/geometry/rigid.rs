@@ -55,6 +55,21 @@ pub fn fit_rigid(source: &[Point3<f64>], target: &[Point3<f64>]) -> Rigid {
     Rigid { rotation, translation: target_mean - rotation * source_mean }
 }
 
+/// Least-squares transform of weighted pairs of points, by the same formula; the weights are positive.
+pub fn fit_weighted(source: &[Point3<f64>], target: &[Point3<f64>], weights: &[f64]) -> Rigid {
+    let total: f64 = weights.iter().sum();
+    let mean = |points: &[Point3<f64>]| {
+        points.iter().zip(weights).map(|(p, &w)| p.coords * w).sum::<Vector3<f64>>() / total
+    };
+    let (source_mean, target_mean) = (mean(source), mean(target));
+    let mut covariance = Matrix3::zeros();
+    for ((p, q), &weight) in source.iter().zip(target).zip(weights) {
+        covariance += (p.coords - source_mean) * (q.coords - target_mean).transpose() * weight;
+    }
+    let rotation = rotation_from_covariance(&covariance);
+    Rigid { rotation, translation: target_mean - rotation * source_mean }
+}
+
 /// Least-squares rigid transform between two triangles, in closed form.
 ///
 /// Both triangles are planar, so the covariance is a 2x2 matrix H between the planes' bases. The best

@@ -4,6 +4,7 @@ pub mod consistency_voting;
 pub mod game_theory;
 pub mod geometric_consistency;
 pub mod hough_voting;
+pub mod likelihood_consensus;
 pub mod nearest_neighbor_ratio;
 pub mod ransac;
 pub mod search_of_inliers;
@@ -14,6 +15,7 @@ use consistency_voting::ConsistencyVoting;
 use game_theory::GameTheory;
 use geometric_consistency::GeometricConsistency;
 use hough_voting::HoughVoting;
+use likelihood_consensus::LikelihoodConsensus;
 use nearest_neighbor_ratio::NearestNeighborRatio;
 use ransac::Ransac;
 use search_of_inliers::SearchOfInliers;
@@ -37,6 +39,7 @@ pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
         ("gc", Box::new(GeometricConsistency::default())),
         ("3dhv", Box::new(HoughVoting::default())),
         ("gtm", Box::new(GameTheory::default())),
+        ("lc", Box::new(LikelihoodConsensus::default())),
     ]
 }
 

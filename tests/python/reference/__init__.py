@@ -1,6 +1,6 @@
 """Slow, readable NumPy versions of all grouping methods: the oracle of the tests.
 
-One file per method, written from the equations of the paper (J. Yang, K. Xian, P. Wang,
+One file per method, written from the equations; those of all but LC are of the paper (J. Yang, K. Xian, P. Wang,
 Y. Zhang, "A Performance Evaluation of Correspondence Grouping Methods for 3D Rigid Data
 Matching", TPAMI 2019). Nothing here uses the compiled package.
 Equation numbers count the paper's displayed equations: (1) is SS, (21) is recall.
@@ -10,6 +10,7 @@ from .consistency_voting import cv
 from .game_theory import gtm
 from .geometric_consistency import gc
 from .hough_voting import hough3d
+from .likelihood_consensus import lc
 from .metrics import Quality, correct_correspondences, quality
 from .nearest_neighbor_ratio import nnsr
 from .otsu import otsu_split
@@ -27,6 +28,7 @@ __all__ = [
     "gc",
     "gtm",
     "hough3d",
+    "lc",
     "nnsr",
     "otsu_split",
     "quality",

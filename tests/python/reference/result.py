@@ -28,12 +28,18 @@ class ReferenceGrouping:
         when Otsu's method found nothing to cut (constant scores).
     details
         Intermediate quantities, for tests and for reading along.
+    alternatives
+        (k,4,4) possible motions, the best first, or None for methods that find one or none.
+    alternative_scores
+        (k,) the score of each.
     """
 
     mask: BoolArray
     scores: FloatArray | None
     threshold: float | None
     details: dict[str, Any] = field(default_factory=dict)
+    alternatives: FloatArray | None = None
+    alternative_scores: FloatArray | None = None
 
 
 def as_points(points: ArrayLike) -> FloatArray:

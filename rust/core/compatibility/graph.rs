@@ -1,0 +1,277 @@
+//! The graph of correspondences that keep their distance to each other, one bit per pair.
+//!
+//! Two are joined where `|ds - dt| < tolerance`, Eq. (13) of the paper, and both lengths exceed a least one: what
+//! lies close together keeps its distance under any motion. A row of bits is the neighbours of one correspondence;
+//! common neighbours are counted 64 at a time. Memory `n^2 / 8` bytes.
+
+use std::cmp::{Ordering, Reverse};
+use std::sync::atomic::{self, AtomicU32};
+
+use rayon::prelude::*;
+
+use super::agreement::DistanceAgreement;
+use super::long_agreement::LongAgreement;
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::points::Points;
+use crate::simd;
+
+/// Correspondences in a word.
+const WORD: usize = u64::BITS as usize;
+
+/// Words whose rows are compared with one row at a time: their rows stay in the second-level cache.
+const BAND_WORDS: usize = 4;
+
+/// Pairs that a task collects before it drops all but the best.
+const SPARE: usize = 4;
+
+/// Two correspondences that agree, and how many others agree with both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Edge {
+    /// Number of common neighbours.
+    pub common: u32,
+    /// The lower index.
+    pub i: u32,
+    /// The higher index.
+    pub j: u32,
+}
+
+impl Edge {
+    /// Most common neighbours first, then by index.
+    fn rank(&self) -> (Reverse<u32>, u32, u32) {
+        (Reverse(self.common), self.i, self.j)
+    }
+}
+
+/// The graph.
+#[derive(Debug)]
+pub struct AgreementGraph {
+    len: usize,
+    words: usize,
+    bits: Vec<u64>,
+}
+
+impl AgreementGraph {
+    /// Joins the pairs of matched points whose lengths differ by less than `tolerance` and exceed `shortest`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] where the graph takes more than `execution.max_memory` bytes; [`Error::Interrupted`].
+    pub fn new(
+        source: &Points,
+        target: &Points,
+        tolerance: f64,
+        shortest: f64,
+        execution: &Execution,
+    ) -> Result<Self> {
+        let len = source.len();
+        let words = len.div_ceil(WORD);
+        let bytes = 8 * len * words;
+        if bytes > execution.max_memory {
+            let remedy = format!(
+                "the graph of {len} correspondences takes {bytes} bytes; allow that many, or give fewer correspondences"
+            );
+            return Err(Error::invalid("max_memory", execution.max_memory, remedy));
+        }
+        let agreement = LongAgreement::new(DistanceAgreement::new(source, target, tolerance), shortest);
+        let mut bits = vec![0; len * words];
+        let rows = bits.par_chunks_mut(words.max(1)).enumerate().with_min_len(8);
+        rows.try_for_each_init(
+            || vec![0; words],
+            |unsure, (i, row)| {
+                agreement.fill_row(i, row, unsure);
+                execution.check()
+            },
+        )?;
+        Ok(Self { len, words, bits })
+    }
+
+    /// Number of correspondences.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The neighbours of a correspondence, one bit each.
+    pub fn row(&self, i: usize) -> &[u64] {
+        &self.bits[i * self.words..(i + 1) * self.words]
+    }
+
+    /// Whether two correspondences are joined.
+    #[inline]
+    pub fn joined(&self, i: usize, j: usize) -> bool {
+        self.row(i)[j / WORD] >> (j % WORD) & 1 == 1
+    }
+
+    /// What is joined with both, ascending; at most `most`, of the lowest indices.
+    pub fn common_neighbors(&self, i: usize, j: usize, most: usize) -> Vec<u32> {
+        let words = self.row(i).iter().zip(self.row(j)).map(|(a, b)| a & b).enumerate();
+        words.flat_map(|(word, bits)| ones(word, bits)).take(most).collect()
+    }
+
+    /// The `most` pairs with the most common neighbours, one at least; ties to the lowest indices.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn heaviest_edges(&self, most: usize, execution: &Execution) -> Result<Vec<Edge>> {
+        let degrees: Vec<u32> = (0..self.len).map(|i| count(self.row(i))).collect();
+        let floor = AtomicU32::new(1);
+        let bands = self.words.div_ceil(BAND_WORDS);
+        let found: Vec<Vec<Edge>> = (0..bands)
+            .into_par_iter()
+            .map(|band| self.heaviest_of_band(band, most, &degrees, &floor, execution))
+            .collect::<Result<_>>()?;
+        let mut edges = found.concat();
+        keep_heaviest(&mut edges, most);
+        edges.sort_unstable_by_key(Edge::rank);
+        Ok(edges)
+    }
+
+    /// The same among the pairs whose lower index is in a band. `floor` is a number of common neighbours that
+    /// `most` pairs reach, whoever found them.
+    fn heaviest_of_band(
+        &self,
+        band: usize,
+        most: usize,
+        degrees: &[u32],
+        floor: &AtomicU32,
+        execution: &Execution,
+    ) -> Result<Vec<Edge>> {
+        let words = band * BAND_WORDS..((band + 1) * BAND_WORDS).min(self.words);
+        let mut edges = Vec::new();
+        for j in words.start * WORD..self.len {
+            let row = self.row(j);
+            for word in words.clone() {
+                for i in ones(word, row[word] & below(word, j)) {
+                    let least = floor.load(atomic::Ordering::Relaxed);
+                    if degrees[i as usize].min(degrees[j]) < least {
+                        continue;
+                    }
+                    let common = count_common(row, self.row(i as usize));
+                    if common >= least {
+                        edges.push(Edge { common, i, j: j as u32 });
+                    }
+                }
+            }
+            if edges.len() >= SPARE * most {
+                keep_heaviest(&mut edges, most);
+                let least = edges.iter().map(|edge| edge.common).min().unwrap_or_default();
+                floor.fetch_max(least, atomic::Ordering::Relaxed);
+                execution.check()?;
+            }
+        }
+        execution.check()?;
+        keep_heaviest(&mut edges, most);
+        Ok(edges)
+    }
+}
+
+fn keep_heaviest(edges: &mut Vec<Edge>, most: usize) {
+    if edges.len() > most {
+        edges.select_nth_unstable_by_key(most, Edge::rank);
+        edges.truncate(most);
+    }
+}
+
+/// The bits of a word that stand for lower indices than `j`.
+fn below(word: usize, j: usize) -> u64 {
+    match (j / WORD).cmp(&word) {
+        Ordering::Greater => u64::MAX,
+        Ordering::Equal => (1 << (j % WORD)) - 1,
+        Ordering::Less => 0,
+    }
+}
+
+/// The indices that a word of a row stands for.
+fn ones(word: usize, mut bits: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let bit = bits.trailing_zeros();
+        bits &= bits.wrapping_sub(1);
+        (bit < u64::BITS).then_some((word * WORD) as u32 + bit)
+    })
+}
+
+fn count(row: &[u64]) -> u32 {
+    row.iter().map(|word| word.count_ones()).sum()
+}
+
+fn count_common(a: &[u64], b: &[u64]) -> u32 {
+    simd::run(
+        #[inline(always)]
+        || {
+            let mut sum = 0;
+            for (a, b) in a.iter().zip(b) {
+                sum += (a & b).count_ones();
+            }
+            sum
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn graph(n: usize) -> Result<AgreementGraph> {
+        let place = |i: usize, k: f64| [(i as f64 * k).sin(), (i as f64 * 1.7 * k).cos(), (i as f64).cos()];
+        let rows = |k: f64| (0..n).map(|i| place(i, k)).collect::<Vec<_>>();
+        let (source, target) =
+            (Points::from_rows("source", &rows(0.37))?, Points::from_rows("target", &rows(0.4))?);
+        AgreementGraph::new(&source, &target, 0.1, 0.2, &Execution::default())
+    }
+
+    #[test]
+    fn heaviest_edges_are_those_of_a_plain_count() -> Result<()> {
+        for n in [0, 1, 2, 63, 64, 65, 300, 700] {
+            let graph = graph(n)?;
+            let mut all = Vec::new();
+            for j in 0..n {
+                for i in (0..j).filter(|&i| graph.joined(i, j)) {
+                    let common = (0..n).filter(|&k| graph.joined(i, k) && graph.joined(j, k)).count() as u32;
+                    all.push(Edge { common, i: i as u32, j: j as u32 });
+                }
+            }
+            all.retain(|edge| edge.common > 0);
+            all.sort_by_key(Edge::rank);
+            for most in [1, 10, 1000] {
+                let found = graph.heaviest_edges(most, &Execution::default())?;
+                assert_eq!(found, all[..most.min(all.len())], "{n} {most}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn rows_are_symmetric_and_leave_themselves_out() -> Result<()> {
+        let graph = graph(200)?;
+        assert!((0..200).any(|i| graph.joined(0, i)));
+        for (i, j) in (0..200).flat_map(|i| (0..=i).map(move |j| (i, j))) {
+            assert_eq!(graph.joined(i, j), graph.joined(j, i));
+            assert!(i != j || !graph.joined(i, j));
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn common_neighbors_come_in_order_and_not_too_many() -> Result<()> {
+        let graph = graph(300)?;
+        let both = |i: usize| graph.joined(3, i) && graph.joined(7, i);
+        let expected: Vec<u32> = (0..300).filter(|&i| both(i)).map(|i| i as u32).collect();
+        assert!(expected.len() > 4);
+        assert_eq!(graph.common_neighbors(3, 7, 300), expected);
+        assert_eq!(graph.common_neighbors(3, 7, 4), expected[..4]);
+        Ok(())
+    }
+
+    #[test]
+    fn a_graph_that_does_not_fit_is_refused() -> Result<()> {
+        let points = Points::from_rows("points", &[[0.0; 3]; 65])?;
+        let refused = AgreementGraph::new(&points, &points, 1.0, 2.0, &Execution::new(65 * 16 - 1));
+        let text = refused.err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(text.contains("max_memory") && text.contains("1040 bytes"), "{text}");
+        Ok(())
+    }
+}

@@ -1,0 +1,169 @@
+//! Rows of bits: which correspondences keep their distance to one, and are not too close to it on either side.
+//!
+//! Decided as in [`agreement`](super::agreement): in f32 wherever rounding can't change the answer, else in f64.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
+use super::agreement::{Block, DistanceAgreement, ROUNDING, RowLanes, RowTerms};
+use crate::simd::{self, Kernel, Lanes, SINGLES};
+
+/// Blocks in a word.
+const BLOCKS: usize = u64::BITS as usize / SINGLES;
+
+/// How far a squared length in f32 may be off, in units of [`ROUNDING`], of points within 1 of the origin: the
+/// rounding of the points makes 8, the norm and the products 12, the norm of the row 1, the rounded bound 5.
+const SQUARE_ERROR: f64 = 64.0;
+
+/// The test `|ds - dt| < tolerance` and `min(ds, dt) > shortest`.
+#[derive(Debug)]
+pub struct LongAgreement<'a> {
+    agreement: DistanceAgreement<'a>,
+    shortest: f64,
+    /// Square of the scaled length.
+    squared_shortest: f64,
+}
+
+impl<'a> LongAgreement<'a> {
+    /// Adds a least length to the test of an agreement.
+    pub fn new(agreement: DistanceAgreement<'a>, shortest: f64) -> Self {
+        // After scaling no length exceeds 2.
+        let squared_shortest = (shortest * agreement.scale).min(4.0).powi(2);
+        Self { agreement, shortest, squared_shortest }
+    }
+
+    /// Whether a pair passes, in f64.
+    pub fn agree(&self, i: usize, j: usize) -> bool {
+        let [ds, dt] = self.agreement.lengths(i, j);
+        ds.min(dt) > self.shortest && self.agreement.agree(i, j)
+    }
+
+    /// Writes one bit for each correspondence: whether it passes with `i`. `unsure` is as long as the row.
+    pub fn fill_row(&self, i: usize, row: &mut [u64], unsure: &mut [u64]) {
+        let terms = self.agreement.terms(i);
+        let bound = |norm: f32, error: f64| (self.squared_shortest - f64::from(norm) + error) as f32;
+        let bounds = |error: f64| [bound(terms[6], error), bound(terms[7], error)];
+        let error = ROUNDING * SQUARE_ERROR;
+        simd::run(FindLong {
+            terms: self.agreement.row_terms(i),
+            blocks: &self.agreement.blocks,
+            slack: self.agreement.slack(),
+            possible: bounds(-error),
+            sure: bounds(error),
+            row: &mut *row,
+            unsure: &mut *unsure,
+        });
+        for (word, bits) in unsure.iter().enumerate() {
+            let mut left = *bits;
+            while left != 0 {
+                let bit = left.trailing_zeros() as usize;
+                left &= left - 1;
+                row[word] |= u64::from(self.agree(i, word * u64::BITS as usize + bit)) << bit;
+            }
+        }
+    }
+}
+
+/// Finds what passes according to f32, and what f32 can't decide.
+struct FindLong<'a> {
+    terms: RowTerms,
+    blocks: &'a [Block],
+    slack: f32,
+    /// On each side, a partial square below this one is too short.
+    possible: [f32; 2],
+    /// On each side, a partial square of at least this is long enough.
+    sure: [f32; 2],
+    row: &'a mut [u64],
+    unsure: &'a mut [u64],
+}
+
+impl Kernel for FindLong<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let row = RowLanes::new(lanes, self.terms);
+        let (possible, sure) = (splat(lanes, self.possible), splat(lanes, self.sure));
+        let [minus_slack, slack] = splat(lanes, [-self.slack, self.slack]);
+        let words = self.row.iter_mut().zip(self.unsure.iter_mut());
+        for ((word, unsure), blocks) in words.zip(self.blocks.chunks(BLOCKS)) {
+            (*word, *unsure) = (0, 0);
+            for (place, block) in blocks.iter().enumerate() {
+                let squares = row.partial_squares(lanes, &block.load(lanes));
+                let left = row.left_side_of(lanes, squares);
+                let passes = lanes.at_most(left, minus_slack) & both_at_least(lanes, squares, sure);
+                let may_pass = lanes.at_most(left, slack) & both_at_least(lanes, squares, possible);
+                *word |= u64::from(passes) << (place * SINGLES);
+                *unsure |= u64::from(may_pass & !passes) << (place * SINGLES);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn splat<L: Lanes>(lanes: L, values: [f32; 2]) -> [L::Singles; 2] {
+    [lanes.splat_singles(values[0]), lanes.splat_singles(values[1])]
+}
+
+/// One bit per lane: whether both squares reach their bounds.
+#[inline(always)]
+fn both_at_least<L: Lanes>(lanes: L, squares: [L::Singles; 2], bounds: [L::Singles; 2]) -> u16 {
+    lanes.at_most(bounds[0], squares[0]) & lanes.at_most(bounds[1], squares[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Result;
+    use crate::points::Points;
+
+    fn check(source: &[[f64; 3]], target: &[[f64; 3]], tolerance: f64, shortest: f64) -> Result<()> {
+        let (source, target) = (Points::from_rows("source", source)?, Points::from_rows("target", target)?);
+        let test = LongAgreement::new(DistanceAgreement::new(&source, &target, tolerance), shortest);
+        let words = source.len().div_ceil(64);
+        let (mut row, mut unsure) = (vec![u64::MAX; words], vec![u64::MAX; words]);
+        for i in 0..source.len() {
+            test.fill_row(i, &mut row, &mut unsure);
+            for j in 0..64 * words {
+                let bit = row[j / 64] >> (j % 64) & 1 == 1;
+                assert_eq!(bit, j < source.len() && test.agree(i, j), "{i} {j} {tolerance} {shortest}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn bits_are_those_of_f64_for_any_size() -> Result<()> {
+        let place = |i: usize, k: f64| [(i as f64 * k).sin(), (i as f64 * 1.7 * k).cos(), (i as f64).cos()];
+        for n in [0, 1, 2, 15, 16, 17, 63, 64, 65, 300] {
+            let rows = |k: f64| (0..n).map(|i| place(i, k)).collect::<Vec<_>>();
+            for tolerance in [1e-300, 1e-9, 0.1, 1.0, 1e3] {
+                check(&rows(0.37), &rows(0.53), tolerance, 2.0 * tolerance)?;
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn pairs_at_the_very_bounds_are_settled_in_f64() -> Result<()> {
+        // On a line, lengths and differences are multiples of 0.1, some of them rounded up and some down.
+        for scale in [1e-30, 1.0, 1e30] {
+            let source: Vec<_> = (0..300).map(|i| [0.1 * f64::from(i) * scale, 0.0, 0.0]).collect();
+            let target: Vec<_> = (0..300).map(|i| [f64::from(i) * 0.09 * scale, 0.0, 0.0]).collect();
+            for tenths in [0.1, 0.3, 0.7] {
+                check(&source, &target, tenths * scale, 2.0 * tenths * scale)?;
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn coincident_and_far_points() -> Result<()> {
+        let mut rows = vec![[1.0, 2.0, 3.0]; 40];
+        rows.extend((0..40).map(|i| [1e8 + f64::from(i), 2.0, 3.0]));
+        let turned: Vec<_> = rows.iter().map(|row| [row[2], row[0], row[1]]).collect();
+        for (tolerance, shortest) in [(1e-12, 0.0), (1.0, 2.0), (5.0, 39.0), (1e8, 1.0)] {
+            check(&rows, &turned, tolerance, shortest)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,218 @@
+//! The poses that explain the most, each without what better ones explain.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::likelihood::{Likelihood, Support};
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::rigid::Rigid;
+use crate::points::Points;
+
+/// Rounds of refinement before a mode's supporters are taken out.
+const FIRST_ROUNDS: usize = 4;
+
+/// Rounds of the last refinement, and the multiple of the deviation that it starts from.
+const LAST_ROUNDS: usize = 10;
+const LAST_START: f64 = 1.6;
+
+/// Fewer supporters make no mode.
+const LEAST_SUPPORTERS: usize = 3;
+
+/// A pose, and what supports it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mode {
+    /// Between the centred points.
+    pub pose: Rigid,
+    /// Among all correspondences.
+    pub support: Support,
+}
+
+/// A hypothesis with the score that it had when `round` modes had been taken out.
+#[derive(Debug, PartialEq)]
+struct Candidate {
+    score: f64,
+    index: usize,
+    round: usize,
+}
+
+impl Eq for Candidate {}
+
+impl Ord for Candidate {
+    /// The greater score, then the lower index.
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.score.total_cmp(&other.score).then(other.index.cmp(&self.index))
+    }
+}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// At most `most` modes among the hypotheses and what refinement makes of them, the best first; no two of them
+/// lay the source points within `tolerance` of each other (root mean square).
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn find_modes(
+    likelihood: &Likelihood,
+    hypotheses: &[Rigid],
+    most: usize,
+    source: &Points,
+    tolerance: f64,
+    execution: &Execution,
+) -> Result<Vec<Mode>> {
+    let poses = peel(likelihood, hypotheses, most, execution)?;
+    let deviation = likelihood.deviation();
+    let annealed = |step: usize| {
+        let progress = step as f64 / (LAST_ROUNDS - 1) as f64;
+        deviation * (LAST_START + (1.0 - LAST_START) * progress)
+    };
+    let finish = |pose: &Rigid| {
+        execution.check()?;
+        let pose = likelihood.refined(pose, (0..LAST_ROUNDS).map(annealed));
+        Ok(Mode { pose, support: likelihood.support(&pose) })
+    };
+    let mut modes: Vec<Mode> = poses.par_iter().map(finish).collect::<Result<_>>()?;
+    modes.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
+    Ok(distinct(modes, source, tolerance))
+}
+
+/// Takes the best hypothesis, refines it, takes its supporters out, and so on. Scores are brought up to date
+/// where it matters: they can only fall.
+fn peel(
+    likelihood: &Likelihood,
+    hypotheses: &[Rigid],
+    most: usize,
+    execution: &Execution,
+) -> Result<Vec<Rigid>> {
+    let score = |(index, pose): (usize, &Rigid)| {
+        execution.check()?;
+        Ok(Candidate { score: likelihood.support(pose).score, index, round: 0 })
+    };
+    let candidates: Vec<Candidate> = hypotheses.par_iter().enumerate().map(score).collect::<Result<_>>()?;
+    let mut candidates = BinaryHeap::from(candidates);
+    let mut left = likelihood.clone();
+    let (mut modes, mut round) = (Vec::new(), 0);
+    while modes.len() < most
+        && let Some(best) = candidates.pop()
+    {
+        execution.check()?;
+        let pose = &hypotheses[best.index];
+        if best.round < round {
+            let score = left.support(pose).score;
+            candidates.push(Candidate { score, round, ..best });
+            continue;
+        }
+        if best.score <= 0.0 {
+            break;
+        }
+        let pose = left.refined(pose, std::iter::repeat_n(left.deviation(), FIRST_ROUNDS));
+        if left.support(&pose).supporters >= LEAST_SUPPORTERS {
+            left = left.without_supporters(&pose);
+            round += 1;
+            modes.push(pose);
+        }
+    }
+    Ok(modes)
+}
+
+/// Without those that differ from a better one by less than the tolerance.
+fn distinct(modes: Vec<Mode>, source: &Points, tolerance: f64) -> Vec<Mode> {
+    let scatter = scatter(source);
+    let mut kept: Vec<Mode> = Vec::new();
+    for mode in modes {
+        let is_new = |other: &Mode| mean_square(&mode.pose, &other.pose, &scatter) >= tolerance * tolerance;
+        if mode.support.supporters >= LEAST_SUPPORTERS && kept.iter().all(is_new) {
+            kept.push(mode);
+        }
+    }
+    kept
+}
+
+/// Mean of `p p^T` over the centred points.
+fn scatter(points: &Points) -> Matrix3<f64> {
+    let mut sum = Matrix3::zeros();
+    for i in 0..points.len() {
+        let p: Vector3<f64> = points.get(i).coords;
+        sum += p * p.transpose();
+    }
+    sum / points.len().max(1) as f64
+}
+
+/// Mean over the centred points of the squared distance between where two poses lay them.
+fn mean_square(a: &Rigid, b: &Rigid, scatter: &Matrix3<f64>) -> f64 {
+    let turned = a.rotation - b.rotation;
+    (turned * scatter * turned.transpose()).trace() + (a.translation - b.translation).norm_squared()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::consensus::likelihood::levels;
+    use crate::geometry::rigid::fit_rigid;
+
+    /// Points of which the first 40 stay, the next 25 move, and the rest go anywhere.
+    fn problem() -> Result<(Points, Points)> {
+        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
+        let source: Vec<[f64; 3]> = (0..200).map(|i| place(i, 1.0)).collect();
+        let moved = |(i, p): (usize, &[f64; 3])| match i {
+            0..40 => *p,
+            40..65 => [-p[1] + 30.0, p[0], p[2]],
+            _ => place(i, 0.7),
+        };
+        let target: Vec<_> = source.iter().enumerate().map(moved).collect();
+        Ok((Points::from_rows("source", &source)?, Points::from_rows("target", &target)?))
+    }
+
+    fn motion(source: &Points, target: &Points, rows: std::ops::Range<usize>) -> Rigid {
+        let (p, q): (Vec<_>, Vec<_>) = rows.map(|i| (source.get(i), target.get(i))).unzip();
+        fit_rigid(&p, &q)
+    }
+
+    #[test]
+    fn finds_each_motion_once_the_better_supported_first() -> Result<()> {
+        let (source, target) = problem()?;
+        let execution = Execution::default();
+        let levels = levels(&source, &target, None, 5.0, &execution)?;
+        let likelihood = Likelihood::new(&source, &target, &levels, 2.0, 6.0);
+        let (many, few) = (motion(&source, &target, 0..40), motion(&source, &target, 40..65));
+        let hypotheses = [few, motion(&source, &target, 42..47), many, motion(&source, &target, 3..9)];
+        let modes = find_modes(&likelihood, &hypotheses, 10, &source, 3.0, &execution)?;
+        assert_eq!(modes.len(), 2);
+        for (mode, (motion, supporters)) in modes.iter().zip([(many, 40), (few, 25)]) {
+            assert!(mean_square(&mode.pose, &motion, &scatter(&source)) < 0.1);
+            assert!(mode.support.supporters >= supporters);
+        }
+        let one = find_modes(&likelihood, &hypotheses, 1, &source, 3.0, &execution)?;
+        assert_eq!(one, modes[..1]);
+        Ok(())
+    }
+
+    #[test]
+    fn a_pose_that_two_support_is_no_mode() -> Result<()> {
+        let (source, target) = problem()?;
+        let (source, target) = (source.subset(&[0, 1, 70, 80]), target.subset(&[0, 1, 70, 80]));
+        let likelihood = Likelihood::new(&source, &target, &[2.0; 4], 2.0, 6.0);
+        let hypotheses = [motion(&source, &target, 0..2)];
+        assert!(find_modes(&likelihood, &hypotheses, 9, &source, 3.0, &Execution::default())?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn distance_of_poses_is_the_mean_over_the_points() -> Result<()> {
+        let (source, target) = problem()?;
+        let (a, b) = (motion(&source, &target, 0..40), motion(&source, &target, 70..90));
+        let plain: f64 = (0..source.len())
+            .map(|i| (a.apply(&source.get(i)) - b.apply(&source.get(i))).norm_squared())
+            .sum();
+        let mean = mean_square(&a, &b, &scatter(&source));
+        assert!((mean - plain / source.len() as f64).abs() < 1e-9 * mean);
+        Ok(())
+    }
+}
