@@ -78,7 +78,8 @@ impl NearestGrid {
         let low = low.map(|number| number - reach - cell);
         let blocks = (high - low)
             .map(|length| f64::from((length + reach + cell) / (cell * EDGE as f32)).floor() + 1.0);
-        if !(blocks.product() <= MOST_BLOCKS_IN_BOX) {
+        let fits = blocks.product() <= MOST_BLOCKS_IN_BOX;
+        if !fits {
             let spans = (high - low).amax();
             let remedy = "give a larger unit (0.4 of a voxel), or remove stray points";
             return Err(Error::invalid("unit", format!("points that span {spans:.0} units"), remedy));

@@ -42,7 +42,7 @@ pub(super) fn refine(source: &Surface, target: &Surface, pose: &Pose, how: &Refi
         let share = step as f32 / (how.steps.max(2) - 1) as f32;
         let reach = how.reach.0 + (how.reach.1 - how.reach.0) * share;
         let equations = equations(source, target, &pose, reach, how);
-        let Some(motion) = solve(equations) else { break };
+        let Some(motion) = solve(&equations) else { break };
         let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
         pose = pose.followed_by(turn, shift);
         if share >= 1.0 && motion.amax() < STILL {
@@ -52,7 +52,7 @@ pub(super) fn refine(source: &Surface, target: &Surface, pose: &Pose, how: &Refi
     pose.orthonormal()
 }
 
-fn solve(equations: Equations) -> Option<Vector6<f64>> {
+fn solve(equations: &Equations) -> Option<Vector6<f64>> {
     if equations.pairs < LEAST_PAIRS {
         return None;
     }
