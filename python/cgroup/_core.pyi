@@ -117,5 +117,10 @@ def fpfh(
     convention: str,
 ) -> _DescriptorArray: ...
 def match_descriptors(
-    source: RealArray, target: RealArray, run_options: RunOptions, mutual: bool, max_distance: float | None
-) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]: ...
+    source: RealArray,
+    target: RealArray,
+    run_options: RunOptions,
+    k: int,
+    mutual: bool,
+    max_distance: float | None,
+) -> tuple[IndexArray, IndexArray, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]: ...

@@ -305,14 +305,17 @@ pub fn fpfh<'py>(
     table(py, rows)
 }
 
-/// What Python gets of matches: source and target rows, nearest and second distance, similarity, ratio.
+/// What Python gets of matches: source and target rows, rank, distance, second distance, similarity, ratio, whether
+/// mutual.
 type PyMatches<'py> = (
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<bool>>,
 );
 
 /// Exact nearest descriptors.
@@ -322,20 +325,23 @@ pub fn match_descriptors<'py>(
     source: Reals<'py, Ix2>,
     target: Reals<'py, Ix2>,
     run_options: RunOptions,
+    k: usize,
     mutual: bool,
     max_distance: Option<f64>,
 ) -> PyResult<PyMatches<'py>> {
     let (source, target) = (descriptors("source", &source)?, descriptors("target", &target)?);
-    let matching = Matching { mutual, max_distance };
+    let matching = Matching { k, mutual, max_distance };
     let matches = run(py, &run_options, move |execution| matching.run(&source, &target, execution))?;
     let column = |value: fn(&Match) -> f64| matches.iter().map(value).collect::<Vec<_>>().into_pyarray(py);
     Ok((
         indices(py, matches.iter().map(|m| m.source)),
         indices(py, matches.iter().map(|m| m.target)),
+        indices(py, matches.iter().map(|m| m.rank)),
         column(|m| m.distance),
         column(|m| m.second_distance),
         column(|m| m.similarity),
         column(Match::ratio),
+        matches.iter().map(|m| m.is_mutual).collect::<Vec<_>>().into_pyarray(py),
     ))
 }
 

@@ -229,26 +229,28 @@ class TestAgainstReference:
     @given(
         seed=seeds,
         sizes=st.tuples(st.integers(0, 40), st.integers(0, 40), st.integers(1, 40)),
+        k=st.integers(1, 5),
         mutual=st.booleans(),
         max_distance=st.none() | st.floats(0.1, 5),
         levels=st.sampled_from([2, 5, 2**20]),
     )
-    def test_match(self, seed, sizes, mutual, max_distance, levels):
+    def test_match(self, seed, sizes, k, mutual, max_distance, levels):
         rng = np.random.default_rng(seed)
         rows, columns, length = sizes
         source = rng.integers(levels, size=(rows, length)) * (1.0 if levels < 9 else 3 / levels)
         target = rng.integers(levels, size=(columns, length)) * (1.0 if levels < 9 else 3 / levels)
         source[rng.uniform(size=rows) < 0.1, 0] = np.nan
         target[rng.uniform(size=columns) < 0.1, -1] = np.nan
-        options = {"mutual": mutual, "max_distance": max_distance}
+        options = {"k": k, "mutual": mutual, "max_distance": max_distance}
         ours = features.match(source, target, **options)
         theirs = reference_matching.match(source, target, **options)
-        columns = [np.array(column) for column in zip(*theirs, strict=True)] or [np.empty(0)] * 6
+        columns = [np.array(column) for column in zip(*theirs, strict=True)] or [np.empty(0)] * 8
         assert ours.source_indices.tolist() == columns[0].tolist()
         assert ours.target_indices.tolist() == columns[1].tolist()
-        for name, column in zip(
-            ("distance", "second_distance", "similarity", "ratio"), columns[2:], strict=True
-        ):
+        assert ours.rank.tolist() == columns[2].tolist()
+        assert ours.is_mutual.tolist() == columns[7].tolist()
+        names = ("distance", "second_distance", "similarity", "ratio")
+        for name, column in zip(names, columns[3:7], strict=True):
             np.testing.assert_allclose(getattr(ours, name), column, rtol=1e-12, atol=1e-12, err_msg=name)
 
 
@@ -462,6 +464,17 @@ def test_second_neighbour_is_infinitely_far_where_there_is_none():
     assert matches.similarity[0] == pytest.approx(1 - np.sqrt(2))
 
 
+@pytest.mark.parametrize("scale", [1e-165, 1e200])
+def test_descriptors_too_small_or_large_to_square_are_matched_alike(scale):
+    rng = np.random.default_rng(3)
+    source, target = rng.uniform(1, 2, size=(2, 50, 6))
+    usual, scaled = features.match(source, target, k=2), features.match(scale * source, scale * target, k=2)
+    assert scaled.target_indices.tolist() == usual.target_indices.tolist()
+    assert scaled.is_mutual.tolist() == usual.is_mutual.tolist()
+    np.testing.assert_allclose(scaled.distance, scale * usual.distance, rtol=1e-12)
+    np.testing.assert_allclose(scaled.similarity, usual.similarity, rtol=1e-12)
+
+
 BAD_POINTS = surface(2)
 BAD_POINTS[5, 1] = np.nan
 GOOD_POINTS = surface(2)
@@ -516,6 +529,8 @@ UP = np.tile([0.0, 0.0, 1.0], (len(GOOD_POINTS), 1))
         (lambda: features.match([[1.0]], [[1.0, 2.0]]), "target"),
         (lambda: features.match([1.0], [[1.0]]), "source"),
         (lambda: features.match([[1.0]], [[1.0]], max_distance=0), "max_distance"),
+        (lambda: features.match([[1.0]], [[1.0]], k=0), "k: got 0"),
+        (lambda: features.match([[1e-200]], [[1.0], [2e-200]]), "very different size"),
     ],
 )
 def test_bad_input_is_explained(call, says):
