@@ -1,4 +1,4 @@
-//! FPFH-33, fast point feature histograms (Rusu, Blodow, Beetz, ICRA 2009), as PCL's `FPFHEstimation` and as Open3D's
+//! FPFH-33, fast point feature histograms (Rusu, Blodow, Beetz, ICRA 2009), as PCL's `FPFHEstimation` and as `Open3D`'s
 //! `compute_fpfh_feature`.
 //!
 //! Three angles between the normals of two points and the line that joins them, 11 bins each. A point's simple

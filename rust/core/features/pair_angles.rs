@@ -89,8 +89,8 @@ fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts)
         let alpha = sign * dot(v, n) / length;
         let theta = atan2(sign * dot(cross(u, v), n), dot(u, n) * length);
         bins[0][lane] = (theta + PI) / (2.0 * PI);
-        bins[1][lane] = (alpha + 1.0) / 2.0;
-        bins[2][lane] = (phi + 1.0) / 2.0;
+        bins[1][lane] = 0.5 * (alpha + 1.0);
+        bins[2][lane] = 0.5 * (phi + 1.0);
         squares[lane] = square;
     }
     for lane in 0..filled {

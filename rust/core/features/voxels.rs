@@ -1,6 +1,6 @@
 //! Voxel down-sampling: the mean of the points in every occupied cell of a regular grid.
 //!
-//! Cells are cubes; the grid begins half a cell below the least coordinates, as in Open3D's `voxel_down_sample`.
+//! Cells are cubes; the grid begins half a cell below the least coordinates, as in `Open3D`'s `voxel_down_sample`.
 //! Voxels are numbered in the order of their cells, x fastest, so that neighbours in memory are mostly
 //! neighbours in space. Cost O(N log N).
 

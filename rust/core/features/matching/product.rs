@@ -1,7 +1,5 @@
 //! One pass over the matrix product of two sides, which bounds all squared distances.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
-
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
