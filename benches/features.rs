@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 use std::hint::black_box;
 use std::num::NonZero;
 
+use cgroup::features::fpfh::{Convention, Fpfh};
 use cgroup::features::harris3d::Harris3d;
 use cgroup::features::iss::Iss;
 use cgroup::features::keypoints::drop_isolated;
@@ -16,6 +17,7 @@ use cgroup::features::rcs::Rcs;
 use cgroup::features::shot::Shot;
 use cgroup::features::shot_lrf::shot_frames;
 use cgroup::features::toldi_lrf::toldi_frames;
+use cgroup::features::voxels::{choose_voxel, voxel_downsample};
 use cgroup::geometry::ball_search::BallSearch;
 use cgroup::geometry::nearest_sets::NearestSets;
 use cgroup::geometry::neighbors::{NearestNeighbors, Neighbor};
@@ -168,9 +170,11 @@ fn clouds(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("cloud_40000");
     group.sample_size(10);
     group.bench_function("resolution", |b| b.iter(|| fresh().resolution(false, &execution)));
-    for (name, neighborhood) in
-        [("radius_5", Neighborhood::Radius(NORMAL_RADIUS)), ("nearest_20", Neighborhood::Nearest(20))]
-    {
+    for (name, neighborhood) in [
+        ("radius_5", Neighborhood::Radius(NORMAL_RADIUS)),
+        ("nearest_20", Neighborhood::Nearest(20)),
+        ("hybrid_2_30", Neighborhood::NearestWithin(30, 2.0)),
+    ] {
         group.bench_function(format!("normals/{name}"), |b| {
             b.iter(|| surfaces(&fresh(), neighborhood, Point3::origin(), &execution));
         });
@@ -197,6 +201,12 @@ fn clouds(criterion: &mut Criterion) {
     });
     group.bench_function("rcs/5000", |b| {
         b.iter(|| Rcs { radius: SUPPORT_RADIUS }.describe(&fresh(), &keypoints, &execution));
+    });
+    let fpfh = Fpfh { radius: NORMAL_RADIUS, max_neighbors: Some(100), convention: Convention::Open3d };
+    group.bench_function("fpfh/40000", |b| b.iter(|| fpfh.describe(&fresh(), &normals, None, &execution)));
+    group.bench_function("voxels/2", |b| b.iter(|| voxel_downsample(cloud.points(), None, 2.0, &execution)));
+    group.bench_function("voxels/choose_5000", |b| {
+        b.iter(|| choose_voxel(&[cloud.points()], 5000, &execution));
     });
     group.bench_function("front_end", |b| b.iter(|| front_end(&fresh(), &execution)));
 }
@@ -225,6 +235,11 @@ fn matching(criterion: &mut Criterion) {
     let shot = |rows: &[usize]| Shot::new(SUPPORT_RADIUS).describe(cloud, normals, rows, None, &execution);
     let mut group = criterion.benchmark_group("match_5000x5000");
     group.sample_size(10);
+    let fpfh = |rows: &[usize]| {
+        let whole = Fpfh { radius: NORMAL_RADIUS, max_neighbors: Some(100), convention: Convention::Open3d };
+        whole.describe(cloud, normals, Some(rows), &execution)
+    };
+    match_both::<33>(&mut group, fpfh(keypoints), fpfh(&beside), &execution);
     match_both::<30>(&mut group, lfsh(keypoints), lfsh(&beside), &execution);
     match_both::<72>(&mut group, rcs(keypoints), rcs(&beside), &execution);
     match_both::<352>(&mut group, shot(keypoints), shot(&beside), &execution);

@@ -31,7 +31,9 @@ __all__ = [
     "Cloud",
     "Surface",
     "__version__",
+    "choose_voxel",
     "drop_isolated",
+    "fpfh",
     "group",
     "harris3d",
     "iss",
@@ -47,6 +49,7 @@ __all__ = [
     "shot_lrf",
     "toldi_lrf",
     "verify",
+    "voxel_downsample",
 ]
 
 __version__: str
@@ -63,10 +66,14 @@ class Cloud:
     def diagonal(self) -> float: ...
 
 def resolution(cloud: Cloud, run_options: RunOptions, ignore_zero: bool) -> float: ...
+def voxel_downsample(
+    cloud: Cloud, normals: RealArray | None, run_options: RunOptions, voxel: float
+) -> tuple[FloatArray, FloatArray | None, IndexArray]: ...
+def choose_voxel(clouds: Sequence[Cloud], run_options: RunOptions, most: int) -> float: ...
 def normals(
     cloud: Cloud,
     run_options: RunOptions,
-    neighbors: int,
+    neighbors: int | None,
     radius: float | None,
     viewpoint: Sequence[float],
 ) -> FloatArray: ...
@@ -115,9 +122,24 @@ def lfsh(
     cloud: Cloud, normals: RealArray, keypoints: IndexArray, run_options: RunOptions, radius: float
 ) -> _DescriptorArray: ...
 def rcs(cloud: Cloud, keypoints: IndexArray, run_options: RunOptions, radius: float) -> _DescriptorArray: ...
+def fpfh(
+    cloud: Cloud,
+    normals: RealArray,
+    keypoints: IndexArray | None,
+    run_options: RunOptions,
+    *,
+    radius: float,
+    max_neighbors: int | None,
+    convention: str,
+) -> _DescriptorArray: ...
 def match_descriptors(
-    source: RealArray, target: RealArray, run_options: RunOptions, mutual: bool, max_distance: float | None
-) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]: ...
+    source: RealArray,
+    target: RealArray,
+    run_options: RunOptions,
+    k: int,
+    mutual: bool,
+    max_distance: float | None,
+) -> tuple[IndexArray, IndexArray, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]: ...
 
 @final
 class Surface:

@@ -112,6 +112,15 @@ impl Points {
         (0..self.len()).map(|i| [self.x[i], self.y[i], self.z[i]]).collect()
     }
 
+    /// Least coordinates, relative to [`Self::center`], and extents; zero without points.
+    pub fn bounding_box(&self) -> ([f64; 3], [f64; 3]) {
+        if self.is_empty() {
+            return ([0.0; 3], [0.0; 3]);
+        }
+        let extremes = self.extremes();
+        (extremes.map(|(low, _)| low), extremes.map(|(low, high)| high - low))
+    }
+
     /// Least and greatest coordinate of each axis.
     fn extremes(&self) -> [(f64, f64); 3] {
         [&self.x, &self.y, &self.z].map(|axis| {

@@ -1,6 +1,7 @@
 //! One function per step of the front end.
 
 use cgroup::correspondences::Frame;
+use cgroup::features::fpfh::{Convention, Fpfh};
 use cgroup::features::harris3d::{Harris3d, Response};
 use cgroup::features::iss::{Covariance, Iss};
 use cgroup::features::keypoints as support;
@@ -12,6 +13,7 @@ use cgroup::features::rcs::Rcs;
 use cgroup::features::shot::Shot;
 use cgroup::features::shot_lrf::shot_frames;
 use cgroup::features::toldi_lrf::toldi_frames;
+use cgroup::features::voxels;
 use nalgebra::{Point3, Vector3};
 use numpy::ndarray::{Ix2, Ix3};
 use numpy::{
@@ -23,6 +25,9 @@ use crate::cloud::Cloud;
 use crate::convert::{Reals, choose};
 use crate::error::to_python;
 use crate::run::{RunOptions, run};
+
+/// Neighbours that a plane is fitted to where nothing else is asked for.
+const NORMAL_NEIGHBORS: usize = 20;
 
 /// Mean nearest-neighbour distance.
 #[pyfunction]
@@ -36,18 +41,60 @@ pub fn resolution(
     run(py, &run_options, move |execution| cloud.resolution(ignore_zero, execution))
 }
 
+/// What Python gets of voxels: points, normals where there were some, and the voxel of every point.
+type PyVoxels<'py> =
+    (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray1<i64>>);
+
+/// Means of the points in every cell of a grid.
+#[pyfunction]
+pub fn voxel_downsample<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    normals: Option<Reals<'py, Ix2>>,
+    run_options: RunOptions,
+    voxel: f64,
+) -> PyResult<PyVoxels<'py>> {
+    let cloud = cloud.core();
+    let normals = normals.as_ref().map(directions).transpose()?;
+    let has_normals = normals.is_some();
+    let found = run(py, &run_options, move |execution| {
+        voxels::voxel_downsample(cloud.points(), normals.as_deref(), voxel, execution)
+    })?;
+    let means = has_normals.then(|| vectors(py, found.normals)).transpose()?;
+    Ok((table(py, found.points)?, means, indices(py, found.indices.into_iter().map(|i| i as usize))))
+}
+
+/// The size at which clouds have so many voxels.
+#[pyfunction]
+pub fn choose_voxel(
+    py: Python<'_>,
+    clouds: Vec<Bound<'_, Cloud>>,
+    run_options: RunOptions,
+    most: usize,
+) -> PyResult<f64> {
+    let clouds: Vec<_> = clouds.iter().map(|cloud| cloud.get().core()).collect();
+    run(py, &run_options, move |execution| {
+        let points: Vec<_> = clouds.iter().map(|cloud| cloud.points()).collect();
+        voxels::choose_voxel(&points, most, execution)
+    })
+}
+
 /// Plane-fit normals.
 #[pyfunction]
 pub fn normals<'py>(
     py: Python<'py>,
     cloud: &Cloud,
     run_options: RunOptions,
-    neighbors: usize,
+    neighbors: Option<usize>,
     radius: Option<f64>,
     viewpoint: [f64; 3],
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let cloud = cloud.core();
-    let neighborhood = radius.map_or(Neighborhood::Nearest(neighbors), Neighborhood::Radius);
+    let neighborhood = match (neighbors, radius) {
+        (Some(neighbors), Some(radius)) => Neighborhood::NearestWithin(neighbors, radius),
+        (None, Some(radius)) => Neighborhood::Radius(radius),
+        (neighbors, None) => Neighborhood::Nearest(neighbors.unwrap_or(NORMAL_NEIGHBORS)),
+    };
     let fits = run(py, &run_options, move |execution| {
         plane_fits::surfaces(&cloud, neighborhood, Point3::from(viewpoint), execution)
     })?;
@@ -233,14 +280,42 @@ pub fn rcs<'py>(
     table(py, rows)
 }
 
-/// What Python gets of matches: source and target rows, nearest and second distance, similarity, ratio.
+/// FPFH-33.
+#[pyfunction]
+#[pyo3(signature = (cloud, normals, keypoints, run_options, *, radius, max_neighbors, convention))]
+#[expect(clippy::too_many_arguments, reason = "one per option of the descriptor")]
+pub fn fpfh<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    normals: Reals<'py, Ix2>,
+    keypoints: Option<PyReadonlyArray1<'py, i64>>,
+    run_options: RunOptions,
+    radius: f64,
+    max_neighbors: Option<usize>,
+    convention: &str,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let conventions = [("open3d", Convention::Open3d), ("pcl", Convention::Pcl)];
+    let convention = choose("convention", convention, &conventions)?;
+    let (cloud, normals) = (cloud.core(), directions(&normals)?);
+    let keypoints = keypoints.as_ref().map(rows_of).transpose()?;
+    let descriptor = Fpfh { radius, max_neighbors, convention };
+    let rows = run(py, &run_options, move |execution| {
+        descriptor.describe(&cloud, &normals, keypoints.as_deref(), execution)
+    })?;
+    table(py, rows)
+}
+
+/// What Python gets of matches: source and target rows, rank, distance, second distance, similarity, ratio, whether
+/// mutual.
 type PyMatches<'py> = (
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<bool>>,
 );
 
 /// Exact nearest descriptors.
@@ -250,20 +325,23 @@ pub fn match_descriptors<'py>(
     source: Reals<'py, Ix2>,
     target: Reals<'py, Ix2>,
     run_options: RunOptions,
+    k: usize,
     mutual: bool,
     max_distance: Option<f64>,
 ) -> PyResult<PyMatches<'py>> {
     let (source, target) = (descriptors("source", &source)?, descriptors("target", &target)?);
-    let matching = Matching { mutual, max_distance };
+    let matching = Matching { k, mutual, max_distance };
     let matches = run(py, &run_options, move |execution| matching.run(&source, &target, execution))?;
     let column = |value: fn(&Match) -> f64| matches.iter().map(value).collect::<Vec<_>>().into_pyarray(py);
     Ok((
         indices(py, matches.iter().map(|m| m.source)),
         indices(py, matches.iter().map(|m| m.target)),
+        indices(py, matches.iter().map(|m| m.rank)),
         column(|m| m.distance),
         column(|m| m.second_distance),
         column(|m| m.similarity),
         column(Match::ratio),
+        matches.iter().map(|m| m.is_mutual).collect::<Vec<_>>().into_pyarray(py),
     ))
 }
 

@@ -21,8 +21,8 @@ mod _core {
     use super::cloud::Cloud;
     #[pymodule_export]
     use super::features::{
-        drop_isolated, harris3d, iss, lfsh, match_descriptors, mesh_normals, normals, rcs, resolution, shot,
-        shot_lrf, toldi_lrf,
+        choose_voxel, drop_isolated, fpfh, harris3d, iss, lfsh, match_descriptors, mesh_normals, normals,
+        rcs, resolution, shot, shot_lrf, toldi_lrf, voxel_downsample,
     };
     #[pymodule_export]
     use super::grouping::{group, rigid_fit};

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cgroup import CgroupError, InputError, features
+from reference import fpfh as reference_fpfh
 from reference import harris3d as reference_harris3d
 from reference import iss as reference_iss
 from reference import lfsh as reference_lfsh
@@ -22,6 +23,7 @@ from reference import normals as reference_normals
 from reference import rcs as reference_rcs
 from reference import shot as reference_shot
 from reference import shot_lrf as reference_lrf
+from reference import voxels as reference_voxels
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -63,7 +65,7 @@ class TestAgainstReference:
         expected = nearest[nearest > 0].mean() if ignore_zero else nearest.mean()
         assert features.resolution(points, ignore_zero=ignore_zero) == pytest.approx(expected, rel=1e-12)
 
-    @given(seed=seeds, neighbors=st.integers(3, 40), radius=st.none() | st.floats(0.5, 20))
+    @given(seed=seeds, neighbors=st.none() | st.integers(3, 40), radius=st.none() | st.floats(0.5, 20))
     def test_normals(self, seed, neighbors, radius):
         points = surface(seed)
         viewpoint = tuple(np.random.default_rng(seed).normal(scale=9, size=3))
@@ -176,27 +178,79 @@ class TestAgainstReference:
 
     @given(
         seed=seeds,
+        radius=st.floats(0.3, 8),
+        max_neighbors=st.none() | st.integers(1, 60),
+        convention=st.sampled_from(["open3d", "pcl"]),
+    )
+    def test_fpfh(self, seed, radius, max_neighbors, convention):
+        points = surface(seed, 90)
+        points[7] = points[3]
+        # Shaken, as which of two equal normals is closer to a line would be a matter of rounding.
+        normals = features.normals(points, viewpoint=(0, 0, 50))
+        normals += np.random.default_rng(seed).normal(scale=0.05, size=normals.shape)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        normals[::13] = np.nan
+        options = {"radius": radius, "max_neighbors": max_neighbors, "convention": convention}
+        ours = features.fpfh(points, normals, **options)
+        theirs = reference_fpfh.fpfh(points, normals, **options)
+        assert ours.dtype == np.float32
+        np.testing.assert_allclose(ours, theirs, atol=2e-3)
+        keypoints = np.arange(0, len(points), 7)
+        np.testing.assert_array_equal(features.fpfh(points, normals, keypoints, **options), ours[keypoints])
+
+    @given(seed=seeds, count=st.integers(1, 200), voxel=st.floats(0.05, 30))
+    def test_voxel_downsample(self, seed, count, voxel):
+        points = surface(seed, count)
+        normals = np.random.default_rng(seed).normal(size=(count, 3))
+        normals[::11] = np.nan
+        ours = features.voxel_downsample(points, voxel, normals=normals)
+        means, directions, indices = reference_voxels.voxel_downsample(points, normals, voxel)
+        assert ours.indices.tolist() == indices
+        np.testing.assert_allclose(ours.points, means, atol=1e-12)
+        np.testing.assert_allclose(ours.normals, directions, atol=1e-9)
+        alone = features.voxel_downsample(features.Cloud(points), voxel)
+        assert alone.normals is None
+        np.testing.assert_array_equal(alone.points, ours.points)
+
+    @given(
+        seed=seeds, counts=st.lists(st.integers(30, 300), min_size=1, max_size=3), voxels=st.integers(5, 100)
+    )
+    def test_choose_voxel(self, seed, counts, voxels):
+        clouds = [surface(seed + i, count) for i, count in enumerate(counts)]
+        size = features.choose_voxel(*clouds, voxels=voxels)
+        assert 4 * np.log2(size) == pytest.approx(round(4 * np.log2(size)), abs=1e-9)
+
+        def total(size):
+            return sum(len(features.voxel_downsample(cloud, size)) for cloud in clouds)
+
+        most = min(voxels * len(clouds), sum(counts) // 2)
+        assert total(size) <= most < total(size / 2**0.25)
+
+    @given(
+        seed=seeds,
         sizes=st.tuples(st.integers(0, 40), st.integers(0, 40), st.integers(1, 40)),
+        k=st.integers(1, 5),
         mutual=st.booleans(),
         max_distance=st.none() | st.floats(0.1, 5),
         levels=st.sampled_from([2, 5, 2**20]),
     )
-    def test_match(self, seed, sizes, mutual, max_distance, levels):
+    def test_match(self, seed, sizes, k, mutual, max_distance, levels):
         rng = np.random.default_rng(seed)
         rows, columns, length = sizes
         source = rng.integers(levels, size=(rows, length)) * (1.0 if levels < 9 else 3 / levels)
         target = rng.integers(levels, size=(columns, length)) * (1.0 if levels < 9 else 3 / levels)
         source[rng.uniform(size=rows) < 0.1, 0] = np.nan
         target[rng.uniform(size=columns) < 0.1, -1] = np.nan
-        options = {"mutual": mutual, "max_distance": max_distance}
+        options = {"k": k, "mutual": mutual, "max_distance": max_distance}
         ours = features.match(source, target, **options)
         theirs = reference_matching.match(source, target, **options)
-        columns = [np.array(column) for column in zip(*theirs, strict=True)] or [np.empty(0)] * 6
+        columns = [np.array(column) for column in zip(*theirs, strict=True)] or [np.empty(0)] * 8
         assert ours.source_indices.tolist() == columns[0].tolist()
         assert ours.target_indices.tolist() == columns[1].tolist()
-        for name, column in zip(
-            ("distance", "second_distance", "similarity", "ratio"), columns[2:], strict=True
-        ):
+        assert ours.rank.tolist() == columns[2].tolist()
+        assert ours.is_mutual.tolist() == columns[7].tolist()
+        names = ("distance", "second_distance", "similarity", "ratio")
+        for name, column in zip(names, columns[3:7], strict=True):
             np.testing.assert_allclose(getattr(ours, name), column, rtol=1e-12, atol=1e-12, err_msg=name)
 
 
@@ -272,6 +326,9 @@ class TestPromises:
                     features.iss(points, threads=threads, count=100),
                     features.shot_lrf(points, keypoints, radius=2, threads=threads),
                     descriptors,
+                    features.normals(points, radius=1, neighbors=12, threads=threads),
+                    features.fpfh(points, normals, radius=1, max_neighbors=30, threads=threads),
+                    features.voxel_downsample(points, 0.3, normals=normals, threads=threads).points,
                     features.match(descriptors, descriptors[::-1], threads=threads).distance,
                 )
             )
@@ -371,6 +428,8 @@ def test_degenerate_clouds_have_defined_results(name, reach):
         features.shot(points, up, rows, radius=radius),
         features.lfsh(points, up, rows, radius=radius),
         features.rcs(points, rows, radius=radius),
+        features.fpfh(points, up, radius=radius),
+        features.fpfh(points, up, radius=radius, max_neighbors=None, convention="pcl"),
     ):
         complete = np.isfinite(table).all(axis=1)
         assert np.isnan(table[~complete]).all()
@@ -390,6 +449,9 @@ def test_no_points_and_no_keypoints():
     assert features.shot(points, points, [], radius=1).shape == (0, 352)
     assert features.lfsh(points, points, [], radius=1).shape == (0, 30)
     assert features.rcs(points, [], radius=1).shape == (0, 72)
+    assert features.fpfh(nothing, nothing, radius=1).shape == (0, 33)
+    assert features.fpfh(points, points, [], radius=1).shape == (0, 33)
+    assert len(features.voxel_downsample(nothing, 1)) == 0
     assert len(features.match(np.empty((0, 5)), np.empty((0, 5)))) == 0
     with pytest.raises(InputError, match="two points"):
         features.resolution(nothing)
@@ -400,6 +462,17 @@ def test_second_neighbour_is_infinitely_far_where_there_is_none():
     assert matches.second_distance[0] == np.inf
     assert matches.ratio[0] == 1
     assert matches.similarity[0] == pytest.approx(1 - np.sqrt(2))
+
+
+@pytest.mark.parametrize("scale", [1e-165, 1e200])
+def test_descriptors_too_small_or_large_to_square_are_matched_alike(scale):
+    rng = np.random.default_rng(3)
+    source, target = rng.uniform(1, 2, size=(2, 50, 6))
+    usual, scaled = features.match(source, target, k=2), features.match(scale * source, scale * target, k=2)
+    assert scaled.target_indices.tolist() == usual.target_indices.tolist()
+    assert scaled.is_mutual.tolist() == usual.is_mutual.tolist()
+    np.testing.assert_allclose(scaled.distance, scale * usual.distance, rtol=1e-12)
+    np.testing.assert_allclose(scaled.similarity, usual.similarity, rtol=1e-12)
 
 
 BAD_POINTS = surface(2)
@@ -443,9 +516,21 @@ UP = np.tile([0.0, 0.0, 1.0], (len(GOOD_POINTS), 1))
         (lambda: features.shot(GOOD_POINTS, UP, [0], radius=1, threads=0), "threads"),
         (lambda: features.fpfh(GOOD_POINTS, UP[1:], radius=1), "normals: got 159 rows"),
         (lambda: features.fpfh(GOOD_POINTS, UP, radius=0), "radius"),
+        (lambda: features.fpfh(GOOD_POINTS, UP, [160], radius=1), "keypoints: got index 160"),
+        (lambda: features.fpfh(GOOD_POINTS, UP, radius=1, max_neighbors=0), "max_neighbors: got 0"),
+        (lambda: features.fpfh(GOOD_POINTS, UP, radius=1, convention="itk"), "convention.*pcl"),
+        (lambda: features.normals(GOOD_POINTS, neighbors=0, radius=1), "neighbors: got 0"),
+        (lambda: features.voxel_downsample(GOOD_POINTS, 0), "voxel: got 0"),
+        (lambda: features.voxel_downsample(GOOD_POINTS, 1e-30), "larger voxel"),
+        (lambda: features.voxel_downsample(GOOD_POINTS, 1, normals=UP[1:]), "normals: got 159 rows"),
+        (features.choose_voxel, "clouds: got none"),
+        (lambda: features.choose_voxel(GOOD_POINTS, voxels=0), "voxels: got 0"),
+        (lambda: features.choose_voxel(np.ones((5, 3))), "coincide"),
         (lambda: features.match([[1.0]], [[1.0, 2.0]]), "target"),
         (lambda: features.match([1.0], [[1.0]]), "source"),
         (lambda: features.match([[1.0]], [[1.0]], max_distance=0), "max_distance"),
+        (lambda: features.match([[1.0]], [[1.0]], k=0), "k: got 0"),
+        (lambda: features.match([[1e-200]], [[1.0], [2e-200]]), "very different size"),
     ],
 )
 def test_bad_input_is_explained(call, says):
@@ -455,21 +540,34 @@ def test_bad_input_is_explained(call, says):
 
 def test_missing_open3d_is_explained(monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)
-    for call in (
-        lambda: features.fpfh(GOOD_POINTS, UP, radius=1),
-        lambda: features.iss(GOOD_POINTS, backend="open3d"),
-    ):
-        with pytest.raises(CgroupError, match=r"cgroup\[open3d\].*libegl1 libgl1 libx11-6.*libgomp1"):
-            call()
+    with pytest.raises(CgroupError, match=r"cgroup\[open3d\].*libegl1 libgl1 libx11-6.*libgomp1"):
+        features.iss(GOOD_POINTS, backend="open3d")
 
 
 def test_open3d():
-    pytest.importorskip("open3d", exc_type=ImportError)
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
     points = surface(9, 2000)
-    table = features.fpfh(points, features.normals(points), radius=1)
-    assert table.shape == (2000, 33)
-    assert table.dtype == np.float32
     theirs = features.iss(points, salient_radius=1, nms_radius=0.7, backend="open3d")
     ours = features.iss(points, salient_radius=1, nms_radius=0.7, covariance="mean")
     union = np.union1d(ours, theirs)
     assert len(np.intersect1d(ours, theirs)) >= 0.9 * len(union)
+
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+    means = np.asarray(cloud.voxel_down_sample(0.5).points)
+    mine = features.voxel_downsample(points, 0.5).points
+    np.testing.assert_allclose(mine[np.lexsort(mine.T)], means[np.lexsort(means.T)], atol=1e-12)
+
+    search = open3d.geometry.KDTreeSearchParamHybrid
+    cloud.estimate_normals(search(0.8, 30))
+    cloud.orient_normals_towards_camera_location([0.0, 0.0, 50.0])
+    normals = np.asarray(cloud.normals)
+    mine = features.normals(points, radius=0.8, neighbors=30, viewpoint=(0, 0, 50))
+    assert np.mean(np.abs(np.sum(mine * normals, axis=1)) > 1 - 1e-9) >= 0.999
+    table = open3d.pipelines.registration.compute_fpfh_feature(cloud, search(1.5, 100)).data.T
+    assert np.mean(cosines(features.fpfh(points, normals, radius=1.5), table) > 0.999) >= 0.999
+
+
+def cosines(ours, theirs):
+    """Cosine of each row with its counterpart."""
+    ours, theirs = ours.astype(float), theirs.astype(float)
+    return np.sum(ours * theirs, axis=1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(theirs, axis=1)

@@ -11,8 +11,6 @@ from cgroup._arguments import in_double
 from cgroup.errors import CgroupError, InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from cgroup.types import IndexArray, RealArray
 
 HELP = (
@@ -27,8 +25,9 @@ def iss(
     """Find Open3D's ISS keypoints, as rows of the cloud."""
     open3d = _load()
     cloud = in_double(points)
+    copy = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud))
     found = open3d.geometry.keypoint.compute_iss_keypoints(
-        _cloud(open3d, cloud), salient, nms, gamma_21, gamma_32, min_neighbors
+        copy, salient, nms, gamma_21, gamma_32, min_neighbors
     )
     # Open3D gives coordinates; the lowest row that has them is the keypoint.
     rows = {tuple(point): row for row, point in reversed(list(enumerate(cloud.tolist())))}
@@ -43,31 +42,9 @@ def refuse_options(*, density_weight: bool, count: int | None) -> None:
             raise InputError(message)
 
 
-def fpfh(
-    points: RealArray, normals: RealArray, radius: float, max_neighbors: int | None
-) -> NDArray[np.float32]:
-    """Compute FPFH descriptors of all points."""
-    open3d = _load()
-    if len(points) == 0:
-        return np.empty((0, 33), dtype=np.float32)
-    parameters = open3d.geometry.KDTreeSearchParamRadius(radius)
-    if max_neighbors is not None:
-        parameters = open3d.geometry.KDTreeSearchParamHybrid(radius, max_neighbors)
-    feature = open3d.pipelines.registration.compute_fpfh_feature(_cloud(open3d, points, normals), parameters)
-    return np.ascontiguousarray(feature.data.T, dtype=np.float32)
-
-
 def _load() -> Any:  # noqa: ANN401 - Open3D has no types
     try:
         return importlib.import_module("open3d")
     except (ImportError, OSError) as error:
         message = f"Open3D can't be imported ({error}); {HELP}"
         raise CgroupError(message) from error
-
-
-def _cloud(open3d: Any, points: RealArray, normals: RealArray | None = None) -> Any:  # noqa: ANN401
-    vectors = open3d.utility.Vector3dVector
-    result = open3d.geometry.PointCloud(vectors(in_double(points)))
-    if normals is not None:
-        result.normals = vectors(in_double(normals))
-    return result

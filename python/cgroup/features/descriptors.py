@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from cgroup import _core
 from cgroup._arguments import as_count, real_frames, real_points
 from cgroup._options import run_options
-from cgroup.errors import InputError
-from cgroup.features import _open3d
-from cgroup.features._lengths import positive_length
 from cgroup.features._rows import as_rows
-from cgroup.features.cloud import core_cloud, points_of
+from cgroup.features.cloud import core_cloud
 
 if TYPE_CHECKING:
     import numpy as np
@@ -173,32 +170,48 @@ def rcs(
 def fpfh(
     points: CloudLike,
     normals: ArrayLike,
+    keypoints: ArrayLike | None = None,
     *,
     radius: float,
-    max_neighbors: int | None = None,
+    max_neighbors: int | None = 100,
+    convention: Literal["open3d", "pcl"] = "open3d",
+    threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """FPFH-33 descriptors of all points (Rusu et al., ICRA 2009), computed by Open3D.
+    """FPFH-33 descriptors, fast point feature histograms (Rusu, Blodow, Beetz, ICRA 2009, section III).
 
-    Needs the extra ``open3d``. Not among the paper's six combinations.
+    Histograms of three angles between the normals of two points and the line that joins them; those of the
+    neighbours are summed up, weighted by the inverse of their squared distance, and scaled to 100. Cost
+    O(N k), k points per ball; for keypoints only what lies around them is computed. Not among the paper's six
+    combinations.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
     normals : (N,3) array_like of float
-        Consistently oriented.
+        Consistently oriented, of unit length; neighbours with a NaN row are left out.
+    keypoints : (m,) array_like of int, optional
+        Row numbers of points; all points by default.
     radius : float
-        Radius of the support.
-    max_neighbors : int, optional
-        At most this many nearest neighbours; all within the radius by default.
+        Radius of the support; 5 voxels is usual for a cloud thinned out by `voxel_downsample`.
+    max_neighbors : int or None
+        At most so many nearest points, the point itself included (as Open3D counts them); None for all within
+        the radius.
+    convention : {"open3d", "pcl"}
+        Whose numbers: Open3D's ``compute_fpfh_feature``, which adds the point's own histogram, so that each
+        of the three sums up to 200; or PCL's ``FPFHEstimation``, which doesn't.
+    threads : int, optional
+        Threads to compute on, None for all cores.
 
     Returns
     -------
-    (N,33) array of float32
+    (m,33) array of float32
+        11 bins of theta, of alpha and of phi; NaN rows where a point has no normal, zero rows where it has no
+        neighbour.
 
     Raises
     ------
-    CgroupError
-        Where Open3D can't be imported; the message names what to install.
+    InputError
+        For a wrong shape or option; the message names it.
 
     Examples
     --------
@@ -206,13 +219,16 @@ def fpfh(
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> features.fpfh(points, features.normals(points), radius=15 * pr).shape  # doctest: +SKIP
-    (2287, 33)
+    >>> descriptors = features.fpfh(points, features.normals(points), radius=5 * pr)
+    >>> descriptors.shape, descriptors[0].reshape(3, 11).sum(axis=1).round(2).tolist()
+    ((2554, 33), [200.0, 200.0, 200.0])
     """
-    cloud, directions = points_of(points), real_points("normals", normals)
-    if len(directions) != len(cloud):
-        message = f"normals: got {len(directions)} rows; give one normal per point, here {len(cloud)}"
-        raise InputError(message)
-    positive_length("radius", radius)
-    limit = None if max_neighbors is None else as_count("max_neighbors", max_neighbors, 1)
-    return _open3d.fpfh(cloud, directions, radius, limit)
+    return _core.fpfh(
+        core_cloud(points),
+        real_points("normals", normals),
+        None if keypoints is None else as_rows("keypoints", keypoints),
+        run_options(threads),
+        radius=radius,
+        max_neighbors=None if max_neighbors is None else as_count("max_neighbors", max_neighbors, 1),
+        convention=convention,
+    )

@@ -6,40 +6,51 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
+from cgroup._arguments import as_count
 from cgroup._options import run_options
 from cgroup.features._rows import as_descriptors
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup.types import FloatArray, IndexArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray
+
+MOST_BYTES = 2**30
+"""What matches may take while they are computed; some sixteen million of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Nearest target descriptor of every source descriptor; row i of every field is one match.
+    """Nearest target descriptors of every source descriptor; row i of every field is one match.
 
     Attributes
     ----------
     source_indices, target_indices : (n,) array of int64
         Rows of the two descriptor tables; source rows ascend.
+    rank : (n,) array of int64
+        1 for a source's nearest target, 2 for the next; ascending for each source.
     distance, second_distance : (n,) array of float64
-        Euclidean distance to the nearest and the second-nearest target descriptor; the second is
+        Euclidean distance between the two, and from the source to its second-nearest target; the second is
         infinite where there is only one.
     similarity : (n,) array of float64
         ``1 - |f_norm - f'_norm|`` on descriptors scaled to unit length, higher is better; -inf where one
         is zero (paper, section 3.1).
     ratio : (n,) array of float64
-        Nearest over second-nearest distance, in [0,1], lower is better; 1 where there is no second or its
-        square is at most 1e-7 (paper, section 3.1).
+        Distance over second-nearest distance, in [0,1], lower is better; 1 where there is no second or its
+        square is at most 1e-7 (paper, section 3.1), and for all ranks but the first.
+    is_mutual : (n,) array of bool
+        Whether the source is the nearest of the target; of equally near ones the lowest row is. Where the
+        rank is 1 too, each is the other's nearest.
     """
 
     source_indices: IndexArray
     target_indices: IndexArray
+    rank: IndexArray
     distance: FloatArray
     second_distance: FloatArray
     similarity: FloatArray
     ratio: FloatArray
+    is_mutual: BoolArray
 
     def __len__(self) -> int:
         return len(self.source_indices)
@@ -52,19 +63,22 @@ def match(
     source: ArrayLike,
     target: ArrayLike,
     *,
+    k: int = 1,
     mutual: bool = False,
     max_distance: float | None = None,
     threads: int | None = None,
 ) -> Matches:
-    """Find the nearest and second-nearest target descriptor of every source descriptor, exactly.
+    """Find the nearest target descriptors of every source descriptor, exactly.
 
     Rows that are not finite are left out on both sides. Distances are Euclidean; ties take the lowest
-    row. Cost O(n n' d).
+    row. Cost O(n n' d), once for both directions.
 
     Parameters
     ----------
     source, target : (n,d), (n',d) array_like of float
         Descriptors, one row per keypoint.
+    k : int
+        Targets per source, the nearest ones.
     mutual : bool
         Keep a match only if the source is also the nearest of its target.
     max_distance : float, optional
@@ -75,19 +89,26 @@ def match(
     Returns
     -------
     Matches
-        In the order of the source rows.
+        In the order of the source rows, then of the rank.
+
+    Raises
+    ------
+    InputError
+        For tables of different lengths, or values so unlike in size that squares of differences vanish, or a
+        `k` whose matches would take more than 1 GiB.
 
     Examples
     --------
     >>> from cgroup import features
     >>> matches = features.match([[0.0, 1.0], [1.0, 0.0]], [[1.0, 0.1], [0.1, 1.0]])
-    >>> matches.target_indices.tolist()
-    [1, 0]
+    >>> matches.target_indices.tolist(), matches.is_mutual.tolist()
+    ([1, 0], [True, True])
     """
     fields = _core.match_descriptors(
         as_descriptors("source", source),
         as_descriptors("target", target),
-        run_options(threads),
+        run_options(threads, max_memory=MOST_BYTES),
+        as_count("k", k, 1),
         mutual,
         max_distance,
     )

@@ -27,7 +27,7 @@ ORIGIN: Viewpoint = (0.0, 0.0, 0.0)
 def normals(
     points: CloudLike,
     *,
-    neighbors: int = 20,
+    neighbors: int | None = None,
     radius: float | None = None,
     viewpoint: Viewpoint = ORIGIN,
     threads: int | None = None,
@@ -41,10 +41,11 @@ def normals(
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
-    neighbors : int
-        Points per plane, the point itself included.
+    neighbors : int, optional
+        Points per plane, the point itself included; 20 by default.
     radius : float, optional
-        Use all points nearer than this instead.
+        Use all points nearer than this instead; of them only the nearest `neighbors` where both are given (as
+        Open3D's hybrid search).
     viewpoint : (float, float, float)
         Normals point to this side.
     threads : int, optional
@@ -67,8 +68,8 @@ def normals(
     if place.shape != (3,) or not np.isfinite(place).all():
         message = f"viewpoint: got {viewpoint!r}; give three finite coordinates"
         raise InputError(message)
-    as_count("neighbors", neighbors, 1)
-    return _core.normals(core_cloud(points), run_options(threads), neighbors, radius, place.tolist())
+    count = None if neighbors is None else as_count("neighbors", neighbors, 1)
+    return _core.normals(core_cloud(points), run_options(threads), count, radius, place.tolist())
 
 
 def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:

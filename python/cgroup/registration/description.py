@@ -143,7 +143,7 @@ def describe(
     threads : int, optional
         Threads to compute on, None for all cores.
     descriptor : {"shot", "lfsh", "rcs", "fpfh"}
-        Descriptor; the frames are always those of SHOT. FPFH needs the extra ``open3d``.
+        Descriptor; the frames are always those of SHOT.
     normals : {"pca", "mesh", "given"}
         Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
         that has faces; or `PointCloud.normals`. All descriptors but RCS need normals on the same side of the

@@ -102,4 +102,7 @@ def _describe(
         case "rcs":
             return features.rcs(cloud, keypoints, radius=radius, threads=threads)
         case "fpfh":
-            return features.fpfh(cloud, normals, radius=radius)[keypoints]
+            # All points of the support count, as for the other descriptors.
+            return features.fpfh(
+                cloud, normals, keypoints, radius=radius, max_neighbors=None, threads=threads
+            )

@@ -54,7 +54,7 @@ def register(
     detector : {"h3d", "iss"}
         Keypoint detector: Harris 3D or intrinsic shape signatures.
     descriptor : {"shot", "lfsh", "rcs", "fpfh"}
-        Descriptor; the frames are always those of SHOT. FPFH needs the extra ``open3d``.
+        Descriptor; the frames are always those of SHOT.
     keypoints : int, optional
         How many to aim at in each cloud; by default what the detector finds at its usual radius.
     nms_radius : float, optional
@@ -138,7 +138,7 @@ def correspond(
     detector : {"h3d", "iss"}
         Keypoint detector: Harris 3D or intrinsic shape signatures.
     descriptor : {"shot", "lfsh", "rcs", "fpfh"}
-        Descriptor; the frames are always those of SHOT. FPFH needs the extra ``open3d``.
+        Descriptor; the frames are always those of SHOT.
     keypoints : int, optional
         How many to aim at in each cloud; by default what the detector finds at its usual radius.
     nms_radius : float, optional

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use crate::cloud::Cloud;
 use crate::error::{Result, at_least_one};
 use crate::execution::Execution;
+use crate::geometry::ball_search::BallSearch;
 use crate::geometry::symmetric::eigen;
 
 /// Below this share of the largest eigenvalue the middle one counts as zero: points on a line.
@@ -20,6 +21,8 @@ pub enum Neighborhood {
     Nearest(usize),
     /// All points nearer than this, the point itself included.
     Radius(f64),
+    /// Of the points nearer than the radius, the point itself included, this many nearest ones.
+    NearestWithin(usize, f64),
 }
 
 /// A plane fit. NaN where fewer than three points, or points on one line, leave it open.
@@ -58,9 +61,10 @@ pub fn surfaces(
                 fit(found.iter().map(|neighbor| points.get(neighbor.index as usize) - center), true)
             })?
         }
-        Neighborhood::Radius(radius) => cloud.balls(radius)?.map_points(execution, |_, ball| {
-            fit(ball.offsets().iter().map(|&offset| Vector3::from(offset)), false)
-        })?,
+        Neighborhood::Radius(radius) => fit_balls(&cloud.balls(radius)?, execution)?,
+        Neighborhood::NearestWithin(count, radius) => {
+            fit_balls(&cloud.balls(radius)?.of_nearest(at_least_one("neighbors", count)?), execution)?
+        }
     };
     let viewpoint = viewpoint - points.center();
     for (i, surface) in surfaces.iter_mut().enumerate() {
@@ -69,6 +73,13 @@ pub fn surfaces(
         }
     }
     Ok(surfaces)
+}
+
+/// Fits planes to the balls around all points.
+fn fit_balls(search: &BallSearch, execution: &Execution) -> Result<Vec<Surface>> {
+    search.map_points(execution, |_, ball| {
+        fit(ball.offsets().iter().map(|&offset| Vector3::from(offset)), false)
+    })
 }
 
 /// Plane through points given relative to one of them, which is counted too if it `adds_itself`.
@@ -121,7 +132,9 @@ mod tests {
     #[test]
     fn a_plane_has_its_normal_everywhere() -> Result<()> {
         let cloud = Cloud::from_rows("points", &plane())?;
-        for neighborhood in [Neighborhood::Nearest(9), Neighborhood::Radius(1.5)] {
+        let neighborhoods =
+            [Neighborhood::Nearest(9), Neighborhood::Radius(1.5), Neighborhood::NearestWithin(4, 1.5)];
+        for neighborhood in neighborhoods {
             for (viewpoint, z) in [(Point3::origin(), -1.0), (Point3::new(0.0, 0.0, 9.0), 1.0)] {
                 for surface in surfaces(&cloud, neighborhood, viewpoint, &Execution::default())? {
                     assert!((surface.normal - Vector3::new(0.0, 0.0, z)).amax() < 1e-12);
@@ -137,7 +150,9 @@ mod tests {
         let line: Vec<[f64; 3]> = (0..9).map(|i| [0.1 * f64::from(i), 0.2 * f64::from(i), 0.0]).collect();
         for rows in [line, vec![[1.0; 3]; 9], vec![[0.0; 3]], vec![]] {
             let cloud = Cloud::from_rows("points", &rows)?;
-            for neighborhood in [Neighborhood::Nearest(5), Neighborhood::Radius(1.0)] {
+            let neighborhoods =
+                [Neighborhood::Nearest(5), Neighborhood::Radius(1.0), Neighborhood::NearestWithin(5, 1.0)];
+            for neighborhood in neighborhoods {
                 let fits = surfaces(&cloud, neighborhood, Point3::origin(), &Execution::default())?;
                 assert_eq!(fits.len(), rows.len());
                 assert!(fits.iter().all(|surface| surface.normal.x.is_nan() && surface.curvature.is_nan()));

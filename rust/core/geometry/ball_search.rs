@@ -23,6 +23,8 @@ const LOOK_AROUND: usize = 6;
 #[derive(Debug, Clone)]
 pub struct BallSearch {
     radius: f64,
+    /// Only so many nearest points are found.
+    most: usize,
     /// The radius that the grid is made for.
     made_for: f64,
     grid: Arc<Grid>,
@@ -36,6 +38,9 @@ pub struct Ball {
     offsets: Vec<[f64; 3]>,
     squared_distances: Vec<f64>,
     positions: Vec<u32>,
+    /// Squared distance, as its bits, and index in the cloud: what ranks points where not all are kept.
+    keys: Vec<(u64, u32)>,
+    ranked: Vec<(u64, u32)>,
 }
 
 impl Ball {
@@ -98,7 +103,7 @@ impl BallSearch {
     pub fn new(cloud: &Points, radius: f64) -> Result<Self> {
         positive("radius", radius)?;
         let grid = Arc::new(Grid::new(cloud, radius / CELLS_PER_RADIUS));
-        Ok(Self { radius, made_for: radius, grid })
+        Ok(Self { radius, most: usize::MAX, made_for: radius, grid })
     }
 
     /// Whether the grid is made for this radius.
@@ -115,6 +120,13 @@ impl BallSearch {
     #[must_use]
     pub fn narrowed(&self, radius: f64) -> Self {
         Self { radius, ..self.clone() }
+    }
+
+    /// The same search where a ball holds no more than the `most` nearest points; of equally near ones those of
+    /// lower index.
+    #[must_use]
+    pub fn of_nearest(&self, most: usize) -> Self {
+        Self { most, ..self.clone() }
     }
 
     /// Whether both look into one grid.
@@ -136,6 +148,11 @@ impl BallSearch {
     /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.grid.points.is_empty()
+    }
+
+    /// Index in the cloud of every point, in grid order.
+    pub fn order(&self) -> &[u32] {
+        &self.grid.order
     }
 
     /// Index in the cloud of the point at a position in grid order.
@@ -170,6 +187,32 @@ impl BallSearch {
             ball.len = found;
             None::<()>
         });
+        if ball.len > self.most {
+            self.keep_nearest(ball);
+        }
+    }
+
+    /// Leaves the nearest points in the ball, in their order.
+    fn keep_nearest(&self, ball: &mut Ball) {
+        let near = ball.squared_distances[..ball.len].iter().zip(&ball.positions);
+        // Squares are not negative, so their bits are in order too, which is faster.
+        let key = |(square, &position): (&f64, &u32)| (square.to_bits(), self.index(position));
+        ball.keys.clear();
+        ball.keys.extend(near.map(key));
+        let mut ranked = std::mem::take(&mut ball.ranked);
+        ranked.clone_from(&ball.keys);
+        let Some(last) = self.most.checked_sub(1).map(|place| *ranked.select_nth_unstable(place).1) else {
+            return ball.len = 0;
+        };
+        ball.ranked = ranked;
+        let mut kept = 0;
+        for i in 0..ball.len {
+            ball.offsets[kept] = ball.offsets[i];
+            ball.squared_distances[kept] = ball.squared_distances[i];
+            ball.positions[kept] = ball.positions[i];
+            kept += usize::from(ball.keys[i] <= last);
+        }
+        ball.len = kept;
     }
 
     /// Whether any point nearer than the radius to the one at `position` satisfies `test`, which is given
@@ -294,6 +337,31 @@ mod tests {
                 found
             };
             assert_eq!(sorted(&fitting), sorted(&wide), "query {query}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn the_nearest_of_a_ball_by_distance_and_index() -> Result<()> {
+        // Rows twice, so that distances tie.
+        let rows = [scattered(150, 1.0), scattered(150, 1.0)].concat();
+        let points = Points::from_rows("points", &rows)?;
+        let all = BallSearch::new(&points, 0.5)?;
+        for most in [0, 1, 2, 7, 20, 1000] {
+            let (search, mut ball) = (all.of_nearest(most), Ball::default());
+            for query in 0..rows.len() {
+                search.within(&points.get(query), &mut ball);
+                let mut found: Vec<_> = ball.positions().iter().map(|&p| search.index(p)).collect();
+                assert!(ball.positions().is_sorted(), "the order of the grid is kept");
+                found.sort_unstable();
+                all.within(&points.get(query), &mut ball);
+                let near = ball.squared_distances().iter().zip(ball.positions());
+                let mut keys: Vec<_> = near.map(|(square, &p)| (square.to_bits(), all.index(p))).collect();
+                keys.sort_unstable();
+                let mut expected: Vec<_> = keys.iter().take(most).map(|key| key.1).collect();
+                expected.sort_unstable();
+                assert_eq!(found, expected, "query {query}, most {most}");
+            }
         }
         Ok(())
     }

@@ -81,7 +81,7 @@ fn running_total(lengths: impl Iterator<Item = u32>) -> Vec<u32> {
 impl Grid {
     /// Sorts the points into cells of about `cell_size`. Cost O(N log N), memory 36 to 70 bytes per point.
     pub fn new(cloud: &Points, cell_size: f64) -> Self {
-        let (low, extent) = bounding_box(cloud);
+        let (low, extent) = cloud.bounding_box();
         let widest = extent.iter().copied().fold(0.0, f64::max);
         let cell_size = cell_size.max(widest / (MAX_CELLS_PER_AXIS - 1.0));
         let cells = extent.map(|length| (length / cell_size) as u64 + 1);
@@ -153,16 +153,6 @@ impl Grid {
         self.order = keyed.iter().map(|&(_, _, index)| index).collect();
         self.points = self.order.iter().map(|&index| cloud.get(index as usize).into()).collect();
     }
-}
-
-fn bounding_box(cloud: &Points) -> ([f64; 3], [f64; 3]) {
-    if cloud.is_empty() {
-        return ([0.0; 3], [0.0; 3]);
-    }
-    let axes = [&cloud.x, &cloud.y, &cloud.z];
-    let low = axes.map(|axis| axis.iter().copied().fold(f64::INFINITY, f64::min));
-    let high = axes.map(|axis| axis.iter().copied().fold(f64::NEG_INFINITY, f64::max));
-    (low, std::array::from_fn(|k| high[k] - low[k]))
 }
 
 #[cfg(test)]

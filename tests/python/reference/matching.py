@@ -1,4 +1,4 @@
-"""Nearest and second-nearest descriptors by a full table of distances."""
+"""Nearest descriptors by a full table of distances."""
 
 from __future__ import annotations
 
@@ -11,9 +11,14 @@ if TYPE_CHECKING:
 
 
 def match(
-    source: FloatArray, target: FloatArray, *, mutual: bool = False, max_distance: float | None = None
-) -> list[tuple[int, int, float, float, float, float]]:
-    """Rows (source, target, distance, second distance, similarity, ratio)."""
+    source: FloatArray,
+    target: FloatArray,
+    *,
+    k: int = 1,
+    mutual: bool = False,
+    max_distance: float | None = None,
+) -> list[tuple[int, int, int, float, float, float, float, bool]]:
+    """Rows (source, target, rank, distance, second distance, similarity, ratio, is mutual)."""
     valid_source = np.flatnonzero(np.isfinite(source).all(axis=1))
     valid_target = np.flatnonzero(np.isfinite(target).all(axis=1))
     if len(valid_target) == 0:
@@ -22,16 +27,16 @@ def match(
     result = []
     for i, distances in enumerate(table):
         order = np.argsort(distances, kind="stable")
-        j = order[0]
-        distance = distances[j]
         second = distances[order[1]] if len(order) > 1 else np.inf
-        if mutual and np.argmin(table[:, j]) != i:
-            continue
-        if max_distance is not None and distance > max_distance:
-            continue
-        row, other = valid_source[i], valid_target[j]
-        ratio = 1.0 if not np.isfinite(second) or second**2 <= 1e-7 else distance / second
-        result.append((row, other, distance, second, similarity(source[row], target[other]), ratio))
+        for place, j in enumerate(order[:k]):
+            distance = distances[j]
+            is_mutual = np.argmin(table[:, j]) == i
+            if (mutual and not is_mutual) or (max_distance is not None and distance > max_distance):
+                continue
+            row, other = valid_source[i], valid_target[j]
+            ratio = 1.0 if not np.isfinite(second) or second**2 <= 1e-7 else min(distance / second, 1.0)
+            score = similarity(source[row], target[other])
+            result.append((row, other, place + 1, distance, second, score, ratio, is_mutual))
     return result
 
 

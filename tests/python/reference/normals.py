@@ -26,14 +26,14 @@ def plane(points: FloatArray) -> tuple[FloatArray, float]:
 def normals(
     points: FloatArray,
     *,
-    neighbors: int = 20,
+    neighbors: int | None = None,
     radius: float | None = None,
     viewpoint: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> FloatArray:
     """Normals (N,3) of all points."""
     result = np.empty_like(points)
     for i, point in enumerate(points):
-        rows = nearest(points, i, neighbors) if radius is None else ball(points, i, radius)
+        rows = nearest(points, i, neighbors or 20) if radius is None else ball(points, i, radius)[:neighbors]
         normal, _ = plane(points[rows])
         result[i] = -normal if normal @ (np.asarray(viewpoint) - point) < 0 else normal
     return result

@@ -1,0 +1,126 @@
+"""Clouds thinned out to one point per cell of a grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cgroup import _core
+from cgroup._arguments import as_count, real_points
+from cgroup._options import run_options
+from cgroup.errors import InputError
+from cgroup.features._lengths import positive_length
+from cgroup.features.cloud import core_cloud
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.features.cloud import CloudLike
+    from cgroup.types import FloatArray, IndexArray
+
+
+@dataclass(frozen=True, eq=False)
+class Voxels:
+    """A cloud thinned out to one point per occupied cell of a grid; row i of the first two is one voxel.
+
+    Attributes
+    ----------
+    points : (M,3) array of float64
+        Mean of each voxel's points. Neighbouring rows are mostly neighbours in space.
+    normals : (M,3) array of float64 or None
+        Mean of their normals, of unit length; NaN rows where they have none, or cancel. None if none were
+        given.
+    indices : (N,) array of int64
+        Voxel of every point of the cloud.
+    """
+
+    points: FloatArray
+    normals: FloatArray | None
+    indices: IndexArray
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __repr__(self) -> str:
+        return f"Voxels(n={len(self)}, of={len(self.indices)})"
+
+
+def voxel_downsample(
+    points: CloudLike, voxel: float, *, normals: ArrayLike | None = None, threads: int | None = None
+) -> Voxels:
+    """Replace the points in each cell of a regular grid by their mean (as Open3D's ``voxel_down_sample``).
+
+    The grid begins half a cell below the least coordinates. Cost O(N log N).
+
+    Parameters
+    ----------
+    points : Cloud or (N,3) array_like of float
+    voxel : float
+        Edge length of a cell, in the unit of the points.
+    normals : (N,3) array_like of float, optional
+        Averaged along with the points; NaN rows are left out.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    Voxels
+
+    Raises
+    ------
+    InputError
+        For a voxel that is not positive or so small that cells can't be numbered, or normals that are not one
+        per point.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> voxels = features.voxel_downsample([[0, 0, 0], [0.2, 0, 0], [5, 0, 0]], 1.0)
+    >>> voxels.points.round(3).tolist(), voxels.indices.tolist()
+    ([[0.1, 0.0, 0.0], [5.0, 0.0, 0.0]], [0, 0, 1])
+    """
+    directions = None if normals is None else real_points("normals", normals)
+    size = positive_length("voxel", voxel)
+    return Voxels(*_core.voxel_downsample(core_cloud(points), directions, run_options(threads), size))
+
+
+def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = None) -> float:
+    """Choose the size of voxels that leaves clouds about so many.
+
+    The smallest 2^(k/4), k a whole number, at which the clouds have at most `voxels` voxels on average and at
+    least two points per voxel. Sizes are steps, so that clouds of one kind mostly get the same. Cost O(N), a
+    few times.
+
+    Parameters
+    ----------
+    clouds : Cloud or (N,3) array_like of float
+        One or more, in the same unit.
+    voxels : int
+        Most voxels per cloud, on average.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    float
+        A length in the unit of the points.
+
+    Raises
+    ------
+    InputError
+        Without clouds, or where all points of each coincide.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> from cgroup.datasets import standin_pair
+    >>> cloud = features.Cloud(standin_pair(pixels=60).source.points)
+    >>> voxel = features.choose_voxel(cloud, voxels=500)
+    >>> 350 < len(features.voxel_downsample(cloud, voxel)) <= 500
+    True
+    """
+    if not clouds:
+        message = "clouds: got none; give one cloud or more"
+        raise InputError(message)
+    most = as_count("voxels", voxels, 1)
+    return _core.choose_voxel([core_cloud(cloud) for cloud in clouds], run_options(threads), most)

@@ -1,0 +1,287 @@
+//! FPFH-33, fast point feature histograms (Rusu, Blodow, Beetz, ICRA 2009), as PCL's `FPFHEstimation` and as `Open3D`'s
+//! `compute_fpfh_feature`.
+//!
+//! Three angles between the normals of two points and the line that joins them, 11 bins each. A point's simple
+//! histogram counts the pairs with its neighbours; its descriptor is the sum of its neighbours' simple histograms,
+//! weighted by the inverse of their squared distance. Cost O(N k).
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use crate::cloud::Cloud;
+use crate::error::{Error, Result, at_least_one};
+use crate::execution::Execution;
+use crate::features::keypoints::locations;
+use crate::features::pair_angles::{self, BINS, Counts};
+use crate::geometry::ball_search::{Ball, BallSearch};
+use crate::points::Points;
+use crate::simd;
+
+/// Numbers of a descriptor.
+pub const LENGTH: usize = 3 * BINS;
+/// What each of the three histograms sums up to.
+const TOTAL: f32 = 100.0;
+/// Weight, in units of 1 over the squared radius, that no neighbour exceeds: sums stay finite.
+const MAX_WEIGHT: f64 = 1e20;
+/// Points that one task takes.
+const POINTS_PER_TASK: usize = 64;
+
+/// A descriptor.
+pub type Row = [f32; LENGTH];
+
+/// Which library's numbers are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Convention {
+    /// The weighted sum of the neighbours' histograms alone; pairs without angles are left out.
+    Pcl,
+    /// The point's own simple histogram is added; pairs without angles count as angles of zero.
+    Open3d,
+}
+
+/// Parameters of the descriptor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fpfh {
+    /// Radius of a neighbourhood, a length.
+    pub radius: f64,
+    /// The nearest of its points that are used, the point itself included; all of them if not given.
+    pub max_neighbors: Option<usize>,
+    /// Whose numbers.
+    pub convention: Convention,
+}
+
+impl Fpfh {
+    /// Descriptors of the keypoints, or of all points if none are given; NaN where a point has no normal, zero where
+    /// it has no neighbour. Neighbours without a normal are left out.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a radius that is not positive, `max_neighbors` of 0, an index beyond the cloud, or
+    /// normals that are not one per point; [`Error::Interrupted`].
+    pub fn describe(
+        &self,
+        cloud: &Cloud,
+        normals: &[Vector3<f64>],
+        keypoints: Option<&[usize]>,
+        execution: &Execution,
+    ) -> Result<Vec<Row>> {
+        let points = cloud.points();
+        if normals.len() != points.len() {
+            let remedy = format!("give one per point, {}", points.len());
+            return Err(Error::invalid("normals", format!("{} rows", normals.len()), remedy));
+        }
+        locations(points, keypoints.unwrap_or_default())?;
+        let most = at_least_one("max_neighbors", self.max_neighbors.unwrap_or(usize::MAX))?;
+        let search = cloud.balls(self.radius)?.of_nearest(most);
+        let surface = Surface { points, normals: search.reorder(normals), search, fpfh: *self };
+        let Some(keypoints) = keypoints else { return surface.describe_all(execution) };
+        surface.describe(keypoints, execution)
+    }
+}
+
+/// A cloud with normals, and the neighbourhoods of its points.
+struct Surface<'a> {
+    points: &'a Points,
+    /// In the order of the search.
+    normals: Vec<Vector3<f64>>,
+    search: BallSearch,
+    fpfh: Fpfh,
+}
+
+impl Surface<'_> {
+    fn describe_all(&self, execution: &Execution) -> Result<Vec<Row>> {
+        let simple = self.simple_histograms(|_| true, execution)?;
+        // In the order of the search, so that a task's points share what is in the cache.
+        let rows = map(self.points.len(), execution, |ball, position| self.weigh(&simple, position, ball))?;
+        let mut sorted = vec![[0.0; LENGTH]; rows.len()];
+        self.search.order().iter().zip(rows).for_each(|(&i, row)| sorted[i as usize] = row);
+        Ok(sorted)
+    }
+
+    fn describe(&self, keypoints: &[usize], execution: &Execution) -> Result<Vec<Row>> {
+        let mut position_of = vec![0; self.points.len()];
+        self.search.order().iter().zip(0..).for_each(|(&i, position)| position_of[i as usize] = position);
+        let is_near: Vec<AtomicBool> = self.normals.iter().map(|_| AtomicBool::new(false)).collect();
+        map(keypoints.len(), execution, |ball, row| {
+            let own = position_of[keypoints[row]];
+            self.neighbors(own, ball);
+            // Points that coincide with it may leave it no place in its own ball.
+            is_near[own].store(true, Ordering::Relaxed);
+            ball.positions().iter().for_each(|&near| is_near[near as usize].store(true, Ordering::Relaxed));
+        })?;
+        let simple =
+            self.simple_histograms(|position| is_near[position].load(Ordering::Relaxed), execution)?;
+        map(keypoints.len(), execution, |ball, row| self.weigh(&simple, position_of[keypoints[row]], ball))
+    }
+
+    /// Simple histograms of the points that are needed, zero for others, in the order of the search.
+    fn simple_histograms(
+        &self,
+        is_needed: impl Fn(usize) -> bool + Sync,
+        execution: &Execution,
+    ) -> Result<Vec<Row>> {
+        map(self.points.len(), execution, |ball, position| {
+            let is_described = is_needed(position) && !is_missing(&self.normals[position]);
+            if is_described { self.simple_histogram(position, ball) } else { [0.0; LENGTH] }
+        })
+    }
+
+    /// Shares of a point's pairs with its neighbours.
+    fn simple_histogram(&self, position: usize, ball: &mut Ball) -> Row {
+        self.neighbors(position, ball);
+        let mut counts = Counts::default();
+        pair_angles::count(position as u32, ball, &self.normals, &mut counts);
+        if self.fpfh.convention == Convention::Open3d {
+            counts.add_flat_pairs();
+        }
+        let share = if counts.pairs == 0 { 0.0 } else { TOTAL / counts.pairs as f32 };
+        let mut row = [0.0; LENGTH];
+        row.iter_mut()
+            .zip(counts.bins.as_flattened())
+            .for_each(|(value, &count)| *value = count as f32 * share);
+        row
+    }
+
+    /// Sums up the neighbours' histograms, each weighted by the inverse of its squared distance.
+    fn weigh(&self, simple: &[Row], position: usize, ball: &mut Ball) -> Row {
+        if is_missing(&self.normals[position]) {
+            return [f32::NAN; LENGTH];
+        }
+        self.neighbors(position, ball);
+        let unit = self.search.radius() * self.search.radius();
+        let near = ball.squared_distances().iter().zip(ball.positions());
+        let mut row = [0.0; LENGTH];
+        simd::run(
+            #[inline(always)]
+            || {
+                for (&square, &neighbor) in near.clone().filter(|&(&square, _)| square > 0.0) {
+                    let weight = (unit / square).min(MAX_WEIGHT) as f32;
+                    let values = &simple[neighbor as usize];
+                    for (sum, value) in row.iter_mut().zip(values) {
+                        *sum += weight * value;
+                    }
+                }
+            },
+        );
+        self.scale(&mut row, &simple[position]);
+        row
+    }
+
+    /// Makes each histogram sum up to 100, and adds the point's own if the convention has it.
+    fn scale(&self, row: &mut Row, own: &Row) {
+        let added = if self.fpfh.convention == Convention::Open3d { 1.0 } else { 0.0 };
+        for (part, own) in row.chunks_exact_mut(BINS).zip(own.chunks_exact(BINS)) {
+            let sum: f32 = part.iter().sum();
+            let scale = if sum > 0.0 { TOTAL / sum } else { 0.0 };
+            part.iter_mut().zip(own).for_each(|(value, own)| *value = *value * scale + added * own);
+        }
+    }
+
+    fn neighbors(&self, position: usize, ball: &mut Ball) {
+        self.search.within(&self.points.get(self.search.index(position as u32) as usize), ball);
+    }
+}
+
+fn is_missing(normal: &Vector3<f64>) -> bool {
+    normal.x.is_nan()
+}
+
+fn map<T: Send>(
+    count: usize,
+    execution: &Execution,
+    result: impl Fn(&mut Ball, usize) -> T + Sync,
+) -> Result<Vec<T>> {
+    let compute = |ball: &mut Ball, i: usize| {
+        execution.check()?;
+        Ok(result(ball, i))
+    };
+    (0..count).into_par_iter().with_min_len(POINTS_PER_TASK).map_init(Ball::default, compute).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CONVENTIONS: [Convention; 2] = [Convention::Pcl, Convention::Open3d];
+
+    fn fpfh(convention: Convention) -> Fpfh {
+        Fpfh { radius: 1.5, max_neighbors: Some(100), convention }
+    }
+
+    fn wavy() -> Result<(Cloud, Vec<Vector3<f64>>)> {
+        let place = |i: u32| (f64::from(i % 20) * 0.5, f64::from(i / 20) * 0.5);
+        let rows: Vec<[f64; 3]> = (0..400).map(place).map(|(x, y)| [x, y, x.sin() * y.cos()]).collect();
+        let slope = |(x, y): (f64, f64)| Vector3::new(-x.cos() * y.cos(), x.sin() * y.sin(), 1.0).normalize();
+        Ok((Cloud::from_rows("points", &rows)?, (0..400).map(place).map(slope).collect()))
+    }
+
+    #[test]
+    fn three_histograms_of_one_hundred() -> Result<()> {
+        let (cloud, normals) = wavy()?;
+        for (convention, total) in CONVENTIONS.into_iter().zip([100.0, 200.0]) {
+            for row in fpfh(convention).describe(&cloud, &normals, None, &Execution::default())? {
+                for part in row.chunks_exact(BINS) {
+                    assert!((part.iter().sum::<f32>() - total).abs() < 1e-3, "{part:?}");
+                }
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn keypoints_get_the_rows_they_have_among_all() -> Result<()> {
+        let (cloud, normals) = wavy()?;
+        let execution = Execution::default();
+        let keypoints = [7, 399, 7, 0];
+        for convention in CONVENTIONS {
+            let all = fpfh(convention).describe(&cloud, &normals, None, &execution)?;
+            let some = fpfh(convention).describe(&cloud, &normals, Some(&keypoints), &execution)?;
+            assert_eq!(some, keypoints.map(|i| all[i]));
+        }
+        assert!(fpfh(Convention::Pcl).describe(&cloud, &normals, Some(&[]), &execution)?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn a_plane_fills_the_middle_bins() -> Result<()> {
+        let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
+        let (cloud, normals) = (Cloud::from_rows("points", &rows)?, vec![Vector3::z(); 100]);
+        let described = fpfh(Convention::Pcl).describe(&cloud, &normals, None, &Execution::default())?;
+        for row in described {
+            for (bin, value) in row.into_iter().enumerate() {
+                let expected = if bin % BINS == BINS / 2 { 100.0 } else { 0.0 };
+                assert!((value - expected).abs() < 1e-4, "bin {bin}: {value}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn missing_normals_and_lone_points() -> Result<()> {
+        let rows = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [50.0, 0.0, 0.0], [0.0; 3]];
+        let cloud = Cloud::from_rows("points", &rows)?;
+        let mut normals = vec![Vector3::z(); 5];
+        normals[2] = Vector3::repeat(f64::NAN);
+        for convention in CONVENTIONS {
+            let described = fpfh(convention).describe(&cloud, &normals, None, &Execution::default())?;
+            assert!(described[2].iter().all(|value| value.is_nan()));
+            assert!(described[3].iter().all(|&value| value == 0.0));
+            assert!(described[0][BINS / 2] > 99.0 && described[0].iter().all(|value| value.is_finite()));
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn bad_input_is_refused() -> Result<()> {
+        let (cloud, normals) = wavy()?;
+        let run = |fpfh: Fpfh, normals: &[Vector3<f64>], keypoints: Option<&[usize]>| {
+            fpfh.describe(&cloud, normals, keypoints, &Execution::default()).is_err()
+        };
+        let good = fpfh(Convention::Pcl);
+        assert!(run(Fpfh { radius: 0.0, ..good }, &normals, None));
+        assert!(run(Fpfh { max_neighbors: Some(0), ..good }, &normals, None));
+        assert!(run(good, &normals[1..], None));
+        assert!(run(good, &normals, Some(&[400])));
+        Ok(())
+    }
+}

@@ -1,0 +1,70 @@
+//! Targets that may be among the nearest of one source row.
+
+#![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
+
+/// Values that are tested at once against the bound.
+const CHUNK: usize = 32;
+/// Candidates kept before the list is thinned out.
+const MAX_CANDIDATES: usize = 256;
+
+/// Targets of one source row that may be among its nearest, by the bounded value.
+pub(super) struct Candidates {
+    slack: f32,
+    /// The smallest values so far, ascending.
+    lowest: Vec<f32>,
+    found: Vec<(f32, u32)>,
+}
+
+impl Candidates {
+    /// For the `count` nearest, with values that are off by up to `slack`.
+    pub fn new(count: usize, slack: f32) -> Self {
+        Self { slack: 2.0 * slack, lowest: vec![f32::INFINITY; count], found: Vec::new() }
+    }
+
+    /// A value above this can't belong to the nearest.
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.lowest[self.lowest.len() - 1] + self.slack
+    }
+
+    /// Looks at `product + squared norm` of targets from `first` on.
+    #[inline(always)]
+    pub fn scan(&mut self, products: &[f32], squared_norms: &[f32], first: u32) {
+        let chunks = products.chunks(CHUNK).zip(squared_norms.chunks(CHUNK));
+        for ((products, norms), start) in chunks.zip((first..).step_by(CHUNK)) {
+            let limit = self.limit();
+            let hits: u32 = products.iter().zip(norms).map(|(p, n)| u32::from(p + n <= limit)).sum();
+            if hits > 0 {
+                self.offer_all(products, norms, start);
+            }
+        }
+    }
+
+    fn offer_all(&mut self, products: &[f32], norms: &[f32], start: u32) {
+        for ((product, norm), index) in products.iter().zip(norms).zip(start..) {
+            self.offer(product + norm, index);
+        }
+    }
+
+    fn offer(&mut self, value: f32, index: u32) {
+        if value > self.limit() {
+            return;
+        }
+        let place = self.lowest.partition_point(|&lower| lower <= value);
+        if place < self.lowest.len() {
+            self.lowest[place..].rotate_right(1);
+            self.lowest[place] = value;
+        }
+        self.found.push((value, index));
+        if self.found.len().is_multiple_of(MAX_CANDIDATES) {
+            let limit = self.limit();
+            self.found.retain(|&(value, _)| value <= limit);
+        }
+    }
+
+    /// The candidates in ascending order.
+    pub fn indices(&self) -> impl Iterator<Item = u32> {
+        let limit = self.limit();
+        self.found.iter().filter(move |&&(value, _)| value <= limit).map(|&(_, index)| index)
+    }
+}

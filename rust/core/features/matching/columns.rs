@@ -1,0 +1,88 @@
+//! The source rows nearest to every target, as far as single precision tells.
+
+#![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
+
+/// For every target the smallest and second-smallest value so far, and the source row of the smallest. Merged in any
+/// order it is the same, but for which row is named where the two are equal.
+pub(super) struct Columns {
+    smallest: Vec<f32>,
+    second: Vec<f32>,
+    rows: Vec<u32>,
+}
+
+impl Columns {
+    pub fn new(targets: usize) -> Self {
+        let none = vec![f32::INFINITY; targets];
+        Self { smallest: none.clone(), second: none, rows: vec![0; targets] }
+    }
+
+    /// Takes in `product + squared norm` of source row `row` for targets from `first` on.
+    #[inline(always)]
+    pub fn scan(&mut self, products: &[f32], squared_norm: f32, row: u32, first: usize) {
+        let range = first..first + products.len();
+        let state = self.smallest[range.clone()].iter_mut().zip(&mut self.second[range.clone()]);
+        for ((product, (smallest, second)), lowest) in products.iter().zip(state).zip(&mut self.rows[range]) {
+            insert(product + squared_norm, row, (smallest, second, lowest));
+        }
+    }
+
+    /// Takes in what another part of the source rows gave.
+    pub fn merge(mut self, other: &Self) -> Self {
+        for j in 0..self.rows.len() {
+            insert(
+                other.smallest[j],
+                other.rows[j],
+                (&mut self.smallest[j], &mut self.second[j], &mut self.rows[j]),
+            );
+            self.second[j] = self.second[j].min(other.second[j]);
+        }
+        self
+    }
+
+    /// Source row of the smallest value of every target.
+    pub fn lowest(&self) -> &[u32] {
+        &self.rows
+    }
+
+    /// How far the second-smallest value of target `j` is from the smallest.
+    pub fn lead(&self, j: usize) -> f32 {
+        self.second[j] - self.smallest[j]
+    }
+}
+
+#[inline(always)]
+fn insert(value: f32, row: u32, (smallest, second, lowest): (&mut f32, &mut f32, &mut u32)) {
+    let is_smaller = value < *smallest;
+    let larger = if is_smaller { *smallest } else { value };
+    *second = if larger < *second { larger } else { *second };
+    *lowest = if is_smaller { row } else { *lowest };
+    *smallest = if is_smaller { value } else { *smallest };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::run_on_each;
+
+    #[test]
+    fn the_two_smallest_of_every_column_in_any_order_of_parts() {
+        let value = |row: u32, j: usize| (f64::from(row) * 1.7 + j as f64 * 0.9).sin() as f32;
+        let part = |rows: std::ops::Range<u32>| {
+            let mut columns = Columns::new(70);
+            for row in rows {
+                let products: Vec<f32> = (3..70).map(|j| value(row, j)).collect();
+                columns.scan(&products, 0.5, row, 3);
+            }
+            columns
+        };
+        for columns in run_on_each(|| part(20..50).merge(&part(0..20))) {
+            for j in 3..70 {
+                let mut values: Vec<_> = (0..50).map(|row| (value(row, j) + 0.5, row)).collect();
+                values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                assert_eq!(columns.lowest()[j], values[0].1);
+                assert!((columns.lead(j) - (values[1].0 - values[0].0)).abs() == 0.0);
+            }
+            assert!(columns.lead(0).is_nan(), "no value was seen");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! The angles between two oriented points that FPFH counts, for many neighbours of one point at once.
+
+#![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
+
+use std::f64::consts::PI;
+
+use nalgebra::Vector3;
+
+use crate::geometry::angle::atan2;
+use crate::geometry::ball_search::Ball;
+use crate::simd;
+
+/// Bins of each angle.
+pub(super) const BINS: usize = 11;
+/// Pairs that are computed at once.
+const LANES: usize = 16;
+
+/// Histograms of theta, alpha and phi, one after the other.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Counts {
+    pub bins: [[u32; BINS]; 3],
+    /// Pairs of two points with normals.
+    pub pairs: u32,
+    /// Those of them that have angles.
+    counted: u32,
+}
+
+impl Counts {
+    /// Counts pairs without angles as angles of zero.
+    pub fn add_flat_pairs(&mut self) {
+        let flat = self.pairs - self.counted;
+        self.bins.iter_mut().for_each(|part| part[BINS / 2] += flat);
+        self.counted = self.pairs;
+    }
+}
+
+/// Lines to up to [`LANES`] neighbours, and their normals, by coordinate.
+struct Pairs {
+    line: [[f64; LANES]; 3],
+    normal: [[f64; LANES]; 3],
+}
+
+/// Counts the pairs of the point at `own` with the others of its ball that have a normal.
+pub(super) fn count(own: u32, ball: &Ball, normals: &[Vector3<f64>], counts: &mut Counts) {
+    let normal = normals[own as usize];
+    simd::run(
+        #[inline(always)]
+        || {
+            let mut pairs = Pairs { line: [[0.0; LANES]; 3], normal: [[0.0; LANES]; 3] };
+            let mut filled = 0;
+            for (offset, &position) in ball.offsets().iter().zip(ball.positions()) {
+                let other = &normals[position as usize];
+                for k in 0..3 {
+                    pairs.line[k][filled] = offset[k];
+                    pairs.normal[k][filled] = other[k];
+                }
+                filled += usize::from(position != own && !other.x.is_nan());
+                if filled == LANES {
+                    add(&pairs, filled, &normal, counts);
+                    filled = 0;
+                }
+            }
+            add(&pairs, filled, &normal, counts);
+        },
+    );
+}
+
+/// Adds the first `filled` pairs: alpha = v.n', phi = u.d, theta = atan2(w.n', u.n') in the Darboux frame u = n,
+/// v = d x u, w = u x v at that point whose normal is closer to the line d. There are none where points coincide or
+/// the line runs along that normal.
+#[inline(always)]
+fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts) {
+    let mut bins = [[0.0; LANES]; 3];
+    let mut squares = [0.0; LANES];
+    for lane in 0..LANES {
+        let d = [0, 1, 2].map(|k| pairs.line[k][lane]);
+        let other = [0, 1, 2].map(|k| pairs.normal[k][lane]);
+        let own = [normal.x, normal.y, normal.z];
+        let (near, far) = (dot(own, d), dot(other, d));
+        let is_other = near.abs() < far.abs();
+        // The line changes its sign with the end that it is seen from.
+        let u = [0, 1, 2].map(|k| if is_other { other[k] } else { own[k] });
+        let n = [0, 1, 2].map(|k| if is_other { own[k] } else { other[k] });
+        let sign = if is_other { -1.0 } else { 1.0 };
+        let v = cross(d, u);
+        let square = dot(v, v);
+        let length = square.sqrt();
+        let phi = sign * (if is_other { far } else { near }) / dot(d, d).sqrt();
+        let alpha = sign * dot(v, n) / length;
+        let theta = atan2(sign * dot(cross(u, v), n), dot(u, n) * length);
+        bins[0][lane] = (theta + PI) / (2.0 * PI);
+        bins[1][lane] = 0.5 * (alpha + 1.0);
+        bins[2][lane] = 0.5 * (phi + 1.0);
+        squares[lane] = square;
+    }
+    for lane in 0..filled {
+        // Counted and not asked for, so that there is no branch to mispredict; NaN is bin 0.
+        let weight = u32::from(squares[lane] > 0.0);
+        for (part, shares) in counts.bins.iter_mut().zip(&bins) {
+            part[((shares[lane] * BINS as f64) as usize).min(BINS - 1)] += weight;
+        }
+        counts.counted += weight;
+    }
+    counts.pairs += filled as u32;
+}
+
+#[inline(always)]
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
