@@ -304,14 +304,18 @@ def test_surfaces_that_share_nothing_still_have_an_answer() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
 def test_control_c_is_heard() -> None:
     program = """
+import os, sys, threading
 import numpy as np
 from cgroup.verification import Surface, score_poses
 rng = np.random.default_rng(0)
 points = rng.normal(size=(3000, 3)) * 20
 surface = Surface(points, points, unit=1.0)
 poses = np.tile(np.eye(4), (3_000_000, 1, 1))
-print("ready", flush=True)
+begun = threading.Event()
+threading.Thread(target=lambda: begun.wait() and os.write(1, b"computing\\n"), daemon=True).start()
+sys.setswitchinterval(1000)  # the other thread gets its turn once the computation lets go
 try:
+    begun.set()
     score_poses(surface, surface, poses)
 except KeyboardInterrupt:
     print("interrupted", flush=True)
@@ -320,6 +324,6 @@ except KeyboardInterrupt:
         [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=os.environ
     ) as process:
         assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
+        assert process.stdout.readline() == "computing\n"
         process.send_signal(signal.SIGINT)
         assert process.stdout.readline() == "interrupted\n"
