@@ -24,7 +24,7 @@ quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 
 # Pages of the Python API, beside those of the crate.
 DOCS_OUT ?= target/docs
-DOCS_MODULES := cgroup $(addprefix cgroup.,benchmark datasets evaluation features io nuisances plots registration types)
+DOCS_MODULES := cgroup $(addprefix cgroup.,benchmark datasets evaluation features io nuisances plots registration types verification)
 ADVISORIES := https://github.com/rustsec/advisory-db
 
 .PHONY: help setup demo test test-rust test-python fmt lint types docs audit bench bench-peers clean
@@ -34,7 +34,7 @@ help: ## show this list
 
 setup: $(VENV)/.ready-dev ## install everything that developing needs, and build the package
 
-demo: $(VENV)/.ready-scans ## compare the nine methods on a generated pair of scans, or on SOURCE, TARGET, TRUTH
+demo: $(VENV)/.ready-scans ## compare all methods on a generated pair of scans, or on SOURCE, TARGET, TRUTH
 ifeq ($(strip $(SOURCE)$(TARGET)$(TRUTH)),)
 	@$(BIN)/cgroup demo --out $(OUT)
 else

@@ -1,4 +1,4 @@
-"""Run all nine methods on the same matches and judge each against the true pose."""
+"""Run all methods on the same matches and judge each against the true pose."""
 
 from cgroup.comparison import compare
 from cgroup.datasets import standin_pair
