@@ -129,3 +129,21 @@ def as_number(name: str, value: object) -> float:
     except (TypeError, ValueError) as error:
         message = f"{name}: got {value!r}; give a number"
         raise InputError(message) from error
+
+
+def as_length(name: str, value: object) -> float:
+    """Return a finite number greater than 0."""
+    length = as_number(name, value)
+    if not 0 < length < np.inf:
+        message = f"{name}: got {length}; give a finite number greater than 0"
+        raise InputError(message)
+    return length
+
+
+def as_place(name: str, value: ArrayLike) -> list[float]:
+    """Return the three finite coordinates of a point."""
+    place = as_floats(name, value)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        message = f"{name}: got {value!r}; give three finite numbers x, y, z"
+        raise InputError(message)
+    return place.tolist()

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import _core
-from cgroup._arguments import as_floats, as_number, real_points
+from cgroup._arguments import as_floats, as_length, as_number, as_place, real_points
 from cgroup._options import run_options
 from cgroup.errors import InputError
 from cgroup.rigid import RIGID_TOLERANCE
@@ -29,7 +29,7 @@ from cgroup.rigid import RIGID_TOLERANCE
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup.types import Correspondences, FloatArray, IndexArray, RealArray
+    from cgroup.types import Correspondences, FloatArray, IndexArray
 
 __all__ = ["Surface", "Verification", "score_poses", "verify"]
 
@@ -97,7 +97,7 @@ class Surface:
             )
             raise InputError(message)
         self._unit = as_number("unit", unit)
-        eye = None if viewpoint is None else _place("viewpoint", viewpoint)
+        eye = None if viewpoint is None else as_place("viewpoint", viewpoint)
         known = eye is not None if oriented is None else oriented
         self._core = _core.Surface(rows, directions, run_options(threads), self._unit, eye, known)
 
@@ -224,7 +224,7 @@ def verify(
     checked, evidence = _poses(poses), None
     if matches is not None:
         tolerance = MATCH_UNITS * target.unit if match_tolerance is None else match_tolerance
-        evidence = (*_positions(matches), _length("match_tolerance", tolerance))
+        evidence = (matches.source, matches.target, as_length("match_tolerance", tolerance))
     found, scores, counts, margin, overlap = _core.verify(
         source._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
         target._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
@@ -285,26 +285,6 @@ def score_poses(
         _poses(poses),
         run_options(threads),
     )
-
-
-def _place(name: str, value: ArrayLike) -> list[float]:
-    place = as_floats(name, value)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        message = f"{name}: got {value!r}; give three finite numbers x, y, z"
-        raise InputError(message)
-    return place.tolist()
-
-
-def _length(name: str, value: float) -> float:
-    length = as_number(name, value)
-    if not 0 < length < np.inf:
-        message = f"{name}: got {length}; give a finite number greater than 0"
-        raise InputError(message)
-    return length
-
-
-def _positions(matches: Correspondences) -> tuple[RealArray, RealArray]:
-    return matches.source, matches.target
 
 
 def _poses(value: ArrayLike) -> FloatArray:

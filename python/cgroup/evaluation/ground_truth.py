@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._arguments import as_points
+from cgroup._arguments import as_length, as_points
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 
@@ -78,7 +78,7 @@ def correct_matches(
     InputError
         If the shapes don't fit, the transform isn't rigid, or the tolerance isn't positive.
     """
-    limit = _positive("tolerance", tolerance)
+    limit = as_length("tolerance", tolerance)
     return match_errors(source, target, T_target_source) <= limit
 
 
@@ -105,7 +105,7 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
         If a shape isn't (N, 3), or the radius isn't positive.
     """
     queries, stored = as_points("points", points), as_points("others", others)
-    limit = _positive("radius", radius)
+    limit = as_length("radius", radius)
     found = np.zeros(len(queries), dtype=bool)
     if len(stored) == 0 or len(queries) == 0:
         return found
@@ -302,10 +302,3 @@ def _ranges(first: NDArray[np.intp], last: NDArray[np.intp]) -> tuple[NDArray[np
     rows = np.repeat(np.arange(len(first)), counts)
     offsets = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
     return rows, first[rows] + offsets
-
-
-def _positive(name: str, value: float) -> float:
-    if not (np.isfinite(value) and value > 0):
-        message = f"{name}: got {value}; give a finite number greater than 0"
-        raise InputError(message)
-    return float(value)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from cgroup import _core
+from cgroup._arguments import as_length
 from cgroup._options import run_options
 from cgroup.errors import InputError
 
@@ -16,14 +15,6 @@ ISS_RADII = (2.7, 1.8)
 
 SUPPORT_RADIUS = 15.0
 """Radius of descriptors and frames in pr (paper, section 4.4)."""
-
-
-def positive_length(name: str, value: float) -> float:
-    """Return a finite length greater than 0."""
-    if not 0 < value < np.inf:
-        message = f"{name}: got {value}; give a finite number greater than 0"
-        raise InputError(message)
-    return float(value)
 
 
 def known_resolution(cloud: _core.Cloud, threads: int | None) -> float:
@@ -41,9 +32,9 @@ def length_or_multiple(
 ) -> float:
     """Return the length `given`, or else `factor` times the resolution."""
     if given is not None:
-        return positive_length(name, given)
+        return as_length(name, given)
     if unit is not None:
-        return factor * positive_length("resolution", unit)
+        return factor * as_length("resolution", unit)
     computed = known_resolution(cloud, threads)
     if computed == 0:
         message = f"{name}: the cloud's resolution is 0, as every point has a duplicate; give `{name}`"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from cgroup import _core
-from cgroup._arguments import as_count, as_floats
+from cgroup._arguments import as_count, as_place
 from cgroup._options import run_options
 from cgroup.errors import InputError
 from cgroup.features.cloud import core_cloud
@@ -64,12 +64,9 @@ def normals(
     >>> bool((upwards > 0.999).all())
     True
     """
-    place = as_floats("viewpoint", viewpoint)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        message = f"viewpoint: got {viewpoint!r}; give three finite coordinates"
-        raise InputError(message)
+    place = as_place("viewpoint", viewpoint)
     count = None if neighbors is None else as_count("neighbors", neighbors, 1)
-    return _core.normals(core_cloud(points), run_options(threads), count, radius, place.tolist())
+    return _core.normals(core_cloud(points), run_options(threads), count, radius, place)
 
 
 def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:

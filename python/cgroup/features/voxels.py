@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._arguments import as_count, real_points
+from cgroup._arguments import as_count, as_length, real_points
 from cgroup._options import run_options
 from cgroup.errors import InputError
-from cgroup.features._lengths import positive_length
 from cgroup.features.cloud import core_cloud
 
 if TYPE_CHECKING:
@@ -80,7 +79,7 @@ def voxel_downsample(
     ([[0.1, 0.0, 0.0], [5.0, 0.0, 0.0]], [0, 0, 1])
     """
     directions = None if normals is None else real_points("normals", normals)
-    size = positive_length("voxel", voxel)
+    size = as_length("voxel", voxel)
     return Voxels(*_core.voxel_downsample(core_cloud(points), directions, run_options(threads), size))
 
 

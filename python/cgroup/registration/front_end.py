@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cgroup import features
-from cgroup._arguments import in_double
+from cgroup._arguments import as_length, in_double
 from cgroup.errors import InputError
 from cgroup.features import SUPPORT_RADIUS, DescribedCloud
-from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, checked_length
+from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,7 +42,7 @@ class FrontEnd:
 
     def detect(self, scan: Scan, pr: float) -> IndexArray:
         """Find the keypoints that have enough support, with the unit `pr`."""
-        nms_radius = None if self.nms_radius is None else checked_length("nms_radius", self.nms_radius) * pr
+        nms_radius = None if self.nms_radius is None else as_length("nms_radius", self.nms_radius) * pr
         find = features.harris3d if self.detector == "h3d" else features.iss
         cloud, threads = scan.cloud, self.threads
         found = find(cloud, resolution=pr, nms_radius=nms_radius, count=self.keypoints, threads=threads)

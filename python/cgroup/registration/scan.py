@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-import numpy as np
-
 from cgroup import features
-from cgroup._arguments import real_points
+from cgroup._arguments import as_length, real_points
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.types import PointCloud
@@ -63,7 +61,7 @@ class Scan:
         """Return the unit pr: the one given, or that of the cloud."""
         if given is None:
             return self.resolution(threads)
-        if checked_length("resolution", given) > self.cloud.diagonal:
+        if as_length("resolution", given) > self.cloud.diagonal:
             message = (
                 f"resolution: got {given}, but the whole cloud is {self.cloud.diagonal:.3g} across; "
                 "give it in the cloud's unit"
@@ -82,14 +80,6 @@ def as_scan(name: str, cloud: PointCloud | Cloud | ArrayLike) -> Scan:
         message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
         raise InputError(message)
     return Scan(cloud if isinstance(cloud, Cloud) else Cloud(points, name=name), normals, faces, name)
-
-
-def checked_length(name: str, length: float) -> float:
-    """Return a finite length greater than 0."""
-    if not 0 < length < np.inf:
-        message = f"{name}: got {length}; give a finite length greater than 0"
-        raise InputError(message)
-    return length
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
