@@ -80,7 +80,7 @@ def test_register(
     arguments = (folder / "source.ply", folder / "target.ply", "--method", "ransac", "--out", "result/here")
     status, out, err = run(capsys, "register", *arguments)
     assert (status, err) == (0, "")
-    for word in ("points", "resolution", "matches", "group", "pose", "wrote"):
+    for word in ("points", "voxel", "matches", "overlap", "residual", "probability", "pose", "wrote"):
         assert word in out
     result = tmp_path / "result" / "here"
     pose = read_transform(result / "transform.txt")
@@ -174,7 +174,9 @@ WRONG = [
     ("register {source} {target} --method icp", "method: got 'icp'; choose one of ss, nnsr"),
     ("register {source} {target} --detector sift", "--detector"),
     ("register {source} {target} --descriptor fpfh3", "--descriptor"),
-    ("register {source} {target} --normals mesh", "neither cloud has faces"),
+    ("register {source} {target} --normals mesh", "--normals: belongs to --front paper"),
+    ("register {source} {target} --front paper --support 4", "--support: belongs to --front dense"),
+    ("register {source} {target} --front paper --normals mesh", "neither cloud has faces"),
     ("register {folder}/metres.ply {target}", "scale them to the same unit"),
     ("register {source} {target} --keypoints 1", "keypoints"),
     ("register {source} {target} --keypoints many", "keypoints"),

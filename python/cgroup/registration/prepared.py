@@ -1,0 +1,220 @@
+"""A scan made ready once, for registration with any number of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup import features
+from cgroup._arguments import as_length, as_place, in_double
+from cgroup._progress import ignore_progress
+from cgroup.errors import InputError
+from cgroup.features import DescribedCloud
+from cgroup.registration.scan import as_scan
+from cgroup.verification import FineSurface, Surface
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike
+
+    from cgroup._progress import StageClock
+    from cgroup.features import Cloud, Viewpoint, Voxels
+    from cgroup.registration.scan import Scan
+    from cgroup.types import FloatArray, PointCloud
+
+VOXELS = 5000
+"""Voxels that a cloud is thinned to, about."""
+
+UNIT = 0.4
+"""Unit of the surfaces, in voxels."""
+
+LEAST_VOXELS = 30
+"""Voxels below which a cloud has no shape to speak of."""
+
+_NORMAL_NEIGHBORS, _FEATURE_NEIGHBORS = 30, 100
+_FINE = 3.0
+
+
+@dataclass(frozen=True)
+class DenseFront:
+    """Every voxel a keypoint, described by FPFH. Radii are in voxels; clouds to be matched need the same.
+
+    Attributes
+    ----------
+    normal_radius : float
+        Radius of the planes that normals are fitted to, of at most 30 neighbours.
+    support : float
+        Radius of the descriptor's support, of at most 100 neighbours.
+    frame_radius : float
+        Radius of the support of SHOT's frames.
+    """
+
+    normal_radius: float = 2.0
+    support: float = 5.0
+    frame_radius: float = 8.0
+
+    def __post_init__(self) -> None:
+        for name in ("normal_radius", "support", "frame_radius"):
+            as_length(name, getattr(self, name))
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedScan:
+    """A scan with all that registering it needs, made once for all partners (see `prepare`).
+
+    Attributes
+    ----------
+    scan : Scan
+        The whole cloud.
+    voxel : float
+        Edge length of the voxels, in the unit of the points.
+    viewpoint : (float, float, float) or None
+        Where the scanner stood, if that is known.
+    voxels : Voxels
+        The cloud thinned out.
+    normals : (M,3) array of float64
+        Of the voxels, towards the viewpoint or the side of SHOT's z axis; NaN for none.
+    described : DescribedCloud
+        Frames and FPFH of the voxels that have them; `DescribedCloud.indices` are rows of `voxels`.
+    surface : Surface
+        What poses are judged on, of unit 0.4 voxel.
+    """
+
+    scan: Scan
+    front: DenseFront
+    voxel: float
+    viewpoint: Viewpoint | None
+    voxels: Voxels
+    normals: FloatArray
+    described: DescribedCloud
+    surface: Surface
+    threads: int | None = None
+
+    @cached_property
+    def fine_surface(self) -> FineSurface:
+        """The cloud at a third of the voxel, for the last refinement; made when it is first needed."""
+        return FineSurface(self.scan.cloud, self.voxel / _FINE, threads=self.threads)
+
+    def resized(self, factor: float, clock: StageClock) -> PreparedScan:
+        """Make the same scan ready with voxels of another size."""
+        return prepare_scan(
+            self.scan, factor * self.voxel, self.viewpoint, self.front, self.threads, clock.start
+        )
+
+    def __len__(self) -> int:
+        """Return the number of voxels."""
+        return len(self.voxels)
+
+    def __repr__(self) -> str:
+        return f"PreparedScan(points={len(self.scan.cloud)}, voxels={len(self)}, voxel={self.voxel:.4g})"
+
+
+def prepare(
+    cloud: PointCloud | Cloud | ArrayLike,
+    *,
+    voxel: float | None = None,
+    viewpoint: ArrayLike | None = None,
+    front: DenseFront | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> PreparedScan:
+    """Make a scan ready for registration with any number of others.
+
+    Parameters
+    ----------
+    cloud : PointCloud, Cloud or (N,3) array_like of float
+        Whole cloud; normals that came with it are not used.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points; by default about 5,000 of them (see
+        `cgroup.features.choose_voxel`). Clouds to be registered need the same.
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, in the cloud's frame, if the cloud is one single scan: what lies before
+        the scanned surface then speaks against a pose.
+    front : DenseFront, optional
+        Radii of normals, frames and descriptors, in voxels.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    PreparedScan
+
+    Raises
+    ------
+    InputError
+        If the cloud is not finite, or the voxel leaves too little or too much of it.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import prepare, register
+    >>> pair = standin_pair(pixels=100)
+    >>> target = prepare(pair.target)
+    >>> target.voxel > 0, register(pair.source, target).ok
+    (True, True)
+    """
+    scan = as_scan("cloud", cloud)
+    size = features.choose_voxel(scan.cloud, voxels=VOXELS, threads=threads) if voxel is None else voxel
+    begin = progress or ignore_progress
+    return prepare_scan(scan, as_length("voxel", size), viewpoint, front or DenseFront(), threads, begin)
+
+
+def prepare_scan(
+    scan: Scan,
+    voxel: float,
+    viewpoint: ArrayLike | None,
+    front: DenseFront,
+    threads: int | None,
+    begin: Callable[[str], Any],
+) -> PreparedScan:
+    """Make a scan ready, with voxels of a size that is known."""
+    eye = None if viewpoint is None else _as_viewpoint(viewpoint)
+    begin("voxels")
+    voxels = features.voxel_downsample(scan.cloud, voxel, threads=threads)
+    if len(voxels) < LEAST_VOXELS:
+        message = (
+            f"{scan.name}: got {len(voxels)} voxels of {voxel:.4g}, for a cloud {scan.cloud.diagonal:.4g} "
+            f"across; {LEAST_VOXELS} are the least: give clouds of the same unit, or a smaller voxel"
+        )
+        raise InputError(message)
+    thinned = features.Cloud(voxels.points, name=scan.name)
+    begin("normals")
+    normals = features.normals(
+        thinned,
+        radius=front.normal_radius * voxel,
+        neighbors=_NORMAL_NEIGHBORS,
+        viewpoint=eye or features.ORIGIN,
+        threads=threads,
+    )
+    begin("frames")
+    radius = front.frame_radius * voxel
+    frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=radius, threads=threads)
+    if eye is None:
+        normals *= _signs(normals, frames[:, 2])[:, None]
+    begin("descriptors")
+    radius = front.support * voxel
+    values = features.fpfh(thinned, normals, radius=radius, max_neighbors=_FEATURE_NEIGHBORS, threads=threads)
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
+    center = in_double(scan.cloud.points).mean(axis=0)
+    described = DescribedCloud(rows, voxels.points[rows], frames[rows], values[rows], UNIT * voxel, center)
+    begin("surface")
+    surface = Surface(
+        voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=True, threads=threads
+    )
+    return PreparedScan(scan, front, voxel, eye, voxels, normals, described, surface, threads)
+
+
+def _as_viewpoint(viewpoint: ArrayLike) -> Viewpoint:
+    x, y, z = as_place("viewpoint", viewpoint)
+    return x, y, z
+
+
+def _signs(normals: FloatArray, towards: FloatArray) -> FloatArray:
+    """Return -1 where a normal points away from a direction, else 1."""
+    return np.where(np.einsum("ij,ij->i", normals, towards) < 0, -1.0, 1.0)

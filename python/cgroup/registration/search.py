@@ -1,0 +1,132 @@
+"""From two prepared scans to the pose that their surfaces confirm: propose, verify, refine, judge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+
+from cgroup.group import group
+from cgroup.registration.judgement import ACCEPTED, SURE, probability
+from cgroup.registration.matching import match_both_ways, take_matches
+from cgroup.registration.poses import frame_poses, group_poses, keep_upright
+from cgroup.verification import Alignment, Verification, align, verify
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cgroup._progress import StageClock
+    from cgroup.registration.prepared import PreparedScan
+    from cgroup.types import Correspondences, FloatArray
+
+Effort: TypeAlias = Literal["low", "normal", "high"]
+EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
+
+_FINER = 2**-0.5
+_FINER_NEIGHBORS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The best pose of a search, and what speaks for it.
+
+    Attributes
+    ----------
+    verification : Verification
+        Of all poses proposed, on the voxels.
+    refined : Alignment
+        The best one, refined on the fine surfaces.
+    probability : float
+        That it is right.
+    matches : Correspondences
+        Every match of the search.
+    source, target : PreparedScan
+        The scans, at the voxel where it was found.
+    """
+
+    verification: Verification
+    refined: Alignment
+    probability: float
+    matches: Correspondences
+    source: PreparedScan
+    target: PreparedScan
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """How a pose is searched for."""
+
+    method: str
+    options: Mapping[str, Any]
+    axis: FloatArray | None
+    effort: Effort
+    threads: int | None
+    clock: StageClock
+
+    def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
+        """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
+        best = self._search_voxels(source, target, 1)
+        if self.effort != "high" or (best is not None and best.probability >= ACCEPTED):
+            return best
+        finer = source.resized(_FINER, self.clock), target.resized(_FINER, self.clock)
+        return _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
+
+    def confirm(
+        self, source: PreparedScan, target: PreparedScan, matches: Correspondences, poses: FloatArray
+    ) -> Found | None:
+        """Search among poses that come from elsewhere, with matches of one's own."""
+        self.clock.start("matching")
+        voxel_matches, is_mutual = match_both_ways(source.described, target.described, 1, self.threads)
+        return self._assess(source, target, take_matches(voxel_matches, is_mutual), matches, poses)
+
+    def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
+        self.clock.start("matching")
+        matches, is_mutual = match_both_ways(source.described, target.described, k, self.threads)
+        mutual = take_matches(matches, is_mutual)
+        poses = np.concatenate([self._propose(mutual), frame_poses(mutual)])
+        best = self._assess(source, target, mutual, matches, poses)
+        if self.effort == "low" or (best is not None and best.probability >= SURE):
+            return best
+        poses = self._propose(matches)
+        if best is not None:
+            poses = np.concatenate([best.verification.poses, poses])
+        return _better(best, self._assess(source, target, mutual, matches, poses))
+
+    def _propose(self, matches: Correspondences) -> FloatArray:
+        self.clock.start("grouping")
+        return group_poses(group(matches, self.method, threads=self.threads, **self.options))
+
+    def _assess(
+        self,
+        source: PreparedScan,
+        target: PreparedScan,
+        mutual: Correspondences,
+        matches: Correspondences,
+        poses: FloatArray,
+    ) -> Found | None:
+        """Verify poses, refine the best, and judge it."""
+        self.clock.start("verification")
+        upright = keep_upright(poses, self.axis)
+        if len(upright) == 0:
+            return None
+        verification = verify(source.surface, target.surface, upright, matches=mutual, threads=self.threads)
+        upright = keep_upright(verification.poses, self.axis)
+        if len(upright) == 0:
+            return None
+        if len(upright) < len(verification.poses):
+            verification = verify(
+                source.surface, target.surface, upright, matches=mutual, threads=self.threads
+            )
+        self.clock.start("refinement")
+        pose = verification.T_target_source
+        refined = align(source.fine_surface, target.fine_surface, pose, threads=self.threads)
+        chance = probability(verification)
+        return Found(verification, refined, chance, matches, source, target)
+
+
+def _better(one: Found | None, other: Found | None) -> Found | None:
+    """Return the more probable of two; the first where they are equal."""
+    if one is None or other is None:
+        return other if one is None else one
+    return other if other.probability > one.probability else one
