@@ -1,5 +1,7 @@
 //! How far a scanner saw in every direction: a z-buffer on the faces of a cube around the viewpoint.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
 use nalgebra::Vector3;
 
 /// Width of a pixel at the median range, in units.
@@ -93,6 +95,7 @@ impl RangeMap {
         }
     }
 
+    #[inline(always)]
     fn project(&self, point: &Vector3<f32>) -> Projection {
         let d = point - self.eye;
         let axis = d.iamax();
@@ -102,7 +105,7 @@ impl RangeMap {
     }
 
     /// What was seen in the direction of a place with a normal.
-    #[inline]
+    #[inline(always)]
     pub fn look(&self, place: &Vector3<f32>, normal: &Vector3<f32>) -> Sight {
         let seen = self.project(place);
         let face = &self.faces[seen.face];

@@ -1,8 +1,14 @@
 //! How well two surfaces agree under a pose.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
+use nalgebra::Vector3;
+
+use crate::simd;
+use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
-use crate::verification::range_map::Sight;
-use crate::verification::surface::{Element, Surface};
+use crate::verification::range_map::{RangeMap, Sight};
+use crate::verification::surface::Surface;
 
 /// Weight of the squared distance beside that of the squared distance to the plane.
 const ALONG: f32 = 0.15;
@@ -30,34 +36,53 @@ pub(super) fn score(source: &Surface, target: &Surface, pose: &Pose, round: &Rou
 }
 
 fn one_way(from: &Surface, to: &Surface, pose: &Pose, round: &Round) -> f32 {
-    let samples = from.samples(round.samples);
+    let (groups, count) = from.samples(round.samples);
     let oriented = from.is_oriented() && to.is_oriented();
-    let sum: f32 = samples.iter().map(|sample| one_sample(sample, to, pose, round, oriented)).sum();
-    sum / samples.len() as f32
+    let mut sum = 0.0;
+    simd::run(
+        #[inline(always)]
+        || {
+            for (number, group) in groups.iter().enumerate() {
+                let values = values(&group.moved(pose), to, round, oriented);
+                // One after the other, so that the sum is the same on every machine.
+                for value in &values[..(count - number * LANES).min(LANES)] {
+                    sum += value;
+                }
+            }
+        },
+    );
+    sum / count as f32
 }
 
-#[inline]
-fn one_sample(sample: &Element, to: &Surface, pose: &Pose, round: &Round, oriented: bool) -> f32 {
-    let place = pose.rotation * sample.point + pose.translation;
-    if let Some(near) = to.nearest(&place, round.coarse) {
-        let d = place - near.point;
-        let plane = d.dot(&near.normal);
-        let share = (plane * plane + ALONG * d.norm_squared()) / (round.tolerance * round.tolerance);
-        if share < 1.0 && agree(sample, near, pose, oriented) > round.cosine {
-            return 1.0 - share;
-        }
-        return 0.0;
+/// What each of the moved samples says.
+#[inline(always)]
+fn values(samples: &Group, to: &Surface, round: &Round, oriented: bool) -> [f32; LANES] {
+    let (is_near, near) = to.nearest(&samples.point, round.coarse);
+    let squared_tolerance = round.tolerance * round.tolerance;
+    let mut values = [0.0; LANES];
+    for lane in 0..LANES {
+        let [dx, dy, dz] = samples.offset(&near, lane);
+        let plane = dx * near.normal[0][lane] + dy * near.normal[1][lane] + dz * near.normal[2][lane];
+        let share = (plane * plane + ALONG * (dx * dx + dy * dy + dz * dz)) / squared_tolerance;
+        let agrees = is_near[lane] & (share < 1.0) & (samples.cosine(&near, oriented, lane) > round.cosine);
+        values[lane] = if agrees { 1.0 - share } else { 0.0 };
     }
-    match to.ranges().map(|ranges| ranges.look(&place, &(pose.rotation * sample.normal))) {
-        Some(Sight::Surface { in_front }) if in_front > round.in_front => -1.0,
-        Some(Sight::Background { facing }) if facing > FACING => -BACKGROUND,
+    if let Some(ranges) = to.ranges() {
+        for lane in (0..LANES).filter(|&lane| !is_near[lane]) {
+            values[lane] = violation(samples, lane, ranges, round);
+        }
+    }
+    values
+}
+
+/// What a sample far from the surface says of what the scanner saw.
+#[inline(always)]
+fn violation(samples: &Group, lane: usize, ranges: &RangeMap, round: &Round) -> f32 {
+    let [place, normal] =
+        [&samples.point, &samples.normal].map(|vectors| Vector3::from(vectors.map(|x| x[lane])));
+    match ranges.look(&place, &normal) {
+        Sight::Surface { in_front } if in_front > round.in_front => -1.0,
+        Sight::Background { facing } if facing > FACING => -BACKGROUND,
         _ => 0.0,
     }
-}
-
-/// Cosine between the normals of a moved sample and of a point.
-#[inline]
-pub(super) fn agree(sample: &Element, near: &Element, pose: &Pose, oriented: bool) -> f32 {
-    let cosine = (pose.rotation * sample.normal).dot(&near.normal);
-    if oriented { cosine } else { cosine.abs() }
 }
