@@ -2,12 +2,9 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
-use nalgebra::Vector3;
-
 use crate::simd;
 use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
-use crate::verification::range_map::{RangeMap, Sight};
 use crate::verification::surface::Surface;
 
 /// Weight of the squared distance beside that of the squared distance to the plane.
@@ -67,9 +64,13 @@ fn values(samples: &Group, to: &Surface, round: &Round, oriented: bool) -> [f32;
         let agrees = is_near[lane] & (share < 1.0) & (samples.cosine(&near, oriented, lane) > round.cosine);
         values[lane] = if agrees { 1.0 - share } else { 0.0 };
     }
-    if let Some(ranges) = to.ranges() {
-        for lane in (0..LANES).filter(|&lane| !is_near[lane]) {
-            values[lane] = violation(samples, lane, ranges, round);
+    if let Some(ranges) = to.ranges()
+        && is_near.contains(&false)
+    {
+        let sights = ranges.look(samples);
+        for lane in 0..LANES {
+            let violation = violation(sights.in_front[lane], sights.facing[lane], round);
+            values[lane] = if is_near[lane] { values[lane] } else { violation };
         }
     }
     values
@@ -77,12 +78,8 @@ fn values(samples: &Group, to: &Surface, round: &Round, oriented: bool) -> [f32;
 
 /// What a sample far from the surface says of what the scanner saw.
 #[inline(always)]
-fn violation(samples: &Group, lane: usize, ranges: &RangeMap, round: &Round) -> f32 {
-    let [place, normal] =
-        [&samples.point, &samples.normal].map(|vectors| Vector3::from(vectors.map(|x| x[lane])));
-    match ranges.look(&place, &normal) {
-        Sight::Surface { in_front } if in_front > round.in_front => -1.0,
-        Sight::Background { facing } if facing > FACING => -BACKGROUND,
-        _ => 0.0,
-    }
+fn violation(in_front: f32, facing: f32, round: &Round) -> f32 {
+    let background = if facing > FACING { -BACKGROUND } else { 0.0 };
+    let surface = if in_front > round.in_front { -1.0 } else { 0.0 };
+    if in_front == f32::INFINITY { background } else { surface }
 }
