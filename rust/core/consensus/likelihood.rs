@@ -108,7 +108,8 @@ impl Likelihood {
     }
 
     fn terms(&self, i: usize) -> [f64; TERMS] {
-        self.groups[i / DOUBLES].map(|values| values[i % DOUBLES])
+        let group = &self.groups[i / DOUBLES];
+        std::array::from_fn(|k| group[k][i % DOUBLES])
     }
 
     /// The score of a pose: sum of `max(0, level - r^2 / (2 deviation^2))` over residuals r below the reach.

@@ -186,8 +186,8 @@ impl NearestGrid {
         let cell = self.cells_per_length.recip();
         let center = |k: usize, i: usize| self.low[k] + ((first[k] + i) as f32 + 0.5) / self.cells_per_length;
         let middle = Vector3::from([0, 1, 2].map(|k| self.low[k] + (first[k] + PART / 2) as f32 * cell));
-        let distance = |member: &&Member| (member.0 - middle).norm();
-        let least = members.iter().map(|member| distance(&member)).fold(f32::INFINITY, f32::min);
+        let squared_distance = |(point, _): &Member| (point - middle).norm_squared();
+        let least = members.iter().map(squared_distance).fold(f32::INFINITY, f32::min).sqrt();
         // What is farther from the middle is farther from every centre than the nearest one is, or than the reach.
         let limit = (least + 2.0 * PART_RADIUS * cell).min(self.reach + PART_RADIUS * cell);
         let [x, y] = [0, 1].map(|k| {
@@ -196,26 +196,30 @@ impl NearestGrid {
             })
         });
         let z: [f32; PART] = std::array::from_fn(|i| center(2, i));
-        // A square of exactly that of the reach is too far.
-        let mut squares = [[(self.reach * self.reach).next_down(); LANES]; PART];
-        let mut nearest = [[NONE; LANES]; PART];
-        simd::run(
+        let nearest = simd::run(
             #[inline(always)]
             || {
-                for (point, index) in members.iter().filter(|member| distance(member) <= limit) {
+                let (x, y, z) = (x, y, z);
+                // A square of exactly that of the reach is too far.
+                let mut squares = [[(self.reach * self.reach).next_down(); LANES]; PART];
+                let mut nearest = [[NONE; LANES]; PART];
+                for &(point, index) in members {
+                    if squared_distance(&(point, index)) > limit * limit {
+                        continue;
+                    }
                     for layer in 0..PART {
                         let dz = (z[layer] - point.z) * (z[layer] - point.z);
-                        let (squares, nearest) = (&mut squares[layer], &mut nearest[layer]);
                         for lane in 0..LANES {
                             let dy = (y[lane] - point.y) * (y[lane] - point.y);
                             let square = dz + dy + (x[lane] - point.x) * (x[lane] - point.x);
-                            let is_tie = square == squares[lane] && *index < nearest[lane];
-                            let is_nearer = square < squares[lane] || is_tie;
-                            squares[lane] = if is_nearer { square } else { squares[lane] };
-                            nearest[lane] = if is_nearer { *index } else { nearest[lane] };
+                            let (least, holder) = (squares[layer][lane], nearest[layer][lane]);
+                            let is_nearer = (square < least) | ((square == least) & (index < holder));
+                            squares[layer][lane] = if is_nearer { square } else { least };
+                            nearest[layer][lane] = if is_nearer { index } else { holder };
                         }
                     }
                 }
+                nearest
             },
         );
         std::array::from_fn(|cell| nearest[cell / LANES][cell % LANES])

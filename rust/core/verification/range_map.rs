@@ -28,7 +28,7 @@ struct Face {
 }
 
 struct Projection {
-    face: usize,
+    face: u32,
     pixel: [i32; 2],
     range: f32,
 }
@@ -59,8 +59,8 @@ impl RangeMap {
     fn lay_out(&mut self, points: &[Vector3<f32>]) -> i64 {
         let mut boxes = [([i32::MAX; 2], [i32::MIN; 2]); 6];
         for point in points {
-            let seen = self.project(point);
-            let (low, high) = &mut boxes[seen.face];
+            let seen = self.project(point.x, point.y, point.z);
+            let (low, high) = &mut boxes[seen.face as usize];
             for k in 0..2 {
                 low[k] = low[k].min(seen.pixel[k] - 1);
                 high[k] = high[k].max(seen.pixel[k] + 1);
@@ -78,8 +78,8 @@ impl RangeMap {
             face.ranges = vec![f32::INFINITY; face.size[0] as usize * face.size[1] as usize];
         }
         for point in points {
-            let seen = self.project(point);
-            let face = &mut self.faces[seen.face];
+            let seen = self.project(point.x, point.y, point.z);
+            let face = &mut self.faces[seen.face as usize];
             for a in -1..=1 {
                 for b in -1..=1 {
                     let at =
@@ -92,19 +92,20 @@ impl RangeMap {
     }
 
     #[inline(always)]
-    fn project(&self, point: &Vector3<f32>) -> Projection {
-        let [x, y, z] = <[f32; 3]>::from(point - self.eye);
-        let (axis, main, u, v) = if x.abs() >= y.abs() && x.abs() >= z.abs() {
-            (0, x, y, z)
-        } else if y.abs() >= z.abs() {
-            (1, y, z, x)
-        } else {
-            (2, z, x, y)
+    fn project(&self, x: f32, y: f32, z: f32) -> Projection {
+        let (x, y, z) = (x - self.eye.x, y - self.eye.y, z - self.eye.z);
+        let is_x = (x.abs() >= y.abs()) & (x.abs() >= z.abs());
+        let is_y = y.abs() >= z.abs();
+        let pick = |if_x: f32, if_y: f32, if_z: f32| {
+            let other = if is_y { if_y } else { if_z };
+            if is_x { if_x } else { other }
         };
+        let main = pick(x, y, z);
         let per_length = self.scale / main.abs();
+        let axis = if is_x { 0 } else { 2 - u32::from(is_y) };
         Projection {
-            face: 2 * axis + usize::from(main < 0.0),
-            pixel: [u, v].map(|length| (length * per_length).floor() as i32),
+            face: 2 * axis + u32::from(main < 0.0),
+            pixel: [pick(y, z, x), pick(z, x, y)].map(|length| (length * per_length).floor() as i32),
             range: (x * x + y * y + z * z).sqrt(),
         }
     }
@@ -112,23 +113,30 @@ impl RangeMap {
     /// What was seen in the direction of places with normals.
     #[inline(always)]
     pub fn look(&self, places: &Group) -> Sights {
-        let mut sights = Sights { in_front: [0.0; LANES], facing: [0.0; LANES] };
+        let eye = self.eye;
+        let (mut faces, mut pixels, mut ranges) = ([0; LANES], [[0; LANES]; 2], [0.0; LANES]);
+        let mut facing = [0.0; LANES];
         for lane in 0..LANES {
-            let place = Vector3::from(places.point.map(|values| values[lane]));
-            let normal = Vector3::from(places.normal.map(|values| values[lane]));
-            let seen = self.project(&place);
-            sights.in_front[lane] = self.range(&seen) - seen.range;
-            sights.facing[lane] = normal.dot(&(self.eye - place)) / seen.range;
+            let [x, y, z] = [0, 1, 2].map(|k| places.point[k][lane]);
+            let [u, v, w] = [0, 1, 2].map(|k| places.normal[k][lane]);
+            let seen = self.project(x, y, z);
+            (faces[lane], pixels[0][lane], pixels[1][lane]) = (seen.face, seen.pixel[0], seen.pixel[1]);
+            ranges[lane] = seen.range;
+            facing[lane] = (u * (eye.x - x) + v * (eye.y - y) + w * (eye.z - z)) / seen.range;
         }
-        sights
+        let mut in_front = [0.0; LANES];
+        for lane in 0..LANES {
+            in_front[lane] = self.range(faces[lane], [pixels[0][lane], pixels[1][lane]]) - ranges[lane];
+        }
+        Sights { in_front, facing }
     }
 
     /// The nearest range in a direction.
     #[inline(always)]
-    fn range(&self, seen: &Projection) -> f32 {
-        let face = &self.faces[seen.face];
+    fn range(&self, face: u32, pixel: [i32; 2]) -> f32 {
+        let face = &self.faces[face as usize];
         // Pixels below the lowest wrap around, beyond all sizes.
-        let [row, column] = [0, 1].map(|k| seen.pixel[k].wrapping_sub(face.low[k]) as u32);
+        let [row, column] = [0, 1].map(|k| pixel[k].wrapping_sub(face.low[k]) as u32);
         if row >= face.size[0] as u32 || column >= face.size[1] as u32 {
             return f32::INFINITY;
         }

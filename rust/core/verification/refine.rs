@@ -105,8 +105,8 @@ impl Equations {
     /// Adds the pair of a moved sample and the point near it.
     #[inline(always)]
     fn add(&mut self, moved: &Group, near: &Group, lane: usize, weight: f64) {
-        let [x, y, z] = moved.point.map(|values| values[lane]);
-        let [u, v, w] = near.normal.map(|values| values[lane]);
+        let [x, y, z] = [0, 1, 2].map(|k| moved.point[k][lane]);
+        let [u, v, w] = [0, 1, 2].map(|k| near.normal[k][lane]);
         let [dx, dy, dz] = moved.offset(near, lane);
         let residual = f64::from(dx * u + dy * v + dz * w);
         let row = [y * w - z * v, z * u - x * w, x * v - y * u, u, v, w, 0.0, 0.0].map(f64::from);
