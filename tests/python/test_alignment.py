@@ -149,7 +149,9 @@ def test_a_shifted_frame_gives_the_shifted_pose() -> None:
 def test_a_turned_frame_gives_about_the_turned_pose() -> None:
     rng = np.random.default_rng(0)
     motions = [random_motion(rng, 1e3 * SPACING) for _ in range(2)]
-    moved = [apply(motion, cloud.points) for motion, cloud in zip(motions, (PAIR.source, PAIR.target), strict=True)]
+    moved = [
+        apply(motion, cloud.points) for motion, cloud in zip(motions, (PAIR.source, PAIR.target), strict=True)
+    ]
     again = align(*surfaces(*moved), motions[1] @ near_truth() @ invert(motions[0]))
     away = apply(invert(motions[1]) @ again.T_target_source @ motions[0], PAIR.source.points)
     # Other voxels, other points: equal only as far as the clouds fix the pose.

@@ -11,6 +11,7 @@ from cgroup.group import group
 from cgroup.registration.judgement import ACCEPTED, SURE, probability
 from cgroup.registration.matching import match_both_ways, take_matches
 from cgroup.registration.poses import frame_poses, group_poses, keep_upright
+from cgroup.registration.prepared import fine_surfaces
 from cgroup.verification import Alignment, Verification, align, verify
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ class Search:
             )
         self.clock.start("refinement")
         pose = verification.T_target_source
-        refined = align(source.fine_surface, target.fine_surface, pose, threads=self.threads)
+        refined = align(*fine_surfaces(source, target), pose, threads=self.threads)
         chance = probability(verification)
         return Found(verification, refined, chance, matches, source, target)
 

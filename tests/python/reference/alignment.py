@@ -7,11 +7,14 @@ is tested elsewhere.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .neighborhood import FloatArray
 from .voxels import voxel_downsample
+
+if TYPE_CHECKING:
+    from .neighborhood import FloatArray
 
 PLANE_RADIUS, LEAST_POINTS = 2.4, 6
 FIRST_REACH, LAST_REACH, SHRINKING, STEPS = 3.0, 1.5, 6, 25
