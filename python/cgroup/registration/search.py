@@ -11,6 +11,7 @@ from cgroup.group import group
 from cgroup.registration.judgement import ACCEPTED, SURE, probability, rank
 from cgroup.registration.matching import match_both_ways, take_matches
 from cgroup.registration.poses import frame_poses, group_poses, keep_upright
+from cgroup.registration.prepared import fine_surfaces
 from cgroup.verification import Alignment, Verification, align, verify
 from cgroup.verification.alignment import align_each
 
@@ -142,7 +143,7 @@ class Search:
     ) -> Found:
         """Refine the finalists on the fine surfaces, choose one, and say how likely it is right."""
         self.clock.start("refinement")
-        surfaces, voxel = (source.fine_surface, target.fine_surface), source.voxel
+        surfaces, voxel = fine_surfaces(source, target), source.voxel
         count = min(FINALISTS, len(verification.poses))
         aligned = align_each(*surfaces, verification.poses[:count], FIRST_SAMPLES, self.threads)
         poses = np.array([found.T_target_source for found in aligned])

@@ -112,7 +112,7 @@ fn root_mean_square(samples: &[Sample]) -> f64 {
 
 /// Places spread over the surface, drawn against the frequency of their normals.
 fn sample(points: &Points, around: &BallSearch, execution: &Execution) -> Result<Vec<Sample>> {
-    let step = points.len().div_ceil(PLANES);
+    let step = points.len().div_ceil(PLANES).max(1);
     let rows: Vec<usize> = (0..points.len()).step_by(step).collect();
     let places: Vec<Sample> = rows
         .par_iter()
