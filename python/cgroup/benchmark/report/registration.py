@@ -1,0 +1,188 @@
+"""What the page shows of ways to register: a table of answers, one of errors and times, and a figure."""
+
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cgroup.benchmark.report.cells import MISSING, Cell, Table, number, words
+from cgroup.plots import pipelines_figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cgroup.benchmark.report.pictures import Picture, PictureBook
+
+STAGES = {
+    "features": ("features", "size", "voxels", "normals", "frames", "descriptors", "surface", "keypoints"),
+    "matching": ("matching",),
+    "pose": ("pose", "grouping"),
+    "verification": ("verification",),
+    "refinement": ("refinement",),
+}
+"""Columns of times, with the last words of the stages that count to each."""
+
+
+@dataclass(frozen=True)
+class RegistrationSection:
+    """Pipelines compared.
+
+    Attributes
+    ----------
+    picture : Picture
+        Shares of right poses.
+    answers, details : Table
+        How many poses are right and trusted; errors and times.
+    """
+
+    picture: Picture
+    answers: Table
+    details: Table
+
+
+def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> RegistrationSection | None:
+    """Make the section of `load_registrations`; None where there are no records of related pairs."""
+    if frame.empty or not (frame["kind"] == "related").any():
+        return None
+    good = frame[frame["error"] == ""]
+    related = good[good["kind"] == "related"]
+    counts = related.drop_duplicates(["set", "dataset", "pair"]).groupby("set", sort=False).size()
+    title = ", ".join(f"{name} ({count})" for name, count in counts.items())
+    figure = pipelines_figure(related, title=f"Registered pairs: {title}")
+    shares = related.groupby("pipeline")["right"].mean()
+    alt = (
+        f"Share of right poses of {len(shares)} pipelines by overlap, and over the time they take; over all "
+        f"pairs {shares.idxmax()} has the most, {shares.max():.2f}."
+    )
+    return RegistrationSection(
+        pictures.add("registration", figure, alt), answer_table(good), detail_table(related)
+    )
+
+
+def answer_table(frame: pd.DataFrame) -> Table:
+    """List how many poses are right, how long they take, and what is believed.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Records without failed ones.
+
+    Returns
+    -------
+    Table
+        One row per pipeline.
+    """
+    related = frame[frame["kind"] == "related"]
+    sets = list(dict.fromkeys(related["set"]))
+    columns = [
+        column
+        for name in sets
+        # The side with more overlap comes first.
+        for column in sorted(related[related["set"] == name]["column"].unique(), reverse=True)
+    ]
+    sizes = related.drop_duplicates(["column", "dataset", "pair"]).groupby("column").size()
+    rows: list[tuple[Cell, ...]] = []
+    for name in dict.fromkeys(frame["pipeline"]):
+        chosen = frame[frame["pipeline"] == name]
+        mine = chosen[chosen["kind"] == "related"]
+        rows.append(
+            (
+                words(name),
+                *(_count_right(mine[mine["column"] == column]) for column in columns),
+                *(number(float(mine[mine["set"] == each]["seconds"].median()), "{:.2f}") for each in sets),
+                _share(~mine[mine["right"]]["ok"]),
+                _share(mine[~mine["right"]]["ok"]),
+                *(_share(chosen[chosen["kind"] == kind]["ok"]) for kind in ("mirrored", "mixed")),
+            )
+        )
+    headers = (
+        "pipeline",
+        *(f"{column} ({sizes[column]})" for column in columns),
+        *(f"s, {each}" for each in sets),
+        "right refused",
+        "wrong accepted",
+        "mirrored accepted",
+        "unrelated accepted",
+    )
+    caption = (
+        "Right poses / accurate ones, by the loose and the strict limits of each set; median seconds per "
+        "pair; right poses that the pipeline itself refuses; poses that it accepts and that are wrong, of "
+        "pairs with a mirrored target, and of clouds of different things"
+    )
+    return Table(caption, headers, _mark_best(rows, len(columns)))
+
+
+def detail_table(related: pd.DataFrame) -> Table:
+    """List errors and times.
+
+    Parameters
+    ----------
+    related : DataFrame
+        Records of related pairs.
+
+    Returns
+    -------
+    Table
+        One row per set and pipeline.
+    """
+    rows: list[tuple[Cell, ...]] = []
+    for (name, pipeline), chosen in related.groupby(["set", "pipeline"], sort=False):
+        right = chosen[chosen["right"]]
+        rows.append(
+            (
+                words(name),
+                words(pipeline),
+                number(len(right), "{:.0f}"),
+                number(float(right["rotation_error"].median()), "{:.2f}"),
+                number(float((right["translation_error"] / right["voxel"]).median()), "{:.2f}"),
+                *(number(1e3 * _stage_median(chosen, stage), "{:.0f}") for stage in STAGES),
+                number(1e3 * float(chosen["seconds"].median()), "{:.0f}"),
+            )
+        )
+    headers = (
+        *("set", "pipeline", "right", "rotation (degrees)", "translation (voxels)"),
+        *(f"{stage} (ms)" for stage in STAGES),
+        "total (ms)",
+    )
+    caption = (
+        "Median errors of right poses, and median times of all; Open3D's matching is part of its pose, and a "
+        "dash stands for a stage that a pipeline doesn't have"
+    )
+    return Table(caption, headers, rows)
+
+
+def _stage_median(rows: pd.DataFrame, stage: str) -> float:
+    """Median over pairs of the seconds of the stages that a column stands for; NaN if there are none."""
+    endings = STAGES[stage]
+    times = rows["stages"].map(lambda of_pair: [s for name, s in of_pair.items() if name.endswith(endings)])
+    return float(times.map(sum).median()) if times.map(len).any() else float("nan")
+
+
+def _count_right(rows: pd.DataFrame) -> Cell:
+    if rows.empty:
+        return Cell(MISSING, -1.0)
+    right = int(rows["right"].sum())
+    return Cell(f"{right} / {int((rows['right'] & rows['accurate']).sum())}", float(right))
+
+
+def _share(flags: pd.Series) -> Cell:
+    """Cell of how many of how many."""
+    if flags.empty:
+        return Cell(MISSING, -1.0)
+    return Cell(f"{int(flags.sum())} / {len(flags)}", float(flags.mean()))
+
+
+def _mark_best(rows: list[tuple[Cell, ...]], columns: int) -> list[tuple[Cell, ...]]:
+    """Mark the highest counts of right poses."""
+    best = [max(row[place].key for row in rows) for place in range(1, 1 + columns)]
+    return [
+        (
+            row[0],
+            *(cell._replace(best=cell.key == most) for cell, most in zip(row[1:], best, strict=False)),
+            *row[1 + columns :],
+        )
+        for row in rows
+    ]
