@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cgroup import features
-from cgroup._arguments import as_length
 from cgroup._progress import StageClock, ignore_progress
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.features import ORIGIN
 from cgroup.group import group
 from cgroup.registration.correspond import PaperFront, correspond
+from cgroup.registration.pair import prepare_pair
 from cgroup.registration.poses import as_axis, group_poses
-from cgroup.registration.prepared import VOXELS, DenseFront, PreparedScan, prepare_scan
+from cgroup.registration.prepared import DenseFront
 from cgroup.registration.report import explain_failure, registration_of
-from cgroup.registration.scan import as_scan, check_choice
+from cgroup.registration.scan import check_choice
 from cgroup.registration.search import EFFORTS, Search
 from cgroup.types import PointCloud
 
@@ -27,14 +26,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Cloud, Viewpoint
+    from cgroup.registration.prepared import PreparedScan
     from cgroup.registration.result import Registration
     from cgroup.registration.scan import Scan
     from cgroup.registration.search import Effort, Found
 
 FRONTS = ("dense", "paper")
-
-MAX_SIZE_RATIO = 100.0
-"""Clouds that differ more than this are taken to be in different units; no voxel suits both."""
 
 
 def register(
@@ -113,9 +110,8 @@ def register(
     kind = _front_of(front)
     chosen = method or ("gtm" if isinstance(kind, PaperFront) else "lc")
     search = Search(chosen, options, direction, effort, threads, clock)
-    clock.start("voxel size")
     dense = kind if isinstance(kind, DenseFront) else None
-    scans = _prepare_both(source, target, voxel, (source_viewpoint, target_viewpoint), dense, threads, clock)
+    scans = prepare_pair(source, target, voxel, (source_viewpoint, target_viewpoint), dense, threads, clock)
     found = _search_keypoints(search, scans, kind) if isinstance(kind, PaperFront) else search.run(*scans)
     return _answer(found, scans, clock)
 
@@ -129,56 +125,6 @@ def _front_of(front: object) -> DenseFront | PaperFront:
         return PaperFront()
     message = f"front: got {front!r}; choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
     raise InputError(message)
-
-
-def _prepare_both(
-    source: PreparedScan | PointCloud | Cloud | ArrayLike,
-    target: PreparedScan | PointCloud | Cloud | ArrayLike,
-    voxel: float | None,
-    viewpoints: tuple[Viewpoint | None, Viewpoint | None],
-    front: DenseFront | None,
-    threads: int | None,
-    clock: StageClock,
-) -> tuple[PreparedScan, PreparedScan]:
-    clouds = [
-        cloud if isinstance(cloud, PreparedScan) else as_scan(name, cloud)
-        for name, cloud in (("source", source), ("target", target))
-    ]
-    _refuse_other_units(*(c.scan if isinstance(c, PreparedScan) else c for c in clouds))
-    prepared = [cloud for cloud in clouds if isinstance(cloud, PreparedScan)]
-    if prepared:
-        size, front = prepared[0].voxel, prepared[0].front
-        if any(scan.voxel != size or scan.front != front for scan in prepared) or voxel not in {None, size}:
-            sizes = " and ".join(f"{scan.voxel:.4g}" for scan in prepared)
-            asked = "" if voxel is None else f", voxel={voxel}"
-            message = f"source, target: prepared with voxels of {sizes}{asked}; prepare both alike"
-            raise InputError(message)
-    elif voxel is None:
-        whole = [cloud.cloud for cloud in clouds if not isinstance(cloud, PreparedScan)]
-        size = features.choose_voxel(*whole, voxels=VOXELS, threads=threads)
-    else:
-        size = as_length("voxel", voxel)
-    both = [
-        cloud
-        if isinstance(cloud, PreparedScan)
-        else prepare_scan(
-            cloud,
-            size,
-            viewpoint,
-            front or DenseFront(),
-            threads,
-            lambda stage, role=cloud.name: clock.start(f"{role} {stage}"),
-        )
-        for cloud, viewpoint in zip(clouds, viewpoints, strict=True)
-    ]
-    return both[0], both[1]
-
-
-def _refuse_other_units(source: Scan, target: Scan) -> None:
-    sizes = source.cloud.diagonal, target.cloud.diagonal
-    if max(sizes) > MAX_SIZE_RATIO * min(sizes):
-        message = f"source, target: {sizes[0]:.3g} and {sizes[1]:.3g} across; scale them to the same unit"
-        raise InputError(message)
 
 
 def _search_keypoints(

@@ -70,6 +70,8 @@ class PreparedScan:
     ----------
     scan : Scan
         The whole cloud.
+    front : DenseFront
+        Radii, in voxels.
     voxel : float
         Edge length of the voxels, in the unit of the points.
     viewpoint : (float, float, float) or None
@@ -77,11 +79,16 @@ class PreparedScan:
     voxels : Voxels
         The cloud thinned out.
     normals : (M,3) array of float64
-        Of the voxels, towards the viewpoint or the side of SHOT's z axis; NaN for none.
+        Of the voxels, towards the viewpoint where those of both scans are known, else to the side of SHOT's z
+        axis; NaN for none.
     described : DescribedCloud
         Frames and FPFH of the voxels that have them; `DescribedCloud.indices` are rows of `voxels`.
     surface : Surface
         What poses are judged on, of unit 0.4 voxel.
+    by_frames : bool
+        Whether normals are to the side of SHOT's z axis.
+    threads : int or None
+        Threads to compute on.
     """
 
     scan: Scan
@@ -92,17 +99,33 @@ class PreparedScan:
     normals: FloatArray
     described: DescribedCloud
     surface: Surface
-    threads: int | None = None
+    by_frames: bool
+    threads: int | None
 
     @cached_property
     def fine_surface(self) -> FineSurface:
         """The cloud at a third of the voxel, for the last refinement; made when it is first needed."""
         return FineSurface(self.scan.cloud, self.voxel / _FINE, threads=self.threads)
 
+    @cached_property
+    def turned_by_frames(self) -> PreparedScan:
+        """The same scan with normals to the side of SHOT's z axis, for a partner without a viewpoint."""
+        if self.by_frames:
+            return self
+        return prepare_scan(
+            self.scan, self.voxel, self.viewpoint, self.front, self.threads, ignore_progress, by_frames=True
+        )
+
     def resized(self, factor: float, clock: StageClock) -> PreparedScan:
         """Make the same scan ready with voxels of another size."""
         return prepare_scan(
-            self.scan, factor * self.voxel, self.viewpoint, self.front, self.threads, clock.start
+            self.scan,
+            factor * self.voxel,
+            self.viewpoint,
+            self.front,
+            self.threads,
+            clock.start,
+            by_frames=self.by_frames,
         )
 
     def __len__(self) -> int:
@@ -162,7 +185,15 @@ def prepare(
     scan = as_scan("cloud", cloud)
     size = features.choose_voxel(scan.cloud, voxels=VOXELS, threads=threads) if voxel is None else voxel
     begin = progress or ignore_progress
-    return prepare_scan(scan, as_length("voxel", size), viewpoint, front or DenseFront(), threads, begin)
+    return prepare_scan(
+        scan,
+        as_length("voxel", size),
+        viewpoint,
+        front or DenseFront(),
+        threads,
+        begin,
+        by_frames=viewpoint is None,
+    )
 
 
 def prepare_scan(
@@ -172,8 +203,10 @@ def prepare_scan(
     front: DenseFront,
     threads: int | None,
     begin: Callable[[str], Any],
+    *,
+    by_frames: bool,
 ) -> PreparedScan:
-    """Make a scan ready, with voxels of a size that is known."""
+    """Make a scan ready with voxels of a known size, and normals turned by frames or the viewpoint."""
     eye = None if viewpoint is None else _as_viewpoint(viewpoint)
     begin("voxels")
     voxels = features.voxel_downsample(scan.cloud, voxel, threads=threads)
@@ -195,7 +228,7 @@ def prepare_scan(
     begin("frames")
     radius = front.frame_radius * voxel
     frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=radius, threads=threads)
-    if eye is None:
+    if by_frames:
         normals *= _signs(normals, frames[:, 2])[:, None]
     begin("descriptors")
     radius = front.support * voxel
@@ -207,7 +240,7 @@ def prepare_scan(
     surface = Surface(
         voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=True, threads=threads
     )
-    return PreparedScan(scan, front, voxel, eye, voxels, normals, described, surface, threads)
+    return PreparedScan(scan, front, voxel, eye, voxels, normals, described, surface, by_frames, threads)
 
 
 def _as_viewpoint(viewpoint: ArrayLike) -> Viewpoint:
