@@ -171,7 +171,7 @@ def test_a_missing_library_leaves_its_pipelines_out(monkeypatch: pytest.MonkeyPa
         ("benchmark_fakes:poseless", "open3d", "got 'open3d'; choose one of cgroup"),
         ("benchmark_fakes:poseless", "benchmark_fakes:NOT_A_FUNCTION", "is a int; name a function"),
         ("by = 50", "bi = 50", "has no 'bi'; it takes by, ok"),
-        ('label = "wrong"', 'label = "right"', "two are called 'right'"),
+        ('label = "wrong"', 'label = "right"', "give each variant a label of its own"),
         ('loose = "kitti"', 'loose = "rmse<=1pr"', "choose a limit of the rotation: 5deg"),
         ("[[registration.sets]]", "[[registration.pairs]]", "registration.sets: Field required"),
         (
@@ -179,6 +179,7 @@ def test_a_missing_library_leaves_its_pipelines_out(monkeypatch: pytest.MonkeyPa
             'dataset = "benchmark_fakes:Views"\nvoxel = 0',
             "sets[0].voxel",
         ),
+        ('id = "views"', 'id = "views"\nwithout = ["write"]', "without 'write', but the pipelines are right"),
         ("threads = 1", "threads = 0", "registration.threads"),
     ],
 )
@@ -204,12 +205,15 @@ def test_the_preset_can_be_read() -> None:
     assert registration is not None
     assert registration.threads == 2
     assert {entry.name for entry in registration.pipelines} == set(PIPELINES)
-    assert all(each.mirrored for each in registration.sets)
+    datasets = {name for each in registration.sets for name in each.dataset}
+    assert datasets == {"stanford", "3dmatch", "lidar", "fgr-clouds"}
 
 
-def test_a_voxel_of_the_set_is_taken(tmp_path: Path) -> None:
-    serial(SETS + "voxel = 0.125\npairs = 1\n", tmp_path)
-    assert (records.load_registrations(tmp_path)["voxel"] == 0.125).all()
+def test_a_set_has_its_voxel_and_its_pipelines(tmp_path: Path) -> None:
+    serial(SETS + 'voxel = 0.125\npairs = 1\nwithout = ["wrong", "none"]\n', tmp_path)
+    found = records.load_registrations(tmp_path)
+    assert (found["voxel"] == 0.125).all()
+    assert found["pipeline"].tolist() == ["right", "rough"]
 
 
 def test_answers_are_counted(frame: pd.DataFrame) -> None:

@@ -47,7 +47,6 @@ class PipelineEntry(Table):
         return make_pipeline(self.label, self.name, self.options, refined=self.refined)
 
 
-Pipelines = Annotated[tuple[PipelineEntry, ...], Field(min_length=1)]
 Count = Annotated[int, Field(ge=0)]
 
 
@@ -72,8 +71,8 @@ class PairSetEntry(Table):
         `cgroup.features.choose_voxel` by default.
     split_overlap : float, optional
         Pairs that overlap less stand in a column of their own.
-    pipelines : tuple of PipelineEntry, optional
-        In place of the table's.
+    without : tuple of str
+        Labels of pipelines that are not run on them.
     """
 
     id: str
@@ -85,7 +84,7 @@ class PairSetEntry(Table):
     mixed: Count = 0
     voxel: Positive | None = None
     split_overlap: Annotated[float, Field(gt=0, lt=1)] | None = None
-    pipelines: Pipelines | None = None
+    without: tuple[str, ...] = ()
 
     @model_validator(mode="after")
     def _fits(self) -> PairSetEntry:
@@ -111,7 +110,7 @@ class RegistrationEntry(Table):
     """
 
     threads: Annotated[int, Field(ge=1)] = 2
-    pipelines: Pipelines
+    pipelines: Annotated[tuple[PipelineEntry, ...], Field(min_length=1)]
     sets: Annotated[tuple[PairSetEntry, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -120,12 +119,12 @@ class RegistrationEntry(Table):
         if len(set(ids)) < len(ids):
             message = f"sets: {', '.join(ids)}; give each an id of its own"
             raise InputError(message)
-        tables = [self.pipelines, *(each.pipelines for each in self.sets if each.pipelines)]
-        meant: dict[str, Pipeline] = {}
-        for pipeline in (entry.pipeline() for table in tables for entry in table):
-            if meant.setdefault(pipeline.label, pipeline) != pipeline:
-                message = (
-                    f"pipelines: two are called {pipeline.label!r}; give each variant a label of its own"
-                )
-                raise InputError(message)
+        labels = [entry.pipeline().label for entry in self.pipelines]
+        if len(set(labels)) < len(labels):
+            message = f"pipelines: {', '.join(labels)}; give each variant a label of its own"
+            raise InputError(message)
+        unknown = [label for each in self.sets for label in each.without if label not in labels]
+        if unknown:
+            message = f"sets: without {unknown[0]!r}, but the pipelines are {', '.join(labels)}"
+            raise InputError(message)
         return self

@@ -84,13 +84,13 @@ def matches(
 
 
 def _match_keypoints(problem: Problem, clock: StageClock) -> Correspondences:
-    clock.start("keypoints and matching")
     return correspond(
         problem.source,
         problem.target,
         source_viewpoint=problem.source_viewpoint or features.ORIGIN,
         target_viewpoint=problem.target_viewpoint or features.ORIGIN,
         threads=problem.threads,
+        progress=clock.start,
     )
 
 

@@ -57,7 +57,7 @@ def plan_sets(config: Config, opened: OpenDatasets) -> Iterator[PlannedSet]:
         at_hand = [name for name in entry.dataset if opened.open(name)]
         missing = {name: opened.missing[name] for name in entry.dataset if name not in at_hand}
         cases = tuple(case for name in at_hand for case in _list_cases(entry, name, opened, config.seed))
-        pipelines, absent = _find_pipelines(entry.pipelines or config.registration.pipelines)
+        pipelines, absent = _find_pipelines(config.registration.pipelines, entry.without)
         yield PlannedSet(entry, cases, pipelines, config.registration.threads, missing | absent)
 
 
@@ -76,9 +76,11 @@ def _list_cases(entry: PairSetEntry, name: str, opened: OpenDatasets, seed: int)
         yield PairCase(name, pair, "mixed", other, entry.voxel, seed)
 
 
-def _find_pipelines(entries: Sequence[PipelineEntry]) -> tuple[tuple[Pipeline, ...], dict[str, str]]:
+def _find_pipelines(
+    entries: Sequence[PipelineEntry], without: Sequence[str]
+) -> tuple[tuple[Pipeline, ...], dict[str, str]]:
     """Tell the pipelines that can be run from those that can't, and say why."""
-    pipelines = [entry.pipeline() for entry in entries]
+    pipelines = [pipeline for entry in entries if (pipeline := entry.pipeline()).label not in without]
     reasons = {pipeline.label: pipeline.why_missing() for pipeline in pipelines}
     found = tuple(pipeline for pipeline in pipelines if not reasons[pipeline.label])
     return found, {label: why for label, why in reasons.items() if why}

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from cgroup.benchmark.report.pictures import Picture, PictureBook
 
 STAGES = {
-    "features": ("features", "size", "voxels", "normals", "frames", "descriptors", "surface", "keypoints"),
+    "features": (
+        *("features", "size", "voxels", "normals", "frames", "descriptors", "surface"),
+        *("resolution", "keypoints"),
+    ),
     "matching": ("matching",),
     "pose": ("pose", "grouping"),
     "verification": ("verification",),
