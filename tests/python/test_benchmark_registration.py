@@ -16,7 +16,7 @@ from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.records.schema import SCHEMA
 from cgroup.benchmark.records.store import RECORDS, Store
 from cgroup.benchmark.report import write_report
-from cgroup.benchmark.report.registration import answer_table, detail_table
+from cgroup.benchmark.report.registration import answer_table, detail_table, trust_table
 from cgroup.benchmark.run.stages import KILLED
 from cgroup.errors import InputError
 
@@ -217,16 +217,22 @@ def test_a_set_has_its_voxel_and_its_pipelines(tmp_path: Path) -> None:
 
 
 def test_answers_are_counted(frame: pd.DataFrame) -> None:
-    table = answer_table(frame)
-    assert table.headers[:3] == ("pipeline", "views (3)", "s, views")
-    rows = {row[0].text: [cell.text for cell in row[1:]] for row in table.rows}
-    assert [row[0] for row in rows.values()] == ["3 / 3", "3 / 0", "0 / 0", "0 / 0"]
+    table = answer_table(frame[frame["kind"] == "related"])
+    assert table.headers == ("pipeline", "views (3)")
+    rows = {row[0].text: row[1] for row in table.rows}
+    assert [cell.text for cell in rows.values()] == ["3 / 3", "3 / 0", "0 / 0", "0 / 0"]
+    assert [cell.best for cell in rows.values()] == [True, True, False, False]
+
+
+def test_what_is_trusted_is_counted(frame: pd.DataFrame) -> None:
+    table = trust_table(frame)
+    assert table.headers[1:4] == ("s, views", "right refused", "wrong accepted")
+    rows = {row[0].text: [cell.text for cell in row[2:]] for row in table.rows}
     # right refused, wrong accepted, mirrored accepted, unrelated accepted
-    assert rows["right"][2:] == ["0 / 3", "-", "2 / 2", "4 / 4"]
-    assert rows["rough"][2:] == ["3 / 3", "-", "0 / 2", "0 / 4"]
-    assert rows["wrong"][2:] == ["-", "3 / 3", "2 / 2", "4 / 4"]
-    assert rows["none"][2:] == ["-", "0 / 3", "0 / 2", "0 / 4"]
-    assert [row[1].best for row in table.rows] == [True, True, False, False]
+    assert rows["right"] == ["0 / 3", "-", "2 / 2", "4 / 4"]
+    assert rows["rough"] == ["3 / 3", "-", "0 / 2", "0 / 4"]
+    assert rows["wrong"] == ["-", "3 / 3", "2 / 2", "4 / 4"]
+    assert rows["none"] == ["-", "0 / 3", "0 / 2", "0 / 4"]
 
 
 def test_sets_are_split_by_overlap(tmp_path: Path) -> None:

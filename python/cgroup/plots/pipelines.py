@@ -40,7 +40,7 @@ _FAMILIES = {
 }
 """Shades of each kind of pipeline; others are grey."""
 
-_MARKERS = "osD^v<>PXhp*"
+_MARKERS = "osD^v<>PXhpd"
 
 
 class _Look(NamedTuple):

@@ -149,6 +149,7 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
         totals=_count_totals(frame, data.registrations),
         datasets=dataset_table(frame, data.datasets),
         failures=failure_table(frame, data.registrations),
+        sources=plain_table("Data sets", data.datasets),
         machines=plain_table("Machines", data.machines),
         skips=plain_table("Not timed", data.skips),
         verdicts=verdicts,

@@ -1,4 +1,4 @@
-"""What the page shows of ways to register: a table of answers, one of errors and times, and a figure."""
+"""What the page shows of ways to register: a figure, and tables of answers, of trust, of errors and times."""
 
 # pandas ships no types, and what is guessed from its source is often wrong.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
@@ -37,12 +37,13 @@ class RegistrationSection:
     ----------
     picture : Picture
         Shares of right poses.
-    answers, details : Table
-        How many poses are right and trusted; errors and times.
+    answers, trust, details : Table
+        How many poses are right; which are trusted, and how long they take; errors and times by stage.
     """
 
     picture: Picture
     answers: Table
+    trust: Table
     details: Table
 
 
@@ -60,13 +61,40 @@ def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> Reg
         f"Share of right poses of {len(shares)} pipelines by overlap, and over the time they take; over all "
         f"pairs {shares.idxmax()} has the most, {shares.max():.2f}."
     )
-    return RegistrationSection(
-        pictures.add("registration", figure, alt), answer_table(good), detail_table(related)
-    )
+    picture = pictures.add("registration", figure, alt)
+    return RegistrationSection(picture, answer_table(related), trust_table(good), detail_table(related))
 
 
-def answer_table(frame: pd.DataFrame) -> Table:
-    """List how many poses are right, how long they take, and what is believed.
+def answer_table(related: pd.DataFrame) -> Table:
+    """List how many poses are right, and how many accurate.
+
+    Parameters
+    ----------
+    related : DataFrame
+        Records of related pairs.
+
+    Returns
+    -------
+    Table
+        One row per pipeline, one column per set, or two where it is split by overlap.
+    """
+    columns = [
+        column
+        for name in dict.fromkeys(related["set"])
+        # The side with more overlap comes first.
+        for column in sorted(related[related["set"] == name]["column"].unique(), reverse=True)
+    ]
+    sizes = related.drop_duplicates(["column", "dataset", "pair"]).groupby("column").size()
+    rows: list[tuple[Cell, ...]] = []
+    for name in dict.fromkeys(related["pipeline"]):
+        mine = related[related["pipeline"] == name]
+        rows.append((words(name), *(_count_right(mine[mine["column"] == column]) for column in columns)))
+    headers = ("pipeline", *(f"{column} ({sizes[column]})" for column in columns))
+    return Table("Right poses / accurate poses", headers, _mark_best(rows))
+
+
+def trust_table(frame: pd.DataFrame) -> Table:
+    """List how long pipelines take, and which of their poses they trust.
 
     Parameters
     ----------
@@ -78,15 +106,7 @@ def answer_table(frame: pd.DataFrame) -> Table:
     Table
         One row per pipeline.
     """
-    related = frame[frame["kind"] == "related"]
-    sets = list(dict.fromkeys(related["set"]))
-    columns = [
-        column
-        for name in sets
-        # The side with more overlap comes first.
-        for column in sorted(related[related["set"] == name]["column"].unique(), reverse=True)
-    ]
-    sizes = related.drop_duplicates(["column", "dataset", "pair"]).groupby("column").size()
+    sets = list(dict.fromkeys(frame["set"]))
     rows: list[tuple[Cell, ...]] = []
     for name in dict.fromkeys(frame["pipeline"]):
         chosen = frame[frame["pipeline"] == name]
@@ -94,7 +114,6 @@ def answer_table(frame: pd.DataFrame) -> Table:
         rows.append(
             (
                 words(name),
-                *(_count_right(mine[mine["column"] == column]) for column in columns),
                 *(number(float(mine[mine["set"] == each]["seconds"].median()), "{:.2f}") for each in sets),
                 _share(~mine[mine["right"]]["ok"]),
                 _share(mine[~mine["right"]]["ok"]),
@@ -102,20 +121,10 @@ def answer_table(frame: pd.DataFrame) -> Table:
             )
         )
     headers = (
-        "pipeline",
-        *(f"{column} ({sizes[column]})" for column in columns),
-        *(f"s, {each}" for each in sets),
-        "right refused",
-        "wrong accepted",
-        "mirrored accepted",
-        "unrelated accepted",
+        *("pipeline", *(f"s, {each}" for each in sets)),
+        *("right refused", "wrong accepted", "mirrored accepted", "unrelated accepted"),
     )
-    caption = (
-        "Right poses / accurate ones, by the loose and the strict limits of each set; median seconds per "
-        "pair; right poses that the pipeline itself refuses; poses that it accepts and that are wrong, of "
-        "pairs with a mirrored target, and of clouds of different things"
-    )
-    return Table(caption, headers, _mark_best(rows, len(columns)))
+    return Table("Median seconds per pair, and what is trusted", headers, rows)
 
 
 def detail_table(related: pd.DataFrame) -> Table:
@@ -150,10 +159,7 @@ def detail_table(related: pd.DataFrame) -> Table:
         *(f"{stage} (ms)" for stage in STAGES),
         "total (ms)",
     )
-    caption = (
-        "Median errors of right poses, and median times of all; Open3D's matching is part of its pose, and a "
-        "dash stands for a stage that a pipeline doesn't have"
-    )
+    caption = "Median errors of right poses, and median times of all"
     return Table(caption, headers, rows)
 
 
@@ -178,14 +184,10 @@ def _share(flags: pd.Series) -> Cell:
     return Cell(f"{int(flags.sum())} / {len(flags)}", float(flags.mean()))
 
 
-def _mark_best(rows: list[tuple[Cell, ...]], columns: int) -> list[tuple[Cell, ...]]:
-    """Mark the highest counts of right poses."""
-    best = [max(row[place].key for row in rows) for place in range(1, 1 + columns)]
+def _mark_best(rows: list[tuple[Cell, ...]]) -> list[tuple[Cell, ...]]:
+    """Mark the highest count of each column but the first."""
+    best = [max(cell.key for cell in column) for column in zip(*(row[1:] for row in rows), strict=True)]
     return [
-        (
-            row[0],
-            *(cell._replace(best=cell.key == most) for cell, most in zip(row[1:], best, strict=False)),
-            *row[1 + columns :],
-        )
+        (row[0], *(cell._replace(best=cell.key == most) for cell, most in zip(row[1:], best, strict=True)))
         for row in rows
     ]
