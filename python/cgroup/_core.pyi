@@ -175,5 +175,5 @@ class FineSurface:
     def __len__(self) -> int: ...
 
 def align(
-    source: FineSurface, target: FineSurface, poses: FloatArray, run_options: RunOptions
+    source: FineSurface, target: FineSurface, poses: FloatArray, run_options: RunOptions, samples: int
 ) -> list[_Alignment]: ...

@@ -544,9 +544,9 @@ def lc(
     over residuals r_i below ``2 * tolerance``, with ``sigma = 0.9 * tolerance`` and the chance level
     ``L_i = ln(s n / D_i) + clip(8 (0.87 - ratio_i), -0.8, 3)``: D_i counts the matches that start or end
     within ``5/3 * tolerance`` of match i, and ``s = max(1/100, 10/n)`` is the share that is right where
-    nothing is known. The best pose is refined, its supporters are taken out, and so on. Cost O(n^2) bit
-    operations and ``n^2 / 8`` bytes; of more than 20,000 correspondences, cliques are sought among the 20,000
-    that agree with the most others (the diagnostics say how many under ``vertices``).
+    nothing is known. The best pose is refined, its supporters are taken out, and so on. Of more than 2,500
+    correspondences, cliques are sought among the 2,500 that keep their distance to the most others (the
+    diagnostics say how many under ``vertices``). Cost O(n^2) tests of pairs, memory O(n).
 
     Parameters
     ----------

@@ -12,6 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 use numpy::ndarray::Ix2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
 use crate::cloud::Cloud;
 use crate::convert::Reals;
@@ -163,7 +164,7 @@ type PyAlignment<'py> = (
     PyResistance<'py>,
 );
 
-/// A pose refined on two fine surfaces.
+/// Poses refined on two fine surfaces.
 #[pyfunction]
 pub fn align<'py>(
     py: Python<'py>,
@@ -171,10 +172,12 @@ pub fn align<'py>(
     target: &FineSurface,
     poses: PyReadonlyArray3<'py, f64>,
     run_options: RunOptions,
+    samples: usize,
 ) -> PyResult<Vec<PyAlignment<'py>>> {
     let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&poses)?);
     let found = run(py, &run_options, move |execution| {
-        poses.iter().map(|pose| core::align(&source, &target, pose, execution)).collect::<Result<Vec<_>, _>>()
+        let aligned = poses.par_iter().map(|pose| core::align(&source, &target, pose, samples, execution));
+        aligned.collect::<Result<Vec<_>, _>>()
     })?;
     let aligned = found.into_iter().map(|found| {
         let pose = <[[f64; 4]; 4]>::from(found.pose.to_matrix().transpose()).concat();

@@ -317,6 +317,16 @@ def test_problems_beyond_every_block(method: str, shape: str) -> None:
             np.testing.assert_allclose(got.scores, expected.scores, rtol=0, atol=allowed)
 
 
+def test_lc_joins_those_that_agree_with_the_most_others() -> None:
+    problem = make_problem(np.random.default_rng(6), 2_700, inlier_ratio=0.02)
+    expected, got = (call("lc", problem, {}) for call in (call_reference, call_cgroup))
+    assert got.diagnostics["vertices"] == 2_500
+    assert got.diagnostics["hypotheses"] == expected.details["hypotheses"]
+    np.testing.assert_array_equal(got.mask, expected.mask)
+    np.testing.assert_allclose(got.scores, expected.scores, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(got.alternative_scores, expected.alternative_scores, rtol=1e-6)
+
+
 def coincident(points: FloatArray) -> FloatArray:
     """Return equal points."""
     return np.ones_like(points)

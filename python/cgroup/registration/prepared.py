@@ -238,7 +238,7 @@ def prepare_scan(
     described = DescribedCloud(rows, voxels.points[rows], frames[rows], values[rows], UNIT * voxel, center)
     begin("surface")
     surface = Surface(
-        voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=True, threads=threads
+        voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=not by_frames, threads=threads
     )
     return PreparedScan(scan, front, voxel, eye, voxels, normals, described, surface, by_frames, threads)
 

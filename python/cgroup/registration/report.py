@@ -15,19 +15,18 @@ if TYPE_CHECKING:
     from cgroup.registration.prepared import PreparedScan
     from cgroup.registration.search import Found
     from cgroup.types import Correspondences, FloatArray
-    from cgroup.verification import Verification
 
 GROUP_WITHIN = 2.0
 """Residual in voxels within which a match belongs to the verified group."""
 
-_AS_GOOD = 0.8
+_AS_GOOD = 0.7
 _SIZES_DIFFER = 1.5
 
 
 def registration_of(found: Found, seconds: dict[str, float]) -> Registration:
     """Return the result of a search that has a pose."""
     refined, pose, voxel = found.refined, found.refined.T_target_source, found.source.voxel
-    alternatives = _alternatives(found.verification)
+    alternatives = found.poses[1:][found.values[1:] >= found.values[0] - _AS_GOOD]
     return Registration(
         T_target_source=pose,
         ok=found.probability >= ACCEPTED,
@@ -68,12 +67,6 @@ def _remedy(source: PreparedScan, target: PreparedScan) -> str:
     if source.viewpoint is None or target.viewpoint is None:
         return "the clouds may share too little; if each is a single scan, say where the scanner stood"
     return "the clouds may share too little; more effort may find a pose"
-
-
-def _alternatives(verification: Verification) -> FloatArray:
-    """Return the poses that score almost as well as the best."""
-    scores = verification.scores
-    return verification.poses[1:][scores[1:] >= _AS_GOOD * max(float(scores[0]), 0.0)]
 
 
 def _verified_group(matches: Correspondences, pose: FloatArray, within: float) -> Grouping:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cgroup.group import group
-from cgroup.registration.judgement import ACCEPTED, SURE, probability
+from cgroup.registration.judgement import ACCEPTED, SURE, probability, rank
 from cgroup.registration.matching import match_both_ways, take_matches
 from cgroup.registration.poses import frame_poses, group_poses, keep_upright
 from cgroup.verification import Alignment, Verification, align, verify
+from cgroup.verification.alignment import align_each
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,6 +23,12 @@ if TYPE_CHECKING:
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
 EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
+
+FINALISTS = 8
+"""Verified poses that are refined on the fine surfaces."""
+
+FIRST_SAMPLES = 1000
+"""Samples of either surface that they are refined with; the best one then gets all."""
 
 _FINER = 2**-0.5
 _FINER_NEIGHBORS = 3
@@ -37,6 +44,10 @@ class Found:
         Of all poses proposed, on the voxels.
     refined : Alignment
         The best one, refined on the fine surfaces.
+    poses : (k,4,4) array of float64
+        The finalists, refined too, best first.
+    values : (k,) array of float64
+        What they are ranked by.
     probability : float
         That it is right.
     matches : Correspondences
@@ -47,6 +58,8 @@ class Found:
 
     verification: Verification
     refined: Alignment
+    poses: FloatArray
+    values: FloatArray
     probability: float
     matches: Correspondences
     source: PreparedScan
@@ -118,11 +131,26 @@ class Search:
             verification = verify(
                 source.surface, target.surface, upright, matches=mutual, threads=self.threads
             )
+        return self._judge(source, target, verification, matches)
+
+    def _judge(
+        self,
+        source: PreparedScan,
+        target: PreparedScan,
+        verification: Verification,
+        matches: Correspondences,
+    ) -> Found:
+        """Refine the finalists on the fine surfaces, choose one, and say how likely it is right."""
         self.clock.start("refinement")
-        pose = verification.T_target_source
-        refined = align(source.fine_surface, target.fine_surface, pose, threads=self.threads)
-        chance = probability(verification)
-        return Found(verification, refined, chance, matches, source, target)
+        surfaces, voxel = (source.fine_surface, target.fine_surface), source.voxel
+        count = min(FINALISTS, len(verification.poses))
+        aligned = align_each(*surfaces, verification.poses[:count], FIRST_SAMPLES, self.threads)
+        poses = np.array([found.T_target_source for found in aligned])
+        values = rank(verification.scores[:count], verification.evidence[:count], aligned, voxel)
+        chance = probability(values, poses, source.described.centroid, voxel)
+        order = np.argsort(-values)
+        best = align(*surfaces, poses[order[0]], threads=self.threads)
+        return Found(verification, best, poses[order], values[order], chance, matches, source, target)
 
 
 def _better(one: Found | None, other: Found | None) -> Found | None:

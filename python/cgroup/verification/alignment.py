@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from cgroup.features.cloud import CloudLike
     from cgroup.types import FloatArray
 
+SAMPLES = 3000
+"""Samples of a fine surface."""
+
 
 class FineSurface:
     """A cloud thinned out only a little, made ready once for `align` with any number of partners.
@@ -80,7 +83,7 @@ class Alignment:
         The refined pose.
     residuals : (m,) array of float64
         Distance, with its sign, of each paired sample's plane from the nearest point of the other
-        surface, in the unit of the points. A sample is paired if that point is within 1.5 spacings.
+        surface, in the unit of the points. A sample is paired if that point is within 3 spacings.
     deviations : (m,) array of float64
         Root mean square distance of the points around each of these samples from its own plane: noise and
         curvature.
@@ -150,11 +153,21 @@ def align(
     >>> bool(abs(align(source, target, near).T_target_source - pair.T_target_source).max() < 0.3 * pr)
     True
     """
-    (found,) = _core.align(
+    return align_each(source, target, pose, SAMPLES, threads)[0]
+
+
+def align_each(
+    source: FineSurface, target: FineSurface, poses: ArrayLike, samples: int, threads: int | None
+) -> list[Alignment]:
+    """Refine poses, with at most so many samples of either surface."""
+    aligned = _core.align(
         source._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
         target._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
-        as_poses(pose),
+        as_poses(poses),
         run_options(threads),
+        samples,
     )
-    refined, residuals, deviations, samples, resistance = found
-    return Alignment(refined, residuals, deviations, len(residuals) / samples, *resistance)
+    return [
+        Alignment(pose, residuals, deviations, len(residuals) / count, *resistance)
+        for pose, residuals, deviations, count, resistance in aligned
+    ]

@@ -3,6 +3,8 @@
 //! From each of the pairs with the most common neighbours grows a clique, member by member; the least-squares
 //! motion of its members is a hypothesis.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
 use rayon::prelude::*;
 
 use crate::compatibility::graph::{AgreementGraph, Edge};
@@ -10,18 +12,13 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
 use crate::points::Points;
+use crate::simd;
 
 /// Members that a clique grows to: more of them move the pose little.
 const MOST_MEMBERS: usize = 12;
 
 /// Common neighbours of a pair that are looked at, those of the lowest indices: where there are more, most are right.
 const MOST_CANDIDATES: usize = 256;
-
-/// Words of a row of the graph among the candidates.
-const WORDS: usize = MOST_CANDIDATES / u64::BITS as usize;
-
-/// Candidates, one bit each.
-type Candidates = [u64; WORDS];
 
 /// The motions of the cliques grown from the `most` heaviest edges, the heaviest first, each clique once.
 /// The indices of `source` and `target` are those of the graph.
@@ -46,47 +43,69 @@ pub fn clique_poses(
 /// ties to the lowest index. Ascending.
 fn grow(graph: &AgreementGraph, edge: Edge) -> Vec<u32> {
     let among = graph.common_neighbors(edge.i as usize, edge.j as usize, MOST_CANDIDATES);
-    let rows = rows_among(graph, &among);
+    let mut left = Candidates::new(&among);
     let mut members = vec![edge.i, edge.j];
-    let mut left = first_ones(among.len());
-    while members.len() < MOST_MEMBERS {
-        let mut best: Option<(u32, usize)> = None;
-        for k in (0..among.len()).filter(|&k| left[k / 64] >> (k % 64) & 1 == 1) {
-            let joined = count_common(&left, &rows[k]);
-            if best.is_none_or(|(most, _)| joined > most) {
-                best = Some((joined, k));
-            }
-        }
-        let Some((_, k)) = best else { break };
-        members.push(among[k]);
-        left.iter_mut().zip(&rows[k]).for_each(|(left, row)| *left &= row);
+    // How many of those left each candidate is joined with, or was: it can only fall.
+    let mut candidates: Vec<(u32, u32)> = among.iter().map(|&k| (k, u32::MAX)).collect();
+    while members.len() < MOST_MEMBERS
+        && let Some(best) = left.most_joined(graph, &mut candidates)
+    {
+        members.push(best);
+        left.retain(graph.row(best as usize));
+        candidates.retain(|&(k, _)| left.contains(k));
     }
     members.sort_unstable();
     members
 }
 
-/// The graph among some of its vertices.
-fn rows_among(graph: &AgreementGraph, among: &[u32]) -> Vec<Candidates> {
-    let row = |&i: &u32| {
-        let mut row = [0; WORDS];
-        for (k, &j) in among.iter().enumerate() {
-            row[k / 64] |= u64::from(graph.joined(i as usize, j as usize)) << (k % 64);
-        }
-        row
-    };
-    among.iter().map(row).collect()
+/// Vertices that are joined with all members, as bits of the words of a row that hold them.
+struct Candidates {
+    first: usize,
+    words: Vec<u64>,
 }
 
-fn first_ones(count: usize) -> Candidates {
-    std::array::from_fn(|word| match count.saturating_sub(64 * word) {
-        0 => 0,
-        more if more < 64 => (1 << more) - 1,
-        _ => u64::MAX,
-    })
-}
+impl Candidates {
+    /// Of ascending vertices.
+    fn new(vertices: &[u32]) -> Self {
+        let place = |vertex: u32| (vertex / u64::BITS) as usize;
+        let [first, last] = [vertices.first(), vertices.last()].map(|vertex| vertex.map_or(0, |&k| place(k)));
+        let mut words = vec![0; last - first + 1];
+        vertices.iter().for_each(|&k| words[place(k) - first] |= 1 << (k % u64::BITS));
+        Self { first, words }
+    }
 
-fn count_common(a: &Candidates, b: &Candidates) -> u32 {
-    a.iter().zip(b).map(|(a, b)| (a & b).count_ones()).sum()
+    fn contains(&self, vertex: u32) -> bool {
+        self.words[(vertex / u64::BITS) as usize - self.first] >> (vertex % u64::BITS) & 1 == 1
+    }
+
+    fn retain(&mut self, row: &[u64]) {
+        self.words.iter_mut().zip(&row[self.first..]).for_each(|(word, row)| *word &= row);
+    }
+
+    /// The first of the candidates that is joined with the most of them; a number beside each bounds with how many.
+    fn most_joined(&self, graph: &AgreementGraph, candidates: &mut [(u32, u32)]) -> Option<u32> {
+        let mut best: Option<(u32, u32)> = None;
+        simd::run(
+            #[inline(always)]
+            || {
+                for (vertex, most) in candidates.iter_mut() {
+                    if best.is_some_and(|(joined, _)| joined >= *most) {
+                        continue;
+                    }
+                    let row = &graph.row(*vertex as usize)[self.first..];
+                    let mut joined = 0;
+                    for (word, row) in self.words.iter().zip(row) {
+                        joined += (word & row).count_ones();
+                    }
+                    *most = joined;
+                    if best.is_none_or(|(most, _)| joined > most) {
+                        best = Some((joined, *vertex));
+                    }
+                }
+            },
+        );
+        best.map(|(_, vertex)| vertex)
+    }
 }
 
 /// Each clique once, in the order in which they come first.
@@ -159,10 +178,12 @@ mod tests {
     }
 
     #[test]
-    fn as_many_bits_as_asked_for() {
-        for count in [0, 1, 63, 64, 65, 200, 256] {
-            let ones: u32 = first_ones(count).iter().map(|word| word.count_ones()).sum();
-            assert_eq!(ones as usize, count);
-        }
+    fn candidates_hold_what_they_are_made_of() {
+        let vertices = [70, 127, 128, 200];
+        let mut candidates = Candidates::new(&vertices);
+        assert_eq!((candidates.first, candidates.words.len()), (1, 3));
+        assert!((64..256).all(|k| candidates.contains(k) == vertices.contains(&k)));
+        candidates.retain(&[0, 1 << 6, u64::MAX, 0]);
+        assert!((64..256).all(|k| candidates.contains(k) == [70, 128].contains(&k)));
     }
 }

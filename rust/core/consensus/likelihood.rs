@@ -26,11 +26,15 @@ const RATIO_TERM: (f64, f64) = (-0.8, 3.0);
 /// Residuals of more deviations don't move a pose.
 const REFINED: f64 = 3.0;
 
+/// Source x, y, z, then target x, y, z, then the level of correspondences; what is left of the last group has a level
+/// of -infinity.
+type Group = [[f64; DOUBLES]; TERMS];
+const TERMS: usize = 7;
+
 /// What the score of a pose adds up.
 #[derive(Debug, Clone)]
 pub struct Likelihood {
-    /// Source x, y, z, then target x, y, z, then the level; filled up to whole groups with a level of -infinity.
-    columns: [Vec<f64>; 7],
+    groups: Vec<Group>,
     len: usize,
     /// Standard deviation of a right match, a length.
     deviation: f64,
@@ -81,10 +85,11 @@ fn density(points: &Points, radius: f64, execution: &Execution) -> Result<Vec<f6
 impl Likelihood {
     /// Of matched points and their [`levels`].
     pub fn new(source: &Points, target: &Points, levels: &[f64], deviation: f64, reach: f64) -> Self {
-        let axes = [&source.x, &source.y, &source.z, &target.x, &target.y, &target.z];
-        let [x, y, z, u, v, w] = axes.map(|axis| filled_up(axis, 0.0));
-        let levels = filled_up(levels, f64::NEG_INFINITY);
-        Self { columns: [x, y, z, u, v, w, levels], len: source.len(), deviation, reach }
+        let terms = |i: usize| {
+            let (p, q) = (source.get(i), target.get(i));
+            [p.x, p.y, p.z, q.x, q.y, q.z, levels[i]]
+        };
+        Self { groups: in_groups((0..levels.len()).map(terms)), len: levels.len(), deviation, reach }
     }
 
     /// Standard deviation of a right match.
@@ -98,30 +103,33 @@ impl Likelihood {
         let squares = self.squared_residuals(pose);
         let limit = self.reach * self.reach;
         let kept: Vec<usize> = (0..self.len).filter(|&i| squares[i] >= limit).collect();
-        let pick = |k: usize| {
-            let values: Vec<f64> = kept.iter().map(|&i| self.columns[k][i]).collect();
-            filled_up(&values, if k == 6 { f64::NEG_INFINITY } else { 0.0 })
-        };
-        Self { columns: std::array::from_fn(pick), len: kept.len(), ..*self }
+        let terms = kept.iter().map(|&i| self.terms(i));
+        Self { groups: in_groups(terms), len: kept.len(), ..*self }
+    }
+
+    fn terms(&self, i: usize) -> [f64; TERMS] {
+        let group = &self.groups[i / DOUBLES];
+        std::array::from_fn(|k| group[k][i % DOUBLES])
     }
 
     /// The score of a pose: sum of `max(0, level - r^2 / (2 deviation^2))` over residuals r below the reach.
     pub fn support(&self, pose: &Rigid) -> Support {
         let (limit, factor) = (self.reach * self.reach, 0.5 / (self.deviation * self.deviation));
-        let (transform, columns) = (by_rows(pose), self.groups());
-        let (mut sums, mut counts) = ([0.0; DOUBLES], [0.0; DOUBLES]);
-        simd::run(
+        let transform = by_rows(pose);
+        let (sums, counts) = simd::run(
             #[inline(always)]
             || {
-                for group in 0..columns[0].len() {
+                let (mut sums, mut counts) = ([0.0; DOUBLES], [0.0; DOUBLES]);
+                for group in &self.groups {
+                    let squares = squared_residuals(&transform, group);
                     for lane in 0..DOUBLES {
-                        let square = squared_residual(&transform, &columns, group, lane);
-                        let term = columns[6][group][lane] - factor * square;
-                        let counts_here = square < limit && term > 0.0;
+                        let term = group[6][lane] - factor * squares[lane];
+                        let counts_here = (squares[lane] < limit) & (term > 0.0);
                         sums[lane] += if counts_here { term } else { 0.0 };
                         counts[lane] += if counts_here { 1.0 } else { 0.0 };
                     }
                 }
+                (sums, counts)
             },
         );
         Support { score: sums.iter().sum(), supporters: counts.iter().sum::<f64>() as usize }
@@ -130,12 +138,12 @@ impl Likelihood {
     /// The probability of each correspondence to be right, given the pose.
     pub fn posteriors(&self, pose: &Rigid) -> Vec<f64> {
         let factor = 0.5 / (self.deviation * self.deviation);
-        let squares = self.squared_residuals(pose);
-        squares
-            .iter()
-            .zip(&self.columns[6])
-            .map(|(square, level)| posterior(level - factor * square))
-            .collect()
+        let squares = self.squared_residuals(pose).into_iter().enumerate();
+        squares.map(|(i, square)| posterior(self.level(i) - factor * square)).collect()
+    }
+
+    fn level(&self, i: usize) -> f64 {
+        self.groups[i / DOUBLES][6][i % DOUBLES]
     }
 
     /// The pose after one round of weighted least squares for each of the given deviations, in turn; where
@@ -153,12 +161,12 @@ impl Likelihood {
     fn refit(&self, pose: &Rigid, deviation: f64) -> Option<Rigid> {
         let (limit, factor) = ((REFINED * deviation).powi(2), 0.5 / (deviation * deviation));
         let (mut p, mut q, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        let [x, y, z, u, v, w, levels] = &self.columns;
         for (i, square) in self.squared_residuals(pose).into_iter().enumerate() {
             if square < limit {
-                p.push(Point3::new(x[i], y[i], z[i]));
-                q.push(Point3::new(u[i], v[i], w[i]));
-                weights.push(posterior(levels[i] - factor * square));
+                let [x, y, z, u, v, w, level] = self.terms(i);
+                p.push(Point3::new(x, y, z));
+                q.push(Point3::new(u, v, w));
+                weights.push(posterior(level - factor * square));
             }
         }
         fixes_rotation(&p, &q).then(|| fit_weighted(&p, &q, &weights))
@@ -166,26 +174,19 @@ impl Likelihood {
 
     /// `|R p + t - q|^2` of each correspondence.
     pub fn squared_residuals(&self, pose: &Rigid) -> Vec<f64> {
-        let (transform, columns) = (by_rows(pose), self.groups());
-        let mut squares = vec![[0.0; DOUBLES]; columns[0].len()];
+        let transform = by_rows(pose);
+        let mut squares = vec![[0.0; DOUBLES]; self.groups.len()];
         simd::run(
             #[inline(always)]
             || {
-                for (group, squares) in squares.iter_mut().enumerate() {
-                    for (lane, square) in squares.iter_mut().enumerate() {
-                        *square = squared_residual(&transform, &columns, group, lane);
-                    }
+                for (group, squares) in self.groups.iter().zip(&mut squares) {
+                    *squares = squared_residuals(&transform, group);
                 }
             },
         );
         let mut squares = squares.into_flattened();
         squares.truncate(self.len);
         squares
-    }
-
-    fn groups(&self) -> [&[[f64; DOUBLES]]; 7] {
-        let len = self.columns[0].len() / DOUBLES;
-        self.columns.each_ref().map(|column| &column.as_chunks::<DOUBLES>().0[..len])
     }
 }
 
@@ -194,10 +195,15 @@ fn posterior(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
 
-fn filled_up(values: &[f64], with: f64) -> Vec<f64> {
-    let mut values = values.to_vec();
-    values.resize(values.len().next_multiple_of(DOUBLES), with);
-    values
+fn in_groups(terms: impl ExactSizeIterator<Item = [f64; TERMS]>) -> Vec<Group> {
+    let mut empty = [[0.0; DOUBLES]; TERMS];
+    empty[6] = [f64::NEG_INFINITY; DOUBLES];
+    let mut groups = vec![empty; terms.len().div_ceil(DOUBLES)];
+    for (i, terms) in terms.enumerate() {
+        let group = &mut groups[i / DOUBLES];
+        (0..TERMS).for_each(|k| group[k][i % DOUBLES] = terms[k]);
+    }
+    groups
 }
 
 /// R by rows, then t.
@@ -209,18 +215,17 @@ fn by_rows(pose: &Rigid) -> [f64; 12] {
 }
 
 #[inline(always)]
-fn squared_residual(
-    transform: &[f64; 12],
-    columns: &[&[[f64; DOUBLES]]; 7],
-    group: usize,
-    lane: usize,
-) -> f64 {
+fn squared_residuals(transform: &[f64; 12], group: &Group) -> [f64; DOUBLES] {
     let [r0, r1, r2, r3, r4, r5, r6, r7, r8, t0, t1, t2] = *transform;
-    let [x, y, z] = [columns[0][group][lane], columns[1][group][lane], columns[2][group][lane]];
-    let dx = r0 * x + r1 * y + r2 * z + t0 - columns[3][group][lane];
-    let dy = r3 * x + r4 * y + r5 * z + t1 - columns[4][group][lane];
-    let dz = r6 * x + r7 * y + r8 * z + t2 - columns[5][group][lane];
-    dx * dx + dy * dy + dz * dz
+    let mut squares = [0.0; DOUBLES];
+    for lane in 0..DOUBLES {
+        let [x, y, z] = [group[0][lane], group[1][lane], group[2][lane]];
+        let dx = r0 * x + r1 * y + r2 * z + t0 - group[3][lane];
+        let dy = r3 * x + r4 * y + r5 * z + t1 - group[4][lane];
+        let dz = r6 * x + r7 * y + r8 * z + t2 - group[5][lane];
+        squares[lane] = dx * dx + dy * dy + dz * dz;
+    }
+    squares
 }
 
 #[cfg(test)]

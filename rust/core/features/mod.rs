@@ -22,4 +22,5 @@ pub mod rcs;
 pub mod shot;
 pub mod shot_lrf;
 pub mod toldi_lrf;
+mod voxel_grid;
 pub mod voxels;

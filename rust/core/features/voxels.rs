@@ -2,22 +2,17 @@
 //!
 //! Cells are cubes; the grid begins half a cell below the least coordinates, as in `Open3D`'s `voxel_down_sample`.
 //! Voxels are numbered in the order of their cells, x fastest, so that neighbours in memory are mostly
-//! neighbours in space. Cost O(N log N).
+//! neighbours in space. Cost O(N), or O(N log N) where the cells
+//! are many beside the points.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use crate::error::{Error, Result, at_least_one, positive};
+use crate::error::{Error, Result, at_least_one};
 use crate::execution::Execution;
+use crate::features::voxel_grid::Grid;
 use crate::points::Points;
 
-/// Cells of a grid that gets one bit per cell, 32 MiB at most.
-const MAX_BITS: u64 = 1 << 28;
-/// Cells along all axes together; their numbers fit into 64 bits.
-const MAX_CELLS: f64 = (1_u64 << 62) as f64;
-/// Share of a cell that a point may lie below a face and still belong above it: subtracting the mean rounds
-/// coordinates, and points of a raster would fall to either side.
-const ON_A_FACE: f64 = 1e-9;
 /// Sizes that are tried per factor of two.
 const STEPS_PER_OCTAVE: f64 = 4.0;
 /// Between the smallest and the largest size that are tried: 2^20 cells along a diagonal.
@@ -53,30 +48,15 @@ pub fn voxel_downsample(
         let got = format!("{} rows", normals.len());
         return Err(Error::invalid("normals", got, format!("give one per point, {}", points.len())));
     }
-    let grid = Grid::new(points, size)?;
-    let mut entries: Vec<(u64, u32)> =
-        (0..points.len()).into_par_iter().map(|i| (grid.cell(points, i), i as u32)).collect();
-    execution.check()?;
-    // No two entries are equal, so that their order does not depend on the threads.
-    entries.par_sort_unstable();
-    execution.check()?;
-    let mut voxels = Voxels { indices: vec![0; points.len()], ..Voxels::default() };
-    for members in entries.chunk_by(|a, b| a.0 == b.0) {
-        voxels.add(members, points, normals);
+    let (indices, count) = Grid::new(points, size)?.number(points, execution)?;
+    let (mut sums, mut members) = (vec![Vector3::zeros(); count], vec![0_u32; count]);
+    for (i, &voxel) in indices.iter().enumerate() {
+        sums[voxel as usize] += points.get(i).coords;
+        members[voxel as usize] += 1;
     }
-    Ok(voxels)
-}
-
-impl Voxels {
-    fn add(&mut self, members: &[(u64, u32)], points: &Points, normals: Option<&[Vector3<f64>]>) {
-        let rows = members.iter().map(|&(_, i)| i as usize);
-        let sum: Vector3<f64> = rows.clone().map(|i| points.get(i).coords).sum();
-        rows.clone().for_each(|i| self.indices[i] = self.points.len() as u32);
-        self.points.push((sum / members.len() as f64 + points.center()).into());
-        if let Some(normals) = normals {
-            self.normals.push(mean_direction(rows.map(|i| normals[i])));
-        }
-    }
+    let mean = |(sum, &count): (&Vector3<f64>, &u32)| (sum / f64::from(count) + points.center()).into();
+    let normals = normals.map_or_else(Vec::new, |normals| mean_directions(normals, &indices, count));
+    Ok(Voxels { points: sums.iter().zip(&members).map(mean).collect(), normals, indices })
 }
 
 /// The smallest size 2^(k/4), k whole, at which clouds have at most `most` voxels each on average, and at least two
@@ -100,8 +80,8 @@ pub fn choose_voxel(clouds: &[&Points], most: usize, execution: &Execution) -> R
     let size = |k: i32| (f64::from(k) / STEPS_PER_OCTAVE).exp2();
     let fits = |k: i32| -> Result<bool> {
         execution.check()?;
-        let counts = clouds.iter().map(|cloud| count_voxels(cloud, size(k)));
-        Ok(counts.sum::<Result<usize>>()? <= most)
+        let counts = clouds.par_iter().map(|cloud| Ok(Grid::new(cloud, size(k))?.count(cloud, most)));
+        Ok(counts.collect::<Result<Vec<usize>>>()?.iter().sum::<usize>() <= most)
     };
     // At the highest k each cloud lies in one cell.
     let mut high = (widest.log2() * STEPS_PER_OCTAVE).ceil() as i32 + 2 * STEPS_PER_OCTAVE as i32;
@@ -118,60 +98,17 @@ pub fn choose_voxel(clouds: &[&Points], most: usize, execution: &Execution) -> R
 /// # Errors
 /// [`Error::InvalidInput`] for a size that is not positive or leaves more than 2^62 cells.
 pub fn count_voxels(points: &Points, size: f64) -> Result<usize> {
-    let grid = Grid::new(points, size)?;
-    if points.is_empty() {
-        return Ok(0);
-    }
-    if grid.total() > MAX_BITS {
-        let mut cells: Vec<u64> = (0..points.len()).into_par_iter().map(|i| grid.cell(points, i)).collect();
-        cells.par_sort_unstable();
-        cells.dedup();
-        return Ok(cells.len());
-    }
-    let mut occupied = vec![0_u64; grid.total().div_ceil(64) as usize];
-    for cell in (0..points.len()).map(|i| grid.cell(points, i)) {
-        occupied[(cell / 64) as usize] |= 1 << (cell % 64);
-    }
-    Ok(occupied.iter().map(|word| word.count_ones() as usize).sum())
+    Ok(Grid::new(points, size)?.count(points, usize::MAX))
 }
 
-/// Cells numbered along x first.
-struct Grid {
-    low: [f64; 3],
-    size: f64,
-    cells: [u64; 3],
-}
-
-impl Grid {
-    fn new(points: &Points, size: f64) -> Result<Self> {
-        positive("voxel", size)?;
-        let (low, extent) = points.bounding_box();
-        let cells = extent.map(|length| (length / size + 0.5 + ON_A_FACE).floor() + 1.0);
-        if cells.iter().product::<f64>() > MAX_CELLS {
-            let remedy = format!("the cloud is {:e} across; give a larger voxel", points.diagonal());
-            return Err(Error::invalid("voxel", size, remedy));
-        }
-        Ok(Self { low, size, cells: cells.map(|count| count as u64) })
+fn mean_directions(normals: &[Vector3<f64>], indices: &[u32], count: usize) -> Vec<Vector3<f64>> {
+    let mut sums = vec![Vector3::zeros(); count];
+    for (normal, &voxel) in normals.iter().zip(indices).filter(|(normal, _)| !normal.x.is_nan()) {
+        sums[voxel as usize] += normal;
     }
-
-    fn total(&self) -> u64 {
-        self.cells.iter().product()
-    }
-
-    #[inline]
-    fn cell(&self, points: &Points, i: usize) -> u64 {
-        let point = points.get(i);
-        let along = |k: usize| {
-            let cell = (point[k] - self.low[k]) / self.size + 0.5 + ON_A_FACE;
-            (cell as u64).min(self.cells[k] - 1)
-        };
-        (along(2) * self.cells[1] + along(1)) * self.cells[0] + along(0)
-    }
-}
-
-fn mean_direction(normals: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
-    let sum: Vector3<f64> = normals.filter(|normal| !normal.x.is_nan()).sum();
-    sum.try_normalize(f64::EPSILON).unwrap_or_else(|| Vector3::repeat(f64::NAN))
+    let unit =
+        |sum: &Vector3<f64>| sum.try_normalize(f64::EPSILON).unwrap_or_else(|| Vector3::repeat(f64::NAN));
+    sums.iter().map(unit).collect()
 }
 
 #[cfg(test)]
@@ -235,16 +172,6 @@ mod tests {
         assert!(
             sizes.iter().enumerate().all(|(voxel, &size)| size == if voxel % 17 % 16 == 0 { 1 } else { 2 })
         );
-        Ok(())
-    }
-
-    #[test]
-    fn a_sparse_grid_is_counted_alike() -> Result<()> {
-        let points = wave(3000)?;
-        let size = 1e-3;
-        assert!(Grid::new(&points, size)?.total() > MAX_BITS);
-        let voxels = voxel_downsample(&points, None, size, &Execution::default())?;
-        assert_eq!(voxels.points.len(), count_voxels(&points, size)?);
         Ok(())
     }
 

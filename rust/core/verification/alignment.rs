@@ -8,13 +8,15 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::geometry::ball_search::Ball;
 use crate::geometry::rigid::Rigid;
-use crate::verification::fine_surface::{FineSurface, REACH, Sample};
+use crate::verification::fine_surface::{FineSurface, REACH, Sample, nearest};
 use crate::verification::overlap::Resistance;
 
-/// Most steps, the reach of the last in spacings, and the steps over which it shrinks to that.
-const STEPS: usize = 25;
+/// Steps over which the reach shrinks, with so many samples of each surface at most, and the last reach in spacings.
+const FIRST_STEPS: usize = 5;
+const FIRST_SAMPLES: usize = 1_000;
 const LAST_REACH: f64 = 1.5;
-const SHRINKING: usize = 6;
+/// Most steps that follow, with all samples.
+const LAST_STEPS: usize = 15;
 /// Pairs below which a pose stays as it is.
 const LEAST_PAIRS: usize = 20;
 /// Tukey's constant: residuals beyond so many standard deviations don't count.
@@ -25,8 +27,8 @@ const PER_MEDIAN: f64 = 1.4826;
 const LEAST_DEVIATION: f64 = 1e-3;
 /// Added to the diagonal, as a share of its greatest entry: motions that nothing resists are not made.
 const DAMPING: f64 = 1e-6;
-/// Radians and spacings: a smaller motion ends the refinement.
-const STILL: f64 = 1e-6;
+/// In spacings: a motion that moves no part of the surface farther ends the refinement.
+const STILL: f64 = 1e-3;
 
 /// A refined pose, and how closely the surfaces lie on each other.
 #[derive(Debug, Clone)]
@@ -52,7 +54,7 @@ struct Pair {
     deviation: f64,
 }
 
-/// Refines a pose that is right to about a spacing or two.
+/// Refines a pose that is right to about a spacing or two, with at most so many samples of either surface.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] unless both surfaces have the same spacing, [`Error::Interrupted`].
@@ -60,6 +62,7 @@ pub fn align(
     source: &FineSurface,
     target: &FineSurface,
     pose: &Rigid,
+    samples: usize,
     execution: &Execution,
 ) -> Result<Alignment> {
     let (a, b) = (source.spacing(), target.spacing());
@@ -67,29 +70,36 @@ pub fn align(
         let remedy = "make both surfaces with the same spacing";
         return Err(Error::invalid("source, target", format!("surfaces of spacing {a} and {b}"), remedy));
     }
+    let radius = source.radius().max(target.radius()) / a;
     let mut pose = between(source, target, pose);
-    for step in 0..STEPS {
-        let share = (step as f64 / (SHRINKING - 1) as f64).min(1.0);
-        let pairs = pair(source, target, &pose, REACH + (LAST_REACH - REACH) * share, execution)?;
+    for step in 0..FIRST_STEPS + LAST_STEPS {
+        let share = (step as f64 / FIRST_STEPS as f64).min(1.0);
+        let reach = REACH + (LAST_REACH - REACH) * share;
+        let most = if step < FIRST_STEPS { samples.min(FIRST_SAMPLES) } else { samples };
+        let pairs = pair(source, target, &pose, reach, most, execution)?;
         let Some(motion) = solve(&equations(&pairs)) else { break };
-        let turn = Rotation3::new(motion.fixed_rows::<3>(0).into_owned()).into_inner();
-        let shift = motion.fixed_rows::<3>(3) * target.spacing();
-        pose = Rigid { rotation: turn * pose.rotation, translation: turn * pose.translation + shift };
-        if share >= 1.0 && motion.amax() < STILL {
+        let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
+        pose = followed_by(&pose, turn, shift * a);
+        if share >= 1.0 && turn.norm() * radius + shift.norm() < STILL {
             break;
         }
     }
     pose.rotation = nearest_rotation(&pose);
-    let pairs = pair(source, target, &pose, LAST_REACH, execution)?;
-    let sums = equations(&pairs);
-    let radius = source.radius().max(target.radius()) / a;
+    let sums = equations(&pair(source, target, &pose, LAST_REACH, samples, execution)?);
+    let pairs = pair(source, target, &pose, REACH, samples, execution)?;
     Ok(Alignment {
         pose: in_data(source, target, &pose),
         residuals: pairs.iter().map(|pair| pair.residual * a).collect(),
         deviations: pairs.iter().map(|pair| pair.deviation).collect(),
-        samples: source.samples().len() + target.samples().len(),
+        samples: source.samples(samples).len() + target.samples(samples).len(),
         resistance: Resistance::new(&sums.matrix, sums.weight, radius, a, &target.center()),
     })
+}
+
+/// A pose followed by a small motion: a rotation vector and a translation.
+fn followed_by(pose: &Rigid, turn: Vector3<f64>, shift: Vector3<f64>) -> Rigid {
+    let turn = Rotation3::new(turn).into_inner();
+    Rigid { rotation: turn * pose.rotation, translation: turn * pose.translation + shift }
 }
 
 /// The pose between coordinates relative to the surfaces' means.
@@ -115,17 +125,19 @@ fn pair(
     target: &FineSurface,
     pose: &Rigid,
     reach: f64,
+    samples: usize,
     execution: &Execution,
 ) -> Result<Vec<Pair>> {
     let inverse = pose.rotation.transpose();
+    let (in_source, in_target) = (source.search(reach), target.search(reach));
     let forward = |sample: &Sample, ball: &mut Ball| {
         let place = pose.apply(&sample.point);
-        let near = target.nearest(&place, ball)?;
+        let near = nearest(&in_target, &place, ball)?;
         Some((place, near, pose.rotation * sample.normal))
     };
     let backward = |sample: &Sample, ball: &mut Ball| {
         let place = Point3::from(inverse * (sample.point.coords - pose.translation));
-        let near = source.nearest(&place, ball)?;
+        let near = nearest(&in_source, &place, ball)?;
         Some((pose.apply(&near), sample.point, sample.normal))
     };
     let unit = target.spacing();
@@ -142,11 +154,11 @@ fn pair(
             deviation: sample.deviation,
         })
     };
-    let moved = source.samples().par_iter().map_init(Ball::default, |ball, sample| {
+    let moved = source.samples(samples).par_iter().map_init(Ball::default, |ball, sample| {
         execution.check()?;
         Ok(forward(sample, ball).and_then(|found| as_pair(sample, found)))
     });
-    let still = target.samples().par_iter().map_init(Ball::default, |ball, sample| {
+    let still = target.samples(samples).par_iter().map_init(Ball::default, |ball, sample| {
         execution.check()?;
         Ok(backward(sample, ball).and_then(|found| as_pair(sample, found)))
     });

@@ -37,7 +37,9 @@ pub struct FineSurface {
     spacing: f64,
     points: Points,
     search: BallSearch,
+    /// In the order drawn.
     samples: Vec<Sample>,
+    radius: f64,
 }
 
 impl FineSurface {
@@ -55,7 +57,8 @@ impl FineSurface {
             let got = format!("{spacing}, of which the cloud is {:.3} across", points.diagonal() / spacing);
             return Err(Error::invalid("spacing", got, "give about the distance between points"));
         }
-        Ok(Self { spacing, points, search, samples })
+        let radius = root_mean_square(&samples);
+        Ok(Self { spacing, points, search, samples, radius })
     }
 
     /// Number of points.
@@ -78,23 +81,33 @@ impl FineSurface {
         self.points.center()
     }
 
-    pub(super) fn samples(&self) -> &[Sample] {
-        &self.samples
+    /// The first samples drawn, at most `count`.
+    pub(super) fn samples(&self, count: usize) -> &[Sample] {
+        &self.samples[..count.min(self.samples.len())]
     }
 
     /// Root mean square distance of the samples from the points' mean.
     pub(super) fn radius(&self) -> f64 {
-        let squares: f64 = self.samples.iter().map(|sample| sample.point.coords.norm_squared()).sum();
-        (squares / self.samples.len() as f64).sqrt()
+        self.radius
     }
 
-    /// The point nearest to a place, if one is within [`REACH`].
-    pub(super) fn nearest(&self, place: &Point3<f64>, ball: &mut Ball) -> Option<Point3<f64>> {
-        self.search.within(place, ball);
-        let squares = ball.squared_distances().iter().enumerate();
-        let (best, _) = squares.min_by(|a, b| a.1.total_cmp(b.1))?;
-        Some(place + ball.vector(best))
+    /// A search for points within some spacings, [`REACH`] at most.
+    pub(super) fn search(&self, reach: f64) -> BallSearch {
+        self.search.narrowed(reach.min(REACH) * self.spacing)
     }
+}
+
+/// The point of a search that is nearest to a place, if one is within its radius.
+pub(super) fn nearest(search: &BallSearch, place: &Point3<f64>, ball: &mut Ball) -> Option<Point3<f64>> {
+    search.within(place, ball);
+    let squares = ball.squared_distances().iter().enumerate();
+    let (best, _) = squares.min_by(|a, b| a.1.total_cmp(b.1))?;
+    Some(place + ball.vector(best))
+}
+
+fn root_mean_square(samples: &[Sample]) -> f64 {
+    let squares: f64 = samples.iter().map(|sample| sample.point.coords.norm_squared()).sum();
+    (squares / samples.len() as f64).sqrt()
 }
 
 /// Places spread over the surface, drawn against the frequency of their normals.

@@ -16,6 +16,7 @@ pub mod overlap;
 pub mod schedule;
 pub mod surface;
 
+mod group;
 mod nearest_grid;
 mod pose;
 mod range_map;

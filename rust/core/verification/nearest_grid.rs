@@ -3,68 +3,73 @@
 //! Each cell names the point nearest to its centre. Within a cell of size c another point may be nearer to the place
 //! asked for, by less than `c sqrt(3)`; both lie on the surface, and the distance to its plane hardly differs.
 //! Blocks of 8 x 8 x 8 cells exist only near points, so that memory grows with the surface and not with
-//! the box around it.
+//! the box around it, and are filled when they are first looked into.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
+use std::sync::OnceLock;
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::execution::Execution;
+use crate::simd;
+use crate::verification::group::{Coordinates, LANES};
 
 /// Cells along an edge of a block.
 const EDGE: usize = 8;
 const CELLS: usize = EDGE * EDGE * EDGE;
+/// Cells along an edge of the parts in which a block is filled.
+const PART: usize = 4;
+/// Distance, in cells, from the middle of a part within which the centres of all its cells lie: `1.5 sqrt(3)` and room
+/// for rounding.
+const PART_RADIUS: f32 = 3.0;
 
 /// Entries of the table of blocks: 64 MiB.
 const MOST_BLOCKS_IN_BOX: f64 = (1 << 24) as f64;
-/// Blocks that exist: 512 MiB.
+/// Blocks that exist: 512 MiB once all are filled.
 const MOST_BLOCKS: usize = 1 << 18;
-/// Blocks computed between two looks for an interruption.
-const BATCH: usize = 1024;
 
-const NONE: u32 = u32::MAX;
+/// No point.
+pub(super) const NONE: u32 = u32::MAX;
+/// No cell.
+const OUTSIDE: u32 = u32::MAX;
+
+/// A point with its number.
+type Member = (Vector3<f32>, u32);
 
 #[derive(Debug)]
 pub(super) struct NearestGrid {
     low: Vector3<f32>,
     cells_per_length: f32,
-    /// Cells along each axis, whole blocks.
+    reach: f32,
+    /// Blocks along each axis.
     size: [usize; 3],
-    /// Number of each block of the box, `NONE` where it does not exist.
+    /// One more than the number of each block of the box, 0 where it does not exist.
     blocks: Vec<u32>,
-    /// Nearest point of each cell, block after block.
-    nearest: Vec<u32>,
+    /// Where the points of each block begin among the members, and at last their number.
+    starts: Vec<u32>,
+    /// The points, block after block.
+    members: Vec<Member>,
+    /// Nearest point of each cell of a block.
+    nearest: Vec<OnceLock<Box<[u32; CELLS]>>>,
 }
 
 impl NearestGrid {
     /// Cells of a size, each with the nearest of the points closer to its centre than `reach`, ties to the lower index.
+    /// The reach must not exceed 8 cells.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where the points lie too far apart for cells that small, [`Error::Interrupted`].
-    pub fn new(points: &[Vector3<f32>], cell: f32, reach: f32, execution: &Execution) -> Result<Self> {
+    /// [`Error::InvalidInput`] where the points lie too far apart for cells that small.
+    pub fn new(points: &[Vector3<f32>], cell: f32, reach: f32) -> Result<Self> {
         let mut grid = Self::around(points, cell, reach)?;
-        let touched = grid.touched_blocks(points, reach);
-        let runs: Vec<&[(u32, u32)]> = touched.chunk_by(|a, b| a.0 == b.0).collect();
-        if runs.len() > MOST_BLOCKS {
+        let count = grid.number_blocks(points);
+        if count > MOST_BLOCKS {
             let remedy = "thin the points first (features.voxel_downsample), or give a larger unit";
-            return Err(Error::invalid(
-                "points",
-                format!("{} points over a wide surface", points.len()),
-                remedy,
-            ));
+            let got = format!("{} points over a wide surface", points.len());
+            return Err(Error::invalid("points", got, remedy));
         }
-        for (number, run) in runs.iter().enumerate() {
-            grid.blocks[run[0].0 as usize] = number as u32;
-        }
-        grid.nearest = vec![NONE; runs.len() * CELLS];
-        let mut cells = std::mem::take(&mut grid.nearest);
-        for (part, runs) in cells.chunks_mut(BATCH * CELLS).zip(runs.chunks(BATCH)) {
-            execution.check()?;
-            part.par_chunks_mut(CELLS)
-                .zip(runs)
-                .for_each(|(block, run)| grid.fill(block, run, points, reach));
-        }
-        grid.nearest = cells;
+        grid.nearest.resize_with(count, OnceLock::new);
+        grid.sort(points);
         Ok(grid)
     }
 
@@ -84,88 +89,171 @@ impl NearestGrid {
             let remedy = "give a larger unit (0.4 of a voxel), or remove stray points";
             return Err(Error::invalid("unit", format!("points that span {spans:.0} units"), remedy));
         }
-        let size = [0, 1, 2].map(|k| blocks[k] as usize * EDGE);
-        let count = blocks.product() as usize;
-        Ok(Self { low, cells_per_length: cell.recip(), size, blocks: vec![NONE; count], nearest: Vec::new() })
-    }
-
-    /// Blocks that the ball around each point may reach, with the point, sorted.
-    fn touched_blocks(&self, points: &[Vector3<f32>], reach: f32) -> Vec<(u32, u32)> {
-        let block = |coordinate: f32, k: usize| self.coordinate(coordinate, k).max(0.0) as usize / EDGE;
-        let mut touched = Vec::with_capacity(8 * points.len());
-        for (index, point) in points.iter().enumerate() {
-            let first = [0, 1, 2].map(|k| block(point[k] - reach, k));
-            let last = [0, 1, 2].map(|k| block(point[k] + reach, k).min(self.size[k] / EDGE - 1));
-            for z in first[2]..=last[2] {
-                for y in first[1]..=last[1] {
-                    touched.extend(
-                        (first[0]..=last[0]).map(|x| (self.block_at([x, y, z]) as u32, index as u32)),
-                    );
-                }
-            }
-        }
-        touched.par_sort_unstable();
-        touched
-    }
-
-    /// Names the nearest of the points of a run in every cell of its block.
-    fn fill(&self, cells: &mut [u32], run: &[(u32, u32)], points: &[Vector3<f32>], reach: f32) {
-        let mut squares = [reach * reach; CELLS];
-        let centers = self.centers(run[0].0 as usize);
-        for &(_, index) in run {
-            let p = points[index as usize];
-            let [x, y, z] = [0, 1, 2].map(|k| centers[k].map(|center| (center - p[k]) * (center - p[k])));
-            for (row, zy) in (0..EDGE * EDGE).map(|row| (row, z[row / EDGE] + y[row % EDGE])) {
-                if zy >= reach * reach {
-                    continue;
-                }
-                let row = row * EDGE..(row + 1) * EDGE;
-                for ((square, cell), x) in squares[row.clone()].iter_mut().zip(&mut cells[row]).zip(x) {
-                    let nearer = zy + x < *square;
-                    *square = if nearer { zy + x } else { *square };
-                    *cell = if nearer { index } else { *cell };
-                }
-            }
-        }
-    }
-
-    /// Centres of a block's cells along each axis.
-    fn centers(&self, block: usize) -> [[f32; EDGE]; 3] {
-        let [across, along] = [self.size[0] / EDGE, self.size[1] / EDGE];
-        let corner = [block % across, block / across % along, block / (across * along)];
-        std::array::from_fn(|k| {
-            std::array::from_fn(|i| {
-                self.low[k] + ((corner[k] * EDGE + i) as f32 + 0.5) / self.cells_per_length
-            })
+        Ok(Self {
+            low,
+            cells_per_length: cell.recip(),
+            reach,
+            size: [0, 1, 2].map(|k| blocks[k] as usize),
+            blocks: vec![0; blocks.product() as usize],
+            starts: Vec::new(),
+            members: Vec::new(),
+            nearest: Vec::new(),
         })
     }
 
-    fn coordinate(&self, length: f32, k: usize) -> f32 {
-        (length - self.low[k]) * self.cells_per_length
+    /// Numbers the blocks that the ball around any point may reach; returns how many they are.
+    fn number_blocks(&mut self, points: &[Vector3<f32>]) -> usize {
+        let mut count = 0;
+        for point in points {
+            let [first, last] =
+                [-self.reach, self.reach].map(|shift| self.block_of(&point.add_scalar(shift)));
+            for (z, y) in (first[2]..=last[2]).flat_map(|z| (first[1]..=last[1]).map(move |y| (z, y))) {
+                let row = self.block_at([first[0], y, z])..=self.block_at([last[0], y, z]);
+                for number in self.blocks[row].iter_mut().filter(|number| **number == 0) {
+                    count += 1;
+                    *number = count;
+                }
+            }
+        }
+        count as usize
+    }
+
+    /// Sorts the points into the blocks.
+    fn sort(&mut self, points: &[Vector3<f32>]) {
+        let number = |point: &Vector3<f32>| self.blocks[self.block_at(self.block_of(point))] as usize;
+        let mut starts = vec![0; self.nearest.len() + 1];
+        points.iter().for_each(|point| starts[number(point)] += 1);
+        for block in 1..starts.len() {
+            starts[block] += starts[block - 1];
+        }
+        let mut members = vec![(Vector3::zeros(), NONE); points.len()];
+        for (index, point) in points.iter().enumerate().rev() {
+            let place = &mut starts[number(point)];
+            *place -= 1;
+            members[*place as usize] = (*point, index as u32);
+        }
+        starts[0] = points.len() as u32;
+        starts.rotate_left(1);
+        (self.starts, self.members) = (starts, members);
+    }
+
+    fn block_of(&self, place: &Vector3<f32>) -> [usize; 3] {
+        [0, 1, 2].map(|k| {
+            let cell = ((place[k] - self.low[k]) * self.cells_per_length).max(0.0) as usize;
+            (cell / EDGE).min(self.size[k] - 1)
+        })
     }
 
     fn block_at(&self, [x, y, z]: [usize; 3]) -> usize {
-        (z * (self.size[1] / EDGE) + y) * (self.size[0] / EDGE) + x
+        (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// The point nearest to the centre of the cell that a place lies in.
-    #[inline]
-    pub fn get(&self, place: &Vector3<f32>) -> Option<usize> {
-        let c = (place - self.low) * self.cells_per_length;
-        if !(c.x >= 0.0 && c.y >= 0.0 && c.z >= 0.0) {
-            return None;
+    /// The nearest point of every cell of the block at a place in the table.
+    #[cold]
+    fn fill(&self, at: usize) -> Box<[u32; CELLS]> {
+        let corner =
+            [at % self.size[0], at / self.size[0] % self.size[1], at / (self.size[0] * self.size[1])];
+        let around = self.members_around(corner);
+        let mut cells = Box::new([NONE; CELLS]);
+        for part in 0..(EDGE / PART).pow(3) {
+            let first = [part % 2, part / 2 % 2, part / 4].map(|half| half * PART);
+            let nearest = self.fill_part([0, 1, 2].map(|k| corner[k] * EDGE + first[k]), &around);
+            for (row, values) in nearest.as_chunks::<PART>().0.iter().enumerate() {
+                let start = ((first[2] + row / PART) * EDGE + first[1] + row % PART) * EDGE + first[0];
+                cells[start..start + PART].copy_from_slice(values);
+            }
         }
-        let [x, y, z] = [c.x as usize, c.y as usize, c.z as usize];
-        if x >= self.size[0] || y >= self.size[1] || z >= self.size[2] {
-            return None;
+        cells
+    }
+
+    /// The points of a block and of those around it.
+    fn members_around(&self, corner: [usize; 3]) -> Vec<Member> {
+        let [x, y, z] =
+            [0, 1, 2].map(|k| corner[k].saturating_sub(1)..=(corner[k] + 1).min(self.size[k] - 1));
+        let rows = z.flat_map(|z| y.clone().map(move |y| (z, y)));
+        let numbers = rows.flat_map(|(z, y)| {
+            &self.blocks[self.block_at([*x.start(), y, z])..=self.block_at([*x.end(), y, z])]
+        });
+        let members = numbers.filter(|&&number| number > 0).flat_map(|&number| {
+            let number = number as usize;
+            &self.members[self.starts[number - 1] as usize..self.starts[number] as usize]
+        });
+        members.copied().collect()
+    }
+
+    /// The nearest of the members to the centre of every cell of a part, whose first cell is given.
+    fn fill_part(&self, first: [usize; 3], members: &[Member]) -> [u32; PART * PART * PART] {
+        let cell = self.cells_per_length.recip();
+        let center = |k: usize, i: usize| self.low[k] + ((first[k] + i) as f32 + 0.5) / self.cells_per_length;
+        let middle = Vector3::from([0, 1, 2].map(|k| self.low[k] + (first[k] + PART / 2) as f32 * cell));
+        let squared_distance = |(point, _): &Member| (point - middle).norm_squared();
+        let least = members.iter().map(squared_distance).fold(f32::INFINITY, f32::min).sqrt();
+        // What is farther from the middle is farther from every centre than the nearest one is, or than the reach.
+        let limit = (least + 2.0 * PART_RADIUS * cell).min(self.reach + PART_RADIUS * cell);
+        let [x, y] = [0, 1].map(|k| {
+            std::array::from_fn::<f32, LANES, _>(|lane| {
+                center(k, if k == 0 { lane % PART } else { lane / PART })
+            })
+        });
+        let z: [f32; PART] = std::array::from_fn(|i| center(2, i));
+        let nearest = simd::run(
+            #[inline(always)]
+            || {
+                let (x, y, z) = (x, y, z);
+                // A square of exactly that of the reach is too far.
+                let mut squares = [[(self.reach * self.reach).next_down(); LANES]; PART];
+                let mut nearest = [[NONE; LANES]; PART];
+                for &(point, index) in members {
+                    if squared_distance(&(point, index)) > limit * limit {
+                        continue;
+                    }
+                    for layer in 0..PART {
+                        let dz = (z[layer] - point.z) * (z[layer] - point.z);
+                        for lane in 0..LANES {
+                            let dy = (y[lane] - point.y) * (y[lane] - point.y);
+                            let square = dz + dy + (x[lane] - point.x) * (x[lane] - point.x);
+                            let (least, holder) = (squares[layer][lane], nearest[layer][lane]);
+                            let is_nearer = (square < least) | ((square == least) & (index < holder));
+                            squares[layer][lane] = if is_nearer { square } else { least };
+                            nearest[layer][lane] = if is_nearer { index } else { holder };
+                        }
+                    }
+                }
+                nearest
+            },
+        );
+        std::array::from_fn(|cell| nearest[cell / LANES][cell % LANES])
+    }
+
+    /// The points nearest to the centres of the cells that the places lie in, `NONE` where there is none.
+    #[inline(always)]
+    pub fn get(&self, places: &Coordinates) -> [u32; LANES] {
+        let (mut blocks, mut cells) = ([OUTSIDE; LANES], [0; LANES]);
+        let edge = EDGE as u32;
+        let size = self.size.map(|count| count as u32);
+        for lane in 0..LANES {
+            let c = [0, 1, 2].map(|k| (places[k][lane] - self.low[k]) * self.cells_per_length);
+            let is_inside = (c[0] >= 0.0 && c[0] < (size[0] * edge) as f32)
+                & (c[1] >= 0.0 && c[1] < (size[1] * edge) as f32)
+                & (c[2] >= 0.0 && c[2] < (size[2] * edge) as f32);
+            let [x, y, z] = c.map(|c| c as i32 as u32);
+            let row = (z / edge).wrapping_mul(size[1]).wrapping_add(y / edge);
+            let block = row.wrapping_mul(size[0]).wrapping_add(x / edge);
+            blocks[lane] = if is_inside { block } else { OUTSIDE };
+            cells[lane] = (z % edge * edge + y % edge) * edge + x % edge;
         }
-        let block = self.blocks[self.block_at([x / EDGE, y / EDGE, z / EDGE])];
-        if block == NONE {
-            return None;
+        let mut nearest = [NONE; LANES];
+        for lane in 0..LANES {
+            if blocks[lane] == OUTSIDE {
+                continue;
+            }
+            let number = self.blocks[blocks[lane] as usize] as usize;
+            if number > 0 {
+                let filled = self.nearest[number - 1].get_or_init(|| self.fill(blocks[lane] as usize));
+                nearest[lane] = filled[cells[lane] as usize % CELLS];
+            }
         }
-        let cell = (z % EDGE * EDGE + y % EDGE) * EDGE + x % EDGE;
-        let found = self.nearest[block as usize * CELLS + cell];
-        (found != NONE).then_some(found as usize)
+        nearest
     }
 }
 
@@ -177,6 +265,13 @@ mod tests {
         (0..count).map(|i| Vector3::new(1.1, 2.3, 3.7).map(|f| 20.0 * (i as f32 * f).sin())).collect()
     }
 
+    /// What the grid says of a place, in whatever lane.
+    fn look(grid: &NearestGrid, place: &Vector3<f32>) -> Option<usize> {
+        let found = grid.get(&[0, 1, 2].map(|k| [place[k]; LANES]));
+        assert!(found.iter().all(|&index| index == found[0]));
+        (found[0] != NONE).then_some(found[0] as usize)
+    }
+
     fn nearest_to(points: &[Vector3<f32>], place: &Vector3<f32>, reach: f32) -> Option<(usize, f32)> {
         let distances = points.iter().map(|p| (p - place).norm()).enumerate();
         distances.filter(|d| d.1 < reach).min_by(|a, b| a.1.total_cmp(&b.1))
@@ -186,12 +281,12 @@ mod tests {
     fn cells_name_the_point_nearest_to_their_centre() -> Result<()> {
         let points = scattered(300);
         for (cell, reach) in [(1.5, 8.0), (1.0, 4.0)] {
-            let grid = NearestGrid::new(&points, cell, reach, &Execution::default())?;
+            let grid = NearestGrid::new(&points, cell, reach)?;
             for place in scattered(2000).iter().map(|p| p * 1.3 + Vector3::repeat(0.37)) {
                 let center =
                     (place - grid.low).map(|length| ((length / cell).floor() + 0.5) * cell) + grid.low;
                 let distance = |i: usize| (points[i] - center).norm();
-                match (grid.get(&place), nearest_to(&points, &center, reach)) {
+                match (look(&grid, &place), nearest_to(&points, &center, reach)) {
                     (Some(found), Some((_, least))) => assert!(distance(found) < least + 1e-4),
                     (None, None) => {}
                     (_, Some((_, least))) => assert!(least > reach - 1e-4, "{place:?}"),
@@ -205,20 +300,23 @@ mod tests {
     #[test]
     fn stray_points_are_refused_and_places_outside_are_empty() -> Result<()> {
         let mut points = scattered(30);
-        let grid = NearestGrid::new(&points, 1.0, 4.0, &Execution::default())?;
+        let grid = NearestGrid::new(&points, 1.0, 4.0)?;
         for far in [1e3, -1e3, f32::INFINITY, f32::NAN] {
-            assert_eq!(grid.get(&Vector3::new(far, 0.0, 0.0)), None);
+            assert_eq!(look(&grid, &Vector3::new(far, 0.0, 0.0)), None);
         }
         points.push(Vector3::repeat(1e7));
-        assert!(NearestGrid::new(&points, 1.0, 4.0, &Execution::default()).is_err());
+        assert!(NearestGrid::new(&points, 1.0, 4.0).is_err());
         Ok(())
     }
 
     #[test]
     fn a_wide_thin_scan_takes_memory_by_its_surface() -> Result<()> {
         let points: Vec<_> = (0..2000).map(|i| Vector3::new(i as f32 * 2.0, (i % 7) as f32, 0.0)).collect();
-        let grid = NearestGrid::new(&points, 1.0, 4.0, &Execution::default())?;
-        assert!(grid.nearest.len() < points.len() * 2 * 24 * 24);
+        let grid = NearestGrid::new(&points, 1.0, 4.0)?;
+        assert!(grid.nearest.len() * CELLS < points.len() * 2 * 24 * 24);
+        assert!(grid.nearest.iter().all(|block| block.get().is_none()));
+        assert_eq!(look(&grid, &points[70]), Some(70));
+        assert_eq!(grid.nearest.iter().filter(|block| block.get().is_some()).count(), 1);
         Ok(())
     }
 }

@@ -1,17 +1,24 @@
 //! What one pose says about two surfaces: how much they share, how closely, and which motions they resist.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
+use rayon::prelude::*;
 
 use crate::geometry::rigid::Rigid;
+use crate::simd;
+use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
 use crate::verification::refine::equations;
 use crate::verification::schedule::{FINELY, LAST};
-use crate::verification::score::agree;
-use crate::verification::surface::Surface;
+use crate::verification::surface::{Element, Surface};
 
 /// A motion is open where its resistance is below this share of that of all pairs facing it: planes whose normals are
 /// known to 5 degrees have 0.008.
 const OPEN: f64 = 0.01;
+
+/// Points whose sums a task makes.
+const CHUNK: usize = 1024;
 
 /// How two surfaces lie on each other under a pose.
 #[derive(Debug, Clone)]
@@ -58,29 +65,59 @@ pub fn overlap(source: &Surface, target: &Surface, pose: &Rigid) -> Overlap {
     let local = Pose::between(source, target, pose);
     let (fitness, rmse) = shared(source, target, &local);
     let sums = equations(source, target, &local, FINELY.reach.1, &FINELY);
+    let matrix = sums.matrix();
     let radius = f64::from(source.radius().max(target.radius()));
     Overlap {
         fitness,
         inlier_rmse: rmse * source.unit(),
-        resistance: Resistance::new(&sums.matrix, sums.weight, radius, target.unit(), &target.center()),
+        resistance: Resistance::new(&matrix, sums.weight, radius, target.unit(), &target.center()),
     }
 }
 
 /// Share of the source's points on the target, and root mean square of their distances in units.
 fn shared(source: &Surface, target: &Surface, pose: &Pose) -> (f64, f64) {
     let oriented = source.is_oriented() && target.is_oriented();
-    let (mut points, mut inliers, mut squares) = (0_usize, 0_usize, 0.0);
-    for element in source.elements().iter().filter(|element| element.normal != Vector3::zeros()) {
-        points += 1;
-        let place = pose.rotation * element.point + pose.translation;
-        let Some(near) = target.nearest(&place, false) else { continue };
-        let plane = (place - near.point).dot(&near.normal);
-        if plane.abs() < LAST.tolerance && agree(element, near, pose, oriented) > LAST.cosine {
-            inliers += 1;
-            squares += f64::from(plane * plane);
+    let of_chunk = |elements: &[Element]| {
+        let mut sums = Shared::default();
+        simd::run(
+            #[inline(always)]
+            || elements.chunks(LANES).for_each(|elements| sums.add(elements, target, pose, oriented)),
+        );
+        sums
+    };
+    // Chunks of a fixed size, so that the sums are the same on any number of threads.
+    let chunks: Vec<Shared> = source.elements().par_chunks(CHUNK).map(of_chunk).collect();
+    let [points, inliers] = [|sums: &Shared| sums.points, |sums: &Shared| sums.inliers]
+        .map(|count| chunks.iter().map(count).sum::<usize>() as f64);
+    let squares: f64 = chunks.iter().map(|sums| sums.squares).sum();
+    (inliers / points, (squares / inliers).sqrt())
+}
+
+/// Points with a normal, those that lie on the other surface, and the sum of their squared distances to its planes.
+#[derive(Debug, Default)]
+struct Shared {
+    points: usize,
+    inliers: usize,
+    squares: f64,
+}
+
+impl Shared {
+    #[inline(always)]
+    fn add(&mut self, elements: &[Element], target: &Surface, pose: &Pose, oriented: bool) {
+        let moved = Group::of(elements).moved(pose);
+        let (is_near, near) = target.nearest(&moved.point, false);
+        let with_normal = |lane: &usize| elements[*lane].normal != Vector3::zeros();
+        for lane in (0..elements.len()).filter(with_normal) {
+            self.points += 1;
+            let [dx, dy, dz] = moved.offset(&near, lane);
+            let plane = dx * near.normal[0][lane] + dy * near.normal[1][lane] + dz * near.normal[2][lane];
+            let agrees = moved.cosine(&near, oriented, lane) > LAST.cosine;
+            if is_near[lane] && plane.abs() < LAST.tolerance && agrees {
+                self.inliers += 1;
+                self.squares += f64::from(plane * plane);
+            }
         }
     }
-    (inliers as f64 / points as f64, (squares / inliers as f64).sqrt())
 }
 
 /// From motions about the target's mean, in units, to motions about its origin in the data's unit.

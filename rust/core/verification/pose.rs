@@ -54,9 +54,10 @@ impl Pose {
         cosine.clamp(-1.0, 1.0).acos()
     }
 
-    /// How far apart two poses carry a point at `radius` from the centre, about.
-    pub fn apart(&self, other: &Self, radius: f32) -> f32 {
-        (self.translation - other.translation).norm() + self.angle_to(other) * radius
+    /// Whether two poses carry a point at `radius` from the centre farther apart than a distance, about.
+    pub fn is_apart(&self, other: &Self, radius: f32, distance: f32) -> bool {
+        let shift = (self.translation - other.translation).norm();
+        shift > distance || shift + self.angle_to(other) * radius > distance
     }
 }
 

@@ -1,6 +1,10 @@
 //! How far a scanner saw in every direction: a z-buffer on the faces of a cube around the viewpoint.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
 use nalgebra::Vector3;
+
+use crate::verification::group::{Group, LANES};
 
 /// Width of a pixel at the median range, in units.
 const PIXEL: f32 = 2.5;
@@ -24,23 +28,17 @@ struct Face {
 }
 
 struct Projection {
-    face: usize,
+    face: u32,
     pixel: [i32; 2],
     range: f32,
 }
 
-/// What the map knows of a place.
-pub(super) enum Sight {
-    /// Nothing was seen in this direction.
-    Background {
-        /// Cosine between a normal at the place and the direction to the viewpoint.
-        facing: f32,
-    },
-    /// Something was seen.
-    Surface {
-        /// How far the place lies in front of it; negative behind it.
-        in_front: f32,
-    },
+/// What the map knows of the places of a group.
+pub(super) struct Sights {
+    /// How far a place lies in front of what was seen in its direction: negative behind it, infinite where nothing was.
+    pub in_front: [f32; LANES],
+    /// Cosine between the normal at the place and the direction to the viewpoint.
+    pub facing: [f32; LANES],
 }
 
 impl RangeMap {
@@ -61,8 +59,8 @@ impl RangeMap {
     fn lay_out(&mut self, points: &[Vector3<f32>]) -> i64 {
         let mut boxes = [([i32::MAX; 2], [i32::MIN; 2]); 6];
         for point in points {
-            let seen = self.project(point);
-            let (low, high) = &mut boxes[seen.face];
+            let seen = self.project(point.x, point.y, point.z);
+            let (low, high) = &mut boxes[seen.face as usize];
             for k in 0..2 {
                 low[k] = low[k].min(seen.pixel[k] - 1);
                 high[k] = high[k].max(seen.pixel[k] + 1);
@@ -80,8 +78,8 @@ impl RangeMap {
             face.ranges = vec![f32::INFINITY; face.size[0] as usize * face.size[1] as usize];
         }
         for point in points {
-            let seen = self.project(point);
-            let face = &mut self.faces[seen.face];
+            let seen = self.project(point.x, point.y, point.z);
+            let face = &mut self.faces[seen.face as usize];
             for a in -1..=1 {
                 for b in -1..=1 {
                     let at =
@@ -93,51 +91,82 @@ impl RangeMap {
         }
     }
 
-    fn project(&self, point: &Vector3<f32>) -> Projection {
-        let d = point - self.eye;
-        let axis = d.iamax();
-        let per_length = self.scale / d[axis].abs();
-        let pixel = [1, 2].map(|k| (d[(axis + k) % 3] * per_length).floor() as i32);
-        Projection { face: 2 * axis + usize::from(d[axis] < 0.0), pixel, range: d.norm() }
+    #[inline(always)]
+    fn project(&self, x: f32, y: f32, z: f32) -> Projection {
+        let (x, y, z) = (x - self.eye.x, y - self.eye.y, z - self.eye.z);
+        let is_x = (x.abs() >= y.abs()) & (x.abs() >= z.abs());
+        let is_y = y.abs() >= z.abs();
+        let pick = |if_x: f32, if_y: f32, if_z: f32| {
+            let other = if is_y { if_y } else { if_z };
+            if is_x { if_x } else { other }
+        };
+        let main = pick(x, y, z);
+        let per_length = self.scale / main.abs();
+        let axis = if is_x { 0 } else { 2 - u32::from(is_y) };
+        Projection {
+            face: 2 * axis + u32::from(main < 0.0),
+            pixel: [pick(y, z, x), pick(z, x, y)].map(|length| (length * per_length).floor() as i32),
+            range: (x * x + y * y + z * z).sqrt(),
+        }
     }
 
-    /// What was seen in the direction of a place with a normal.
-    #[inline]
-    pub fn look(&self, place: &Vector3<f32>, normal: &Vector3<f32>) -> Sight {
-        let seen = self.project(place);
-        let face = &self.faces[seen.face];
-        let [row, column] = [0, 1].map(|k| i64::from(seen.pixel[k]) - i64::from(face.low[k]));
-        let inside =
-            (0..i64::from(face.size[0])).contains(&row) && (0..i64::from(face.size[1])).contains(&column);
-        let at = row * i64::from(face.size[1]) + column;
-        let range = if inside { face.ranges[at as usize] } else { f32::INFINITY };
-        if range == f32::INFINITY {
-            return Sight::Background { facing: normal.dot(&(self.eye - place)) / seen.range };
+    /// What was seen in the direction of places with normals.
+    #[inline(always)]
+    pub fn look(&self, places: &Group) -> Sights {
+        let eye = self.eye;
+        let (mut faces, mut pixels, mut ranges) = ([0; LANES], [[0; LANES]; 2], [0.0; LANES]);
+        let mut facing = [0.0; LANES];
+        for lane in 0..LANES {
+            let [x, y, z] = [0, 1, 2].map(|k| places.point[k][lane]);
+            let [u, v, w] = [0, 1, 2].map(|k| places.normal[k][lane]);
+            let seen = self.project(x, y, z);
+            (faces[lane], pixels[0][lane], pixels[1][lane]) = (seen.face, seen.pixel[0], seen.pixel[1]);
+            ranges[lane] = seen.range;
+            facing[lane] = (u * (eye.x - x) + v * (eye.y - y) + w * (eye.z - z)) / seen.range;
         }
-        Sight::Surface { in_front: range - seen.range }
+        let mut in_front = [0.0; LANES];
+        for lane in 0..LANES {
+            in_front[lane] = self.range(faces[lane], [pixels[0][lane], pixels[1][lane]]) - ranges[lane];
+        }
+        Sights { in_front, facing }
+    }
+
+    /// The nearest range in a direction.
+    #[inline(always)]
+    fn range(&self, face: u32, pixel: [i32; 2]) -> f32 {
+        let face = &self.faces[face as usize];
+        // Pixels below the lowest wrap around, beyond all sizes.
+        let [row, column] = [0, 1].map(|k| pixel[k].wrapping_sub(face.low[k]) as u32);
+        if row >= face.size[0] as u32 || column >= face.size[1] as u32 {
+            return f32::INFINITY;
+        }
+        face.ranges[row as usize * face.size[1] as usize + column as usize]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verification::surface::Element;
 
     fn wall() -> Vec<Vector3<f32>> {
         (0..400).map(|i| Vector3::new((i % 20) as f32 - 10.0, (i / 20) as f32 - 10.0, -50.0)).collect()
+    }
+
+    fn look(map: &RangeMap, point: Vector3<f32>, normal: Vector3<f32>) -> (f32, f32) {
+        let sights = map.look(&Group::of(&[Element { point, normal }]));
+        (sights.in_front[0], sights.facing[0])
     }
 
     #[test]
     fn a_wall_hides_what_is_behind_it() {
         let map = RangeMap::new(&wall(), Vector3::zeros());
         let towards = Vector3::z();
-        let in_front = |z: f32| match map.look(&Vector3::new(0.5, 0.5, z), &towards) {
-            Sight::Surface { in_front } => in_front,
-            Sight::Background { .. } => f32::NAN,
-        };
+        let in_front = |z: f32| look(&map, Vector3::new(0.5, 0.5, z), towards).0;
         assert!((in_front(-30.0) - 20.0).abs() < 0.5);
         assert!((in_front(-70.0) + 20.0).abs() < 0.5);
         for beside in [Vector3::new(40.0, 0.0, -50.0), Vector3::new(0.0, 0.0, 50.0), Vector3::zeros()] {
-            assert!(matches!(map.look(&beside, &towards), Sight::Background { .. }), "{beside:?}");
+            assert_eq!(look(&map, beside, towards).0, f32::INFINITY, "{beside:?}");
         }
     }
 
@@ -145,18 +174,15 @@ mod tests {
     fn background_knows_which_way_a_surface_faces() {
         let map = RangeMap::new(&wall(), Vector3::zeros());
         for sign in [1.0, -1.0] {
-            let sight = map.look(&Vector3::new(60.0, 0.0, -60.0), &(Vector3::z() * sign));
-            let cosine = sign * 0.5_f32.sqrt();
-            assert!(matches!(sight, Sight::Background { facing } if (facing - cosine).abs() < 1e-6));
+            let (in_front, facing) = look(&map, Vector3::new(60.0, 0.0, -60.0), Vector3::z() * sign);
+            assert!(in_front == f32::INFINITY && (facing - sign * 0.5_f32.sqrt()).abs() < 1e-6);
         }
     }
 
     #[test]
     fn a_viewpoint_on_a_point_does_no_harm() {
         let map = RangeMap::new(&wall(), wall()[7]);
-        assert!(matches!(
-            map.look(&wall()[7], &Vector3::z()),
-            Sight::Surface { .. } | Sight::Background { .. }
-        ));
+        let (in_front, _) = look(&map, wall()[7], Vector3::z());
+        assert!(in_front <= 0.0 || in_front == f32::INFINITY, "{in_front}");
     }
 }

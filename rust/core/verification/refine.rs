@@ -1,10 +1,13 @@
 //! Point-to-plane refinement of a pose (Chen and Medioni, *Object modelling by registration of multiple range
 //! images*, 1992), with a reach that shrinks from step to step.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
 use nalgebra::{Matrix6, Vector6};
 
+use crate::simd;
+use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
-use crate::verification::score::agree;
 use crate::verification::surface::Surface;
 
 /// Least cosine between normals of points that are laid on each other.
@@ -15,6 +18,8 @@ const LEAST_PAIRS: usize = 10;
 const DAMPING: f64 = 1e-6;
 /// Radians and units: a smaller motion ends the refinement.
 const STILL: f64 = 1e-5;
+/// Numbers of a column of the equations, six of them used.
+const COLUMN: usize = 8;
 
 /// How a pose is refined. Lengths are in units.
 #[derive(Debug, Clone, Copy)]
@@ -26,10 +31,10 @@ pub(super) struct Refinement {
     pub coarse: bool,
 }
 
-/// The normal equations of one step: `A x = b` with x a rotation vector and a translation.
+/// The normal equations of one step, `A x = b` with x a rotation vector and a translation.
 pub(super) struct Equations {
-    pub matrix: Matrix6<f64>,
-    pub right: Vector6<f64>,
+    /// Columns of A, then b, each filled up with zeros.
+    columns: [[f64; COLUMN]; 7],
     /// Sum of the pairs' weights.
     pub weight: f64,
     pub pairs: usize,
@@ -56,9 +61,10 @@ fn solve(equations: &Equations) -> Option<Vector6<f64>> {
     if equations.pairs < LEAST_PAIRS {
         return None;
     }
-    let damping = DAMPING * equations.matrix.diagonal().max();
-    let matrix = equations.matrix + Matrix6::identity() * damping;
-    let motion = matrix.cholesky()?.solve(&equations.right);
+    let matrix = equations.matrix();
+    let damping = DAMPING * matrix.diagonal().max();
+    let matrix = matrix + Matrix6::identity() * damping;
+    let motion = matrix.cholesky()?.solve(&equations.right());
     motion.iter().all(|number| number.is_finite()).then_some(motion)
 }
 
@@ -70,27 +76,57 @@ pub(super) fn equations(
     reach: f32,
     how: &Refinement,
 ) -> Equations {
-    let mut sums = Equations { matrix: Matrix6::zeros(), right: Vector6::zeros(), weight: 0.0, pairs: 0 };
+    let mut sums = Equations { columns: [[0.0; COLUMN]; 7], weight: 0.0, pairs: 0 };
     let oriented = source.is_oriented() && target.is_oriented();
-    for sample in source.samples(how.samples) {
-        let place = pose.rotation * sample.point + pose.translation;
-        let Some(near) = target.nearest(&place, how.coarse) else { continue };
-        let d = place - near.point;
-        let weight = 1.0 - d.norm_squared() / (reach * reach);
-        if weight > 0.0 && agree(sample, near, pose, oriented) >= COSINE {
-            let turn = place.cross(&near.normal);
-            let row = Vector6::new(turn.x, turn.y, turn.z, near.normal.x, near.normal.y, near.normal.z);
-            sums.add(&row.map(f64::from), f64::from(d.dot(&near.normal)), f64::from(weight));
-        }
-    }
+    let (groups, count) = source.samples(how.samples);
+    simd::run(
+        #[inline(always)]
+        || {
+            for (number, group) in groups.iter().enumerate() {
+                let moved = group.moved(pose);
+                let (is_near, near) = target.nearest(&moved.point, how.coarse);
+                let mut weights = [0.0; LANES];
+                for lane in 0..LANES {
+                    let [dx, dy, dz] = moved.offset(&near, lane);
+                    let weight = 1.0 - (dx * dx + dy * dy + dz * dz) / (reach * reach);
+                    let agrees = is_near[lane] & (moved.cosine(&near, oriented, lane) >= COSINE);
+                    weights[lane] = if agrees { weight } else { 0.0 };
+                }
+                for lane in (0..(count - number * LANES).min(LANES)).filter(|&lane| weights[lane] > 0.0) {
+                    sums.add(&moved, &near, lane, f64::from(weights[lane]));
+                }
+            }
+        },
+    );
     sums
 }
 
 impl Equations {
-    fn add(&mut self, row: &Vector6<f64>, residual: f64, weight: f64) {
-        self.matrix.ger(weight, row, row, 1.0);
-        self.right.axpy(-weight * residual, row, 1.0);
+    /// Adds the pair of a moved sample and the point near it.
+    #[inline(always)]
+    fn add(&mut self, moved: &Group, near: &Group, lane: usize, weight: f64) {
+        let [x, y, z] = [0, 1, 2].map(|k| moved.point[k][lane]);
+        let [u, v, w] = [0, 1, 2].map(|k| near.normal[k][lane]);
+        let [dx, dy, dz] = moved.offset(near, lane);
+        let residual = f64::from(dx * u + dy * v + dz * w);
+        let row = [y * w - z * v, z * u - x * w, x * v - y * u, u, v, w, 0.0, 0.0].map(f64::from);
+        for (k, column) in self.columns.iter_mut().enumerate() {
+            let factor = if k < 6 { weight * row[k] } else { -weight * residual };
+            for (sum, value) in column.iter_mut().zip(&row) {
+                *sum += factor * value;
+            }
+        }
         self.weight += weight;
         self.pairs += 1;
+    }
+
+    /// A.
+    pub fn matrix(&self) -> Matrix6<f64> {
+        Matrix6::from_fn(|row, column| self.columns[column][row])
+    }
+
+    /// b.
+    fn right(&self) -> Vector6<f64> {
+        Vector6::from_fn(|row, _| self.columns[6][row])
     }
 }

@@ -91,7 +91,7 @@ pub fn score_poses(
 ) -> Result<Vec<f64>> {
     check_units(source, target)?;
     let poses: Vec<Pose> = poses.iter().map(|pose| Pose::between(source, target, pose)).collect();
-    let ranked = rank(&poses, execution, |pose| ranked_by_score(source, target, *pose, &LAST))?;
+    let ranked = map(&poses, execution, |pose| ranked_by_score(source, target, *pose, &LAST))?;
     Ok(ranked.iter().map(|found| found.value).collect())
 }
 
@@ -109,19 +109,19 @@ pub fn verify(
     check_units(source, target)?;
     let radius = source.radius().max(target.radius());
     let poses: Vec<Pose> = poses.iter().map(|pose| Pose::between(source, target, pose)).collect();
-    let all = rank(&poses, execution, |pose| ranked_by_score(source, target, *pose, &FIRST))?;
-    let best = suppress(all, SAME.0, radius, KEPT.0);
-    let refined = rank(&best, execution, |pose| {
+    let all = map(&poses, execution, |pose| ranked_by_score(source, target, *pose, &FIRST))?;
+    let best = take(&all, &suppress(&all, SAME.0, radius, KEPT.0));
+    let refined = map(&best, execution, |pose| {
         ranked_by_score(source, target, refine(source, target, pose, &COARSELY), &SECOND)
     })?;
-    let best = suppress(refined, SAME.1, radius, KEPT.1);
-    let last = rank(&best, execution, |pose| {
+    let best = take(&refined, &suppress(&refined, SAME.1, radius, KEPT.1));
+    let last = map(&best, execution, |pose| {
         let pose = refine(source, target, pose, &FINELY);
-        let found = judge(source, target, &pose, evidence);
-        Ranked { pose, value: found.value }
+        let judged = judge(source, target, &pose, evidence);
+        (Ranked { pose, value: judged.value }, judged)
     })?;
-    let last = suppress(last, SAME.1, radius, KEPT.1);
-    Ok(last.iter().map(|pose| judge(source, target, pose, evidence)).collect())
+    let (last, judged): (Vec<Ranked>, Vec<Verified>) = last.into_iter().unzip();
+    Ok(suppress(&last, SAME.1, radius, KEPT.1).into_iter().map(|i| judged[i].clone()).collect())
 }
 
 /// Lead of the first pose's value over the best that differs from it by more than 10 degrees or 20 units; infinite where
@@ -150,25 +150,30 @@ fn ranked_by_score(source: &Surface, target: &Surface, pose: Pose, round: &Round
     Ranked { pose, value: f64::from(score(source, target, &pose, round)) }
 }
 
-/// What each pose is ranked by, in parallel.
-fn rank(poses: &[Pose], execution: &Execution, by: impl Fn(&Pose) -> Ranked + Sync) -> Result<Vec<Ranked>> {
+/// A result for each pose, in parallel.
+fn map<T: Send>(poses: &[Pose], execution: &Execution, by: impl Fn(&Pose) -> T + Sync) -> Result<Vec<T>> {
     let checked = |pose: &Pose| execution.check().map(|()| by(pose));
     poses.par_iter().with_max_len(16).map(checked).collect()
 }
 
 /// The best `most` poses, without those within a distance of a better one; best first, ties to the earlier.
-fn suppress(mut poses: Vec<Ranked>, within: f32, radius: f32, most: usize) -> Vec<Pose> {
-    poses.sort_by(|a, b| b.value.total_cmp(&a.value));
-    let mut kept: Vec<Pose> = Vec::with_capacity(most);
-    for Ranked { pose, .. } in poses.into_iter().filter(|found| found.pose.is_finite()) {
+fn suppress(poses: &[Ranked], within: f32, radius: f32, most: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..poses.len()).filter(|&i| poses[i].pose.is_finite()).collect();
+    order.sort_by(|&i, &j| poses[j].value.total_cmp(&poses[i].value));
+    let mut kept = Vec::with_capacity(most);
+    for i in order {
         if kept.len() == most {
             break;
         }
-        if kept.iter().all(|better| better.apart(&pose, radius) > within) {
-            kept.push(pose);
+        if kept.iter().all(|&better: &usize| poses[better].pose.is_apart(&poses[i].pose, radius, within)) {
+            kept.push(i);
         }
     }
     kept
+}
+
+fn take(poses: &[Ranked], rows: &[usize]) -> Vec<Pose> {
+    rows.iter().map(|&i| poses[i].pose).collect()
 }
 
 fn check_units(source: &Surface, target: &Surface) -> Result<()> {

@@ -1,8 +1,11 @@
 //! How well two surfaces agree under a pose.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
+use crate::simd;
+use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
-use crate::verification::range_map::Sight;
-use crate::verification::surface::{Element, Surface};
+use crate::verification::surface::Surface;
 
 /// Weight of the squared distance beside that of the squared distance to the plane.
 const ALONG: f32 = 0.15;
@@ -30,34 +33,53 @@ pub(super) fn score(source: &Surface, target: &Surface, pose: &Pose, round: &Rou
 }
 
 fn one_way(from: &Surface, to: &Surface, pose: &Pose, round: &Round) -> f32 {
-    let samples = from.samples(round.samples);
+    let (groups, count) = from.samples(round.samples);
     let oriented = from.is_oriented() && to.is_oriented();
-    let sum: f32 = samples.iter().map(|sample| one_sample(sample, to, pose, round, oriented)).sum();
-    sum / samples.len() as f32
+    let mut sum = 0.0;
+    simd::run(
+        #[inline(always)]
+        || {
+            for (number, group) in groups.iter().enumerate() {
+                let values = values(&group.moved(pose), to, round, oriented);
+                // One after the other, so that the sum is the same on every machine.
+                for value in &values[..(count - number * LANES).min(LANES)] {
+                    sum += value;
+                }
+            }
+        },
+    );
+    sum / count as f32
 }
 
-#[inline]
-fn one_sample(sample: &Element, to: &Surface, pose: &Pose, round: &Round, oriented: bool) -> f32 {
-    let place = pose.rotation * sample.point + pose.translation;
-    if let Some(near) = to.nearest(&place, round.coarse) {
-        let d = place - near.point;
-        let plane = d.dot(&near.normal);
-        let share = (plane * plane + ALONG * d.norm_squared()) / (round.tolerance * round.tolerance);
-        if share < 1.0 && agree(sample, near, pose, oriented) > round.cosine {
-            return 1.0 - share;
+/// What each of the moved samples says.
+#[inline(always)]
+fn values(samples: &Group, to: &Surface, round: &Round, oriented: bool) -> [f32; LANES] {
+    let (is_near, near) = to.nearest(&samples.point, round.coarse);
+    let squared_tolerance = round.tolerance * round.tolerance;
+    let mut values = [0.0; LANES];
+    for lane in 0..LANES {
+        let [dx, dy, dz] = samples.offset(&near, lane);
+        let plane = dx * near.normal[0][lane] + dy * near.normal[1][lane] + dz * near.normal[2][lane];
+        let share = (plane * plane + ALONG * (dx * dx + dy * dy + dz * dz)) / squared_tolerance;
+        let agrees = is_near[lane] & (share < 1.0) & (samples.cosine(&near, oriented, lane) > round.cosine);
+        values[lane] = if agrees { 1.0 - share } else { 0.0 };
+    }
+    if let Some(ranges) = to.ranges()
+        && is_near.contains(&false)
+    {
+        let sights = ranges.look(samples);
+        for lane in 0..LANES {
+            let violation = violation(sights.in_front[lane], sights.facing[lane], round);
+            values[lane] = if is_near[lane] { values[lane] } else { violation };
         }
-        return 0.0;
     }
-    match to.ranges().map(|ranges| ranges.look(&place, &(pose.rotation * sample.normal))) {
-        Some(Sight::Surface { in_front }) if in_front > round.in_front => -1.0,
-        Some(Sight::Background { facing }) if facing > FACING => -BACKGROUND,
-        _ => 0.0,
-    }
+    values
 }
 
-/// Cosine between the normals of a moved sample and of a point.
-#[inline]
-pub(super) fn agree(sample: &Element, near: &Element, pose: &Pose, oriented: bool) -> f32 {
-    let cosine = (pose.rotation * sample.normal).dot(&near.normal);
-    if oriented { cosine } else { cosine.abs() }
+/// What a sample far from the surface says of what the scanner saw.
+#[inline(always)]
+fn violation(in_front: f32, facing: f32, round: &Round) -> f32 {
+    let background = if facing > FACING { -BACKGROUND } else { 0.0 };
+    let surface = if in_front > round.in_front { -1.0 } else { 0.0 };
+    if in_front == f32::INFINITY { background } else { surface }
 }

@@ -1,11 +1,14 @@
 //! A surface made ready once: points with normals, nearest-point grids, ranges, samples.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
 use nalgebra::Vector3;
 
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
 use crate::points::Points;
-use crate::verification::nearest_grid::NearestGrid;
+use crate::verification::group::{Coordinates, Group, LANES};
+use crate::verification::nearest_grid::{NONE, NearestGrid};
 use crate::verification::range_map::RangeMap;
 use crate::verification::sampling;
 
@@ -49,7 +52,9 @@ pub struct Surface {
     radius: f32,
     oriented: bool,
     elements: Vec<Element>,
-    samples: Vec<Element>,
+    samples: Vec<Group>,
+    /// Number of samples in the groups.
+    drawn: usize,
     coarse: NearestGrid,
     fine: NearestGrid,
     ranges: Option<RangeMap>,
@@ -79,15 +84,17 @@ impl Surface {
             let remedy = format!("give at least {LEAST_POINTS} points that have one");
             return Err(Error::invalid("normals", format!("{} that are numbers", drawn.len()), remedy));
         }
+        execution.check()?;
         let places: Vec<Vector3<f32>> = elements.iter().map(|element| element.point).collect();
         Ok(Self {
             unit,
             center: points.center(),
             radius: root_mean_square(&places),
             oriented,
-            samples: drawn.iter().map(|&i| elements[i as usize]).collect(),
-            coarse: NearestGrid::new(&places, COARSE.0, COARSE.1, execution)?,
-            fine: NearestGrid::new(&places, FINE.0, FINE.1, execution)?,
+            samples: in_groups(drawn.iter().map(|&i| elements[i as usize])),
+            drawn: drawn.len(),
+            coarse: NearestGrid::new(&places, COARSE.0, COARSE.1)?,
+            fine: NearestGrid::new(&places, FINE.0, FINE.1)?,
             ranges: eye.map(|eye| RangeMap::new(&places, eye)),
             elements,
         })
@@ -126,21 +133,34 @@ impl Surface {
         &self.elements
     }
 
-    /// The first samples drawn, at most `count`.
-    pub(super) fn samples(&self, count: usize) -> &[Element] {
-        &self.samples[..count.min(self.samples.len())]
+    /// The groups of the first samples drawn, at most `count`, and how many samples they are.
+    pub(super) fn samples(&self, count: usize) -> (&[Group], usize) {
+        let count = count.min(self.drawn);
+        (&self.samples[..count.div_ceil(LANES)], count)
     }
 
     pub(super) fn ranges(&self) -> Option<&RangeMap> {
         self.ranges.as_ref()
     }
 
-    /// The point nearest to a place by the coarse or the fine grid.
-    #[inline]
-    pub(super) fn nearest(&self, place: &Vector3<f32>, coarse: bool) -> Option<&Element> {
+    /// The points nearest to places by the coarse or the fine grid; zero where there is none.
+    #[inline(always)]
+    pub(super) fn nearest(&self, places: &Coordinates, coarse: bool) -> ([bool; LANES], Group) {
         let grid = if coarse { &self.coarse } else { &self.fine };
-        grid.get(place).map(|index| &self.elements[index])
+        let found = grid.get(places);
+        let (mut is_near, mut near) = ([false; LANES], Group::default());
+        for lane in 0..LANES {
+            if found[lane] != NONE {
+                is_near[lane] = true;
+                near.set(lane, &self.elements[found[lane] as usize]);
+            }
+        }
+        (is_near, near)
     }
+}
+
+fn in_groups(elements: impl Iterator<Item = Element>) -> Vec<Group> {
+    elements.collect::<Vec<_>>().chunks(LANES).map(Group::of).collect()
 }
 
 fn check_span(points: &Points, unit: f64) -> Result<()> {

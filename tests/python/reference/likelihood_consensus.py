@@ -24,7 +24,8 @@ Decisions where the description is open
 * A mode needs three supporters with a positive term. Modes are in order of their score among all matches; one that
   lays the source points within 3 u (root mean square) of a better one's is dropped.
 * The group has r_i <= 5 u under the best mode; the scores are the posteriors under it, 0 without any mode.
-* The 20,000 matches up to which nothing is thinned are beyond this reference.
+* Of more than 2,500 matches only the 2,500 with the most others such that |ds_ij - dt_ij| < 3 u are joined, ties to
+  the lower index.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 EDGES = 1000
+VERTICES = 2500
 MEMBERS = 12
 CANDIDATES = 256
 SIGMA = 2.7
@@ -92,20 +94,23 @@ def lc(
     n = len(p_raw)
     p, q = centred(p_raw) / unit, centred(q_raw) / unit
     model = Model(p, q, levels(p, q, None if ratio is None else as_vector(ratio)))
-    joined = (distance_difference(p, q) < 3.0) & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
-    hypotheses = [kabsch(p[c], q[c], np.ones(len(c))) for c in cliques(joined) if fixes(p[c], q[c])]
-    found = finish(peel(hypotheses, model, modes), model)
+    agrees = distance_difference(p, q) < 3.0
+    kept = np.sort(np.argsort(-agrees.sum(axis=1), kind="stable")[:VERTICES])
+    joined = agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
+    found = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)])]
+    hypotheses = [kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes(p[c], q[c])]
+    poses = finish(peel(hypotheses, model, modes), model)
     mask, scores = np.zeros(n, dtype=bool), np.zeros(n)
-    if found:
-        squares = model.squares(found[0])
+    if poses:
+        squares = model.squares(poses[0])
         mask, scores = squares <= 5.0**2, posterior(model.level - squares / (2.0 * SIGMA**2))
     return ReferenceGrouping(
         mask,
         scores,
         None,
         {"hypotheses": len(hypotheses)},
-        np.array([in_data(pose, p_raw, q_raw, unit) for pose in found]).reshape(-1, 4, 4),
-        np.array([model.terms(pose).sum() for pose in found]),
+        np.array([in_data(pose, p_raw, q_raw, unit) for pose in poses]).reshape(-1, 4, 4),
+        np.array([model.terms(pose).sum() for pose in poses]),
     )
 
 

@@ -52,11 +52,13 @@ impl Columns {
 
 #[inline(always)]
 fn insert(value: f32, row: u32, (smallest, second, lowest): (&mut f32, &mut f32, &mut u32)) {
-    let is_smaller = value < *smallest;
-    let larger = if is_smaller { *smallest } else { value };
-    *second = if larger < *second { larger } else { *second };
-    *lowest = if is_smaller { row } else { *lowest };
-    *smallest = if is_smaller { value } else { *smallest };
+    // Read first and written once, so that vector code doesn't read again what it has just written.
+    let (least, next, holder) = (*smallest, *second, *lowest);
+    let is_smaller = value < least;
+    let larger = if is_smaller { least } else { value };
+    *smallest = if is_smaller { value } else { least };
+    *second = if larger < next { larger } else { next };
+    *lowest = if is_smaller { row } else { holder };
 }
 
 #[cfg(test)]

@@ -1,0 +1,178 @@
+//! The cells of a regular grid that a cloud's points lie in: counted, and numbered.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result, positive};
+use crate::execution::Execution;
+use crate::points::Points;
+use crate::simd;
+
+/// Cells of a grid that gets one bit per cell, 32 MiB at most.
+const MAX_BITS: u64 = 1 << 28;
+/// The same per point, where bits are looked at one and all.
+const BITS_PER_POINT: u64 = 1 << 10;
+/// Points whose cells are computed at once.
+const CHUNK: usize = 64;
+/// Chunks between one and the next that is looked at.
+const STRIDE: usize = 16;
+/// Cells along all axes together; their numbers fit into 64 bits.
+const MAX_CELLS: f64 = (1_u64 << 62) as f64;
+/// Share of a cell that a point may lie below a face and still belong above it: subtracting the mean rounds
+/// coordinates, and points of a raster would fall to either side.
+const ON_A_FACE: f64 = 1e-9;
+/// Cells numbered along x first.
+pub(super) struct Grid {
+    low: [f64; 3],
+    size: f64,
+    cells: [u64; 3],
+}
+
+impl Grid {
+    /// Of cells of a size.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a size that is not positive or leaves more than 2^62 cells.
+    pub fn new(points: &Points, size: f64) -> Result<Self> {
+        positive("voxel", size)?;
+        let (low, extent) = points.bounding_box();
+        let cells = extent.map(|length| (length / size + 0.5 + ON_A_FACE).floor() + 1.0);
+        if cells.iter().product::<f64>() > MAX_CELLS {
+            let remedy = format!("the cloud is {:e} across; give a larger voxel", points.diagonal());
+            return Err(Error::invalid("voxel", size, remedy));
+        }
+        Ok(Self { low, size, cells: cells.map(|count| count as u64) })
+    }
+
+    fn total(&self) -> u64 {
+        self.cells.iter().product()
+    }
+
+    /// Cell of every point.
+    fn cells_of(&self, points: &Points) -> Vec<u64> {
+        let mut cells = vec![0; points.len()];
+        let chunks = cells.par_chunks_mut(CHUNK).with_min_len(16).enumerate();
+        chunks.for_each(|(chunk, cells)| self.fill_cells(points, chunk * CHUNK, cells));
+        cells
+    }
+
+    /// Cells of the points from `first` on.
+    fn fill_cells(&self, points: &Points, first: usize, cells: &mut [u64]) {
+        let range = first..first + cells.len();
+        let axes = [&points.x[range.clone()], &points.y[range.clone()], &points.z[range]];
+        simd::run(
+            #[inline(always)]
+            || {
+                cells.fill(0);
+                for k in [2, 1, 0] {
+                    for (cell, coordinate) in cells.iter_mut().zip(axes[k]) {
+                        let along = (coordinate - self.low[k]) / self.size + 0.5 + ON_A_FACE;
+                        *cell = *cell * self.cells[k] + (along as u64).min(self.cells[k] - 1);
+                    }
+                }
+            },
+        );
+    }
+
+    /// Number of occupied cells, or one greater than `most` where there are more than that.
+    pub fn count(&self, points: &Points, most: usize) -> usize {
+        if self.total() > MAX_BITS {
+            let mut cells = self.cells_of(points);
+            cells.par_sort_unstable();
+            cells.dedup();
+            return cells.len();
+        }
+        let mut occupied = vec![0_u64; self.total().div_ceil(64) as usize];
+        let mut count = 0;
+        // Points from all over the cloud first, so that too many voxels are soon noticed.
+        let chunks = points.len().div_ceil(CHUNK);
+        for chunk in (0..STRIDE).flat_map(|first| (first..chunks).step_by(STRIDE)) {
+            let (mut cells, length) = ([0; CHUNK], CHUNK.min(points.len() - chunk * CHUNK));
+            self.fill_cells(points, chunk * CHUNK, &mut cells[..length]);
+            for cell in &cells[..length] {
+                let (word, bit) = (&mut occupied[(cell / 64) as usize], 1 << (cell % 64));
+                count += usize::from(*word & bit == 0);
+                *word |= bit;
+            }
+            if count > most {
+                break;
+            }
+        }
+        count
+    }
+
+    /// The voxel of every point, numbered by cells, and how many there are.
+    pub fn number(&self, points: &Points, execution: &Execution) -> Result<(Vec<u32>, usize)> {
+        let cells = self.cells_of(points);
+        execution.check()?;
+        if self.total() <= MAX_BITS.min(BITS_PER_POINT * points.len() as u64) {
+            return Ok(number_by_bits(&cells, self.total()));
+        }
+        let mut entries: Vec<(u64, u32)> = cells.into_iter().zip(0..).collect();
+        entries.par_sort_unstable();
+        let (mut indices, mut count) = (vec![0; points.len()], 0);
+        for members in entries.chunk_by(|a, b| a.0 == b.0) {
+            members.iter().for_each(|&(_, i)| indices[i as usize] = count);
+            count += 1;
+        }
+        Ok((indices, count as usize))
+    }
+}
+
+/// The rank of every cell among those that occur, and how many these are.
+fn number_by_bits(cells: &[u64], total: u64) -> (Vec<u32>, usize) {
+    let mut occupied = vec![0_u64; total.div_ceil(64) as usize];
+    cells.iter().for_each(|cell| occupied[(cell / 64) as usize] |= 1 << (cell % 64));
+    let mut count = 0;
+    let before: Vec<u32> = occupied
+        .iter()
+        .map(|word| {
+            count += word.count_ones();
+            count - word.count_ones()
+        })
+        .collect();
+    let rank = |cell: &u64| {
+        let word = (cell / 64) as usize;
+        before[word] + (occupied[word] & ((1 << (cell % 64)) - 1)).count_ones()
+    };
+    (cells.iter().map(rank).collect(), count as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(n: usize) -> Result<Points> {
+        let rows: Vec<[f64; 3]> = (0..n).map(|i| [1.1, 2.3, 3.7].map(|f| (i as f64 * f).sin())).collect();
+        Points::from_rows("points", &rows)
+    }
+
+    #[test]
+    fn cells_are_numbered_in_their_order_however_many_they_are() -> Result<()> {
+        let points = wave(3000)?;
+        for size in [1e-3, 0.02, 0.3, 5.0] {
+            let grid = Grid::new(&points, size)?;
+            let cells = grid.cells_of(&points);
+            let mut sorted = cells.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            let (indices, count) = grid.number(&points, &Execution::default())?;
+            assert!(indices.iter().zip(&cells).all(|(&i, cell)| sorted[i as usize] == *cell));
+            assert_eq!((count, grid.count(&points, usize::MAX)), (sorted.len(), sorted.len()));
+        }
+        assert!(Grid::new(&points, 1e-3)?.total() > MAX_BITS && Grid::new(&points, 5.0)?.total() < 9);
+        Ok(())
+    }
+
+    #[test]
+    fn counting_ends_beyond_the_most() -> Result<()> {
+        let grid = Grid::new(&wave(3000)?, 0.02)?;
+        let all = grid.count(&wave(3000)?, usize::MAX);
+        for most in [0, 1, 500, all - 1, all, all + 1] {
+            let count = grid.count(&wave(3000)?, most);
+            assert!(if most < all { count > most && count <= all } else { count == all });
+        }
+        Ok(())
+    }
+}
