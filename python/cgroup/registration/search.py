@@ -28,7 +28,7 @@ EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
 FINALISTS = 8
 """Verified poses that are refined on the fine surfaces."""
 
-FIRST_SAMPLES = 1000
+FIRST_SAMPLES = 500
 """Samples of either surface that they are refined with; the best one then gets all."""
 
 _FINER = 2**-0.5

@@ -16,7 +16,7 @@ from .voxels import voxel_downsample
 if TYPE_CHECKING:
     from .neighborhood import FloatArray
 
-PLANE_RADIUS, LEAST_POINTS = 2.4, 6
+PLANE_RADIUS, LEAST_POINTS, LEAST_WIDTH = 2.4, 6, 0.01
 FIRST_REACH, LAST_REACH, FIRST_STEPS, LAST_STEPS = 3.0, 1.5, 5, 15
 TUKEY, PER_MEDIAN, LEAST_DEVIATION = 4.685, 1.4826, 1e-3
 LEAST_PAIRS, DAMPING, STILL = 20, 1e-6, 1e-3
@@ -76,7 +76,7 @@ def _plane(point: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArra
         return None
     mean = around.mean(axis=0)
     values, vectors = np.linalg.eigh(np.cov(around.T, bias=True))
-    if values[1] <= 1e-12 * values[2]:
+    if values[1] < LEAST_WIDTH * values[2]:
         return None
     normal = vectors[:, 0]
     deviation = np.sqrt(np.mean(((around - mean) @ normal) ** 2))
