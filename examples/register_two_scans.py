@@ -1,4 +1,4 @@
-"""Place one scan on another: files in, pose and aligned cloud out.
+"""Place one scan on another: files in, pose and aligned cloud out, or an honest no.
 
 Run it on two scans of your own, or without arguments on a generated pair:
 
@@ -8,6 +8,7 @@ Run it on two scans of your own, or without arguments on a generated pair:
 import sys
 from pathlib import Path
 
+from cgroup import NoConsensusError
 from cgroup.datasets import standin_pair
 from cgroup.io import read_cloud, write_cloud, write_transform
 from cgroup.registration import register
@@ -18,8 +19,11 @@ else:
     pair = standin_pair()
     source, target = pair.source, pair.target
 
-done = register(source, target, method="gtm")
-print(f"{done.grouping.size} of {len(done.correspondences)} matches agree on this pose:")
+try:
+    done = register(source, target)
+except NoConsensusError as error:
+    sys.exit(str(error))
+print(f"Right with a probability of {done.probability:.3f}, overlap {100 * done.fitness:.0f} %:")
 print(done.T_target_source)
 
 out = Path("out")

@@ -19,18 +19,23 @@ _Grouping: TypeAlias = tuple[
     FloatArray | None,
 ]  # mask, scores, threshold, model, diagnostics, alternatives, their scores
 
-_Overlap: TypeAlias = tuple[
-    float, float, FloatArray, FloatArray | None
-]  # fitness, inlier_rmse, information, open_motion
+_Resistance: TypeAlias = tuple[FloatArray, FloatArray | None]  # information, open_motion
+_Overlap: TypeAlias = tuple[float, float, _Resistance]  # fitness, inlier_rmse
 _Verified: TypeAlias = tuple[
     FloatArray, FloatArray, IndexArray, float, _Overlap
 ]  # poses, scores, evidence, margin, overlap of the best
 
+_Alignment: TypeAlias = tuple[
+    FloatArray, FloatArray, FloatArray, int, _Resistance
+]  # pose, residuals, deviations, number of samples
+
 __all__ = [
     "DEBUG_BUILD",
     "Cloud",
+    "FineSurface",
     "Surface",
     "__version__",
+    "align",
     "choose_voxel",
     "drop_isolated",
     "fpfh",
@@ -164,3 +169,11 @@ def verify(
     matches: tuple[RealArray, RealArray, float] | None,
     run_options: RunOptions,
 ) -> _Verified: ...
+
+class FineSurface:
+    def __new__(cls, cloud: Cloud, run_options: RunOptions, spacing: float) -> FineSurface: ...  # noqa: PYI034
+    def __len__(self) -> int: ...
+
+def align(
+    source: FineSurface, target: FineSurface, poses: FloatArray, run_options: RunOptions, samples: int
+) -> list[_Alignment]: ...

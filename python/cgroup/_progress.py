@@ -19,7 +19,7 @@ class StageClock:
     Attributes
     ----------
     seconds : dict of str to float
-        Wall time of each stage that has ended, in order.
+        Wall time of each stage that has ended, in order; the sum where it was entered again.
     """
 
     def __init__(self, progress: Callable[[str], Any] = ignore_progress) -> None:
@@ -37,6 +37,7 @@ class StageClock:
     def stop(self) -> dict[str, float]:
         """End the last stage; return `seconds`."""
         if self._stage is not None:
-            self.seconds[self._stage] = time.perf_counter() - self._since
+            passed = time.perf_counter() - self._since
+            self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + passed
         self._stage = None
         return self.seconds

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class CgroupError(Exception):
     """Base of every error that cgroup raises on purpose."""
@@ -12,4 +14,12 @@ class InputError(CgroupError, ValueError):
 
 
 class NoConsensusError(CgroupError, ValueError):
-    """The group is too small, or too degenerate, to fix a rigid transform."""
+    """No pose: the group doesn't fix one, or the surfaces don't confirm any.
+
+    Attributes
+    ----------
+    registration : cgroup.registration.Registration or None
+        The best guess of `cgroup.registration.register`, which is more likely wrong than right.
+    """
+
+    registration: Any = None

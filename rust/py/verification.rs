@@ -5,13 +5,16 @@ use std::sync::Arc;
 use cgroup::Error;
 use cgroup::geometry::rigid::Rigid;
 use cgroup::verification::{
-    self as core, Evidence, Overlap, Side, Surface as CoreSurface, Verified, margin, overlap,
+    self as core, Evidence, FineSurface as CoreFineSurface, Overlap, Resistance, Side,
+    Surface as CoreSurface, Verified, margin, overlap,
 };
 use nalgebra::{Matrix3, Vector3};
 use numpy::ndarray::Ix2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
+use crate::cloud::Cloud;
 use crate::convert::Reals;
 use crate::features::directions;
 use crate::run::{RunOptions, run};
@@ -76,8 +79,11 @@ type PyVerified<'py> = (
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<i64>>,
     f64,
-    (f64, f64, Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray1<f64>>>),
+    (f64, f64, PyResistance<'py>),
 );
+
+/// Information matrix, and the open motion.
+type PyResistance<'py> = (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray1<f64>>>);
 
 /// Poses refined, best first.
 #[pyfunction]
@@ -113,19 +119,77 @@ fn verified<'py>(
     // Transposed, because nalgebra stores columns and numpy rows.
     let poses = found.iter().map(|found| found.pose.to_matrix().transpose());
     let numbers: Vec<f64> = poses.flat_map(|pose| <[[f64; 4]; 4]>::from(pose).concat()).collect();
-    let information = <[[f64; 6]; 6]>::from(shared.information).concat();
     Ok((
         numbers.into_pyarray(py).reshape([found.len(), 4, 4])?,
         found.iter().map(|found| found.score).collect::<Vec<_>>().into_pyarray(py),
         found.iter().map(|found| found.evidence as i64).collect::<Vec<_>>().into_pyarray(py),
         lead,
-        (
-            shared.fitness,
-            shared.inlier_rmse,
-            information.into_pyarray(py).reshape([6, 6])?,
-            shared.open_motion.map(|motion| motion.as_slice().to_vec().into_pyarray(py)),
-        ),
+        (shared.fitness, shared.inlier_rmse, resisted(py, &shared.resistance)?),
     ))
+}
+
+fn resisted<'py>(py: Python<'py>, resistance: &Resistance) -> PyResult<PyResistance<'py>> {
+    let information = <[[f64; 6]; 6]>::from(resistance.information).concat();
+    let open = resistance.open_motion.map(|motion| motion.as_slice().to_vec().into_pyarray(py));
+    Ok((information.into_pyarray(py).reshape([6, 6])?, open))
+}
+
+/// A surface in detail; use it through `cgroup.verification.FineSurface`.
+#[pyclass(frozen, module = "cgroup._core")]
+pub struct FineSurface {
+    core: Arc<CoreFineSurface>,
+}
+
+#[pymethods]
+impl FineSurface {
+    #[new]
+    fn new(py: Python<'_>, cloud: &Cloud, run_options: RunOptions, spacing: f64) -> PyResult<Self> {
+        let cloud = cloud.core();
+        let built =
+            run(py, &run_options, move |execution| CoreFineSurface::new(cloud.points(), spacing, execution))?;
+        Ok(Self { core: Arc::new(built) })
+    }
+
+    fn __len__(&self) -> usize {
+        self.core.len()
+    }
+}
+
+/// What Python gets: pose; residuals, deviations, number of samples; information, open motion.
+type PyAlignment<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    usize,
+    PyResistance<'py>,
+);
+
+/// Poses refined on two fine surfaces.
+#[pyfunction]
+pub fn align<'py>(
+    py: Python<'py>,
+    source: &FineSurface,
+    target: &FineSurface,
+    poses: PyReadonlyArray3<'py, f64>,
+    run_options: RunOptions,
+    samples: usize,
+) -> PyResult<Vec<PyAlignment<'py>>> {
+    let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&poses)?);
+    let found = run(py, &run_options, move |execution| {
+        let aligned = poses.par_iter().map(|pose| core::align(&source, &target, pose, samples, execution));
+        aligned.collect::<Result<Vec<_>, _>>()
+    })?;
+    let aligned = found.into_iter().map(|found| {
+        let pose = <[[f64; 4]; 4]>::from(found.pose.to_matrix().transpose()).concat();
+        Ok((
+            pose.into_pyarray(py).reshape([4, 4])?,
+            found.residuals.into_pyarray(py),
+            found.deviations.into_pyarray(py),
+            found.samples,
+            resisted(py, &found.resistance)?,
+        ))
+    });
+    aligned.collect()
 }
 
 fn evidence((source, target, tolerance): Matches<'_>) -> PyResult<Evidence> {

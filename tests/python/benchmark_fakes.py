@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import Correspondences, group
+from cgroup.benchmark.pipelines import Answer, Problem
 from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
 from cgroup.datasets.generated.shapes import stone
 from cgroup.errors import InputError
@@ -18,6 +19,7 @@ from cgroup.io import PointCloud
 
 if TYPE_CHECKING:
     from cgroup import Grouping
+    from cgroup._progress import StageClock
 
 
 def log(line: str) -> None:
@@ -131,3 +133,55 @@ def deadly(correspondences: Correspondences) -> np.ndarray:
     if correspondences.source[0, 0] > 90:
         os._exit(9)
     return np.ones(len(correspondences), dtype=bool)
+
+
+# --- pipelines ------------------------------------------------------------------------------------
+
+
+def _shift(length: float) -> np.ndarray:
+    """Pose of `Clouds`, (1, 2, 3) away, and so much more along x."""
+    pose = np.eye(4)
+    pose[:3, 3] = (1 + length, 2, 3)
+    return pose
+
+
+def shifting(problem: Problem, clock: StageClock, *, by: float = 0.0, ok: bool = True) -> Answer:
+    """Always answer the pose of `Clouds`, or one that is off."""
+    log(f"shifting {by} {len(problem.source)}")
+    clock.start("source features")
+    clock.start("target features")
+    clock.start("pose")
+    return Answer(_shift(by), ok, 0.75 if ok else 0.25)
+
+
+def poseless(_problem: Problem, _clock: StageClock) -> Answer:
+    return Answer(None, ok=True)
+
+
+def raising(_problem: Problem, _clock: StageClock) -> Answer:
+    message = "can't do\nthis"
+    raise ArithmeticError(message)
+
+
+def lethal(problem: Problem, _clock: StageClock) -> Answer:
+    """Kill the process unless the target is mirrored."""
+    if problem.target[:, 0].mean() > 0:
+        os._exit(9)
+    return Answer(np.eye(4), ok=False)
+
+
+NOT_A_FUNCTION = 3
+
+
+class Views(Clouds):
+    """Stones that differ from pair to pair, as scans from known viewpoints."""
+
+    name = "views"
+    role = "partial-partial"
+    single_views = True
+
+    def pair_names(self) -> list[str]:
+        return ["a", "b", "c"]
+
+    def subject_of(self, name: str) -> str:
+        return name

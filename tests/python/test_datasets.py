@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,9 @@ from cgroup.datasets import (
     Dataset,
     MatchingPair,
     data_root,
+    mirror,
+    mix,
+    mixed_names,
     open_dataset,
     standin_pair,
 )
@@ -116,6 +119,9 @@ def test_missing_data_says_where_to_get_it(name: str, tmp_path: Path) -> None:
         ("3dmatch", "threedmatch"),
         ("fgr", "fgr"),
         ("corr", "corr"),
+        ("lidar", "lidar"),
+        ("lidar", "corr"),
+        ("fgr-clouds", "fgr"),
     ],
 )
 def test_empty_folder_says_what_is_missing(name: str, folder: str, tmp_path: Path) -> None:
@@ -606,6 +612,13 @@ def test_fgr_matches_features_both_ways(fgr: Path, views: MatchingPair) -> None:
     np.testing.assert_array_equal(again.correspondences.target, found.target)
 
 
+def test_fgr_clouds(fgr: Path, views: MatchingPair) -> None:
+    pair = matching(open_dataset("fgr-clouds", fgr), "pair_01")
+    np.testing.assert_array_equal(pair.T_target_source, views.T_target_source)
+    assert (len(pair.source), len(pair.target)) == (len(views.source), len(views.target))
+    assert 0.3 < pair.facts["overlap"] <= 1
+
+
 def test_fgr_broken_features(fgr: Path) -> None:
     path = fgr / "fgr" / "pair_01" / "features_0001.bin"
     path.write_bytes(path.read_bytes()[:-4])
@@ -614,6 +627,69 @@ def test_fgr_broken_features(fgr: Path) -> None:
     path.unlink()
     with pytest.raises(InputError, match=r"features_0001.bin: isn't there"):
         open_dataset("fgr", fgr).load("pair_01")
+
+
+def write_pcd(path: Path, points: np.ndarray) -> None:
+    sizes = f"WIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(points)}\n"
+    header = f"VERSION .7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\n{sizes}DATA ascii\n"
+    rows = "\n".join(" ".join(map(repr, row)) for row in points.tolist())
+    path.write_text(header + rows + "\n")
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "pose", "name"),
+    [
+        ("lidar/a_source.ply", "lidar/a_target.ply", "lidar/a_T_target_source.txt", "lidar/a"),
+        ("corr/k/07_pts_src.ply", "corr/k/07_pts_dst.ply", "corr/k/07_trans.txt", "corr/k/07"),
+        ("corr/t/8_v0.3.pcd", "corr/t/2_v0.3.pcd", "corr/t/8-2.pose", "corr/t/8-2"),
+    ],
+)
+def test_lidar_layouts(
+    tmp_path: Path, views: MatchingPair, source: str, target: str, pose: str, name: str
+) -> None:
+    for name_of_cloud, cloud in ((source, views.source), (target, views.target)):
+        path = tmp_path / name_of_cloud
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix == ".pcd":
+            write_pcd(path, cloud.points)
+        else:
+            write(path, cloud)
+    np.savetxt(tmp_path / pose, np.linalg.inv(views.T_target_source))  # the direction that fits is taken
+    alone = (tmp_path / pose).name.replace("8-2", "9-3").replace("07", "08").replace("a_T", "b_T")
+    (tmp_path / pose).with_name(alone).write_text("no clouds beside it")
+    dataset = open_dataset("lidar", tmp_path)
+    assert dataset.pair_names() == [name]
+    assert dataset.single_views
+    assert dataset.subject_of(name) == name
+    pair = matching(dataset, name)
+    np.testing.assert_allclose(pair.T_target_source, views.T_target_source, atol=1e-9)
+    assert 0.3 < pair.facts["overlap"] <= 1
+
+
+def test_mirrored_and_mixed_pairs(views: MatchingPair) -> None:
+    seen = replace(views, source_viewpoint=(1.0, 2.0, 3.0), target_viewpoint=(4.0, 5.0, 6.0))
+    mirrored = mirror(seen)
+    assert mirrored.source is views.source
+    np.testing.assert_array_equal(mirrored.target.points, views.target.points * [-1, 1, 1])
+    assert (mirrored.source_viewpoint, mirrored.target_viewpoint) == ((1, 2, 3), (-4, 5, 6))
+    other = replace(seen, target=PointCloud(views.target.points + 1), target_viewpoint=(7.0, 8.0, 9.0))
+    mixed = mix(seen, other)
+    assert mixed.source is views.source
+    assert mixed.target is other.target
+    assert (mixed.source_viewpoint, mixed.target_viewpoint) == ((1, 2, 3), (7, 8, 9))
+
+
+def test_pairs_are_mixed_across_subjects() -> None:
+    class _Two(stones.StandinViews):
+        def pair_names(self) -> list[str]:
+            return ["a1", "a2", "b1"]
+
+        def subject_of(self, name: str) -> str:
+            return name[0]
+
+    assert mixed_names(_Two()) == [("a1", "b1"), ("a2", "b1"), ("b1", "a1"), ("b1", "a2")]
+    assert mixed_names(open_dataset("standin-full")) == []
+    assert len(mixed_names(open_dataset("standin-views"))) == 12 * 11
 
 
 def test_correspondence_files(tmp_path: Path) -> None:

@@ -44,12 +44,21 @@ def matches(pair: MatchingPair) -> cgroup.Correspondences:
 
 def test_registers_the_generated_pair(pair: MatchingPair) -> None:
     stages: list[str] = []
-    done = register(pair.source, pair.target, method="ransac", progress=stages.append)
-    assert stages == [*STAGES, "grouping", "pose"]
-    assert list(done.seconds) == stages
+    done = register(pair.source, pair.target, progress=stages.append)
+    assert list(dict.fromkeys(stages)) == list(done.seconds)
+    assert stages[-1] == "refinement"
+    assert done.ok
+    assert done.probability > 0.9
     assert done.grouping.size >= 3
-    assert rotation_error(done.T_target_source, pair.T_target_source) < 3
-    assert translation_error(done.T_target_source, pair.T_target_source) < 10 * done.resolution
+    assert rotation_error(done.T_target_source, pair.T_target_source) < 0.5
+    assert translation_error(done.T_target_source, pair.T_target_source) < 0.5 * done.voxel
+
+
+def test_the_paper_s_front_proposes_and_the_surfaces_confirm(pair: MatchingPair) -> None:
+    done = register(pair.source, pair.target, front="paper", method="ransac")
+    assert done.ok
+    assert set(STAGES) <= set(done.seconds)
+    assert rotation_error(done.T_target_source, pair.T_target_source) < 0.5
 
 
 def test_correspondences_have_every_field(pair: MatchingPair, matches: cgroup.Correspondences) -> None:
@@ -124,8 +133,9 @@ def test_compare_without_resolution_needs_a_tolerance(matches: cgroup.Correspond
 
 
 def test_no_consensus_is_no_pose(pair: MatchingPair) -> None:
-    with pytest.raises(NoConsensusError):
-        register(pair.source, pair.target, method="ransac", tolerance=1e-12)
+    with pytest.raises(NoConsensusError, match="no pose that can be trusted") as caught:
+        register(pair.source, pair.target, front="paper", method="ransac", tolerance=1e-12)
+    assert caught.value.registration is None
 
 
 def test_a_model_in_a_scan_needs_the_normals_of_its_mesh() -> None:

@@ -72,8 +72,9 @@ def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> rep
         "skips": pd.DataFrame(columns=["method", "n", "threads", "reason", "machine"]),
         "machines": pd.DataFrame([machine]),
         "datasets": pd.DataFrame(datasets, columns=["name", "title", "role", "citation"]),
-        "config": {"name": "made-up", "seed": 3},
+        "config": {"name": "made-up", "seed": 3, "experiment": ["noise"], "registration": None},
         "missing": {},
+        "registrations": pd.DataFrame(),
     }
     return report.ReportData(**(fields | changes))
 
@@ -214,7 +215,7 @@ def test_numbers_that_are_missing_sort_last() -> None:
 
 
 def test_no_failures() -> None:
-    assert failure_table(paper_frame("noise")).rows == []
+    assert failure_table(paper_frame("noise"), pd.DataFrame()).rows == []
 
 
 def test_one_evidence_serves_claims_and_figures() -> None:

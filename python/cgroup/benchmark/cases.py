@@ -1,11 +1,11 @@
-"""What is computed once: one pair, disturbed in one way, described in one way."""
+"""What is computed once: one pair, disturbed and described in one way; or one pair to be registered."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,8 @@ COMBINATIONS: Mapping[str, tuple[Detector, Descriptor]] = {
     "C6": ("iss", "rcs"),
 }
 """The paper's detectors and descriptors (section 4.3)."""
+
+Kind: TypeAlias = Literal["related", "mirrored", "mixed"]
 
 READY_MADE = ""
 """The combination of pairs that come as correspondences."""
@@ -74,6 +76,41 @@ class Case:
     def rng(self, purpose: str) -> np.random.Generator:
         """Random numbers that depend on seed, pair, nuisance and level alone."""
         return keyed_rng(purpose, self.seed, self.dataset, self.pair, self.nuisance, self.level)
+
+
+@dataclass(frozen=True)
+class PairCase:
+    """Two clouds to be registered; sets that ask for the same ones share them.
+
+    Attributes
+    ----------
+    dataset, pair : str
+        Which pair.
+    kind : {"related", "mirrored", "mixed"}
+        The pair itself, the pair with a mirrored target, or its source with the target of another pair.
+    other : str
+        That other pair.
+    voxel : float, optional
+        Edge length of the voxels in the data's unit; chosen for the pair by default.
+    seed : int
+        Key of all random numbers.
+    """
+
+    dataset: str
+    pair: str
+    kind: Kind = "related"
+    other: str = ""
+    voxel: float | None = None
+    seed: int = 0
+
+    @property
+    def key(self) -> str:
+        """Hash of all fields, the same in every process and on every machine."""
+        return _digest(asdict(self)).hex()[:24]
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Random numbers that depend on seed and pair alone."""
+        return keyed_rng(purpose, self.seed, self.dataset, self.pair)
 
 
 def keyed_rng(*key: object) -> np.random.Generator:

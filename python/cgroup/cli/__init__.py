@@ -9,13 +9,13 @@ try:
     import typer
 
     from cgroup.cli import benchmark, cloud, compare, matches, pair
-    from cgroup.cli.terminal import INPUT_ERROR, INTERRUPTED, print_line
+    from cgroup.cli.terminal import INPUT_ERROR, INTERRUPTED, NO_CONSENSUS, print_line
 except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
     raise SystemExit(2) from None
 
 from cgroup import __version__
-from cgroup.errors import CgroupError
+from cgroup.errors import CgroupError, NoConsensusError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,12 +33,15 @@ app.add_typer(benchmark.app, name="benchmark")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 2 input that can't be worked with, 130 interrupted."""
+    """Run the command line and exit.
+
+    Exit status: 0 done, 2 input that can't be worked with, 3 no pose that can be trusted, 130 interrupted.
+    """
     try:
         status = app(args=arguments, prog_name="cgroup", standalone_mode=False)
     except (CgroupError, typer.TyperException) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
-        _fail(message, INPUT_ERROR)
+        _fail(message, NO_CONSENSUS if isinstance(error, NoConsensusError) else INPUT_ERROR)
     except KeyboardInterrupt:
         status = INTERRUPTED
     if status == INTERRUPTED:

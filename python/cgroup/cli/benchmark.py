@@ -1,4 +1,4 @@
-"""``cgroup benchmark``: runs the evaluation, and shows what came of it."""
+"""``cgroup benchmark``: runs evaluations, and shows what came of them."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ _DONE = {
     "group": "groupings",
     "score": "scores",
     "time": "times",
+    "register": "registrations",
 }
 _VERDICT_STYLES = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "dim"}
 _FAILURES_SHOWN = 10
@@ -108,7 +109,8 @@ def presets_command() -> None:
         from cgroup.benchmark.config import preset_names, read_config  # noqa: PLC0415 - slow to load
     for name in preset_names():
         preset = read_config(name)
-        datasets = dict.fromkeys(dataset for entry in preset.experiment for dataset in entry.dataset)
+        sets = preset.registration.sets if preset.registration else ()
+        datasets = dict.fromkeys(name for entry in (*preset.experiment, *sets) for name in entry.dataset)
         print_line(f"{name:<12} {preset.title}")
         print_line(f"{'':<12} data: {', '.join(datasets)}")
 
@@ -191,6 +193,8 @@ def _print_summary(summary: Summary, out: Path, seconds: float) -> None:
 
 def _print_counts(counts: dict[str, Counts]) -> None:
     for stage, count in counts.items():
+        if not count.wanted:
+            continue
         failed = f", {count.failed} failed" if count.failed else ""
         print_line(f"{_DONE[stage]:<14} {count.done} of {count.wanted}{failed}")
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from cgroup.errors import InputError
-from cgroup.registration import Descriptor, Detector, Normals
+from cgroup.registration import Descriptor, Detector, Effort, Normals
 from cgroup.registry import METHODS
 
 _FORMATS = "PLY, PCD, XYZ, OBJ, STL, OFF"
@@ -50,6 +50,43 @@ ResolutionOption = Annotated[
         show_default="mean point spacing of the cloud",
     ),
 ]
+FrontOption = Annotated[
+    Literal["dense", "paper"],
+    typer.Option(help="Match every voxel by FPFH, or the keypoints of the paper's evaluation."),
+]
+VoxelOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Edge length of the voxels, in the files' unit; all radii are multiples of it.",
+        show_default="leaves about 5,000 voxels",
+    ),
+]
+SupportOption = Annotated[float, typer.Option(help="Radius that FPFH describes, in voxels.")]
+ViewpointOption = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(
+        metavar="X Y Z",
+        help="Where the scanner stood in both files, if each is one single scan.",
+        show_default="not known",
+    ),
+]
+SourceViewpointOption = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(metavar="X Y Z", help="The same of the source alone.", show_default="not known"),
+]
+TargetViewpointOption = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(metavar="X Y Z", help="The same of the target alone.", show_default="not known"),
+]
+AxisOption = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(
+        metavar="X Y Z",
+        help="Direction that both clouds share, such as gravity; the pose may tilt it by 10 degrees.",
+        show_default="none",
+    ),
+]
+EffortOption = Annotated[Effort, typer.Option(help="How long to search where the pose is not sure.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for the results; made if need be.")]
 
 DEFAULT_OUT = Path("out")

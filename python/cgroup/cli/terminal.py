@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from cgroup.types import FloatArray, PointCloud
 
 INPUT_ERROR = 2
+NO_CONSENSUS = 3
 INTERRUPTED = 130
 """Exit statuses."""
 

@@ -4,6 +4,7 @@ from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair, data
 from cgroup.datasets.generated.pairs import standin_pair
 from cgroup.datasets.matching_problems import MatchingProblem, make_problem
 from cgroup.datasets.registry import DATASETS, open_dataset
+from cgroup.datasets.unrelated import UnrelatedPair, mirror, mix, mixed_names
 
 __all__ = [
     "DATASETS",
@@ -11,8 +12,12 @@ __all__ = [
     "Dataset",
     "MatchingPair",
     "MatchingProblem",
+    "UnrelatedPair",
     "data_root",
     "make_problem",
+    "mirror",
+    "mix",
+    "mixed_names",
     "open_dataset",
     "standin_pair",
 ]

@@ -101,6 +101,9 @@ class Dataset(ABC):
         Names in `cgroup.evaluation.PROTOCOLS` that make sense here.
     citation : str
         Whom to cite.
+    single_views : bool
+        Whether each cloud is one scan, taken from its viewpoint. Otherwise (fragments of many scans, whole
+        models) viewpoints only say to which side normals are turned.
     """
 
     name: ClassVar[str]
@@ -109,6 +112,7 @@ class Dataset(ABC):
     origin: ClassVar[Origin]
     protocols: ClassVar[tuple[str, ...]]
     citation: ClassVar[str]
+    single_views: ClassVar[bool] = False
 
     @abstractmethod
     def pair_names(self) -> list[str]:
@@ -143,6 +147,14 @@ class Dataset(ABC):
         """Return the registration protocols that make sense for one pair."""
         self.check_name(name)
         return self.protocols
+
+    def subject_of(self, name: str) -> str:
+        """Return what a pair shows; pairs of different subjects share nothing.
+
+        The data set's name unless a subclass knows better: all pairs may show the same thing.
+        """
+        self.check_name(name)
+        return self.name
 
     def check_name(self, name: str) -> None:
         """Raise `InputError` unless there is such a pair."""

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import CorrespondencePair, Dataset, dataset_folder, missing_file
+from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair, dataset_folder, missing_file
 from cgroup.datasets.redwood_log import read_log
 from cgroup.errors import InputError
+from cgroup.evaluation import overlap
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import read_cloud
 from cgroup.types import Correspondences
 
@@ -22,14 +24,44 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cgroup.datasets.base import Origin, Role
-    from cgroup.types import FloatArray, IndexArray
+    from cgroup.types import FloatArray, IndexArray, PointCloud
 
 URL = "https://github.com/isl-org/FastGlobalRegistration (folder dataset)"
 
 _SOURCE, _TARGET = 1, 0  # gt.log maps cloud 1 into the frame of cloud 0
 
 
-class FGR(Dataset):
+class _FGRPairs(Dataset):
+    """Pairs in folders; what is made of them is left to subclasses."""
+
+    origin: ClassVar[Origin] = "synthetic"
+    citation: ClassVar[str] = "Zhou, Park, Koltun: Fast global registration, ECCV 2016"
+
+    def __init__(self, root: Path | str | None = None) -> None:
+        self._folder = dataset_folder(root, "fgr", title=self.title, url=URL)
+        self._pairs = {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
+        if not self._pairs:
+            raise missing_file(
+                self._folder / "pairwise_noise_xyz_level_01_01_rot_05" / "gt.log", self.title, URL
+            )
+
+    def pair_names(self) -> list[str]:
+        """Return the names of the pairs' folders."""
+        return list(self._pairs)
+
+    def _read(self, name: str) -> tuple[PointCloud, PointCloud, FloatArray]:
+        """Read source, target and pose."""
+        self.check_name(name)
+        folder = self._pairs[name]
+        target, source = (read_cloud(folder / f"Depth_{number:04d}.ply") for number in (_TARGET, _SOURCE))
+        pose = read_log(folder / "gt.log").get((_TARGET, _SOURCE))
+        if pose is None:
+            message = f"{folder / 'gt.log'}: has no pose of cloud 1 in the frame of cloud 0"
+            raise InputError(message)
+        return source, target, pose
+
+
+class FGR(_FGRPairs):
     """Matches of FPFH features that are nearest to each other, as FGR begins with; synthetic range data.
 
     Every point of cloud 1 whose nearest feature in cloud 0 has it for its own nearest is a match. They have a
@@ -46,36 +78,16 @@ class FGR(Dataset):
     name: ClassVar[str] = "fgr"
     title: ClassVar[str] = "FGR"
     role: ClassVar[Role] = "correspondences"
-    origin: ClassVar[Origin] = "synthetic"
     protocols: ClassVar[tuple[str, ...]] = ("precision>0.1",)
-    citation: ClassVar[str] = "Zhou, Park, Koltun: Fast global registration, ECCV 2016"
-
-    def __init__(self, root: Path | str | None = None) -> None:
-        self._folder = dataset_folder(root, "fgr", title=self.title, url=URL)
-        self._pairs = {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
-        if not self._pairs:
-            raise missing_file(
-                self._folder / "pairwise_noise_xyz_level_01_01_rot_05" / "gt.log", self.title, URL
-            )
-
-    def pair_names(self) -> list[str]:
-        """Return the names of the pairs' folders."""
-        return list(self._pairs)
 
     def load(self, name: str) -> CorrespondencePair:
         """Read both clouds, and match their features."""
-        self.check_name(name)
+        clouds = self._read(name)
+        source, target, pose = clouds[0].points, clouds[1].points, clouds[2]
         folder = self._pairs[name]
-        target, source = (
-            read_cloud(folder / f"Depth_{number:04d}.ply").points for number in (_TARGET, _SOURCE)
-        )
         rows, partners, ratio = _matches(folder)
         if len(rows) and (rows.max() >= len(source) or partners.max() >= len(target)):
             message = f"{folder}: the features belong to other clouds; there are fewer points than features"
-            raise InputError(message)
-        pose = read_log(folder / "gt.log").get((_TARGET, _SOURCE))
-        if pose is None:
-            message = f"{folder / 'gt.log'}: has no pose of cloud 1 in the frame of cloud 0"
             raise InputError(message)
         correspondences = Correspondences(
             source[rows],
@@ -85,6 +97,28 @@ class FGR(Dataset):
             source_centroid=source.mean(axis=0),
         )
         return CorrespondencePair(name, correspondences, pose)
+
+
+class FGRClouds(_FGRPairs):
+    """The clouds of FGR's pairs; synthetic, the viewpoints aren't known.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; see `data_root`. Its folder ``fgr`` is that of `FGR`; the features aren't needed.
+    """
+
+    name: ClassVar[str] = "fgr-clouds"
+    title: ClassVar[str] = "FGR's clouds"
+    role: ClassVar[Role] = "partial-partial"
+    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr")
+
+    def load(self, name: str) -> MatchingPair:
+        """Read both clouds, and compute their overlap."""
+        source, target, pose = self._read(name)
+        pr = (features.resolution(source.points) + features.resolution(target.points)) / 2
+        shared = overlap(source.points, target.points, pose, tolerance=OVERLAP_WITHIN * pr)
+        return MatchingPair(name, source, target, pose, facts={"overlap": shared})
 
 
 def _matches(folder: Path) -> tuple[IndexArray, IndexArray, FloatArray]:

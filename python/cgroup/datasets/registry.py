@@ -8,8 +8,9 @@ from cgroup._plugins import load_plugin
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
 from cgroup.datasets.correspondence_files import CorrespondenceFiles
-from cgroup.datasets.fgr import FGR
+from cgroup.datasets.fgr import FGR, FGRClouds
 from cgroup.datasets.generated.stones import StandinClutter, StandinFull, StandinViews
+from cgroup.datasets.lidar import LidarScans
 from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.threedmatch import ThreeDMatch
 from cgroup.datasets.u3m import U3M
@@ -31,7 +32,9 @@ DATASETS: dict[str, DatasetFactory] = {
         U3M,
         StanfordViews,
         ThreeDMatch,
+        LidarScans,
         FGR,
+        FGRClouds,
         CorrespondenceFiles,
         StandinFull,
         StandinClutter,

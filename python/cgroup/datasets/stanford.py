@@ -61,6 +61,7 @@ class StanfordViews(Dataset):
     citation: ClassVar[str] = (
         "Stanford 3D Scanning Repository; Turk, Levoy: Zippered polygon meshes, SIGGRAPH 1994"
     )
+    single_views: ClassVar[bool] = True
 
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = dataset_folder(root, "stanford_views", title=self.title, url=URL)
@@ -76,6 +77,11 @@ class StanfordViews(Dataset):
         if self._names is None:
             self._names = self._list_pairs() or self._overlapping()
         return list(self._names)
+
+    def subject_of(self, name: str) -> str:
+        """Return the object's folder."""
+        self.check_name(name)
+        return name.rpartition("/")[0]
 
     def load(self, name: str) -> MatchingPair:
         """Read two views and compute their overlap."""

@@ -77,6 +77,11 @@ class ThreeDMatch(Dataset):
         """Return ``benchmark/scene/target-source``, numbered as in ``gt.log``."""
         return list(self._entries)
 
+    def subject_of(self, name: str) -> str:
+        """Return the scene."""
+        self.check_name(name)
+        return self._entries[name].scene
+
     def load(self, name: str) -> MatchingPair:
         """Read two fragments, thin them out, and compute their overlap."""
         self.check_name(name)

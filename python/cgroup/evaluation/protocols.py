@@ -4,7 +4,9 @@
 |---|---|---|
 | ``precision>0.1`` | the group's precision exceeds 0.1; needs no pose | the paper, on all its data |
 | ``rmse<=1pr``, ``rmse<=5pr`` | the mean error over the overlap is within that | later work on U3M |
+| ``5deg+5pr``, ``2deg+2pr`` | rotation and mean error over the overlap | cgroup, for whole scans |
 | ``3dmatch`` | rotation within 15 degrees, translation within 0.3 m | DGR, PointDSC, MAC |
+| ``3dmatch-strict`` | rotation within 5 degrees, translation within 0.1 m | cgroup, for whole scans |
 | ``kitti`` | rotation within 5 degrees, translation within 0.6 m | DGR, PointDSC, MAC |
 | ``kitti-2m`` | rotation within 5 degrees, translation within 2 m | FCGF, Predator, GeoTransformer |
 
@@ -93,7 +95,10 @@ PROTOCOLS: dict[str, Protocol] = {
         Protocol(PAPER_PROTOCOL, precision_above=REGISTERED_PRECISION),
         Protocol("rmse<=1pr", max_rmse=1.0),
         Protocol("rmse<=5pr", max_rmse=5.0),
+        Protocol("5deg+5pr", max_rotation=5.0, max_rmse=5.0),
+        Protocol("2deg+2pr", max_rotation=2.0, max_rmse=2.0),
         Protocol("3dmatch", max_rotation=15.0, max_translation=0.3),
+        Protocol("3dmatch-strict", max_rotation=5.0, max_translation=0.1),
         Protocol("kitti", max_rotation=5.0, max_translation=0.6),
         Protocol("kitti-2m", max_rotation=5.0, max_translation=2.0),
     )

@@ -1,34 +1,45 @@
-"""The pipeline: two clouds in, grouped correspondences and a pose out.
+"""The pipeline: two clouds in, a pose that their surfaces confirm out, or an honest no.
 
-Resolution, normals, keypoints, local reference frames, descriptors, matches, group, pose: each step is
-one call, so that any of them can be replaced.
+`register` thins both clouds to voxels, matches them, lets a grouping method propose poses, verifies these
+on the surfaces, and refines and judges the best. `correspond` is the front end of the paper's evaluation:
+normals, keypoints, local reference frames, descriptors, matches. Each step is one call, so that any of
+them can be replaced.
 """
 
 from __future__ import annotations
 
 from cgroup.features import ORIGIN, DescribedCloud, Viewpoint
+from cgroup.registration.correspond import PaperFront, correspond
 from cgroup.registration.description import describe, detect, surface_normals
 from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, Descriptor, Detector
 from cgroup.registration.matching import match_described
-from cgroup.registration.pipeline import correspond, register
+from cgroup.registration.pipeline import register
+from cgroup.registration.prepared import DenseFront, PreparedScan, prepare
 from cgroup.registration.result import Registration
 from cgroup.registration.scan import NORMALS, Normals
+from cgroup.registration.search import EFFORTS, Effort
 
 __all__ = [
     "DESCRIPTORS",
     "DETECTORS",
+    "EFFORTS",
     "NORMALS",
     "ORIGIN",
+    "DenseFront",
     "DescribedCloud",
     "Descriptor",
     "Detector",
+    "Effort",
     "Normals",
+    "PaperFront",
+    "PreparedScan",
     "Registration",
     "Viewpoint",
     "correspond",
     "describe",
     "detect",
     "match_described",
+    "prepare",
     "register",
     "surface_normals",
 ]

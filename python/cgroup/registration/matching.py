@@ -9,6 +9,8 @@ from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
     from cgroup.features import DescribedCloud
+    from cgroup.features.matching import Matches
+    from cgroup.types import BoolArray, RealArray
 
 
 def match_described(
@@ -42,7 +44,18 @@ def match_described(
     >>> len(matches) == len(described), float(matches.similarity.min())
     (True, 1.0)
     """
-    matches = features.match(source.descriptors, target.descriptors, threads=threads)
+    return match_both_ways(source, target, 1, threads)[0]
+
+
+def match_both_ways(
+    source: DescribedCloud, target: DescribedCloud, k: int, threads: int | None
+) -> tuple[Correspondences, BoolArray]:
+    """Match every source keypoint with its k nearest, and say which matches are each other's nearest."""
+    matches = features.match(source.descriptors, target.descriptors, k=k, threads=threads)
+    return _correspondences(source, target, matches), matches.is_mutual & (matches.rank == 1)
+
+
+def _correspondences(source: DescribedCloud, target: DescribedCloud, matches: Matches) -> Correspondences:
     rows, partners = matches.source_indices, matches.target_indices
     return Correspondences(
         source.points[rows],
@@ -53,4 +66,22 @@ def match_described(
         target_lrf=target.lrf[partners],
         resolution=(source.resolution + target.resolution) / 2,
         source_centroid=source.centroid,
+    )
+
+
+def take_matches(matches: Correspondences, chosen: BoolArray) -> Correspondences:
+    """Return some of the matches."""
+
+    def rows(values: RealArray | None) -> RealArray | None:
+        return None if values is None else values[chosen]
+
+    return Correspondences(
+        matches.source[chosen],
+        matches.target[chosen],
+        similarity=rows(matches.similarity),
+        ratio=rows(matches.ratio),
+        source_lrf=rows(matches.source_lrf),
+        target_lrf=rows(matches.target_lrf),
+        resolution=matches.resolution,
+        source_centroid=matches.source_centroid,
     )

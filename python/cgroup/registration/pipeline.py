@@ -1,17 +1,24 @@
-"""Two clouds in, matches, a group and a pose out."""
+"""Two clouds in, a pose that their surfaces confirm out."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from cgroup._progress import StageClock, ignore_progress
-from cgroup.errors import InputError
+from cgroup.errors import InputError, NoConsensusError
 from cgroup.features import ORIGIN
 from cgroup.group import group
-from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, FrontEnd
-from cgroup.registration.matching import match_described
-from cgroup.registration.result import Registration
-from cgroup.registration.scan import NEEDED_FOR, NORMALS, as_scan, check_choice
+from cgroup.registration.correspond import PaperFront, correspond
+from cgroup.registration.pair import prepare_pair
+from cgroup.registration.poses import as_axis, group_poses
+from cgroup.registration.prepared import DenseFront
+from cgroup.registration.report import explain_failure, registration_of
+from cgroup.registration.scan import check_choice
+from cgroup.registration.search import EFFORTS, Search
+from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,50 +26,56 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Cloud, Viewpoint
-    from cgroup.registration.front_end import Descriptor, Detector
-    from cgroup.registration.scan import Normals, Scan
-    from cgroup.types import Correspondences, PointCloud
+    from cgroup.registration.prepared import PreparedScan
+    from cgroup.registration.result import Registration
+    from cgroup.registration.scan import Scan
+    from cgroup.registration.search import Effort, Found
 
-MAX_RESOLUTION_RATIO = 20.0
-"""Clouds that differ more than this are taken to be in different units; descriptors would be useless."""
+FRONTS = ("dense", "paper")
 
 
 def register(
-    source: PointCloud | Cloud | ArrayLike,
-    target: PointCloud | Cloud | ArrayLike,
+    source: PreparedScan | PointCloud | Cloud | ArrayLike,
+    target: PreparedScan | PointCloud | Cloud | ArrayLike,
     *,
-    method: str = "gtm",
-    detector: Detector = "h3d",
-    descriptor: Descriptor = "shot",
-    keypoints: int | None = None,
-    nms_radius: float | None = None,
-    normals: Normals = "pca",
-    source_viewpoint: Viewpoint = ORIGIN,
-    target_viewpoint: Viewpoint = ORIGIN,
+    voxel: float | None = None,
+    source_viewpoint: Viewpoint | None = None,
+    target_viewpoint: Viewpoint | None = None,
+    axis: ArrayLike | None = None,
+    effort: Effort = "normal",
+    front: Literal["dense", "paper"] | DenseFront | PaperFront = "dense",
+    method: str | None = None,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> Registration:
-    """Place a source cloud on a target cloud.
+    """Place a source cloud on a target cloud, or say that no pose can be trusted.
+
+    Both clouds are thinned to voxels, and matched by FPFH. Groups of matches propose poses; these are
+    verified on the two surfaces (`cgroup.verification`), the best is refined, and judged.
 
     Parameters
     ----------
-    source, target : PointCloud, Cloud or (N,3) array_like of float
-        Whole clouds, in the same unit.
-    method : str
-        Grouping method, one of `cgroup.METHODS`.
-    detector : {"h3d", "iss"}
-        Keypoint detector: Harris 3D or intrinsic shape signatures.
-    descriptor : {"shot", "lfsh", "rcs", "fpfh"}
-        Descriptor; the frames are always those of SHOT.
-    keypoints : int, optional
-        How many to aim at in each cloud; by default what the detector finds at its usual radius.
-    nms_radius : float, optional
-        Radius of the non-maximum suppression in pr; the detector's own by default.
-    normals : {"pca", "mesh", "given"}
-        As in `describe`; a cloud that lacks faces, or normals, gets "pca" beside one that has them.
-    source_viewpoint, target_viewpoint : (float, float, float)
-        Where the scanners stood, in their clouds' frames.
+    source, target : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        Whole clouds, in the same unit; scale is not estimated. To register one cloud with many, `prepare` it
+        once.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points: the one length that all others are multiples
+        of. By default the smallest 2^(k/4) that leaves 5,000 voxels at most, on average of the two.
+    source_viewpoint, target_viewpoint : (float, float, float), optional
+        Where the scanner stood, in the cloud's frame, if the cloud is one single scan. What lies before its
+        surface then speaks against a pose; at low overlap nothing helps more. Not for clouds fused from
+        several.
+    axis : (3,) array_like of float, optional
+        A direction that both clouds share, such as that of gravity; the pose may tilt it by 10 degrees.
+    effort : {"low", "normal", "high"}
+        How long to search: mutual matches only; all matches where these aren't enough; and then finer voxels
+        with the three nearest matches of each.
+    front : {"dense", "paper"}, DenseFront or PaperFront
+        Where matches come from: every voxel, or the keypoints of a detector, as in the paper's evaluation.
+    method : str, optional
+        Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" unless given, "gtm" with the
+        paper's front.
     threads : int, optional
         Threads to compute on, None for all cores.
     progress : callable, optional
@@ -73,135 +86,75 @@ def register(
     Returns
     -------
     Registration
-        Pose, group and matches.
+        With `Registration.ok`, always.
 
     Raises
     ------
     NoConsensusError
-        If the group doesn't fix a pose.
+        If no pose can be trusted; its ``registration`` is the best guess.
     InputError
         If a cloud or an option can't be worked with.
 
     Examples
     --------
     >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import register
     >>> pair = standin_pair(pixels=100)
     >>> done = register(pair.source, pair.target)
-    >>> done.T_target_source.shape, list(done.seconds)[-2:]
-    ((4, 4), ['grouping', 'pose'])
+    >>> done.ok, bool(abs(done.T_target_source - pair.T_target_source).max() < done.voxel)
+    (True, True)
     """
+    check_choice("effort", effort, EFFORTS)
     clock = StageClock(progress or ignore_progress)
-    correspondences = correspond(
-        source,
-        target,
-        detector=detector,
-        descriptor=descriptor,
-        keypoints=keypoints,
-        nms_radius=nms_radius,
-        normals=normals,
-        source_viewpoint=source_viewpoint,
-        target_viewpoint=target_viewpoint,
-        threads=threads,
-        progress=clock.start,
+    direction = None if axis is None else as_axis(axis)
+    kind = _front_of(front)
+    chosen = method or ("gtm" if isinstance(kind, PaperFront) else "lc")
+    search = Search(chosen, options, direction, effort, threads, clock)
+    dense = front if isinstance(front, DenseFront) else None
+    scans = prepare_pair(source, target, voxel, (source_viewpoint, target_viewpoint), dense, threads, clock)
+    found = _search_keypoints(search, scans, kind) if isinstance(kind, PaperFront) else search.run(*scans)
+    return _answer(found, scans, clock)
+
+
+def _front_of(front: object) -> DenseFront | PaperFront:
+    if isinstance(front, DenseFront | PaperFront):
+        return front
+    if front == "dense":
+        return DenseFront()
+    if front == "paper":
+        return PaperFront()
+    message = f"front: got {front!r}; choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
+    raise InputError(message)
+
+
+def _search_keypoints(
+    search: Search, scans: tuple[PreparedScan, PreparedScan], front: PaperFront
+) -> Found | None:
+    """Search among the poses of a group of the paper's matches."""
+    matches = correspond(
+        *(_as_read(scan.scan) for scan in scans),
+        **asdict(front),
+        source_viewpoint=scans[0].viewpoint or ORIGIN,
+        target_viewpoint=scans[1].viewpoint or ORIGIN,
+        threads=search.threads,
+        progress=search.clock.start,
     )
-    clock.start("grouping")
-    grouping = group(correspondences, method, threads=threads, **options)
-    clock.start("pose")
-    pose = grouping.transform()
-    return Registration(pose, grouping, correspondences, clock.stop())
+    search.clock.start("grouping")
+    poses = group_poses(group(matches, search.method, threads=search.threads, **search.options))
+    return search.confirm(*scans, matches, poses)
 
 
-def correspond(
-    source: PointCloud | Cloud | ArrayLike,
-    target: PointCloud | Cloud | ArrayLike,
-    *,
-    detector: Detector = "h3d",
-    descriptor: Descriptor = "shot",
-    keypoints: int | None = None,
-    nms_radius: float | None = None,
-    normals: Normals = "pca",
-    source_viewpoint: Viewpoint = ORIGIN,
-    target_viewpoint: Viewpoint = ORIGIN,
-    threads: int | None = None,
-    progress: Callable[[str], Any] | None = None,
-) -> Correspondences:
-    """Match keypoints of two clouds by their descriptors.
-
-    The front end of the paper's evaluation: every source keypoint is matched to the target keypoint with
-    the nearest descriptor, right or wrong. To match one cloud with many, `describe` each once, at the same
-    resolution, and `match_described` them.
-
-    Parameters
-    ----------
-    source, target : PointCloud, Cloud or (N,3) array_like of float
-        Whole clouds, in the same unit.
-    detector : {"h3d", "iss"}
-        Keypoint detector: Harris 3D or intrinsic shape signatures.
-    descriptor : {"shot", "lfsh", "rcs", "fpfh"}
-        Descriptor; the frames are always those of SHOT.
-    keypoints : int, optional
-        How many to aim at in each cloud; by default what the detector finds at its usual radius.
-    nms_radius : float, optional
-        Radius of the non-maximum suppression in pr; the detector's own by default.
-    normals : {"pca", "mesh", "given"}
-        As in `describe`; a cloud that lacks faces, or normals, gets "pca" beside one that has them.
-    source_viewpoint, target_viewpoint : (float, float, float)
-        Where the scanners stood, in their clouds' frames.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
-
-    Returns
-    -------
-    Correspondences
-        With every field that a method may need.
-
-    Raises
-    ------
-    InputError
-        If a cloud is too small or not finite, the clouds are in different units, or an option is unknown.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> pair = standin_pair(pixels=60)
-    >>> correspond(pair.source, pair.target)  # doctest: +ELLIPSIS
-    Correspondences(n=..., fields=['source', 'target', 'similarity', ...])
-    """
-    check_choice("normals", normals, NORMALS)
-    check_choice("detector", detector, DETECTORS)
-    check_choice("descriptor", descriptor, DESCRIPTORS)
-    begin = progress or ignore_progress
-    begin("resolution")
-    scans = as_scan("source", source), as_scan("target", target)
-    pr = _common_resolution(*scans, threads)
-    if not any(scan.has(normals) for scan in scans):
-        message = f"normals: got {normals!r}, but neither cloud has {NEEDED_FOR[normals]}; choose 'pca'"
-        raise InputError(message)
-    front_end = FrontEnd(detector, keypoints, nms_radius, threads)
-    described = [
-        front_end.describe(
-            scan,
-            pr,
-            descriptor,
-            normals if scan.has(normals) else "pca",
-            viewpoint,
-            lambda stage, role=scan.name: begin(f"{role} {stage}"),
-        )
-        for scan, viewpoint in zip(scans, (source_viewpoint, target_viewpoint), strict=True)
-    ]
-    begin("matching")
-    return match_described(described[0], described[1], threads=threads)
+def _as_read(scan: Scan) -> PointCloud | Cloud:
+    if scan.normals is None and scan.faces is None:
+        return scan.cloud
+    return PointCloud(np.asarray(scan.cloud.points, dtype=np.float64), scan.normals, scan.faces)
 
 
-def _common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
-    """Average the resolutions of two clouds that are in the same unit."""
-    resolutions = source.resolution(threads), target.resolution(threads)
-    if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):
-        message = (
-            f"source, target: their points lie {resolutions[0]:.3g} and {resolutions[1]:.3g} apart; "
-            "scale them to the same unit"
-        )
-        raise InputError(message)
-    return sum(resolutions) / 2
+def _answer(found: Found | None, scans: tuple[PreparedScan, PreparedScan], clock: StageClock) -> Registration:
+    """Return a pose that can be trusted, or raise with the best guess."""
+    registration = None if found is None else registration_of(found, clock.stop())
+    if registration is not None and registration.ok:
+        return registration
+    error = NoConsensusError(explain_failure(registration, *scans))
+    error.registration = registration
+    raise error

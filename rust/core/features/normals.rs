@@ -83,7 +83,7 @@ fn fit_balls(search: &BallSearch, execution: &Execution) -> Result<Vec<Surface>>
 }
 
 /// Plane through points given relative to one of them, which is counted too if it `adds_itself`.
-pub(super) fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surface {
+pub(crate) fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surface {
     let mut count = usize::from(adds_itself);
     let mut sum = Vector3::zeros();
     let mut products = [0.0; 6];

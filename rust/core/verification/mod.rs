@@ -10,6 +10,8 @@
 //! in units of some 0.4 of the distance between points. Cost: two looks into a grid per pose and sample; memory of a surface:
 //! a few hundred bytes per point.
 
+pub mod alignment;
+pub mod fine_surface;
 pub mod overlap;
 pub mod schedule;
 pub mod surface;
@@ -22,6 +24,8 @@ mod refine;
 mod sampling;
 mod score;
 
-pub use overlap::{Overlap, overlap};
+pub use alignment::{Alignment, align};
+pub use fine_surface::FineSurface;
+pub use overlap::{Overlap, Resistance, overlap};
 pub use schedule::{Evidence, Verified, margin, score_poses, verify};
 pub use surface::{Side, Surface};

@@ -27,12 +27,37 @@ pub struct Overlap {
     pub fitness: f64,
     /// Root mean square of their distances to its planes, in the data's unit; NaN where there are none.
     pub inlier_rmse: f64,
+    /// Which motions the surfaces resist.
+    pub resistance: Resistance,
+}
+
+/// Which motions two surfaces resist under a pose.
+#[derive(Debug, Clone)]
+pub struct Resistance {
     /// `sum w J J^T` of the last point-to-plane step, J the motion of a pair's distance with a rotation vector about the
     /// target's origin and a translation, in the target's coordinates and the data's unit.
     pub information: Matrix6<f64>,
     /// The motion (rotation vector, translation) that the surfaces resist least, where they hardly do; in the same
     /// coordinates, of a size that moves the surfaces by about one unit.
     pub open_motion: Option<Vector6<f64>>,
+}
+
+impl Resistance {
+    /// From the matrix and the weight of normal equations in units, about the target's centre; `radius` is that of the
+    /// surfaces, in units.
+    pub(super) fn new(
+        matrix: &Matrix6<f64>,
+        weight: f64,
+        radius: f64,
+        unit: f64,
+        center: &Vector3<f64>,
+    ) -> Self {
+        Self {
+            information: in_data(matrix, unit, center),
+            open_motion: open_motion(matrix, weight, radius)
+                .map(|motion| moved_to_origin(&motion, unit, center)),
+        }
+    }
 }
 
 /// Measures the overlap of two surfaces.
@@ -45,8 +70,7 @@ pub fn overlap(source: &Surface, target: &Surface, pose: &Rigid) -> Overlap {
     Overlap {
         fitness,
         inlier_rmse: rmse * source.unit(),
-        information: in_data(&matrix, target),
-        open_motion: open_motion(&matrix, sums.weight, radius).map(|motion| moved_to_origin(&motion, target)),
+        resistance: Resistance::new(&matrix, sums.weight, radius, target.unit(), &target.center()),
     }
 }
 
@@ -97,9 +121,9 @@ impl Shared {
 }
 
 /// From motions about the target's mean, in units, to motions about its origin in the data's unit.
-fn in_data(matrix: &Matrix6<f64>, target: &Surface) -> Matrix6<f64> {
-    let mut change = Matrix6::identity() * target.unit();
-    let turn: Matrix3<f64> = target.center().cross_matrix();
+fn in_data(matrix: &Matrix6<f64>, unit: f64, center: &Vector3<f64>) -> Matrix6<f64> {
+    let mut change = Matrix6::identity() * unit;
+    let turn: Matrix3<f64> = center.cross_matrix();
     change.fixed_view_mut::<3, 3>(3, 0).copy_from(&-turn);
     change.fixed_view_mut::<3, 3>(3, 3).copy_from(&Matrix3::identity());
     change.transpose() * matrix * change
@@ -115,8 +139,8 @@ fn open_motion(matrix: &Matrix6<f64>, weight: f64, radius: f64) -> Option<Vector
     (eigen.eigenvalues[least] <= OPEN * weight).then(|| scale * eigen.eigenvectors.column(least))
 }
 
-fn moved_to_origin(motion: &Vector6<f64>, target: &Surface) -> Vector6<f64> {
+fn moved_to_origin(motion: &Vector6<f64>, unit: f64, center: &Vector3<f64>) -> Vector6<f64> {
     let turn = Vector3::new(motion[0], motion[1], motion[2]);
-    let shift = Vector3::new(motion[3], motion[4], motion[5]) * target.unit() - turn.cross(&target.center());
+    let shift = Vector3::new(motion[3], motion[4], motion[5]) * unit - turn.cross(center);
     Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z)
 }

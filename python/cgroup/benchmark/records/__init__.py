@@ -2,6 +2,7 @@
 
 from cgroup.benchmark.records.growth import exponents
 from cgroup.benchmark.records.means import aggregate
+from cgroup.benchmark.records.registration_tables import load_registrations
 from cgroup.benchmark.records.tables import (
     load,
     load_config,
@@ -22,6 +23,7 @@ __all__ = [
     "load_groups",
     "load_machines",
     "load_missing",
+    "load_registrations",
     "load_timing",
     "load_timing_skips",
 ]

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import sqlite3
 
     from cgroup.benchmark.candidates import Candidate
-    from cgroup.benchmark.plan import DatasetFacts, PlannedExperiment
+    from cgroup.benchmark.plan import DatasetFacts, PlannedExperiment, PlannedSet
     from cgroup.benchmark.records.types import Provenance
 
 
@@ -40,6 +40,25 @@ def insert_experiment(
         insert(connection, "plan_methods", entry, method.key, method.label, position, known="ignore")
     for epsilon in experiment.epsilons:
         insert(connection, "plan_epsilons", entry, epsilon, known="ignore")
+
+
+def insert_set(
+    connection: sqlite3.Connection,
+    entry: int,
+    planned: PlannedSet,
+    pairs: dict[str, dict[str, tuple[str, tuple[str, ...]]]],
+) -> None:
+    """Ask for the records of one set of pairs; `pairs` are those of each data set, see `DatasetFacts`."""
+    insert(connection, "plan_sets", entry, planned.entry.id, planned.threads, planned.entry.model_dump_json())
+    for case in planned.cases:
+        origin, _ = pairs[case.dataset][case.pair]
+        what = (case.dataset, case.pair, origin, case.kind, case.other, case.voxel, case.seed)
+        insert(connection, "pair_cases", case.key, *what, known="replace")
+        insert(connection, "plan_pairs", entry, case.key, known="ignore")
+    for position, pipeline in enumerate(planned.pipelines):
+        what = (pipeline.key, pipeline.name, pipeline.options, pipeline.refined)
+        insert(connection, "pipelines", *what, known="ignore")
+        insert(connection, "plan_pipelines", entry, pipeline.key, pipeline.label, position, known="ignore")
 
 
 def insert_method(connection: sqlite3.Connection, method: Candidate) -> None:

@@ -1,6 +1,15 @@
 """Layout of the records' file, and the queries for what it lacks."""
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+
+WITHOUT_REGISTRATIONS = 1
+"""Version of files that lack the tables of `REGISTRATION_SCHEMA`."""
+
+PLAN_TABLES = (
+    *("plan", "plan_experiments", "plan_cases", "plan_methods", "plan_epsilons", "plan_timing"),
+    *("plan_sets", "plan_pairs", "plan_pipelines"),
+)
+"""What the latest configuration asks for."""
 
 SCHEMA = """
 create table machines (
@@ -65,8 +74,42 @@ create view wanted_scores as
     group by case_key, method_key, epsilon;
 """
 
+REGISTRATION_SCHEMA = """
+create table pair_cases (
+    key text primary key, dataset text, pair text, origin text, kind text, other text, voxel real,
+    seed integer
+) without rowid;
+create table pipelines (key text primary key, name text, options text, refined integer) without rowid;
+create table registrations (
+    case_key text references pair_cases, pipeline_key text references pipelines, threads integer,
+    voxel real, pr real, overlap real, pose blob, ok integer, probability real, rotation_error real,
+    translation_error real, rmse real, seconds text, error text, version text, machine text, created text,
+    primary key (case_key, pipeline_key, threads)
+) without rowid;
+
+create table plan_sets (entry integer primary key, id text, threads integer, definition text);
+create table plan_pairs (entry integer, case_key text, primary key (entry, case_key)) without rowid;
+create table plan_pipelines (
+    entry integer, pipeline_key text, label text, place integer, primary key (entry, pipeline_key)
+) without rowid;
+
+create view wanted_registrations as
+    select distinct case_key, pipeline_key, threads
+    from plan_pairs join plan_pipelines using (entry) join plan_sets using (entry);
+"""
+"""Tables that were added in version 2."""
+
 # Cases of one pair follow each other, so that a worker loads it once.
 CASE_ORDER = "order by dataset, pair, nuisance, level, nms_radius, combination"
+
+PAIR_ORDER = "order by dataset, pair, kind, other"
+
+PENDING_REGISTRATIONS = """
+select {} from wanted_registrations w join pair_cases on pair_cases.key = w.case_key
+where not exists (
+    select 1 from registrations r
+    where r.case_key = w.case_key and r.pipeline_key = w.pipeline_key and r.threads = w.threads)
+"""
 
 PENDING_CASES = """
 select {} from wanted_cases join cases on cases.key = case_key
@@ -86,4 +129,23 @@ select {} from wanted_scores w
 where not exists (
     select 1 from scores s
     where s.case_key = w.case_key and s.method_key = w.method_key and s.epsilon = w.epsilon)
+"""
+
+FAILURES = """
+select '', error, count(*) from wanted_cases join correspondences using (case_key)
+where error <> '' group by error
+union all
+select label, error, count(*) from groupings join (
+    select case_key, method_key, min(label) as label
+    from plan_cases join plan_methods using (entry) group by case_key, method_key
+) using (case_key, method_key)
+where error <> '' group by label, error
+union all
+select label, error, count(*) from registrations join (
+    select case_key, pipeline_key, threads, min(label) as label
+    from plan_pairs join plan_pipelines using (entry) join plan_sets using (entry)
+    group by case_key, pipeline_key, threads
+) using (case_key, pipeline_key, threads)
+where error <> '' group by label, error
+order by 3 desc
 """

@@ -19,15 +19,20 @@ from cgroup.benchmark.records.rows import (
     insert_dataset,
     insert_experiment,
     insert_machine,
+    insert_set,
     list_origin,
 )
 from cgroup.benchmark.records.schema import (
     CASE_ORDER,
+    FAILURES,
     PENDING_CASES,
     PENDING_GROUPINGS,
     PENDING_SCORES,
+    PLAN_TABLES,
+    REGISTRATION_SCHEMA,
     SCHEMA,
     SCHEMA_VERSION,
+    WITHOUT_REGISTRATIONS,
 )
 from cgroup.errors import InputError
 
@@ -40,6 +45,8 @@ if TYPE_CHECKING:
 
 RECORDS = "records.sqlite"
 """Name of the file in a run's folder."""
+
+_FAILED = "coalesce(r.error, '') <> ''"
 
 
 class Counts(NamedTuple):
@@ -87,13 +94,15 @@ class Store:
             version = connection.execute("pragma user_version").fetchone()[0]
             if version == SCHEMA_VERSION:
                 return
-            if version != 0 or connection.execute("select count(*) from sqlite_master").fetchone()[0]:
+            empty = connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
+            if version != WITHOUT_REGISTRATIONS and not (version == 0 and empty):
                 message = (
                     f"{self.path}: its layout is number {version}, this version of cgroup writes "
                     f"{SCHEMA_VERSION}; use another folder"
                 )
                 raise InputError(message)
-            for statement in SCHEMA.split(";\n"):
+            schema = REGISTRATION_SCHEMA if version else SCHEMA + REGISTRATION_SCHEMA
+            for statement in schema.split(";\n"):
                 connection.execute(statement)
             connection.execute(f"pragma user_version = {SCHEMA_VERSION}")
 
@@ -113,8 +122,8 @@ class Store:
     def replace_plan(self, plan: Plan) -> None:
         """Ask for what a configuration asks for, and nothing else."""
         with self.transaction() as connection:
-            for table in ("", "_experiments", "_cases", "_methods", "_epsilons", "_timing"):
-                connection.execute(f"delete from plan{table}")
+            for table in PLAN_TABLES:
+                connection.execute(f"delete from {table}")
             config = plan.config
             missing = json.dumps(plan.missing)
             insert(connection, "plan", config.name, config.seed, config.model_dump_json(), missing)
@@ -123,12 +132,15 @@ class Store:
             pairs = {facts.name: facts.pairs for facts in plan.datasets}
             for entry, planned in enumerate(plan.experiments):
                 insert_experiment(connection, entry, planned, pairs)
+            for entry, planned in enumerate(plan.sets):
+                insert_set(connection, entry, planned, pairs)
 
     def forget_failures(self) -> None:
         """Drop the records of what failed, so that it is tried again."""
         with self.transaction() as connection:
             connection.execute("delete from correspondences where error <> ''")
             connection.execute("delete from groupings where error <> ''")
+            connection.execute("delete from registrations where error <> ''")
 
     # --- what is missing -------------------------------------------------------------------------
 
@@ -168,13 +180,12 @@ class Store:
     def counts(self) -> dict[str, Counts]:
         """How far the stages are with what the plan asks for."""
         return {
-            "correspond": self._count(
-                "wanted_cases", "correspondences", "using (case_key)", "coalesce(r.error, '') <> ''"
-            ),
-            "group": self._count(
-                "wanted_groupings", "groupings", "using (case_key, method_key)", "coalesce(r.error, '') <> ''"
-            ),
+            "correspond": self._count("wanted_cases", "correspondences", "using (case_key)", _FAILED),
+            "group": self._count("wanted_groupings", "groupings", "using (case_key, method_key)", _FAILED),
             "score": self._count("wanted_scores", "scores", "using (case_key, method_key, epsilon)", "0"),
+            "register": self._count(
+                "wanted_registrations", "registrations", "using (case_key, pipeline_key, threads)", _FAILED
+            ),
         }
 
     def _count(self, wanted: str, records: str, match: str, failed: str) -> Counts:
@@ -190,19 +201,8 @@ class Store:
         return json.loads(self.connection.execute("select missing from plan").fetchone()[0])
 
     def failures(self) -> list[tuple[str, str, int]]:
-        """Read what failed: the method (empty for the first stage), the error, and how often."""
-        query = """
-        select '', error, count(*) from wanted_cases join correspondences using (case_key)
-        where error <> '' group by error
-        union all
-        select label, error, count(*) from groupings join (
-            select case_key, method_key, min(label) as label
-            from plan_cases join plan_methods using (entry) group by case_key, method_key
-        ) using (case_key, method_key)
-        where error <> '' group by label, error
-        order by 3 desc
-        """
-        return list(self.connection.execute(query))
+        """Read what failed: the method or pipeline (empty for the first stage), the error, and how often."""
+        return list(self.connection.execute(FAILURES))
 
     # --- records ---------------------------------------------------------------------------------
 

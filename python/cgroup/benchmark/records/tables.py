@@ -89,7 +89,7 @@ def load(path: Path) -> pd.DataFrame:
     InputError
         If there are no records.
     """
-    frame = _query(path, _SCORES)
+    frame = query(path, _SCORES)
     facts = [json.loads(text) for text in frame.pop("facts")]
     for name in FACTS:
         frame[name] = np.array([of_pair.get(name, np.nan) for of_pair in facts], dtype=float)
@@ -116,7 +116,7 @@ def load_timing(path: Path) -> pd.DataFrame:
         One row per method, set and repeat: `method, n, threads` (0: all cores), `repeat, seconds, dataset,
         pair, machine, version`.
     """
-    return _query(path, _TIMES)
+    return query(path, _TIMES)
 
 
 def load_timing_skips(path: Path) -> pd.DataFrame:
@@ -132,27 +132,27 @@ def load_timing_skips(path: Path) -> pd.DataFrame:
     DataFrame
         `method, n, threads, reason, machine`.
     """
-    return _query(path, _SKIPS)
+    return query(path, _SKIPS)
 
 
 def load_machines(path: Path) -> pd.DataFrame:
     """Read which machines made records: `id, cpu, cores, system, python, numpy`."""
-    return _query(path, "select * from machines")
+    return query(path, "select * from machines")
 
 
 def load_datasets(path: Path) -> pd.DataFrame:
     """Read what is known of the data sets: `name, title, role, origin, citation`."""
-    return _query(path, "select * from datasets")
+    return query(path, "select * from datasets")
 
 
 def load_config(path: Path) -> dict[str, Any]:
     """Read the latest configuration: plain values as in its TOML, defaults filled in."""
-    return json.loads(str(_query(path, "select config from plan")["config"][0]))
+    return json.loads(str(query(path, "select config from plan")["config"][0]))
 
 
 def load_missing(path: Path) -> dict[str, str]:
     """Read which data sets weren't at hand, and why."""
-    return json.loads(str(_query(path, "select missing from plan")["missing"][0]))
+    return json.loads(str(query(path, "select missing from plan")["missing"][0]))
 
 
 def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dict[str, BoolArray]]:
@@ -191,7 +191,15 @@ def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dic
     return matches, floats_from_bytes(arrays[1], (4, 4)), masks
 
 
-def _query(path: Path, text: str) -> pd.DataFrame:
+def has_table(path: Path, name: str) -> bool:
+    """Tell whether the records have a table; those of older versions lack some."""
+    with _reader(path) as connection:
+        found = connection.execute("select count(*) from sqlite_master where name = ?", (name,))
+        return bool(found.fetchone()[0])
+
+
+def query(path: Path, text: str) -> pd.DataFrame:
+    """Read what an SQL statement selects; raises `InputError` if there are no records."""
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
 
     with _reader(path) as connection:

@@ -1,4 +1,4 @@
-"""What the three stages return, one record each."""
+"""What the stages return, one record each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cgroup import __version__
 from cgroup.benchmark.records.machine import Machine, this_machine
 
 if TYPE_CHECKING:
-    from cgroup.benchmark.cases import Case
+    from cgroup.benchmark.cases import Case, PairCase
 
 
 def _now() -> str:
@@ -127,3 +127,50 @@ class ScoreRecord:
     translation_error: float | None
     rmse: float | None
     protocols: str
+
+
+@dataclass(frozen=True)
+class RegistrationRecord:
+    """Record of a pair that a pipeline has registered.
+
+    Attributes
+    ----------
+    case : PairCase
+        What was asked for.
+    pipeline_key : str
+        By which pipeline.
+    threads : int
+        On how many threads.
+    voxel, pr : float
+        Edge length of the voxels, and resolution, in the data's unit.
+    overlap : float, optional
+        Share that both clouds have in common, where it is known.
+    pose : bytes, optional
+        16 float64; None where the pipeline found none.
+    ok : bool
+        Whether the pipeline holds its pose to be right.
+    probability : float, optional
+        That it is, where the pipeline says so.
+    rotation_error, translation_error, rmse : float, optional
+        Degrees, the data's unit, pr; None without a pose or a true one.
+    seconds : str
+        JSON: wall time of each stage.
+    error : str
+        Type and message; empty where all went well.
+    """
+
+    case: PairCase
+    pipeline_key: str
+    threads: int
+    voxel: float = float("nan")
+    pr: float = float("nan")
+    overlap: float | None = None
+    pose: bytes | None = None
+    ok: bool = False
+    probability: float | None = None
+    rotation_error: float | None = None
+    translation_error: float | None = None
+    rmse: float | None = None
+    seconds: str = "{}"
+    error: str = ""
+    provenance: Provenance = field(default_factory=Provenance)

@@ -11,7 +11,7 @@ from cgroup.plots.style import METHOD_STYLES, method_style
 MISSING = "-"
 """Stands in cells without a value."""
 
-_DIGITS = "0123456789.,-+e"
+_DIGITS = "0123456789.,-+e/% "
 
 
 class Cell(NamedTuple):

@@ -18,6 +18,7 @@ from cgroup.benchmark.claims import CRITERIA, as_markdown, check_evidence, count
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
 from cgroup.benchmark.report.pictures import PictureBook
+from cgroup.benchmark.report.registration import make_registration_section
 from cgroup.benchmark.report.sections import (
     draw_pairs,
     draw_selections,
@@ -53,7 +54,9 @@ class ReportData:
     config : dict
         The run's configuration.
     missing : dict of str to str
-        Data sets that weren't at hand, and why.
+        Data sets and pipelines that weren't at hand, and why.
+    registrations : DataFrame
+        How pipelines registered pairs.
     """
 
     frame: pd.DataFrame
@@ -63,6 +66,7 @@ class ReportData:
     datasets: pd.DataFrame
     config: dict[str, Any]
     missing: dict[str, str]
+    registrations: pd.DataFrame
 
     @classmethod
     def load(cls, out: Path) -> ReportData:
@@ -75,6 +79,7 @@ class ReportData:
             records.load_datasets(out),
             records.load_config(out),
             records.load_missing(out),
+            records.load_registrations(out),
         )
 
 
@@ -120,6 +125,7 @@ def write_report(
         pairs=draw_pairs(evidence, pictures),
         times=draw_times(data.timing, pictures),
         selections=draw_selections(out, evidence, root, pictures),
+        registration=make_registration_section(data.registrations, pictures),
         scores=[score_table(evidence.samples(), how) for how in ("macro", "pooled", "median")],
     )
     write_file(out / REPORT, page.encode())
@@ -140,9 +146,10 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
         missing=data.missing,
         version=cgroup.__version__,
         date=datetime.now(tz=timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
-        totals=_count_totals(frame),
+        totals=_count_totals(frame, data.registrations),
         datasets=dataset_table(frame, data.datasets),
-        failures=failure_table(frame),
+        failures=failure_table(frame, data.registrations),
+        sources=plain_table("Data sets", data.datasets),
         machines=plain_table("Machines", data.machines),
         skips=plain_table("Not timed", data.skips),
         verdicts=verdicts,
@@ -154,15 +161,18 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
     )
 
 
-def _count_totals(frame: pd.DataFrame) -> dict[str, int]:
+def _count_totals(frame: pd.DataFrame, registrations: pd.DataFrame) -> dict[str, int]:
+    """Count what there is, by what it is called on the page."""
     cases = frame.drop_duplicates("case")
-    return {
+    failed = sum(int((each["error"] != "").sum()) for each in (frame, registrations) if len(each))
+    counts = {
         "pairs": len(frame.drop_duplicates(["dataset", "pair"])),
         "cases": len(cases),
         "groupings": len(frame.drop_duplicates(["case", "method"])),
         "records": len(frame),
-        "failed": int((frame["error"] != "").sum()),
+        "registrations": len(registrations),
     }
+    return {name: count for name, count in counts.items() if count} | {"failed records": failed}
 
 
 def _split_paragraphs(text: str) -> Iterator[tuple[str, list[str]]]:

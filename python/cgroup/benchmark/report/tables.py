@@ -157,31 +157,37 @@ def dataset_table(frame: pd.DataFrame, known: pd.DataFrame) -> Table:
     return Table("Data sets", headers, rows)
 
 
-def failure_table(frame: pd.DataFrame) -> Table:
+def failure_table(frame: pd.DataFrame, registrations: pd.DataFrame) -> Table:
     """List what failed, with the error.
 
     Parameters
     ----------
-    frame : DataFrame
-        Records.
+    frame, registrations : DataFrame
+        Records of groupings, and of pipelines.
 
     Returns
     -------
     Table
         One row per data set and error.
     """
+    rows = _list_failures(frame, "method", "case") if len(frame) else []
+    rows += _list_failures(registrations, "pipeline", "pair") if len(registrations) else []
+    headers = ("data set", "error", "methods or pipelines", "cases", "for example")
+    return Table("Failures", headers, rows)
+
+
+def _list_failures(frame: pd.DataFrame, method: str, case: str) -> list[tuple[Cell, ...]]:
     failed = frame[frame["error"] != ""]
-    rows = [
+    return [
         (
             words(dataset),
             words(error),
-            words(", ".join(method_style(method).label for method in of_it["method"].unique())),
-            number(of_it["case"].nunique(), "{:.0f}"),
+            words(", ".join(method_style(name).label for name in of_it[method].unique())),
+            number(of_it[case].nunique(), "{:.0f}"),
             words(of_it["pair"].iloc[0]),
         )
         for (dataset, error), of_it in failed.groupby(["dataset", "error"], sort=False)
     ]
-    return Table("Failures", ("data set", "error", "methods", "cases", "for example"), rows)
 
 
 def plain_table(caption: str, frame: pd.DataFrame, headers: Sequence[str] = ()) -> Table:

@@ -1,4 +1,4 @@
-"""Running a configuration: correspond, group, score, then take times.
+"""Running a configuration: correspond, group, score, then take times and compare pipelines.
 
 Each stage computes what the records lack, so that a run that was stopped goes on where it was.
 """
@@ -12,10 +12,12 @@ from cgroup._arguments import as_count
 from cgroup._progress import ignore_progress
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.records.lock import only_writer
+from cgroup.benchmark.records.registrations import Registrations
 from cgroup.benchmark.records.store import RECORDS, Counts, Store
 from cgroup.benchmark.records.timings import Timings
 from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
 from cgroup.benchmark.run import scoring, stages
+from cgroup.benchmark.run.registering import register_pairs
 from cgroup.benchmark.run.timing import take_times
 from cgroup.benchmark.run.workers import open_workers
 from cgroup.errors import InputError
@@ -42,7 +44,7 @@ class Summary:
     counts : dict of str to Counts
         Done, failed and wanted records of each stage.
     missing : dict of str to str
-        Data sets that are not at hand, and why.
+        Data sets and pipelines that are not at hand, and why.
     """
 
     counts: dict[str, Counts]
@@ -50,7 +52,7 @@ class Summary:
 
     @property
     def failed(self) -> int:
-        """Pairs that couldn't be matched, and groupings that went wrong."""
+        """Pairs that couldn't be matched, groupings and registrations that went wrong."""
         return sum(count.failed for count in self.counts.values())
 
 
@@ -116,6 +118,8 @@ def run(
             _score(store, stage)
             if config.timing is not None:
                 take_times(config, config.timing, Timings(store), root, progress or ignore_progress)
+            if config.registration is not None:
+                _register(store, root, stage)
             return Summary(store.counts(), plan.missing)
         finally:
             store.close()
@@ -162,6 +166,12 @@ def _score(store: Store, stage: _StageProgress) -> None:
         ]
         store.add_scores(records)
         stage.add(len(records))
+
+
+def _register(store: Store, root: Path | None, stage: _StageProgress) -> None:
+    records = Registrations(store)
+    stage.begin("register")
+    register_pairs(records.pending(), records, root, stage.add)
 
 
 def _make_folder(out: Path) -> None:

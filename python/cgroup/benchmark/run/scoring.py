@@ -17,7 +17,7 @@ from cgroup.rigid import apply
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cgroup.types import BoolArray, FloatArray
+    from cgroup.types import BoolArray, FloatArray, RealArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,9 @@ def score_grouping(
         One per threshold.
     """
     group = unpack_mask(mask, len(truth.errors))
-    errors = _measure_pose(truth, None if pose is None else floats_from_bytes(pose, (4, 4)))
+    errors = None
+    if pose is not None:
+        errors = measure_pose(floats_from_bytes(pose, (4, 4)), truth.pose, truth.sample, truth.pr)
     return [_judge(truth, method_key, group, errors, epsilon) for epsilon in epsilons]
 
 
@@ -98,19 +100,35 @@ def _judge(
     verdicts = {
         name: PROTOCOLS[name].judge(score.precision, rotation, translation, rmse) for name in truth.protocols
     }
-    known = (None, None, None) if errors is None else (rotation, translation, _none_unless_finite(rmse))
+    known = (None, None, None) if errors is None else (rotation, translation, none_unless_finite(rmse))
     counts = (score.correct, score.selected, score.selected_correct)
     return ScoreRecord(truth.case_key, method_key, epsilon, *counts, *known, json.dumps(verdicts))
 
 
-def _measure_pose(truth: Truth, pose: FloatArray | None) -> tuple[float, float, float] | None:
-    """Rotation in degrees, translation in the data's unit, mean displacement of the overlap in pr."""
-    if pose is None:
-        return None
-    gap = np.linalg.norm(apply(pose, truth.sample) - apply(truth.pose, truth.sample), axis=1)
-    rmse = float(gap.mean() / truth.pr) if len(gap) else float("nan")
-    return rotation_error(pose, truth.pose), translation_error(pose, truth.pose), rmse
+def measure_pose(
+    pose: FloatArray, truth: FloatArray, sample: RealArray, pr: float
+) -> tuple[float, float, float]:
+    """Measure the errors of a pose.
+
+    Parameters
+    ----------
+    pose, truth : (4,4) array of float64
+        Estimated and true pose.
+    sample : (m,3) array of float
+        Source points in the overlap.
+    pr : float
+        Resolution.
+
+    Returns
+    -------
+    rotation, translation, displacement : float
+        In degrees, in the data's unit, and the mean over the sample in pr; the last is NaN without a sample.
+    """
+    gap = np.linalg.norm(apply(pose, sample) - apply(truth, sample), axis=1)
+    rmse = float(gap.mean() / pr) if len(gap) else float("nan")
+    return rotation_error(pose, truth), translation_error(pose, truth), rmse
 
 
-def _none_unless_finite(value: float) -> float | None:
+def none_unless_finite(value: float) -> float | None:
+    """Turn NaN and infinity into what the records hold for them."""
     return value if np.isfinite(value) else None

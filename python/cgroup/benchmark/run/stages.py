@@ -68,7 +68,7 @@ def match_cases(cases: Sequence[Case], root: str | None) -> list[MatchingRecord]
 
 def _match(case: Case, root: str | None) -> MatchingRecord:
     try:
-        pair = _load_pair(case.dataset, case.pair, root)
+        pair = load_pair(case.dataset, case.pair, root)
         if isinstance(pair, CorrespondencePair):
             return _record_ready_made(case, pair)
         if case.nuisance:
@@ -77,7 +77,7 @@ def _match(case: Case, root: str | None) -> MatchingRecord:
             return _match_clouds(case, pair, _add_normals(pair))
         return _match_clouds(case, pair, _load_with_normals(case.dataset, case.pair, root))
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
-        return MatchingRecord(case, error=_describe_error(error))
+        return MatchingRecord(case, error=describe_error(error))
 
 
 def _match_clouds(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, PointCloud]) -> MatchingRecord:
@@ -154,19 +154,21 @@ def overlap_sample(
 
 
 @functools.lru_cache(maxsize=8)
-def _open_dataset(name: str, root: str | None) -> Dataset:
+def open_once(name: str, root: str | None) -> Dataset:
+    """Open a data set, the first time it is asked for."""
     return open_dataset(name, None if root is None else Path(root))
 
 
 @functools.lru_cache(maxsize=_PAIRS_KEPT)
-def _load_pair(dataset: str, name: str, root: str | None) -> MatchingPair | CorrespondencePair:
-    return _open_dataset(dataset, root).load(name)
+def load_pair(dataset: str, name: str, root: str | None) -> MatchingPair | CorrespondencePair:
+    """Load a pair, unless it is one of the last."""
+    return open_once(dataset, root).load(name)
 
 
 @functools.lru_cache(maxsize=_PAIRS_KEPT)
 def _load_with_normals(dataset: str, name: str, root: str | None) -> tuple[PointCloud, PointCloud]:
     """Find the normals of a pair once for all its cases."""
-    pair = _load_pair(dataset, name, root)
+    pair = load_pair(dataset, name, root)
     assert isinstance(pair, MatchingPair)  # noqa: S101 - ready-made correspondences have no clouds
     return _add_normals(pair)
 
@@ -233,7 +235,7 @@ def _group(case_key: str, seed: int, correspondences: Correspondences, method: C
             json.dumps(grouping.diagnostics, default=float),
         )
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair and method alone
-        return GroupingRecord(case_key, method.key, error=_describe_error(error))
+        return GroupingRecord(case_key, method.key, error=describe_error(error))
 
 
 def _find_pose(grouping: Grouping) -> bytes | None:
@@ -250,5 +252,6 @@ def _resolution(correspondences: Correspondences) -> float:
     return correspondences.resolution
 
 
-def _describe_error(error: Exception) -> str:
+def describe_error(error: Exception) -> str:
+    """Type and message in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -119,10 +119,16 @@ class StandinViews(_Standin):
     name: ClassVar[str] = "standin-views"
     title: ClassVar[str] = "Stones, partial to partial"
     role: ClassVar[Role] = "partial-partial"
+    single_views: ClassVar[bool] = True
 
     def pair_names(self) -> list[str]:
         """Return ``views0``, the one with the most overlap, to ``views11``."""
         return [f"views{number}" for number in range(_VIEWS)]
+
+    def subject_of(self, name: str) -> str:
+        """Return the name of the pair: each is of another stone."""
+        self.check_name(name)
+        return name
 
     def load(self, name: str) -> MatchingPair:
         """Scan a stone from two sides."""

@@ -1,33 +1,22 @@
-"""What is to be run: experiments, methods and thresholds, read from TOML."""
+"""Tables of a configuration: methods, experiments, and the timing experiment."""
 
 from __future__ import annotations
 
-import sys
-from importlib import resources
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from cgroup.benchmark.candidates import Candidate, candidate
 from cgroup.benchmark.cases import COMBINATIONS
 from cgroup.errors import InputError
 from cgroup.registry import METHODS, PAPER_METHODS
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
-
-
-_PRESETS = resources.files("cgroup.benchmark") / "presets"
-
-
 METHOD_SETS = {"paper": PAPER_METHODS, "all": tuple(METHODS)}
 """What a configuration may write in place of names: the nine that the paper compares, and all that exist."""
 
 
-def _as_list(value: object) -> object:
+def as_list(value: object) -> object:
+    """Accept one in place of a list of one."""
     return [value] if isinstance(value, (str, int, float)) else value
 
 
@@ -43,11 +32,13 @@ def _list_members(entry: object) -> tuple[object, ...]:
     return METHOD_SETS.get(entry, (entry,)) if isinstance(entry, str) else (entry,)
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """What all tables have in common: unknown keys are errors."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
 
 
-class MethodEntry(_Table):
+class MethodEntry(Table):
     """A method, its options, and the label that tells it from its variants.
 
     Attributes
@@ -83,7 +74,7 @@ Methods = Annotated[tuple[MethodEntry, ...], BeforeValidator(_expand_sets), Fiel
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class ExperimentEntry(_Table):
+class ExperimentEntry(Table):
     """Cases to be run: every pair of the data sets at every level, by every combination.
 
     Attributes
@@ -109,12 +100,12 @@ class ExperimentEntry(_Table):
     """
 
     id: str
-    dataset: Annotated[tuple[str, ...], BeforeValidator(_as_list), Field(min_length=1)]
+    dataset: Annotated[tuple[str, ...], BeforeValidator(as_list), Field(min_length=1)]
     nuisance: str = ""
     levels: tuple[float, ...] = ()
     sweep: Literal["nms_radius"] | None = None
     combinations: Annotated[tuple[str, ...], Field(min_length=1)] = ("C1",)
-    epsilons: Annotated[tuple[Positive, ...], BeforeValidator(_as_list), Field(min_length=1)] = (5.0,)
+    epsilons: Annotated[tuple[Positive, ...], BeforeValidator(as_list), Field(min_length=1)] = (5.0,)
     pairs: Annotated[int, Field(ge=1)] | tuple[str, ...] | None = None
     methods: Methods | None = None
 
@@ -136,7 +127,7 @@ class ExperimentEntry(_Table):
         return self
 
 
-class TimingEntry(_Table):
+class TimingEntry(Table):
     """The timing experiment: each method alone on sets of growing size from one pair.
 
     Attributes
@@ -157,114 +148,10 @@ class TimingEntry(_Table):
         In place of the configuration's.
     """
 
-    dataset: Annotated[tuple[str, ...], BeforeValidator(_as_list), Field(min_length=1)]
+    dataset: Annotated[tuple[str, ...], BeforeValidator(as_list), Field(min_length=1)]
     pair: str | None = None
     sizes: tuple[Annotated[int, Field(ge=3)], ...] = (500, 1000, 2000, 3000, 5000, 10_000, 20_000)
     repeats: Annotated[int, Field(ge=1)] = 10
-    threads: Annotated[tuple[Annotated[int, Field(ge=0)], ...], BeforeValidator(_as_list)] = (1, 0)
+    threads: Annotated[tuple[Annotated[int, Field(ge=0)], ...], BeforeValidator(as_list)] = (1, 0)
     budget: Positive = 60.0
     methods: Methods | None = None
-
-
-class Config(_Table):
-    """Everything that one run computes.
-
-    Attributes
-    ----------
-    name, title : str
-        Of the run.
-    seed : int
-        Key of all random numbers.
-    methods : tuple of MethodEntry
-        Those that every experiment runs unless it names its own; all that exist by default.
-        ``"paper"`` and ``"all"`` stand for the methods of `METHOD_SETS`.
-    experiment : tuple of ExperimentEntry
-        At least one.
-    timing : TimingEntry, optional
-        Runs after the experiments, alone.
-    """
-
-    name: str
-    title: str = ""
-    seed: Annotated[int, Field(ge=0)] = 0
-    methods: Methods = tuple(MethodEntry(name=name) for name in METHODS)
-    experiment: Annotated[tuple[ExperimentEntry, ...], Field(min_length=1)]
-    timing: TimingEntry | None = None
-
-    @model_validator(mode="after")
-    def _fits(self) -> Config:
-        tables = [self.methods, *(entry.methods for entry in self.experiment if entry.methods)]
-        if self.timing is not None and self.timing.methods:
-            tables.append(self.timing.methods)
-        meant: dict[str, Candidate] = {}
-        for method in (entry.candidate() for table in tables for entry in table):
-            if meant.setdefault(method.label, method) != method:
-                message = f"methods: two are called {method.label!r}; give each variant a label of its own"
-                raise InputError(message)
-        return self
-
-
-def preset_names() -> list[str]:
-    """Names of the configurations that come with the package."""
-    return sorted(
-        file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")
-    )
-
-
-def read_config(source: str | Path) -> Config:
-    """Read a configuration.
-
-    Parameters
-    ----------
-    source : str or path
-        Name of a preset, or a TOML file.
-
-    Returns
-    -------
-    Config
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or the first thing that is wrong in it, with the key's path.
-    """
-    if str(source) in preset_names():
-        return parse_config(_PRESETS.joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
-    path = Path(source)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        message = f"{source}: no configuration that can be read, nor one of {', '.join(preset_names())}"
-        raise InputError(message) from error
-    return parse_config(text, path.name)
-
-
-def parse_config(text: str, name: str = "configuration") -> Config:
-    """Read a configuration from TOML text; `name` is what errors call it.
-
-    Raises
-    ------
-    InputError
-        As in `read_config`.
-    """
-    try:
-        return Config.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        message = f"{name}: not TOML: {error}"
-        raise InputError(message) from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        reason = first["msg"].removeprefix("Value error, ")
-        message = f"{name}: {_key_path(first['loc'])}{reason}"
-        raise InputError(message) from error
-
-
-def _key_path(location: tuple[int | str, ...]) -> str:
-    path = ""
-    for part in location:
-        if isinstance(part, int):
-            path += f"[{part}]"
-        elif part.isidentifier():
-            path += f".{part}" if path else part
-        # The rest are pydantic's names of types in a choice of several.
-    return f"{path}: " if path else ""

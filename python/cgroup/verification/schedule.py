@@ -1,117 +1,24 @@
-"""Is a pose right? Poses judged and refined on the two surfaces, wherever the poses come from.
-
-=============  ====================================================================================
-`Surface`      points and normals made ready once, and kept for all poses and partners
-`verify`       many poses in, the best few out: refined, scored, with what the surfaces say of the best
-`score_poses`  scores of poses as they are
-=============  ====================================================================================
-
-Matches alone cannot tell a wrong pose that many of them happen to support from a right one with few. The
-surfaces can: under a right pose they coincide where they overlap, and neither lies where the other's scanner
-saw through. Lengths are in the unit of the points; `unit` scales every tolerance. Functions take ``threads``
-(int or None, None for all cores); results do not depend on it. Input that can't be worked with raises
-`InputError`, a `ValueError`.
-"""
+"""From many poses to few: coarse scores of all, finer ones of the best, refined in between."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from cgroup import _core
-from cgroup._arguments import as_floats, as_length, as_number, as_place, real_points
+from cgroup._arguments import as_length
 from cgroup._options import run_options
-from cgroup.errors import InputError
-from cgroup.rigid import RIGID_TOLERANCE
+from cgroup.verification._poses import as_poses
+from cgroup.verification.surface import core_surface
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.types import Correspondences, FloatArray, IndexArray
-
-__all__ = ["Surface", "Verification", "score_poses", "verify"]
+    from cgroup.verification.surface import Surface
 
 MATCH_UNITS = 2.5
 """Distance within which a match speaks for a pose, in units: a voxel."""
-
-
-class Surface:
-    """A surface made ready once: nearest points, ranges and samples, for any number of poses and partners.
-
-    Memory grows with the points and their surface, some kilobytes per point, not with the box around them.
-    Threads may share a surface.
-
-    Parameters
-    ----------
-    points : (N,3) array_like of float
-        Ten or more, finite, about evenly spread: thin a raw scan to voxels first.
-    normals : (N,3) array_like of float
-        Of any length; NaN or zero for none.
-    unit : float
-        0.4 of the voxel, or of the distance between points. All tolerances are multiples of it. Both surfaces
-        of a pair need the same.
-    viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, if the points are one single scan with normals towards it. What lies before
-        the scanned surface then counts against a pose. Leave it out for points fused from several scans.
-    oriented : bool, optional
-        Whether the normals point to the same side of the surface in both clouds; otherwise a normal and its
-        opposite are the same. None stands for whether there is a viewpoint.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-
-    Raises
-    ------
-    InputError
-        For a wrong shape, a coordinate that is not finite, fewer than 10 points with a normal, or points that
-        span fewer than 10 units or so many that the unit can't be meant.
-
-    Examples
-    --------
-    >>> from cgroup import features
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.verification import Surface
-    >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> Surface(points, features.normals(points), unit=0.4 * pr, viewpoint=(0, 0, 0))
-    Surface(n=2554)
-    """
-
-    __slots__ = ("_core", "_unit")
-
-    def __init__(
-        self,
-        points: ArrayLike,
-        normals: ArrayLike,
-        *,
-        unit: float,
-        viewpoint: ArrayLike | None = None,
-        oriented: bool | None = None,
-        threads: int | None = None,
-    ) -> None:
-        rows, directions = real_points("points", points), real_points("normals", normals)
-        if len(rows) != len(directions):
-            message = (
-                f"normals: got {len(directions)} for {len(rows)} points; give one per point, NaN for none"
-            )
-            raise InputError(message)
-        self._unit = as_number("unit", unit)
-        eye = None if viewpoint is None else as_place("viewpoint", viewpoint)
-        known = eye is not None if oriented is None else oriented
-        self._core = _core.Surface(rows, directions, run_options(threads), self._unit, eye, known)
-
-    @property
-    def unit(self) -> float:
-        """The length that all tolerances are multiples of."""
-        return self._unit
-
-    def __len__(self) -> int:
-        """Return the number of points."""
-        return len(self._core)
-
-    def __repr__(self) -> str:
-        return f"Surface(n={len(self)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,18 +128,18 @@ def verify(
     >>> bool(np.abs(found.T_target_source - pair.T_target_source).max() < pr)
     True
     """
-    checked, evidence = _poses(poses), None
+    checked, evidence = as_poses(poses), None
     if matches is not None:
         tolerance = MATCH_UNITS * target.unit if match_tolerance is None else match_tolerance
         evidence = (matches.source, matches.target, as_length("match_tolerance", tolerance))
-    found, scores, counts, margin, overlap = _core.verify(
-        source._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
-        target._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
+    found, scores, counts, margin, (fitness, rmse, resistance) = _core.verify(
+        core_surface(source),
+        core_surface(target),
         checked,
         evidence,
         run_options(threads),
     )
-    return Verification(found[0], float(scores[0]), margin, *overlap, found, scores, counts)
+    return Verification(found[0], float(scores[0]), margin, fitness, rmse, *resistance, found, scores, counts)
 
 
 def score_poses(
@@ -280,32 +187,8 @@ def score_poses(
     [2.0, 0.0]
     """
     return _core.score_poses(
-        source._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
-        target._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
-        _poses(poses),
+        core_surface(source),
+        core_surface(target),
+        as_poses(poses),
         run_options(threads),
     )
-
-
-def _poses(value: ArrayLike) -> FloatArray:
-    """Return (m,4,4) rigid transforms."""
-    poses = as_floats("poses", value)
-    if poses.ndim == 2:
-        poses = poses[None]
-    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) == 0:
-        message = f"poses: got shape {poses.shape}; give (m,4,4), at least one rigid transform"
-        raise InputError(message)
-    rotations = poses[:, :3, :3]
-    with np.errstate(invalid="ignore", over="ignore"):
-        squares = np.einsum("kji,kjl->kil", rotations, rotations)
-        right = np.isfinite(poses).all(axis=(1, 2)) & (
-            np.abs(squares - np.eye(3)).max(axis=(1, 2)) <= RIGID_TOLERANCE
-        )
-        right &= (np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1) <= 1e-9) & (np.linalg.det(rotations) > 0)
-    if not right.all():
-        message = (
-            f"poses: pose {int(np.argmin(right))} of {len(poses)} is not rigid: [R t; 0 0 0 1] with a "
-            "rotation R; leave out those of matches without frames"
-        )
-        raise InputError(message)
-    return poses

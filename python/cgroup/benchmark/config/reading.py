@@ -1,0 +1,135 @@
+"""What is to be run, read from TOML: experiments, methods and thresholds."""
+
+from __future__ import annotations
+
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field, ValidationError, model_validator
+
+from cgroup.benchmark.config.entries import ExperimentEntry, MethodEntry, Methods, Table, TimingEntry
+from cgroup.benchmark.config.registration import RegistrationEntry
+from cgroup.errors import InputError
+from cgroup.registry import METHODS
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
+
+if TYPE_CHECKING:
+    from cgroup.benchmark.candidates import Candidate
+
+_PRESETS = resources.files("cgroup.benchmark") / "presets"
+
+
+class Config(Table):
+    """Everything that one run computes.
+
+    Attributes
+    ----------
+    name, title : str
+        Of the run.
+    seed : int
+        Key of all random numbers.
+    methods : tuple of MethodEntry
+        Those that every experiment runs unless it names its own; all that exist by default.
+        ``"paper"`` and ``"all"`` stand for the methods of `METHOD_SETS`.
+    experiment : tuple of ExperimentEntry
+        Of the grouping methods.
+    timing : TimingEntry, optional
+        Runs after the experiments, alone.
+    registration : RegistrationEntry, optional
+        Ways to register, compared; runs last, alone.
+    """
+
+    name: str
+    title: str = ""
+    seed: Annotated[int, Field(ge=0)] = 0
+    methods: Methods = tuple(MethodEntry(name=name) for name in METHODS)
+    experiment: tuple[ExperimentEntry, ...] = ()
+    timing: TimingEntry | None = None
+    registration: RegistrationEntry | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> Config:
+        if not self.experiment and self.registration is None:
+            message = "experiment, registration: neither is there; give [[experiment]] or [registration]"
+            raise InputError(message)
+        tables = [self.methods, *(entry.methods for entry in self.experiment if entry.methods)]
+        if self.timing is not None and self.timing.methods:
+            tables.append(self.timing.methods)
+        meant: dict[str, Candidate] = {}
+        for method in (entry.candidate() for table in tables for entry in table):
+            if meant.setdefault(method.label, method) != method:
+                message = f"methods: two are called {method.label!r}; give each variant a label of its own"
+                raise InputError(message)
+        return self
+
+
+def preset_names() -> list[str]:
+    """Names of the configurations that come with the package."""
+    return sorted(
+        file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")
+    )
+
+
+def read_config(source: str | Path) -> Config:
+    """Read a configuration.
+
+    Parameters
+    ----------
+    source : str or path
+        Name of a preset, or a TOML file.
+
+    Returns
+    -------
+    Config
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or the first thing that is wrong in it, with the key's path.
+    """
+    if str(source) in preset_names():
+        return parse_config(_PRESETS.joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
+    path = Path(source)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        message = f"{source}: no configuration that can be read, nor one of {', '.join(preset_names())}"
+        raise InputError(message) from error
+    return parse_config(text, path.name)
+
+
+def parse_config(text: str, name: str = "configuration") -> Config:
+    """Read a configuration from TOML text; `name` is what errors call it.
+
+    Raises
+    ------
+    InputError
+        As in `read_config`.
+    """
+    try:
+        return Config.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        message = f"{name}: not TOML: {error}"
+        raise InputError(message) from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        reason = first["msg"].removeprefix("Value error, ")
+        message = f"{name}: {_key_path(first['loc'])}{reason}"
+        raise InputError(message) from error
+
+
+def _key_path(location: tuple[int | str, ...]) -> str:
+    path = ""
+    for part in location:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part.isidentifier():
+            path += f".{part}" if path else part
+        # The rest are pydantic's names of types in a choice of several.
+    return f"{path}: " if path else ""

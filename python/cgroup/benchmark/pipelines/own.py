@@ -1,0 +1,125 @@
+"""cgroup's ways to register."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+from cgroup import features
+from cgroup.benchmark.pipelines.problem import Answer
+from cgroup.errors import NoConsensusError
+from cgroup.group import group
+from cgroup.registration import PaperFront, correspond, register
+from cgroup.types import Correspondences
+
+if TYPE_CHECKING:
+    from cgroup._progress import StageClock
+    from cgroup.benchmark.pipelines.problem import Problem
+    from cgroup.features import Viewpoint
+    from cgroup.registration.search import Effort
+    from cgroup.types import FloatArray, RealArray
+
+MATCH_RESOLUTION = 0.4
+"""Unit of the tolerances of grouping, in voxels."""
+
+NORMAL_RADIUS, NORMAL_NEIGHBORS = 2.0, 30
+"""Radius in voxels and most points of a plane that is fitted."""
+
+FPFH_RADIUS = 5.0
+"""Radius in voxels of the support of a descriptor."""
+
+
+def dense(
+    problem: Problem, clock: StageClock, *, viewpoints: bool = True, effort: Effort = "normal"
+) -> Answer:
+    """Run `register` with its dense front end; `viewpoints` says whether it is told those that are known."""
+    return _register(problem, clock, viewpoints=viewpoints, effort=effort)
+
+
+def paper(
+    problem: Problem, clock: StageClock, *, method: str = "gtm", keypoints: int | None = None
+) -> Answer:
+    """Run `register` with the keypoints of the paper's evaluation."""
+    return _register(problem, clock, front=PaperFront(keypoints=keypoints), method=method)
+
+
+def _register(
+    problem: Problem,
+    clock: StageClock,
+    *,
+    viewpoints: bool = True,
+    **options: Any,  # noqa: ANN401 - of `register`
+) -> Answer:
+    if viewpoints:
+        options["source_viewpoint"] = problem.source_viewpoint
+        options["target_viewpoint"] = problem.target_viewpoint
+    clouds, voxel, threads = (problem.source, problem.target), problem.voxel, problem.threads
+    try:
+        found = register(*clouds, voxel=voxel, threads=threads, progress=clock.start, **options)
+    except NoConsensusError as error:
+        if error.registration is None:
+            return Answer(None, ok=False)
+        found = error.registration
+    return Answer(found.T_target_source, found.ok, found.probability)
+
+
+def matches(
+    problem: Problem,
+    clock: StageClock,
+    *,
+    front: Literal["dense", "paper"] = "dense",
+    method: str = "lc",
+    **options: Any,  # noqa: ANN401 - of the method
+) -> Answer:
+    """Group matches, and take the group's pose, without a look at the surfaces.
+
+    They are mutual matches of a dense front end, or those of the paper's evaluation.
+    """
+    correspondences = _match_voxels(problem, clock) if front == "dense" else _match_keypoints(problem, clock)
+    clock.start("grouping")
+    try:
+        grouping = group(correspondences, method, threads=problem.threads, **options)
+        return Answer(grouping.transform(), ok=True)
+    except NoConsensusError:
+        return Answer(None, ok=False)
+
+
+def _match_keypoints(problem: Problem, clock: StageClock) -> Correspondences:
+    return correspond(
+        problem.source,
+        problem.target,
+        source_viewpoint=problem.source_viewpoint or features.ORIGIN,
+        target_viewpoint=problem.target_viewpoint or features.ORIGIN,
+        threads=problem.threads,
+        progress=clock.start,
+    )
+
+
+def _match_voxels(problem: Problem, clock: StageClock) -> Correspondences:
+    clock.start("features")
+    source = _describe(problem.source, problem.source_viewpoint, problem)
+    target = _describe(problem.target, problem.target_viewpoint, problem)
+    clock.start("matching")
+    found = features.match(source[1], target[1], mutual=True, threads=problem.threads)
+    return Correspondences(
+        source[0][found.source_indices],
+        target[0][found.target_indices],
+        ratio=found.ratio,
+        resolution=MATCH_RESOLUTION * problem.voxel,
+    )
+
+
+def _describe(
+    points: FloatArray, viewpoint: Viewpoint | None, problem: Problem
+) -> tuple[RealArray, RealArray]:
+    """Find the voxels of a cloud and their descriptors."""
+    threads, voxel = problem.threads, problem.voxel
+    cloud = features.Cloud(features.voxel_downsample(points, voxel, threads=threads).points)
+    normals = features.normals(
+        cloud,
+        radius=NORMAL_RADIUS * voxel,
+        neighbors=NORMAL_NEIGHBORS,
+        viewpoint=viewpoint or features.ORIGIN,
+        threads=threads,
+    )
+    values = features.fpfh(cloud, normals, radius=FPFH_RADIUS * voxel, threads=threads)
+    return cloud.points, values

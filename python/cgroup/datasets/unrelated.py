@@ -1,0 +1,85 @@
+"""Pairs of clouds that share nothing, made from pairs that do: no pose between them is right."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.types import PointCloud
+
+if TYPE_CHECKING:
+    from cgroup.datasets.base import Dataset, MatchingPair
+    from cgroup.features import Viewpoint
+
+
+@dataclass(frozen=True, eq=False)
+class UnrelatedPair:
+    """Two clouds that no rigid motion lays on each other.
+
+    Attributes
+    ----------
+    source, target : PointCloud
+        In the same unit, each in its own frame.
+    source_viewpoint, target_viewpoint : (float, float, float)
+        As in `MatchingPair`.
+    """
+
+    source: PointCloud
+    target: PointCloud
+    source_viewpoint: Viewpoint
+    target_viewpoint: Viewpoint
+
+
+def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
+    """List pairs of different subjects, whose source and target share nothing.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its `subject_of` says what each pair shows.
+
+    Returns
+    -------
+    list of (str, str)
+        Names of the pair that gives the source and of the pair that gives the target; always in the same
+        order. Empty where all pairs show one subject.
+    """
+    subjects = {name: dataset.subject_of(name) for name in dataset.pair_names()}
+    return [
+        (first, second) for first in subjects for second in subjects if subjects[first] != subjects[second]
+    ]
+
+
+def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
+    """Put the source of one pair beside the target of another; see `mixed_names`."""
+    return UnrelatedPair(first.source, second.target, first.source_viewpoint, second.target_viewpoint)
+
+
+def mirror(pair: MatchingPair) -> UnrelatedPair:
+    """Reflect the target at the plane x = 0, and its viewpoint with it.
+
+    Shapes stay as they are, but left is right: what is not mirror-symmetric itself fits nowhere. Faces and
+    normals are dropped.
+
+    Parameters
+    ----------
+    pair : MatchingPair
+        Of two clouds that overlap.
+
+    Returns
+    -------
+    UnrelatedPair
+        The source as it is, and the mirrored target.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import mirror, standin_pair
+    >>> pair = standin_pair(pixels=60)
+    >>> bool((mirror(pair).target.points[:, 0] == -pair.target.points[:, 0]).all())
+    True
+    """
+    x, y, z = pair.target_viewpoint
+    target = PointCloud(pair.target.points * np.array([-1.0, 1.0, 1.0]))
+    return UnrelatedPair(pair.source, target, pair.source_viewpoint, (-x, y, z))

@@ -1,0 +1,263 @@
+"""A scan made ready once, for registration with any number of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup import features
+from cgroup._arguments import as_length, in_double
+from cgroup._progress import ignore_progress
+from cgroup.errors import InputError
+from cgroup.features import DescribedCloud
+from cgroup.registration.checks import as_viewpoint, check_normals, check_voxels
+from cgroup.registration.scan import as_scan
+from cgroup.verification import FineSurface, Surface
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike
+
+    from cgroup._progress import StageClock
+    from cgroup.features import Cloud, Viewpoint, Voxels
+    from cgroup.registration.scan import Scan
+    from cgroup.types import FloatArray, PointCloud
+
+VOXELS = 5000
+"""Voxels that a cloud is thinned to, about."""
+
+UNIT = 0.4
+"""Unit of the surfaces, in voxels."""
+
+_NORMAL_NEIGHBORS, _FEATURE_NEIGHBORS = 30, 100
+
+_FINE = (1 / 3, 2 / 3, 4 / 3)
+"""Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes."""
+
+
+@dataclass(frozen=True)
+class DenseFront:
+    """Every voxel a keypoint, described by FPFH. Radii are in voxels; clouds to be matched need the same.
+
+    Attributes
+    ----------
+    normal_radius : float
+        Radius of the planes that normals are fitted to, of at most 30 neighbours.
+    support : float
+        Radius of the descriptor's support, of at most 100 neighbours.
+    frame_radius : float
+        Radius of the support of SHOT's frames.
+    """
+
+    normal_radius: float = 2.0
+    support: float = 5.0
+    frame_radius: float = 8.0
+
+    def __post_init__(self) -> None:
+        for name in ("normal_radius", "support", "frame_radius"):
+            as_length(name, getattr(self, name))
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedScan:
+    """A scan with all that registering it needs, made once for all partners (see `prepare`).
+
+    Attributes
+    ----------
+    scan : Scan
+        The whole cloud.
+    front : DenseFront
+        Radii, in voxels.
+    voxel : float
+        Edge length of the voxels, in the unit of the points.
+    viewpoint : (float, float, float) or None
+        Where the scanner stood, if that is known.
+    voxels : Voxels
+        The cloud thinned out.
+    normals : (M,3) array of float64
+        Of the voxels, towards the viewpoint where those of both scans are known, else to the side of SHOT's z
+        axis; NaN for none.
+    described : DescribedCloud
+        Frames and FPFH of the voxels that have them; `DescribedCloud.indices` are rows of `voxels`.
+    surface : Surface
+        What poses are judged on, of unit 0.4 voxel.
+    by_frames : bool
+        Whether normals are to the side of SHOT's z axis.
+    threads : int or None
+        Threads to compute on.
+    """
+
+    scan: Scan
+    front: DenseFront
+    voxel: float
+    viewpoint: Viewpoint | None
+    voxels: Voxels
+    normals: FloatArray
+    described: DescribedCloud
+    surface: Surface
+    by_frames: bool
+    threads: int | None
+    _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
+
+    def fine_surface(self, share: float) -> FineSurface | None:
+        """Return the cloud in more detail, at a share of the voxel; None where that is too fine for it."""
+        if share not in self._fine_surfaces:
+            try:
+                surface = FineSurface(self.scan.cloud, share * self.voxel, threads=self.threads)
+            except InputError:
+                surface = None
+            self._fine_surfaces[share] = surface
+        return self._fine_surfaces[share]
+
+    @cached_property
+    def turned_by_frames(self) -> PreparedScan:
+        """The same scan with normals to the side of SHOT's z axis, for a partner without a viewpoint."""
+        if self.by_frames:
+            return self
+        return prepare_scan(
+            self.scan, self.voxel, self.viewpoint, self.front, self.threads, ignore_progress, by_frames=True
+        )
+
+    def resized(self, factor: float, clock: StageClock) -> PreparedScan:
+        """Make the same scan ready with voxels of another size."""
+        return prepare_scan(
+            self.scan,
+            factor * self.voxel,
+            self.viewpoint,
+            self.front,
+            self.threads,
+            clock.start,
+            by_frames=self.by_frames,
+        )
+
+    def __len__(self) -> int:
+        """Return the number of voxels."""
+        return len(self.voxels)
+
+    def __repr__(self) -> str:
+        return f"PreparedScan(points={len(self.scan.cloud)}, voxels={len(self)}, voxel={self.voxel:.4g})"
+
+
+def fine_surfaces(source: PreparedScan, target: PreparedScan) -> tuple[FineSurface, FineSurface]:
+    """Return both clouds in more detail: at a third of the voxel, or at what the sparser one allows."""
+    for share in _FINE:
+        both = source.fine_surface(share), target.fine_surface(share)
+        if both[0] is not None and both[1] is not None:
+            return both[0], both[1]
+    message = (
+        f"voxel: got {source.voxel:.4g}, at which source or target has too few points next to each other for "
+        "the last refinement; give a larger voxel"
+    )
+    raise InputError(message)
+
+
+def prepare(
+    cloud: PointCloud | Cloud | ArrayLike,
+    *,
+    voxel: float | None = None,
+    viewpoint: ArrayLike | None = None,
+    front: DenseFront | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> PreparedScan:
+    """Make a scan ready for registration with any number of others.
+
+    Parameters
+    ----------
+    cloud : PointCloud, Cloud or (N,3) array_like of float
+        Whole cloud; normals that came with it are not used.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points; by default about 5,000 of them (see
+        `cgroup.features.choose_voxel`). Clouds to be registered need the same.
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, in the cloud's frame, if the cloud is one single scan: what lies before
+        the scanned surface then speaks against a pose.
+    front : DenseFront, optional
+        Radii of normals, frames and descriptors, in voxels.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    PreparedScan
+
+    Raises
+    ------
+    InputError
+        If the cloud is not finite, or the voxel leaves too little or too much of it.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import prepare, register
+    >>> pair = standin_pair(pixels=100)
+    >>> target = prepare(pair.target)
+    >>> target.voxel > 0, register(pair.source, target).ok
+    (True, True)
+    """
+    scan = as_scan("cloud", cloud)
+    size = features.choose_voxel(scan.cloud, voxels=VOXELS, threads=threads) if voxel is None else voxel
+    begin = progress or ignore_progress
+    return prepare_scan(
+        scan,
+        as_length("voxel", size),
+        viewpoint,
+        front or DenseFront(),
+        threads,
+        begin,
+        by_frames=viewpoint is None,
+    )
+
+
+def prepare_scan(
+    scan: Scan,
+    voxel: float,
+    viewpoint: ArrayLike | None,
+    front: DenseFront,
+    threads: int | None,
+    begin: Callable[[str], Any],
+    *,
+    by_frames: bool,
+) -> PreparedScan:
+    """Make a scan ready with voxels of a known size, and normals turned by frames or the viewpoint."""
+    eye = None if viewpoint is None else as_viewpoint(scan, viewpoint)
+    begin("voxels")
+    voxels = features.voxel_downsample(scan.cloud, voxel, threads=threads)
+    check_voxels(scan, voxel, len(voxels))
+    thinned = features.Cloud(voxels.points, name=scan.name)
+    begin("normals")
+    normals = features.normals(
+        thinned,
+        radius=front.normal_radius * voxel,
+        neighbors=_NORMAL_NEIGHBORS,
+        viewpoint=eye or features.ORIGIN,
+        threads=threads,
+    )
+    check_normals(scan, voxel, normals)
+    begin("frames")
+    radius = front.frame_radius * voxel
+    frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=radius, threads=threads)
+    if by_frames:
+        normals *= _signs(normals, frames[:, 2])[:, None]
+    begin("descriptors")
+    radius = front.support * voxel
+    values = features.fpfh(thinned, normals, radius=radius, max_neighbors=_FEATURE_NEIGHBORS, threads=threads)
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
+    center = in_double(scan.cloud.points).mean(axis=0)
+    described = DescribedCloud(rows, voxels.points[rows], frames[rows], values[rows], UNIT * voxel, center)
+    begin("surface")
+    surface = Surface(
+        voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=not by_frames, threads=threads
+    )
+    return PreparedScan(scan, front, voxel, eye, voxels, normals, described, surface, by_frames, threads)
+
+
+def _signs(normals: FloatArray, towards: FloatArray) -> FloatArray:
+    """Return -1 where a normal points away from a direction, else 1."""
+    return np.where(np.einsum("ij,ij->i", normals, towards) < 0, -1.0, 1.0)

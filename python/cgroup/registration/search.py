@@ -1,0 +1,161 @@
+"""From two prepared scans to the pose that their surfaces confirm: propose, verify, refine, judge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+
+from cgroup.group import group
+from cgroup.registration.judgement import ACCEPTED, SURE, probability, rank
+from cgroup.registration.matching import match_both_ways, take_matches
+from cgroup.registration.poses import frame_poses, group_poses, keep_upright
+from cgroup.registration.prepared import fine_surfaces
+from cgroup.verification import Alignment, Verification, align, verify
+from cgroup.verification.alignment import align_each
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cgroup._progress import StageClock
+    from cgroup.registration.prepared import PreparedScan
+    from cgroup.types import Correspondences, FloatArray
+
+Effort: TypeAlias = Literal["low", "normal", "high"]
+EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
+
+FINALISTS = 8
+"""Verified poses that are refined on the fine surfaces."""
+
+FIRST_SAMPLES = 1000
+"""Samples of either surface that they are refined with; the best one then gets all."""
+
+_FINER = 2**-0.5
+_FINER_NEIGHBORS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The best pose of a search, and what speaks for it.
+
+    Attributes
+    ----------
+    verification : Verification
+        Of all poses proposed, on the voxels.
+    refined : Alignment
+        The best one, refined on the fine surfaces.
+    poses : (k,4,4) array of float64
+        The finalists, refined too, best first.
+    values : (k,) array of float64
+        What they are ranked by.
+    probability : float
+        That it is right.
+    matches : Correspondences
+        Every match of the search.
+    source, target : PreparedScan
+        The scans, at the voxel where it was found.
+    """
+
+    verification: Verification
+    refined: Alignment
+    poses: FloatArray
+    values: FloatArray
+    probability: float
+    matches: Correspondences
+    source: PreparedScan
+    target: PreparedScan
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """How a pose is searched for."""
+
+    method: str
+    options: Mapping[str, Any]
+    axis: FloatArray | None
+    effort: Effort
+    threads: int | None
+    clock: StageClock
+
+    def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
+        """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
+        best = self._search_voxels(source, target, 1)
+        if self.effort != "high" or (best is not None and best.probability >= ACCEPTED):
+            return best
+        finer = source.resized(_FINER, self.clock), target.resized(_FINER, self.clock)
+        return _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
+
+    def confirm(
+        self, source: PreparedScan, target: PreparedScan, matches: Correspondences, poses: FloatArray
+    ) -> Found | None:
+        """Search among poses that come from elsewhere, with matches of one's own."""
+        self.clock.start("matching")
+        voxel_matches, is_mutual = match_both_ways(source.described, target.described, 1, self.threads)
+        return self._assess(source, target, take_matches(voxel_matches, is_mutual), matches, poses)
+
+    def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
+        self.clock.start("matching")
+        matches, is_mutual = match_both_ways(source.described, target.described, k, self.threads)
+        mutual = take_matches(matches, is_mutual)
+        poses = np.concatenate([self._propose(mutual), frame_poses(mutual)])
+        best = self._assess(source, target, mutual, matches, poses)
+        if self.effort == "low" or (best is not None and best.probability >= SURE):
+            return best
+        poses = self._propose(matches)
+        if best is not None:
+            poses = np.concatenate([best.verification.poses, poses])
+        return _better(best, self._assess(source, target, mutual, matches, poses))
+
+    def _propose(self, matches: Correspondences) -> FloatArray:
+        self.clock.start("grouping")
+        return group_poses(group(matches, self.method, threads=self.threads, **self.options))
+
+    def _assess(
+        self,
+        source: PreparedScan,
+        target: PreparedScan,
+        mutual: Correspondences,
+        matches: Correspondences,
+        poses: FloatArray,
+    ) -> Found | None:
+        """Verify poses, refine the best, and judge it."""
+        self.clock.start("verification")
+        upright = keep_upright(poses, self.axis)
+        if len(upright) == 0:
+            return None
+        verification = verify(source.surface, target.surface, upright, matches=mutual, threads=self.threads)
+        upright = keep_upright(verification.poses, self.axis)
+        if len(upright) == 0:
+            return None
+        if len(upright) < len(verification.poses):
+            verification = verify(
+                source.surface, target.surface, upright, matches=mutual, threads=self.threads
+            )
+        return self._judge(source, target, verification, matches)
+
+    def _judge(
+        self,
+        source: PreparedScan,
+        target: PreparedScan,
+        verification: Verification,
+        matches: Correspondences,
+    ) -> Found:
+        """Refine the finalists on the fine surfaces, choose one, and say how likely it is right."""
+        self.clock.start("refinement")
+        surfaces, voxel = fine_surfaces(source, target), source.voxel
+        count = min(FINALISTS, len(verification.poses))
+        aligned = align_each(*surfaces, verification.poses[:count], FIRST_SAMPLES, self.threads)
+        poses = np.array([found.T_target_source for found in aligned])
+        values = rank(verification.scores[:count], verification.evidence[:count], aligned, voxel)
+        chance = probability(values, poses, source.described.centroid, voxel)
+        order = np.argsort(-values)
+        best = align(*surfaces, poses[order[0]], threads=self.threads)
+        return Found(verification, best, poses[order], values[order], chance, matches, source, target)
+
+
+def _better(one: Found | None, other: Found | None) -> Found | None:
+    """Return the more probable of two; the first where they are equal."""
+    if one is None or other is None:
+        return other if one is None else one
+    return other if other.probability > one.probability else one

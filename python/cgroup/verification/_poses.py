@@ -1,0 +1,40 @@
+"""Checks of poses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup._arguments import as_floats
+from cgroup.errors import InputError
+from cgroup.rigid import RIGID_TOLERANCE
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import FloatArray
+
+
+def as_poses(value: ArrayLike) -> FloatArray:
+    """Return (m,4,4) rigid transforms."""
+    poses = as_floats("poses", value)
+    if poses.ndim == 2:
+        poses = poses[None]
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) == 0:
+        message = f"poses: got shape {poses.shape}; give (m,4,4), at least one rigid transform"
+        raise InputError(message)
+    rotations = poses[:, :3, :3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        squares = np.einsum("kji,kjl->kil", rotations, rotations)
+        right = np.isfinite(poses).all(axis=(1, 2)) & (
+            np.abs(squares - np.eye(3)).max(axis=(1, 2)) <= RIGID_TOLERANCE
+        )
+        right &= (np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1) <= 1e-9) & (np.linalg.det(rotations) > 0)
+    if not right.all():
+        message = (
+            f"poses: pose {int(np.argmin(right))} of {len(poses)} is not rigid: [R t; 0 0 0 1] with a "
+            "rotation R; leave out those of matches without frames"
+        )
+        raise InputError(message)
+    return poses

@@ -1,0 +1,95 @@
+"""Surfaces that poses are judged on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cgroup import _core
+from cgroup._arguments import as_number, as_place, real_points
+from cgroup._options import run_options
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+class Surface:
+    """A surface made ready once: nearest points, ranges and samples, for any number of poses and partners.
+
+    Memory grows with the points and their surface, some kilobytes per point, not with the box around them.
+    Threads may share a surface.
+
+    Parameters
+    ----------
+    points : (N,3) array_like of float
+        Ten or more, finite, about evenly spread: thin a raw scan to voxels first.
+    normals : (N,3) array_like of float
+        Of any length; NaN or zero for none.
+    unit : float
+        0.4 of the voxel, or of the distance between points. All tolerances are multiples of it. Both surfaces
+        of a pair need the same.
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, if the points are one single scan with normals towards it. What lies before
+        the scanned surface then counts against a pose. Leave it out for points fused from several scans.
+    oriented : bool, optional
+        Whether the normals point to the same side of the surface in both clouds; otherwise a normal and its
+        opposite are the same. None stands for whether there is a viewpoint.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Raises
+    ------
+    InputError
+        For a wrong shape, a coordinate that is not finite, fewer than 10 points with a normal, or points that
+        span fewer than 10 units or so many that the unit can't be meant.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.verification import Surface
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = features.resolution(points)
+    >>> Surface(points, features.normals(points), unit=0.4 * pr, viewpoint=(0, 0, 0))
+    Surface(n=2554)
+    """
+
+    __slots__ = ("_core", "_unit")
+
+    def __init__(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        *,
+        unit: float,
+        viewpoint: ArrayLike | None = None,
+        oriented: bool | None = None,
+        threads: int | None = None,
+    ) -> None:
+        rows, directions = real_points("points", points), real_points("normals", normals)
+        if len(rows) != len(directions):
+            message = (
+                f"normals: got {len(directions)} for {len(rows)} points; give one per point, NaN for none"
+            )
+            raise InputError(message)
+        self._unit = as_number("unit", unit)
+        eye = None if viewpoint is None else as_place("viewpoint", viewpoint)
+        known = eye is not None if oriented is None else oriented
+        self._core = _core.Surface(rows, directions, run_options(threads), self._unit, eye, known)
+
+    @property
+    def unit(self) -> float:
+        """The length that all tolerances are multiples of."""
+        return self._unit
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self._core)
+
+    def __repr__(self) -> str:
+        return f"Surface(n={len(self)})"
+
+
+def core_surface(surface: Surface) -> _core.Surface:
+    """Return what the compiled core takes."""
+    return surface._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users

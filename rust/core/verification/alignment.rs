@@ -1,0 +1,213 @@
+//! The last refinement of a pose: samples of either surface on the planes of their own neighbourhoods, laid on the points
+//! of the other (point-to-plane in both directions; Chen and Medioni 1992).
+
+use nalgebra::{Matrix6, Point3, Rotation3, UnitQuaternion, Vector3, Vector6};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::geometry::ball_search::Ball;
+use crate::geometry::rigid::Rigid;
+use crate::verification::fine_surface::{FineSurface, REACH, Sample, nearest};
+use crate::verification::overlap::Resistance;
+
+/// Steps over which the reach shrinks, with so many samples of each surface at most, and the last reach in spacings.
+const FIRST_STEPS: usize = 5;
+const FIRST_SAMPLES: usize = 1_000;
+const LAST_REACH: f64 = 1.5;
+/// Most steps that follow, with all samples.
+const LAST_STEPS: usize = 15;
+/// Pairs below which a pose stays as it is.
+const LEAST_PAIRS: usize = 20;
+/// Tukey's constant: residuals beyond so many standard deviations don't count.
+const CUT: f64 = 4.685;
+/// Standard deviations per median absolute residual of a normal distribution.
+const PER_MEDIAN: f64 = 1.4826;
+/// Least standard deviation, in spacings: of noise-free data.
+const LEAST_DEVIATION: f64 = 1e-3;
+/// Added to the diagonal, as a share of its greatest entry: motions that nothing resists are not made.
+const DAMPING: f64 = 1e-6;
+/// In spacings: a motion that moves no part of the surface farther ends the refinement.
+const STILL: f64 = 1e-3;
+
+/// A refined pose, and how closely the surfaces lie on each other.
+#[derive(Debug, Clone)]
+pub struct Alignment {
+    /// From the source's coordinates into the target's.
+    pub pose: Rigid,
+    /// Distance of each paired sample from the plane that it is laid on.
+    pub residuals: Vec<f64>,
+    /// How far the points around each paired sample are from its own plane.
+    pub deviations: Vec<f64>,
+    /// Number of samples of both surfaces, paired or not.
+    pub samples: usize,
+    /// Which motions the surfaces resist.
+    pub resistance: Resistance,
+}
+
+/// A sample laid on a point: coordinates relative to the target's mean, in spacings.
+struct Pair {
+    place: Vector3<f64>,
+    normal: Vector3<f64>,
+    residual: f64,
+    squared_distance: f64,
+    deviation: f64,
+}
+
+/// Refines a pose that is right to about a spacing or two, with at most so many samples of either surface.
+///
+/// # Errors
+/// [`Error::InvalidInput`] unless both surfaces have the same spacing, [`Error::Interrupted`].
+pub fn align(
+    source: &FineSurface,
+    target: &FineSurface,
+    pose: &Rigid,
+    samples: usize,
+    execution: &Execution,
+) -> Result<Alignment> {
+    let (a, b) = (source.spacing(), target.spacing());
+    if (a - b).abs() > 1e-9 * a.max(b) {
+        let remedy = "make both surfaces with the same spacing";
+        return Err(Error::invalid("source, target", format!("surfaces of spacing {a} and {b}"), remedy));
+    }
+    let radius = source.radius().max(target.radius()) / a;
+    let mut pose = between(source, target, pose);
+    for step in 0..FIRST_STEPS + LAST_STEPS {
+        let share = (step as f64 / FIRST_STEPS as f64).min(1.0);
+        let reach = REACH + (LAST_REACH - REACH) * share;
+        let most = if step < FIRST_STEPS { samples.min(FIRST_SAMPLES) } else { samples };
+        let pairs = pair(source, target, &pose, reach, most, execution)?;
+        let Some(motion) = solve(&equations(&pairs)) else { break };
+        let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
+        pose = followed_by(&pose, turn, shift * a);
+        if share >= 1.0 && turn.norm() * radius + shift.norm() < STILL {
+            break;
+        }
+    }
+    pose.rotation = nearest_rotation(&pose);
+    let sums = equations(&pair(source, target, &pose, LAST_REACH, samples, execution)?);
+    let pairs = pair(source, target, &pose, REACH, samples, execution)?;
+    Ok(Alignment {
+        pose: in_data(source, target, &pose),
+        residuals: pairs.iter().map(|pair| pair.residual * a).collect(),
+        deviations: pairs.iter().map(|pair| pair.deviation).collect(),
+        samples: source.samples(samples).len() + target.samples(samples).len(),
+        resistance: Resistance::new(&sums.matrix, sums.weight, radius, a, &target.center()),
+    })
+}
+
+/// A pose followed by a small motion: a rotation vector and a translation.
+fn followed_by(pose: &Rigid, turn: Vector3<f64>, shift: Vector3<f64>) -> Rigid {
+    let turn = Rotation3::new(turn).into_inner();
+    Rigid { rotation: turn * pose.rotation, translation: turn * pose.translation + shift }
+}
+
+/// The pose between coordinates relative to the surfaces' means.
+fn between(source: &FineSurface, target: &FineSurface, pose: &Rigid) -> Rigid {
+    let translation = pose.rotation * source.center() + pose.translation - target.center();
+    Rigid { rotation: pose.rotation, translation }
+}
+
+/// The same pose in the coordinates of the data.
+fn in_data(source: &FineSurface, target: &FineSurface, pose: &Rigid) -> Rigid {
+    let translation = pose.translation + target.center() - pose.rotation * source.center();
+    Rigid { rotation: pose.rotation, translation }
+}
+
+fn nearest_rotation(pose: &Rigid) -> nalgebra::Matrix3<f64> {
+    let rotation = Rotation3::from_matrix_unchecked(pose.rotation);
+    UnitQuaternion::from_rotation_matrix(&rotation).to_rotation_matrix().into_inner()
+}
+
+/// Samples of both surfaces with a point of the other within `reach` spacings.
+fn pair(
+    source: &FineSurface,
+    target: &FineSurface,
+    pose: &Rigid,
+    reach: f64,
+    samples: usize,
+    execution: &Execution,
+) -> Result<Vec<Pair>> {
+    let inverse = pose.rotation.transpose();
+    let (in_source, in_target) = (source.search(reach), target.search(reach));
+    let forward = |sample: &Sample, ball: &mut Ball| {
+        let place = pose.apply(&sample.point);
+        let near = nearest(&in_target, &place, ball)?;
+        Some((place, near, pose.rotation * sample.normal))
+    };
+    let backward = |sample: &Sample, ball: &mut Ball| {
+        let place = Point3::from(inverse * (sample.point.coords - pose.translation));
+        let near = nearest(&in_source, &place, ball)?;
+        Some((pose.apply(&near), sample.point, sample.normal))
+    };
+    let unit = target.spacing();
+    let as_pair = |sample: &Sample, (moved, fixed, normal): (Point3<f64>, Point3<f64>, Vector3<f64>)| {
+        let offset = (moved - fixed) / unit;
+        let squared_distance = offset.norm_squared();
+        let residual = offset.dot(&normal);
+        let place = moved.coords / unit;
+        (squared_distance < reach * reach).then_some(Pair {
+            place,
+            normal,
+            residual,
+            squared_distance: squared_distance / (reach * reach),
+            deviation: sample.deviation,
+        })
+    };
+    let moved = source.samples(samples).par_iter().map_init(Ball::default, |ball, sample| {
+        execution.check()?;
+        Ok(forward(sample, ball).and_then(|found| as_pair(sample, found)))
+    });
+    let still = target.samples(samples).par_iter().map_init(Ball::default, |ball, sample| {
+        execution.check()?;
+        Ok(backward(sample, ball).and_then(|found| as_pair(sample, found)))
+    });
+    let pairs = moved.chain(still).collect::<Result<Vec<Option<Pair>>>>()?;
+    Ok(pairs.into_iter().flatten().collect())
+}
+
+/// The normal equations of one step: `A x = b` with x a rotation vector and a translation.
+struct Equations {
+    matrix: Matrix6<f64>,
+    right: Vector6<f64>,
+    weight: f64,
+    pairs: usize,
+}
+
+/// Pairs weighted by their distance, and by Tukey's function of their residual.
+fn equations(pairs: &[Pair]) -> Equations {
+    let cut = CUT * standard_deviation(pairs);
+    let mut sums =
+        Equations { matrix: Matrix6::zeros(), right: Vector6::zeros(), weight: 0.0, pairs: pairs.len() };
+    for pair in pairs {
+        let share = pair.residual / cut;
+        if share.abs() < 1.0 {
+            let weight = (1.0 - pair.squared_distance) * (1.0 - share * share).powi(2);
+            let turn = pair.place.cross(&pair.normal);
+            let row = Vector6::new(turn.x, turn.y, turn.z, pair.normal.x, pair.normal.y, pair.normal.z);
+            sums.matrix.ger(weight, &row, &row, 1.0);
+            sums.right.axpy(-weight * pair.residual, &row, 1.0);
+            sums.weight += weight;
+        }
+    }
+    sums
+}
+
+/// Of the residuals, from their median.
+fn standard_deviation(pairs: &[Pair]) -> f64 {
+    let mut sizes: Vec<f64> = pairs.iter().map(|pair| pair.residual.abs()).collect();
+    let middle = sizes.len() / 2;
+    if sizes.is_empty() {
+        return LEAST_DEVIATION;
+    }
+    (PER_MEDIAN * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1).max(LEAST_DEVIATION)
+}
+
+fn solve(equations: &Equations) -> Option<Vector6<f64>> {
+    if equations.pairs < LEAST_PAIRS {
+        return None;
+    }
+    let damping = DAMPING * equations.matrix.diagonal().max();
+    let motion = (equations.matrix + Matrix6::identity() * damping).cholesky()?.solve(&equations.right);
+    motion.iter().all(|number| number.is_finite()).then_some(motion)
+}

@@ -1,0 +1,262 @@
+"""The comparison of pipelines: what is planned, run, recorded and reported."""
+
+from __future__ import annotations
+
+import sqlite3
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from benchmark_runs import serial
+from cgroup.benchmark import records
+from cgroup.benchmark.config import parse_config, read_config
+from cgroup.benchmark.pipelines import PIPELINES
+from cgroup.benchmark.plan import make_plan
+from cgroup.benchmark.records.schema import SCHEMA
+from cgroup.benchmark.records.store import RECORDS, Store
+from cgroup.benchmark.report import write_report
+from cgroup.benchmark.report.registration import answer_table, detail_table, trust_table
+from cgroup.benchmark.run.stages import KILLED
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pandas as pd
+
+SETS = """
+name = "tiny"
+[registration]
+threads = 1
+pipelines = [
+  { name = "benchmark_fakes:shifting", label = "right" },
+  { name = "benchmark_fakes:shifting", label = "rough", options = { by = 0.5, ok = false } },
+  { name = "benchmark_fakes:shifting", label = "wrong", options = { by = 50 } },
+  { name = "benchmark_fakes:poseless", label = "none" },
+]
+[[registration.sets]]
+id = "views"
+dataset = "benchmark_fakes:Views"
+loose = "kitti"
+strict = "3dmatch"
+"""
+
+BROKEN = """
+name = "tiny"
+[registration]
+pipelines = [
+  { name = "benchmark_fakes:raising", label = "raising" },
+  { name = "benchmark_fakes:lethal", label = "lethal" },
+  { name = "benchmark_fakes:shifting", label = "right" },
+]
+[[registration.sets]]
+id = "stones"
+dataset = "benchmark_fakes:Clouds"
+pairs = ["a", "broken"]
+loose = "5deg+5pr"
+strict = "2deg+2pr"
+mirrored = 1
+"""
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("registration")
+    serial(SETS + "mirrored = 2\nmixed = 4\n", out)
+    return out
+
+
+@pytest.fixture
+def frame(finished: Path) -> pd.DataFrame:
+    return records.load_registrations(finished)
+
+
+def test_every_pipeline_registers_every_pair(frame: pd.DataFrame) -> None:
+    assert len(frame) == 4 * (3 + 2 + 4)
+    assert frame["error"].eq("").all()
+    counts = frame.drop_duplicates(["pair", "other", "kind"]).groupby("kind").size()
+    assert counts.to_dict() == {"related": 3, "mirrored": 2, "mixed": 4}
+    mixed = frame[frame["kind"] == "mixed"]
+    assert (mixed["pair"] != mixed["other"]).all()
+
+
+def test_poses_are_judged_by_both_limits(frame: pd.DataFrame) -> None:
+    related = frame[frame["kind"] == "related"].set_index("pipeline")
+    assert related["right"].groupby("pipeline").all().to_dict() == {
+        "right": True, "rough": True, "wrong": False, "none": False
+    }  # fmt: skip
+    assert related["accurate"].groupby("pipeline").all().to_dict() == {
+        "right": True, "rough": False, "wrong": False, "none": False
+    }  # fmt: skip
+    np.testing.assert_allclose(related.loc["rough", "translation_error"], 0.5)
+    np.testing.assert_allclose(related.loc["rough", "rmse_pr"] * related.loc["rough", "pr"], 0.5)
+    assert related.loc["none", "rotation_error"].isna().all()
+    assert not related.loc["none", "ok"].any(), "an answer without a pose can't be ok"
+    assert (related.loc["rough", "probability"] == 0.25).all()
+
+
+def test_unrelated_clouds_have_no_right_pose(frame: pd.DataFrame) -> None:
+    unrelated = frame[frame["kind"] != "related"]
+    assert not unrelated["right"].any()
+    assert unrelated[["rotation_error", "overlap"]].isna().all(axis=None)
+    assert unrelated[unrelated["pipeline"] == "wrong"]["ok"].all()
+
+
+def test_stages_are_timed(frame: pd.DataFrame) -> None:
+    right = frame[frame["pipeline"] == "right"]
+    assert set(right.iloc[0]["stages"]) == {"source features", "target features", "pose"}
+    assert right["seconds"].tolist() == [sum(stages.values()) for stages in right["stages"]]
+
+
+def test_nothing_is_registered_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "log"
+    monkeypatch.setenv("FAKES_LOG", str(log))
+    assert serial(SETS, tmp_path / "out").counts["register"] == (12, 0, 12)
+    calls = log.read_text().count("shifting")
+    assert calls == 9
+    more = SETS.replace(
+        'label = "none" }', 'label = "none" },\n{ name = "benchmark_fakes:shifting", options = { by = 1 } }'
+    )
+    assert serial(more, tmp_path / "out").counts["register"].wanted == 15
+    assert log.read_text().count("shifting") == calls + 3
+
+
+def test_what_fails_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
+    summary = serial(BROKEN, tmp_path)
+    found = records.load_registrations(tmp_path).set_index(["pipeline", "pair", "kind"])
+    errors = found["error"].to_dict()
+    assert errors["raising", "a", "related"] == "ArithmeticError: can't do this"
+    assert errors["lethal", "a", "related"] == KILLED
+    assert errors["right", "a", "related"] == ""
+    assert errors["right", "broken", "related"] == "OSError: this pair is broken"
+    mirrored = [kind for kind in errors if kind[2] == "mirrored"]
+    assert len(mirrored) == 3
+    assert (
+        summary.failed == sum(error != "" for error in errors.values()) == summary.counts["register"].failed
+    )
+    store = Store(tmp_path / RECORDS)
+    assert ("lethal", KILLED) in {failure[:2] for failure in store.failures()}
+    store.forget_failures()
+    assert store.counts()["register"].failed == 0
+    store.close()
+
+
+def test_records_of_the_version_before_are_kept(tmp_path: Path) -> None:
+    with sqlite3.connect(tmp_path / RECORDS) as old:
+        for statement in SCHEMA.split(";\n"):
+            old.execute(statement)
+        old.execute("insert into methods values ('k', 'gtm', '{}')")
+        old.execute("pragma user_version = 1")
+    old.close()
+    assert records.load_registrations(tmp_path).empty
+    serial(SETS, tmp_path)
+    assert len(records.load_registrations(tmp_path)) == 12
+    store = Store(tmp_path / RECORDS)
+    assert set(store.methods()) == {"k"}
+    store.close()
+
+
+def test_a_missing_library_leaves_its_pipelines_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PIPELINES, "open3d-fgr", PIPELINES["open3d-fgr"]._replace(needs="no_such_library"))
+    text = SETS.replace('{ name = "benchmark_fakes:poseless", label = "none" }', '"open3d-fgr"')
+    plan = make_plan(parse_config(text), None)
+    assert [pipeline.label for pipeline in plan.sets[0].pipelines] == ["right", "rough", "wrong"]
+    assert "no_such_library can't be imported" in plan.missing["open3d-fgr"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("benchmark_fakes:poseless", "open3d", "got 'open3d'; choose one of cgroup"),
+        ("benchmark_fakes:poseless", "benchmark_fakes:NOT_A_FUNCTION", "is a int; name a function"),
+        ("by = 50", "bi = 50", "has no 'bi'; it takes by, ok"),
+        ('label = "wrong"', 'label = "right"', "give each variant a label of its own"),
+        ('loose = "kitti"', 'loose = "rmse<=1pr"', "choose a limit of the rotation: 5deg"),
+        ("[[registration.sets]]", "[[registration.pairs]]", "registration.sets: Field required"),
+        (
+            'dataset = "benchmark_fakes:Views"',
+            'dataset = "benchmark_fakes:Views"\nvoxel = 0',
+            "sets[0].voxel",
+        ),
+        ('id = "views"', 'id = "views"\nwithout = ["write"]', "without 'write', but the pipelines are right"),
+        ("threads = 1", "threads = 0", "registration.threads"),
+    ],
+)
+def test_mistakes_are_named(old: str, new: str, message: str) -> None:
+    assert old in SETS
+    with pytest.raises(InputError) as error:
+        parse_config(SETS.replace(old, new))
+    assert message in str(error.value)
+
+
+def test_sets_need_clouds_and_names_of_their_own() -> None:
+    with pytest.raises(InputError, match="registering needs clouds"):
+        make_plan(parse_config(SETS.replace("Views", "Matches")), None)
+    again = "[[registration.sets]]" + SETS.partition("[[registration.sets]]")[2]
+    with pytest.raises(InputError, match="give each an id of its own"):
+        parse_config(SETS + again)
+    with pytest.raises(InputError, match="neither is there"):
+        parse_config('name = "empty"')
+
+
+def test_the_preset_can_be_read() -> None:
+    registration = read_config("registration").registration
+    assert registration is not None
+    assert registration.threads == 2
+    assert {entry.name for entry in registration.pipelines} == set(PIPELINES)
+    datasets = {name for each in registration.sets for name in each.dataset}
+    assert datasets == {"stanford", "3dmatch", "lidar", "fgr-clouds"}
+
+
+def test_a_set_has_its_voxel_and_its_pipelines(tmp_path: Path) -> None:
+    serial(SETS + 'voxel = 0.125\npairs = 1\nwithout = ["wrong", "none"]\n', tmp_path)
+    found = records.load_registrations(tmp_path)
+    assert (found["voxel"] == 0.125).all()
+    assert found["pipeline"].tolist() == ["right", "rough"]
+
+
+def test_answers_are_counted(frame: pd.DataFrame) -> None:
+    table = answer_table(frame[frame["kind"] == "related"])
+    assert table.headers == ("pipeline", "views (3)")
+    rows = {row[0].text: row[1] for row in table.rows}
+    assert [cell.text for cell in rows.values()] == ["3 / 3", "3 / 0", "0 / 0", "0 / 0"]
+    assert [cell.best for cell in rows.values()] == [True, True, False, False]
+
+
+def test_what_is_trusted_is_counted(frame: pd.DataFrame) -> None:
+    table = trust_table(frame)
+    assert table.headers[1:4] == ("s, views", "right refused", "wrong accepted")
+    rows = {row[0].text: [cell.text for cell in row[2:]] for row in table.rows}
+    # right refused, wrong accepted, mirrored accepted, unrelated accepted
+    assert rows["right"] == ["0 / 3", "-", "2 / 2", "4 / 4"]
+    assert rows["rough"] == ["3 / 3", "-", "0 / 2", "0 / 4"]
+    assert rows["wrong"] == ["-", "3 / 3", "2 / 2", "4 / 4"]
+    assert rows["none"] == ["-", "0 / 3", "0 / 2", "0 / 4"]
+
+
+def test_sets_are_split_by_overlap(tmp_path: Path) -> None:
+    serial(SETS + "split_overlap = 0.95\n", tmp_path)
+    found = records.load_registrations(tmp_path)
+    assert set(found["column"]) == {"views, overlap < 0.95"}
+    assert answer_table(found).headers[1] == "views, overlap < 0.95 (3)"
+
+
+def test_times_of_both_clouds_are_summed(frame: pd.DataFrame) -> None:
+    related = frame[frame["kind"] == "related"].copy()
+    related["stages"] = [{"source features": 1.0, "target features": 2.0, "pose": 0.5}] * len(related)
+    table = detail_table(related)
+    cells = dict(zip(table.headers, table.rows[0], strict=True))
+    assert cells["features (ms)"].text == "3000"
+    assert cells["pose (ms)"].text == "500"
+    assert cells["matching (ms)"].text == "-"
+    assert cells["translation (voxels)"].text == "0.00"
+
+
+def test_the_page_shows_the_comparison_alone(finished: Path) -> None:
+    page = write_report(finished).read_text(encoding="utf-8")
+    assert "Registration of whole clouds" in page
+    assert 'id="figure-registration"' in page
+    assert "3 / 3" in page
+    assert 'id="claims-table"' not in page
+    assert (finished / "figures" / "registration.png").stat().st_size > 1000
