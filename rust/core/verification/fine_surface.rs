@@ -100,14 +100,6 @@ impl FineSurface {
     }
 }
 
-/// The point of a search that is nearest to a place, if one is within its radius.
-pub(super) fn nearest(search: &BallSearch, place: &Point3<f64>, ball: &mut Ball) -> Option<Point3<f64>> {
-    search.within(place, ball);
-    let squares = ball.squared_distances().iter().enumerate();
-    let (best, _) = squares.min_by(|a, b| a.1.total_cmp(b.1))?;
-    Some(place + ball.vector(best))
-}
-
 fn root_mean_square(samples: &[Sample]) -> f64 {
     let squares: f64 = samples.iter().map(|sample| sample.point.coords.norm_squared()).sum();
     (squares / samples.len() as f64).sqrt()

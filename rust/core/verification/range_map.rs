@@ -166,7 +166,7 @@ mod tests {
         assert!((in_front(-30.0) - 20.0).abs() < 0.5);
         assert!((in_front(-70.0) + 20.0).abs() < 0.5);
         for beside in [Vector3::new(40.0, 0.0, -50.0), Vector3::new(0.0, 0.0, 50.0), Vector3::zeros()] {
-            assert_eq!(look(&map, beside, towards).0, f32::INFINITY, "{beside:?}");
+            assert!(look(&map, beside, towards).0 == f32::INFINITY, "{beside:?}");
         }
     }
 

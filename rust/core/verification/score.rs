@@ -1,6 +1,7 @@
 //! How well two surfaces agree under a pose.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+#![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
 
 use crate::simd;
 use crate::verification::group::{Group, LANES};
