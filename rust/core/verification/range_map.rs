@@ -55,6 +55,11 @@ impl RangeMap {
         map
     }
 
+    /// The viewpoint.
+    pub fn eye(&self) -> Vector3<f32> {
+        self.eye
+    }
+
     /// Fits the faces around the points' pixels and a margin of one; returns how many pixels that are.
     fn lay_out(&mut self, points: &[Vector3<f32>]) -> i64 {
         let mut boxes = [([i32::MAX; 2], [i32::MIN; 2]); 6];
