@@ -178,6 +178,18 @@ WRONG = [
     ("register {source} {target} --front paper --support 4", "--support: belongs to --front dense"),
     ("register {source} {target} --front paper --normals mesh", "neither cloud has faces"),
     ("register {folder}/metres.ply {target}", "scale them to the same unit"),
+    ("register {source} {target} --voxel 0", "voxel: got 0"),
+    ("register {source} {target} --voxel -1", "voxel: got -1"),
+    ("register {source} {target} --voxel nan", "voxel: got nan"),
+    ("register {source} {target} --voxel 1e-9", "give a larger voxel"),
+    ("register {source} {target} --voxel 500", "leave 1 voxels of 500"),
+    ("register {source} {target} --axis 0 0 0", "axis: got a zero vector"),
+    ("register {source} {target} --axis 0 1", "--axis"),
+    ("register {source} {target} --viewpoint 0 0 nan", "source_viewpoint: got"),
+    ("register {source} {target} --target-viewpoint 0 0 1e9", "target_viewpoint: got"),
+    ("register {source} {target} --effort max", "--effort"),
+    ("register {source} {target} --front fast", "--front"),
+    ("register {source} {target} --support 0", "support: got 0"),
     ("register {source} {target} --keypoints 1", "keypoints"),
     ("register {source} {target} --keypoints many", "keypoints"),
     ("register {source} {target} --out {source}", "can't be made a folder"),
@@ -213,6 +225,17 @@ def test_wrong_input_is_one_line_and_status_2(
     assert says in err
 
 
+def test_no_pose_is_one_line_and_status_3(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_cloud(tmp_path / "other.ply", standin_pair(seed=5, pixels=60).target)
+    status, out, err = run(capsys, "register", folder / "source.ply", tmp_path / "other.ply")
+    assert (status, out) == (3, "")
+    assert err.startswith("cgroup: no pose that can be trusted: ")
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out" / "transform.txt").exists()
+
+
 @pytest.mark.parametrize("arguments", [(), ("--help",)])
 def test_help_names_the_commands(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, *arguments)
@@ -232,7 +255,8 @@ def test_detect(folder: Path, pair: MatchingPair, tmp_path: Path, capsys: pytest
     arguments = (folder / "source.ply", "--detector", "iss", "--keypoints", 100, "--out", "kp")
     status, out, err = run(capsys, "detect", *arguments)
     assert (status, err) == (0, "")
-    found = np.load(tmp_path / "kp/keypoints.npz")
+    with np.load(tmp_path / "kp/keypoints.npz") as file:
+        found = dict(file)
     assert np.array_equal(found["points"], pair.source.points[found["indices"]])
     assert 80 <= len(found["indices"]) <= 120
     assert f"keypoints   {len(found['indices'])} by ISS" in out

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from cgroup import features
 from cgroup._arguments import as_length
 from cgroup.errors import InputError
+from cgroup.registration.checks import as_viewpoint, check_sizes
 from cgroup.registration.prepared import VOXELS, DenseFront, PreparedScan, prepare_scan
 from cgroup.registration.scan import Scan, as_scan
 
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
     from cgroup._progress import StageClock
     from cgroup.features import Cloud, Viewpoint
     from cgroup.types import PointCloud
-
-MAX_SIZE_RATIO = 100.0
-"""Clouds that differ more than this are taken to be in different units; no voxel suits both."""
 
 _Half: TypeAlias = "PreparedScan | Scan"
 
@@ -40,7 +38,8 @@ def prepare_pair(
         cloud if isinstance(cloud, PreparedScan) else as_scan(name, cloud)
         for name, cloud in (("source", source), ("target", target))
     ]
-    _refuse_other_units(halves)
+    check_sizes(_whole(halves[0]), _whole(halves[1]))
+    _refuse_late_options(halves, viewpoints, front)
     prepared = [half for half in halves if isinstance(half, PreparedScan)]
     if prepared:
         size, radii = _shared(prepared, voxel), prepared[0].front
@@ -64,11 +63,28 @@ def prepare_pair(
     return finish(halves[0], places[0]), finish(halves[1], places[1])
 
 
+def _refuse_late_options(
+    halves: Sequence[_Half], viewpoints: tuple[Viewpoint | None, Viewpoint | None], front: DenseFront | None
+) -> None:
+    """Raise `InputError` for what would have had to be known when a scan was prepared."""
+    for name, half, viewpoint in zip(("source", "target"), halves, viewpoints, strict=True):
+        if not isinstance(half, PreparedScan):
+            continue
+        if viewpoint is not None and as_viewpoint(half.scan, viewpoint) != half.viewpoint:
+            message = (
+                f"{name}_viewpoint: the {name} is prepared, with viewpoint={half.viewpoint}; prepare it anew"
+            )
+            raise InputError(message)
+        if front is not None and front != half.front:
+            message = f"front: got {front}, but the {name} is prepared, with {half.front}; prepare it anew"
+            raise InputError(message)
+
+
 def _shared(prepared: Sequence[PreparedScan], voxel: float | None) -> float:
     """Return the voxel of scans that are ready."""
     first = prepared[0]
     alike = all(scan.voxel == first.voxel and scan.front == first.front for scan in prepared)
-    if alike and voxel in {None, first.voxel}:
+    if alike and (voxel is None or as_length("voxel", voxel) == first.voxel):
         return first.voxel
     sizes = " and ".join(f"{scan.voxel:.4g}" for scan in prepared)
     asked = "" if voxel is None else f", voxel={voxel}"
@@ -84,13 +100,6 @@ def _voxel(halves: Sequence[_Half], voxel: float | None, threads: int | None) ->
         return as_length("voxel", voxel)
     clouds = [_whole(half).cloud for half in halves]
     return features.choose_voxel(*clouds, voxels=VOXELS, threads=threads)
-
-
-def _refuse_other_units(halves: Sequence[_Half]) -> None:
-    sizes = [_whole(half).cloud.diagonal for half in halves]
-    if max(sizes) > MAX_SIZE_RATIO * min(sizes):
-        message = f"source, target: {sizes[0]:.3g} and {sizes[1]:.3g} across; scale them to the same unit"
-        raise InputError(message)
 
 
 def _whole(half: _Half) -> Scan:

@@ -110,7 +110,7 @@ def register(
     kind = _front_of(front)
     chosen = method or ("gtm" if isinstance(kind, PaperFront) else "lc")
     search = Search(chosen, options, direction, effort, threads, clock)
-    dense = kind if isinstance(kind, DenseFront) else None
+    dense = front if isinstance(front, DenseFront) else None
     scans = prepare_pair(source, target, voxel, (source_viewpoint, target_viewpoint), dense, threads, clock)
     found = _search_keypoints(search, scans, kind) if isinstance(kind, PaperFront) else search.run(*scans)
     return _answer(found, scans, clock)

@@ -48,11 +48,12 @@ def group_poses(grouping: Grouping) -> FloatArray:
 def as_axis(axis: ArrayLike) -> FloatArray:
     """Return an axis as a unit vector."""
     direction = np.array(as_place("axis", axis))
-    length = float(np.linalg.norm(direction))
-    if length == 0:
+    largest = float(np.abs(direction).max())
+    if largest == 0:
         message = "axis: got a zero vector; give the direction that both clouds share, such as (0, 0, 1)"
         raise InputError(message)
-    return direction / length
+    direction /= largest  # squares of the largest numbers are infinite, of the least zero
+    return direction / np.linalg.norm(direction)
 
 
 def keep_upright(poses: FloatArray, axis: FloatArray | None) -> FloatArray:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cgroup import features
-from cgroup._arguments import as_length, as_place, in_double
+from cgroup._arguments import as_length, in_double
 from cgroup._progress import ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
+from cgroup.registration.checks import as_viewpoint, check_normals, check_voxels
 from cgroup.registration.scan import as_scan
 from cgroup.verification import FineSurface, Surface
 
@@ -32,11 +33,10 @@ VOXELS = 5000
 UNIT = 0.4
 """Unit of the surfaces, in voxels."""
 
-LEAST_VOXELS = 30
-"""Voxels below which a cloud has no shape to speak of."""
-
 _NORMAL_NEIGHBORS, _FEATURE_NEIGHBORS = 30, 100
-_FINE = 3.0
+
+_FINE = (1 / 3, 2 / 3, 4 / 3)
+"""Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes."""
 
 
 @dataclass(frozen=True)
@@ -101,11 +101,17 @@ class PreparedScan:
     surface: Surface
     by_frames: bool
     threads: int | None
+    _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
 
-    @cached_property
-    def fine_surface(self) -> FineSurface:
-        """The cloud at a third of the voxel, for the last refinement; made when it is first needed."""
-        return FineSurface(self.scan.cloud, self.voxel / _FINE, threads=self.threads)
+    def fine_surface(self, share: float) -> FineSurface | None:
+        """Return the cloud in more detail, at a share of the voxel; None where that is too fine for it."""
+        if share not in self._fine_surfaces:
+            try:
+                surface = FineSurface(self.scan.cloud, share * self.voxel, threads=self.threads)
+            except InputError:
+                surface = None
+            self._fine_surfaces[share] = surface
+        return self._fine_surfaces[share]
 
     @cached_property
     def turned_by_frames(self) -> PreparedScan:
@@ -134,6 +140,19 @@ class PreparedScan:
 
     def __repr__(self) -> str:
         return f"PreparedScan(points={len(self.scan.cloud)}, voxels={len(self)}, voxel={self.voxel:.4g})"
+
+
+def fine_surfaces(source: PreparedScan, target: PreparedScan) -> tuple[FineSurface, FineSurface]:
+    """Return both clouds in more detail: at a third of the voxel, or at what the sparser one allows."""
+    for share in _FINE:
+        both = source.fine_surface(share), target.fine_surface(share)
+        if both[0] is not None and both[1] is not None:
+            return both[0], both[1]
+    message = (
+        f"voxel: got {source.voxel:.4g}, at which source or target has too few points next to each other for "
+        "the last refinement; give a larger voxel"
+    )
+    raise InputError(message)
 
 
 def prepare(
@@ -207,15 +226,10 @@ def prepare_scan(
     by_frames: bool,
 ) -> PreparedScan:
     """Make a scan ready with voxels of a known size, and normals turned by frames or the viewpoint."""
-    eye = None if viewpoint is None else _as_viewpoint(viewpoint)
+    eye = None if viewpoint is None else as_viewpoint(scan, viewpoint)
     begin("voxels")
     voxels = features.voxel_downsample(scan.cloud, voxel, threads=threads)
-    if len(voxels) < LEAST_VOXELS:
-        message = (
-            f"{scan.name}: got {len(voxels)} voxels of {voxel:.4g}, for a cloud {scan.cloud.diagonal:.4g} "
-            f"across; {LEAST_VOXELS} are the least: give clouds of the same unit, or a smaller voxel"
-        )
-        raise InputError(message)
+    check_voxels(scan, voxel, len(voxels))
     thinned = features.Cloud(voxels.points, name=scan.name)
     begin("normals")
     normals = features.normals(
@@ -225,6 +239,7 @@ def prepare_scan(
         viewpoint=eye or features.ORIGIN,
         threads=threads,
     )
+    check_normals(scan, voxel, normals)
     begin("frames")
     radius = front.frame_radius * voxel
     frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=radius, threads=threads)
@@ -241,11 +256,6 @@ def prepare_scan(
         voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=not by_frames, threads=threads
     )
     return PreparedScan(scan, front, voxel, eye, voxels, normals, described, surface, by_frames, threads)
-
-
-def _as_viewpoint(viewpoint: ArrayLike) -> Viewpoint:
-    x, y, z = as_place("viewpoint", viewpoint)
-    return x, y, z
 
 
 def _signs(normals: FloatArray, towards: FloatArray) -> FloatArray:

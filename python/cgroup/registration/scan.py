@@ -79,7 +79,11 @@ def as_scan(name: str, cloud: PointCloud | Cloud | ArrayLike) -> Scan:
     if len(points) <= NORMAL_NEIGHBORS:
         message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
         raise InputError(message)
-    return Scan(cloud if isinstance(cloud, Cloud) else Cloud(points, name=name), normals, faces, name)
+    ready = cloud if isinstance(cloud, Cloud) else Cloud(points, name=name)
+    if ready.diagonal == 0:
+        message = f"{name}: all its points coincide; give a cloud of a surface"
+        raise InputError(message)
+    return Scan(ready, normals, faces, name)
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -11,6 +11,7 @@ from cgroup.group import group
 from cgroup.registration.judgement import ACCEPTED, SURE, probability, rank
 from cgroup.registration.matching import match_both_ways, take_matches
 from cgroup.registration.poses import frame_poses, group_poses, keep_upright
+from cgroup.registration.prepared import fine_surfaces
 from cgroup.verification import Alignment, Verification, align, verify
 from cgroup.verification.alignment import align_each
 
@@ -27,7 +28,7 @@ EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
 FINALISTS = 8
 """Verified poses that are refined on the fine surfaces."""
 
-FIRST_SAMPLES = 1000
+FIRST_SAMPLES = 500
 """Samples of either surface that they are refined with; the best one then gets all."""
 
 _FINER = 2**-0.5
@@ -142,7 +143,7 @@ class Search:
     ) -> Found:
         """Refine the finalists on the fine surfaces, choose one, and say how likely it is right."""
         self.clock.start("refinement")
-        surfaces, voxel = (source.fine_surface, target.fine_surface), source.voxel
+        surfaces, voxel = fine_surfaces(source, target), source.voxel
         count = min(FINALISTS, len(verification.poses))
         aligned = align_each(*surfaces, verification.poses[:count], FIRST_SAMPLES, self.threads)
         poses = np.array([found.T_target_source for found in aligned])

@@ -9,7 +9,7 @@ use crate::cloud::Cloud;
 use crate::error::{Result, at_least_one};
 use crate::execution::Execution;
 use crate::geometry::ball_search::BallSearch;
-use crate::geometry::symmetric::eigen;
+use crate::geometry::symmetric::{Eigen, eigen};
 
 /// Below this share of the largest eigenvalue the middle one counts as zero: points on a line.
 const COLLINEAR: f64 = 1e-12;
@@ -82,8 +82,17 @@ fn fit_balls(search: &BallSearch, execution: &Execution) -> Result<Vec<Surface>>
     })
 }
 
-/// Plane through points given relative to one of them, which is counted too if it `adds_itself`.
-pub(crate) fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surface {
+/// Mean and principal axes of points given relative to one of them.
+pub(crate) struct Scatter {
+    /// Of the points.
+    pub mean: Vector3<f64>,
+    /// Variances along the axes, ascending, and the axes.
+    pub axes: Eigen,
+}
+
+/// Scatter of points given relative to one of them, which is counted too if it `adds_itself`; none for fewer than three, or
+/// points on a line.
+pub(crate) fn scatter(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Option<Scatter> {
     let mut count = usize::from(adds_itself);
     let mut sum = Vector3::zeros();
     let mut products = [0.0; 6];
@@ -93,18 +102,21 @@ pub(crate) fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool
         add_products(&mut products, &v, &v);
     }
     if count < 3 {
-        return Surface::default();
+        return None;
     }
     let weight = 1.0 / count as f64;
     let mean = sum * weight;
-    let covariance = symmetric(&products) * weight - mean * mean.transpose();
-    let eigen = eigen(&covariance);
-    let [low, middle, high] = eigen.values;
-    if middle <= COLLINEAR * high || high <= 0.0 {
-        return Surface::default();
-    }
+    let axes = eigen(&(symmetric(&products) * weight - mean * mean.transpose()));
+    let [_, middle, high] = axes.values;
+    (middle > COLLINEAR * high && high > 0.0).then_some(Scatter { mean, axes })
+}
+
+/// Plane through points given relative to one of them, which is counted too if it `adds_itself`.
+pub(super) fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surface {
+    let Some(Scatter { axes, .. }) = scatter(offsets, adds_itself) else { return Surface::default() };
+    let [low, middle, high] = axes.values;
     let low = low.max(0.0);
-    Surface { normal: eigen.vectors[0], curvature: low / (low + middle + high) }
+    Surface { normal: axes.vectors[0], curvature: low / (low + middle + high) }
 }
 
 /// Adds `u v^T`, where `u` is a multiple of `v`, as xx, xy, xz, yy, yz, zz.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
-use crate::features::normals::fit;
+use crate::features::normals::{Scatter, scatter};
 use crate::features::voxels::voxel_downsample;
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::points::Points;
@@ -17,6 +17,9 @@ pub(super) const REACH: f64 = 3.0;
 const PLANE_RADIUS: f64 = 2.4;
 /// Points that a plane needs.
 const LEAST_POINTS: usize = 6;
+/// Variance of the points of a plane across its longer axis, as a share of that along it: less is one line of a scan, whose
+/// plane is open.
+const LEAST_WIDTH: f64 = 0.01;
 /// Places that planes are fitted at, and those of them that are kept.
 const PLANES: usize = 8_000;
 const SAMPLES: usize = 3_000;
@@ -112,7 +115,7 @@ fn root_mean_square(samples: &[Sample]) -> f64 {
 
 /// Places spread over the surface, drawn against the frequency of their normals.
 fn sample(points: &Points, around: &BallSearch, execution: &Execution) -> Result<Vec<Sample>> {
-    let step = points.len().div_ceil(PLANES);
+    let step = points.len().div_ceil(PLANES).max(1);
     let rows: Vec<usize> = (0..points.len()).step_by(step).collect();
     let places: Vec<Sample> = rows
         .par_iter()
@@ -135,13 +138,13 @@ fn plane(point: Point3<f64>, ball: &Ball) -> Option<Sample> {
     if ball.len() < LEAST_POINTS {
         return None;
     }
-    let fitted = fit(ball.offsets().iter().map(|&offset| Vector3::from(offset)), false);
-    let normal = fitted.normal;
-    let mean =
-        ball.offsets().iter().map(|&offset| Vector3::from(offset)).sum::<Vector3<f64>>() / ball.len() as f64;
-    let squares = ball.offsets().iter().map(|&offset| (Vector3::from(offset) - mean).dot(&normal).powi(2));
-    let deviation = (squares.sum::<f64>() / ball.len() as f64).sqrt();
+    let Scatter { mean, axes } = scatter(ball.offsets().iter().map(|&offset| Vector3::from(offset)), false)?;
+    let [low, middle, high] = axes.values;
+    if middle < LEAST_WIDTH * high {
+        return None;
+    }
+    let normal = axes.vectors[0];
     // The plane's own foot below the point: samples lie on the surface, not on its noise.
     let foot = point + normal * mean.dot(&normal);
-    normal.x.is_finite().then_some(Sample { point: foot, normal, deviation })
+    Some(Sample { point: foot, normal, deviation: low.max(0.0).sqrt() })
 }

@@ -1,0 +1,246 @@
+"""`register` from cloud to pose: what it takes, what it gives, and what must not change its answer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from register_shapes import arrow, best_guess, cube, cylinder, moved, plane
+
+from cgroup.datasets import standin_pair
+from cgroup.errors import InputError, NoConsensusError
+from cgroup.registration import DenseFront, PaperFront, Registration, prepare, register
+from cgroup.rigid import apply, invert, rotation_error
+from strategies import random_motion
+
+if TYPE_CHECKING:
+    from register_shapes import FloatArray
+
+PAIR = standin_pair(pixels=80)
+SOURCE, TARGET, TRUTH = PAIR.source.points, PAIR.target.points, PAIR.T_target_source
+EYE = (0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def done() -> Registration:
+    return register(PAIR.source, PAIR.target)
+
+
+@pytest.fixture(scope="module")
+def refusal() -> NoConsensusError:
+    """Two shapes that have nothing to do with each other."""
+    with pytest.raises(NoConsensusError) as caught:
+        register(SOURCE, standin_pair(seed=5, pixels=80).target)
+    return caught.value
+
+
+def is_right(done: Registration, truth: FloatArray = TRUTH, source: FloatArray = SOURCE) -> bool:
+    away = apply(done.T_target_source, source) - apply(truth, source)
+    return bool(np.linalg.norm(away, axis=1).max() < 0.5 * done.voxel)
+
+
+def same_bits(one: Registration, other: Registration) -> bool:
+    arrays = ("T_target_source", "information", "alternatives")
+    numbers = ("probability", "fitness", "inlier_rmse", "voxel", "notes")
+    return (
+        all(np.array_equal(getattr(one, name), getattr(other, name)) for name in arrays)
+        and all(getattr(one, name) == getattr(other, name) for name in numbers)
+        and np.array_equal(one.grouping.mask, other.grouping.mask)
+        and np.array_equal(one.correspondences.target, other.correspondences.target)
+    )
+
+
+def test_the_result_says_what_was_found(done: Registration) -> None:
+    assert done.ok
+    assert is_right(done)
+    assert 0.5 < done.probability <= 1
+    assert 0.5 < done.fitness <= 1
+    assert 0 < done.inlier_rmse < 0.3 * done.voxel
+    assert done.open_motion is None
+    assert done.alternatives.shape == (len(done.alternatives), 4, 4)
+    assert len(done.grouping.mask) == len(done.correspondences)
+    matches, mask = done.correspondences, done.grouping.mask
+    residuals = np.linalg.norm(apply(done.T_target_source, matches.source) - matches.target, axis=1)
+    np.testing.assert_array_equal(mask, residuals <= 2 * done.voxel)
+    np.testing.assert_allclose(done.information, done.information.T, rtol=1e-9)
+    assert np.linalg.eigvalsh(done.information).min() > 0
+    stages = [f"{role} {stage}" for role in ("source", "target") for stage in ("normals", "descriptors")]
+    assert set(done.seconds) >= {"matching", "grouping", "verification", "refinement", *stages}
+    assert all(seconds >= 0 for seconds in done.seconds.values())
+    assert repr(done).startswith("Registration(ok, probability=")
+
+
+def test_prepared_scans_give_the_same_bits(done: Registration) -> None:
+    source, target = (prepare(cloud, voxel=done.voxel) for cloud in (SOURCE, TARGET))
+    assert repr(source).startswith(f"PreparedScan(points={len(SOURCE)}, voxels=")
+    for clouds in ((source, target), (source, TARGET), (PAIR.source, target)):
+        assert same_bits(register(*clouds), done)
+    with_eyes = register(SOURCE, TARGET, source_viewpoint=EYE, target_viewpoint=EYE)
+    source, target = (prepare(cloud, voxel=done.voxel, viewpoint=EYE) for cloud in (SOURCE, TARGET))
+    assert same_bits(register(source, target), with_eyes)
+
+
+@pytest.mark.parametrize(
+    "option", [{"voxel": 4.0}, {"source_viewpoint": (9, 9, 9)}, {"front": DenseFront(support=4)}]
+)
+def test_what_a_prepared_scan_no_longer_can_change_is_refused(option: dict[str, Any]) -> None:
+    source = prepare(SOURCE, voxel=3.0, viewpoint=EYE)
+    assert register(source, TARGET, voxel=3.0, source_viewpoint=EYE, front=DenseFront()).ok
+    with pytest.raises(InputError, match="prepare"):
+        register(source, TARGET, **option)
+
+
+def test_scans_prepared_with_different_voxels_are_refused() -> None:
+    with pytest.raises(InputError, match="voxels of 3 and 3.5; prepare both"):
+        register(prepare(SOURCE, voxel=3.0), prepare(TARGET, voxel=3.5))
+
+
+def test_input_is_left_as_it_is_and_any_layout_is_the_same(done: Registration) -> None:
+    copies = SOURCE.copy(), TARGET.copy()
+    for source in (np.asfortranarray(SOURCE), np.repeat(SOURCE, 2, axis=0)[::2], SOURCE.tolist()):
+        assert same_bits(register(source, TARGET), done)
+    np.testing.assert_array_equal(SOURCE, copies[0])
+    np.testing.assert_array_equal(TARGET, copies[1])
+
+
+@pytest.mark.parametrize("distance", [300.0, 5e6])
+def test_moved_clouds_give_the_composed_pose(distance: float) -> None:
+    rng = np.random.default_rng(0)
+    motions = [random_motion(rng, distance) for _ in range(2)]
+    source, target = (apply(motion, cloud) for motion, cloud in zip(motions, (SOURCE, TARGET), strict=True))
+    found = register(source, target)
+    assert found.ok
+    assert is_right(found, motions[1] @ TRUTH @ invert(motions[0]), source)
+    back = register(target, source)
+    assert is_right(back, motions[0] @ invert(TRUTH) @ invert(motions[1]), target)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float16, ">f8"])
+def test_other_numbers_are_taken(kind: Any) -> None:
+    assert is_right(register(SOURCE.astype(kind), TARGET))
+
+
+def test_whole_numbers_are_taken() -> None:
+    source, target = (np.round(10 * cloud).astype(int) for cloud in (SOURCE, TARGET))
+    truth = TRUTH.copy()
+    truth[:3, 3] *= 10
+    assert is_right(register(source, target), truth, source)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_any_number_of_threads_gives_the_same_bits(done: Registration, threads: int) -> None:
+    assert same_bits(register(SOURCE, TARGET, threads=threads), done)
+
+
+@pytest.mark.parametrize("voxel", [2.5, 4.0, 6.0])
+def test_the_voxel_can_be_given(voxel: float) -> None:
+    found = register(SOURCE, TARGET, voxel=voxel)
+    assert found.voxel == voxel
+    assert found.ok
+    assert rotation_error(found.T_target_source, TRUTH) < 1
+
+
+@pytest.mark.parametrize("eyes", [(EYE, EYE), (EYE, None), (None, EYE)])
+def test_viewpoints_are_taken(eyes: tuple[Any, Any]) -> None:
+    found = register(SOURCE, TARGET, source_viewpoint=eyes[0], target_viewpoint=eyes[1])
+    assert found.ok
+    assert is_right(found)
+
+
+@pytest.mark.parametrize("method", ["gtm", "gc", "ransac", "lc"])
+def test_the_paper_s_front_takes_any_method(method: str) -> None:
+    found = register(PAIR.source, PAIR.target, front=PaperFront(keypoints=300), method=method)
+    assert found.ok
+    assert is_right(found)
+    assert "source keypoints" in found.seconds
+
+
+@pytest.mark.parametrize("method", ["gtm", "ransac"])
+def test_the_dense_front_takes_any_method(method: str) -> None:
+    assert is_right(register(SOURCE, TARGET, method=method))
+
+
+def test_more_effort_searches_longer() -> None:
+    other = standin_pair(seed=5, pixels=60).target
+    stages: dict[str, list[str]] = {}
+    for effort in ("low", "normal", "high"):
+        stages[effort] = []
+        with pytest.raises(NoConsensusError):
+            register(SOURCE, other, effort=effort, progress=stages[effort].append)
+    assert [stages[effort].count("verification") for effort in ("low", "normal", "high")] == [1, 2, 4]
+
+
+def test_effort_is_spared_where_the_pose_is_sure(done: Registration) -> None:
+    assert done.probability > 0.9
+    assert same_bits(register(SOURCE, TARGET, effort="high"), done)
+
+
+def test_clouds_that_share_nothing_are_refused_with_the_best_guess(refusal: NoConsensusError) -> None:
+    best = refusal.registration
+    assert best is not None
+    assert not best.ok
+    assert best.probability < 0.5
+    assert repr(best).startswith("Registration(not ok")
+    np.testing.assert_allclose(
+        best.T_target_source[:3, :3] @ best.T_target_source[:3, :3].T, np.eye(3), atol=1e-9
+    )
+    message = str(refusal)
+    assert message.startswith("no pose that can be trusted: ")
+    assert f"probability of {best.probability:.2f}" in message
+    assert "where the scanner stood" in message
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_axis_decides_between_the_poses_of_a_symmetric_shape(seed: int) -> None:
+    truth = np.eye(4)
+    angle = 1 + 2 * seed
+    truth[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    truth[:3, 3] = [3, 2, 1]
+    source, target = arrow(2 * seed), apply(truth, arrow(2 * seed + 1))
+    free = best_guess(source, target)
+    poses = [free.T_target_source, *free.alternatives]
+    assert {round(pose[2, 2]) for pose in poses} == {1, -1}
+    found = best_guess(source, target, axis=(0, 0, 5))
+    assert is_right(found, truth, source)
+    assert all(pose[2, 2] > np.cos(np.radians(10)) for pose in found.alternatives)
+
+
+def test_a_pose_that_tilts_the_axis_is_never_returned() -> None:
+    least = np.cos(np.radians(10))
+    found = []
+    for seed in range(4):
+        target = apply(random_motion(np.random.default_rng(seed), 0), TARGET)  # about no axis in common
+        try:
+            best = best_guess(SOURCE, target, axis=(0, 0, 1))
+        except NoConsensusError:
+            continue
+        found += [best.T_target_source, *best.alternatives]
+    assert found
+    assert min(pose[2, 2] for pose in found) >= least
+
+
+def test_a_symmetric_shape_has_alternatives() -> None:
+    target, motion = moved(cube(1))
+    found = best_guess(cube(0), target)
+    assert len(found.alternatives) > 3
+    assert any("symmetric" in note for note in found.notes)
+    for pose in (found.T_target_source, *found.alternatives):
+        turned = invert(motion) @ pose
+        np.testing.assert_allclose(np.sort(np.abs(turned[:3, :3]), axis=1), [[0, 0, 1]] * 3, atol=0.05)
+        np.testing.assert_allclose(turned[:3, 3], 0, atol=0.05)
+
+
+@pytest.mark.parametrize(("shape", "open_rows"), [(plane, [2]), (cylinder, [0, 1])])
+def test_what_the_surfaces_leave_open_is_said(shape: Any, open_rows: list[int]) -> None:
+    found = best_guess(shape(0), shape(1))
+    assert found.open_motion is not None
+    assert any("hardly resist" in note for note in found.notes)
+    values = np.linalg.eigvalsh(found.information)
+    assert values.min() > -1e-9 * values.max()
+    points = shape(1)
+    moves = np.cross(found.open_motion[:3], points) + found.open_motion[3:]
+    outwards = np.zeros_like(points)
+    outwards[:, open_rows] = points[:, open_rows] if shape is cylinder else 1
+    along = np.abs((moves * outwards).sum(axis=1)).mean()
+    assert along < 0.1 * np.linalg.norm(moves, axis=1).mean()

@@ -1,0 +1,254 @@
+"""What `register` can't work with: one sentence that says what to do, or an honest no; never a wrong pose."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from register_shapes import moved, plane
+
+from cgroup import features
+from cgroup.datasets import standin_pair
+from cgroup.errors import InputError, NoConsensusError
+from cgroup.registration import DenseFront, PaperFront, prepare, register
+from cgroup.rigid import apply
+from strategies import random_motion
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from register_shapes import FloatArray
+
+PAIR = standin_pair(pixels=80)
+SOURCE, TARGET, TRUTH = PAIR.source.points, PAIR.target.points, PAIR.T_target_source
+LINE = np.linspace(0, 100, 1000)[:, None] * np.array([1.0, 2.0, 0.5])
+
+
+def with_row(row: Any, at: int = 5) -> FloatArray:
+    points = SOURCE.copy()
+    points[at] = row
+    return points
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ([], "source: got 0 points"),
+        (np.empty((0, 3)), "source: got 0 points"),
+        (SOURCE[:3], "source: got 3 points"),
+        (SOURCE[:10], "source: got 10 points"),
+        (SOURCE[::200][:21], "source: 21 points, .* leave .* voxels"),
+        (SOURCE.T, "source: got shape .*transpose it"),
+        (SOURCE[:, :2], "source: got shape"),
+        (3.0, "source: got shape"),
+        (None, "source: got an array of object"),
+        ("scan.ply", "source: got an array of <U8"),
+        (SOURCE.astype(complex), "source: got an array of complex128"),
+        (np.ma.masked_less(SOURCE, 0), "source: got a masked array; drop its masked rows first"),
+        (with_row(np.nan), r"source: got \[NaN, NaN, NaN\] in row 5"),
+        (with_row([0, 0, np.inf]), "source: got .*inf.* in row 5"),
+        (with_row([0, 0, 1e300]), "beyond 1e150"),
+        (with_row([0, 0, 1e9]), "source, target: 1e.09 and .* across; scale them to the same unit, or drop"),
+        (1000 * SOURCE, "source, target: .* across; scale them to the same unit"),
+        (np.ones((1000, 3)), "source: all its points coincide"),
+        (np.repeat(SOURCE[:5], 100, axis=0), "source: 500 points, .* leave [2-5] voxels"),
+        (LINE, "source: 0 of its .* voxels .* fix a plane; .* on a line"),
+        (SOURCE[::50], "source: .* of its .* voxels .* too far apart"),
+    ],
+)
+def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        register(source, TARGET)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(
+        InputError, match=words.replace("source:", "target:").split(" and ")[0].split("1e")[0]
+    ):
+        register(TARGET, source)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"voxel": 0}, "voxel: got 0"),
+        ({"voxel": -1}, "voxel: got -1"),
+        ({"voxel": np.nan}, "voxel: got nan"),
+        ({"voxel": np.inf}, "voxel: got inf"),
+        ({"voxel": "2"}, "voxel: got '2'; give a number"),
+        ({"voxel": 1000}, "source: .* leave 1 voxels of 1000"),
+        ({"voxel": 60}, "source: .* and 30 are the least; give .* a smaller voxel"),
+        ({"voxel": 0.01}, "source: 0 of its .* voxels of 0.01 .* give a larger voxel"),
+        ({"voxel": 1e-9}, "voxel: got .* give a larger voxel"),
+        ({"voxel": 1e-300}, "voxel: got .* give a larger voxel"),
+        ({"source_viewpoint": (0, 0)}, r"source_viewpoint: got \(0, 0\); give three finite numbers"),
+        ({"target_viewpoint": (0, 0, np.nan)}, "target_viewpoint: got .*nan"),
+        ({"target_viewpoint": (0, 0, 1e6)}, "target_viewpoint: got .* across; give the scanner's place"),
+        ({"source_viewpoint": "here"}, "source_viewpoint: got an array of <U4"),
+        ({"axis": (0, 0, 0)}, "axis: got a zero vector"),
+        ({"axis": (0, 1)}, r"axis: got \(0, 1\)"),
+        ({"axis": (0, 0, np.nan)}, "axis: got"),
+        ({"axis": "z"}, "axis: got"),
+        ({"effort": "max"}, "effort: got 'max'; choose one of low, normal, high"),
+        ({"effort": None}, "effort: got None"),
+        ({"front": "fast"}, "front: got 'fast'; choose one of dense, paper"),
+        ({"method": "icp"}, "method: got 'icp'; choose one of"),
+        ({"frobnicate": 1}, "lc has no 'frobnicate'"),
+        ({"threads": 0}, "threads: got 0"),
+        ({"front": PaperFront(normals="mesh")}, "neither cloud has faces"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        register(SOURCE, TARGET, **options)
+
+
+def test_so_many_voxels_that_matching_takes_minutes_are_refused() -> None:
+    points = np.random.default_rng(0).uniform(size=(200_000, 3))
+    with pytest.raises(
+        InputError, match="source: 200000 points, .* 100000 are the most; give a larger voxel"
+    ):
+        register(points, points, voxel=0.01)
+
+
+@pytest.mark.parametrize("radius", [0, -1, np.nan, "2"])
+def test_radii_of_the_front_are_checked(radius: Any) -> None:
+    with pytest.raises(InputError, match="support: got"):
+        DenseFront(support=radius)
+
+
+def test_prepare_names_its_own_arguments() -> None:
+    with pytest.raises(InputError, match="cloud: got 3 points"):
+        prepare(SOURCE[:3])
+    with pytest.raises(InputError, match="^viewpoint: got"):
+        prepare(SOURCE, viewpoint=(1, 2))
+
+
+@pytest.mark.parametrize("scale", [2.54, 10, 1 / 12])
+def test_clouds_in_different_units_are_refused(scale: float) -> None:
+    with pytest.raises(NoConsensusError, match="if both show the same, scale one, as scale is not estimated"):
+        register(scale * SOURCE, TARGET)
+
+
+def test_clouds_in_very_different_units_have_no_voxel_in_common() -> None:
+    with pytest.raises(InputError, match="target: .* leave .* voxels .*, or both clouds in the same unit"):
+        register(25.4 * SOURCE, TARGET)
+
+
+@pytest.mark.parametrize("motion", [np.eye(4), random_motion(np.random.default_rng(1), 300.0)])
+def test_a_cloud_lies_on_itself(motion: FloatArray) -> None:
+    found = register(SOURCE, apply(motion, SOURCE))
+    assert found.ok
+    np.testing.assert_allclose(
+        apply(found.T_target_source, SOURCE), apply(motion, SOURCE), atol=0.1 * found.voxel
+    )
+
+
+def test_a_raster_that_no_voxel_suits_is_registered() -> None:
+    x, y = np.meshgrid(np.arange(70.0), np.arange(70.0))
+    z = (
+        5 * np.sin(0.13 * x) * np.cos(0.09 * y)
+        + 0.002 * x * y
+        + 8 * np.exp(-((x - 20) ** 2 + (y - 50) ** 2) / 90)
+    )
+    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    target, _ = moved(points)
+    found = register(points, target)
+    np.testing.assert_allclose(apply(found.T_target_source, points), target, atol=0.2)
+
+
+@pytest.mark.parametrize("count", [100, 300])
+def test_few_points_are_registered_or_refused(count: int) -> None:
+    rng = np.random.default_rng(count)
+    few = SOURCE[rng.choice(len(SOURCE), count, replace=False)]
+    target, _ = moved(few)
+    try:
+        found = register(few, target)
+    except NoConsensusError:
+        return
+    np.testing.assert_allclose(apply(found.T_target_source, few), target, atol=found.voxel)
+
+
+@pytest.mark.parametrize("eye", ["behind", "inside", "beside"])
+@pytest.mark.parametrize("both", [False, True])
+def test_a_wrong_viewpoint_never_makes_a_wrong_pose_right(eye: str, both: bool) -> None:
+    def place(points: FloatArray) -> tuple[float, ...]:
+        center = points.mean(axis=0)
+        share = {"behind": 2.0, "inside": 1.0, "beside": 1.0}[eye]
+        return tuple(share * center + (np.array([300.0, 0, 0]) if eye == "beside" else 0))
+
+    target_eye = place(TARGET) if both else (0, 0, 0)
+    try:
+        found = register(SOURCE, TARGET, source_viewpoint=place(SOURCE), target_viewpoint=target_eye)
+    except NoConsensusError:
+        return
+    assert np.abs(apply(found.T_target_source, SOURCE) - apply(TRUTH, SOURCE)).max() < found.voxel
+
+
+@pytest.mark.parametrize("change", ["inside out", "not a number", "zero"])
+def test_normals_of_the_file_are_not_used(change: str) -> None:
+    normals = {
+        "inside out": -features.normals(SOURCE),
+        "not a number": np.full_like(SOURCE, np.nan),
+        "zero": np.zeros_like(SOURCE),
+    }[change]
+    plain, found = register(SOURCE, TARGET), register(replace(PAIR.source, normals=normals), TARGET)
+    np.testing.assert_array_equal(found.T_target_source, plain.T_target_source)
+
+
+def test_normals_that_are_asked_for_must_be_numbers() -> None:
+    clouds = [
+        replace(cloud, normals=np.full_like(cloud.points, np.nan)) for cloud in (PAIR.source, PAIR.target)
+    ]
+    with pytest.raises(InputError, match="normals: none of those that came with the source is finite"):
+        register(*clouds, front=PaperFront(normals="given"))
+
+
+@pytest.mark.parametrize("strays", [[0.0, 0.0, 0.0], [0.0, 0.0, 5e3]])
+def test_stray_points_do_no_harm(strays: list[float]) -> None:
+    found = register(np.vstack([SOURCE, np.tile(strays, (500, 1))]), TARGET)
+    assert np.abs(apply(found.T_target_source, SOURCE) - apply(TRUTH, SOURCE)).max() < found.voxel
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda rng, n: rng.uniform(size=(n, 3)),
+        lambda rng, n: rng.normal(size=(n, 3)),
+        lambda rng, n: plane(int(rng.integers(100)), n),
+    ],
+    ids=["box", "blob", "plane"],
+)
+@pytest.mark.parametrize("count", [100, 1000])
+def test_clouds_without_a_shape_come_to_an_end(make: Callable[..., FloatArray], count: int) -> None:
+    rng = np.random.default_rng(count)
+    with contextlib.suppress(NoConsensusError, InputError):
+        assert register(make(rng, count), make(rng, count)).ok
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
+def test_control_c_is_heard() -> None:
+    program = """
+import numpy as np
+from cgroup.registration import register
+points = np.random.default_rng(0).uniform(size=(2_000_000, 3))
+try:
+    while True:
+        register(points, points[::-1], voxel=0.04, progress=lambda stage: print(stage, flush=True))
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=os.environ
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "voxel size\n"
+        assert process.stdout.readline() == "source voxels\n"
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.read().endswith("interrupted\n")
+        assert process.wait() == 0
