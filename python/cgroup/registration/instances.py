@@ -9,10 +9,10 @@ import numpy as np
 
 from cgroup.features import DescribedCloud
 from cgroup.group import group
+from cgroup.registration.checks import LEAST_VOXELS
 from cgroup.registration.matching import match_both_ways, take_matches
 from cgroup.registration.objects import ACCEPTED, Sighting, look_at
 from cgroup.registration.poses import frame_poses, group_poses
-from cgroup.registration.checks import LEAST_VOXELS
 from cgroup.registration.prepared import PreparedScan
 from cgroup.registration.report import registration_of
 from cgroup.registration.search import Found

@@ -144,7 +144,7 @@ class PreparedScan:
 def fine_surfaces(
     source: PreparedScan, target: PreparedScan, shares: Sequence[float] = _FINE
 ) -> tuple[FineSurface, FineSurface]:
-    """Return both clouds in more detail: at the first of these shares of the voxel that the sparser allows."""
+    """Return both clouds in more detail: at the first share of the voxel that the sparser allows."""
     for share in shares:
         both = source.fine_surface(share), target.fine_surface(share)
         if both[0] is not None and both[1] is not None:
