@@ -175,13 +175,12 @@ mod tests {
     #[test]
     fn the_nearest_point_is_found_up_to_the_reach() -> Result<()> {
         let surface = surface(&raster(), 1.0)?;
-        let mut ball = Ball::default();
         let place = surface.points.get(37) + Vector3::new(0.3, -0.2, REACH - 0.1);
         let search = surface.search(REACH);
-        let found = nearest(&search, &place, &mut ball).unwrap_or_default();
+        let found = place + search.nearest(&place).unwrap_or_default();
         assert!((found - surface.points.get(37)).amax() < 1e-12);
-        assert_eq!(nearest(&search, &(place + Vector3::z() * 0.1), &mut ball), None);
-        assert_eq!(nearest(&surface.search(1.5), &place, &mut ball), None);
+        assert_eq!(search.nearest(&(place + Vector3::z() * 0.1)), None);
+        assert_eq!(surface.search(1.5).nearest(&place), None);
         Ok(())
     }
 
