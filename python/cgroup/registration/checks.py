@@ -10,6 +10,8 @@ from cgroup._arguments import as_place
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from cgroup.features import Viewpoint
@@ -32,13 +34,14 @@ MAX_SIZE_RATIO = 100.0
 """Clouds that differ more than this are taken to be in different units; no voxel suits both."""
 
 
-def check_sizes(source: Scan, target: Scan) -> None:
+def check_sizes(scans: Sequence[Scan]) -> None:
     """Refuse clouds in different units."""
-    sizes = source.cloud.diagonal, target.cloud.diagonal
-    if max(sizes) > MAX_SIZE_RATIO * min(sizes):
+    by_size = sorted(scans, key=lambda scan: scan.cloud.diagonal)
+    least, most = by_size[0].cloud.diagonal, by_size[-1].cloud.diagonal
+    if most > MAX_SIZE_RATIO * least:
         message = (
-            f"source, target: {sizes[0]:.3g} and {sizes[1]:.3g} across; scale them to the same unit, or drop "
-            "points far from all others"
+            f"{by_size[0].name}, {by_size[-1].name}: {least:.3g} and {most:.3g} across; scale them to the "
+            "same unit, or drop points far from all others"
         )
         raise InputError(message)
 

@@ -105,7 +105,8 @@ class Search:
         poses = self._propose(matches)
         if best is not None:
             poses = np.concatenate([best.verification.poses, poses])
-        return _better(best, self._assess(source, target, mutual, matches, poses))
+        # Not the more probable of the two: the second has seen the rivals of the first.
+        return self._assess(source, target, mutual, matches, poses) or best
 
     def _propose(self, matches: Correspondences) -> FloatArray:
         self.clock.start("grouping")

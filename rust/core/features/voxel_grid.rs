@@ -1,7 +1,5 @@
 //! The cells of a regular grid that a cloud's points lie in: counted, and numbered.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
-
 use rayon::prelude::*;
 
 use crate::error::{Error, Result, positive};

@@ -6,9 +6,8 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::execution::Execution;
-use crate::geometry::ball_search::Ball;
 use crate::geometry::rigid::Rigid;
-use crate::verification::fine_surface::{FineSurface, REACH, Sample, nearest};
+use crate::verification::fine_surface::{FineSurface, REACH, Sample};
 use crate::verification::overlap::Resistance;
 
 /// Steps over which the reach shrinks, with so many samples of each surface at most, and the last reach in spacings.
@@ -132,14 +131,14 @@ fn pair(
 ) -> Result<Vec<Pair>> {
     let inverse = pose.rotation.transpose();
     let (in_source, in_target) = (source.search(reach), target.search(reach));
-    let forward = |sample: &Sample, ball: &mut Ball| {
+    let forward = |sample: &Sample| {
         let place = pose.apply(&sample.point);
-        let near = nearest(&in_target, &place, ball)?;
+        let near = place + in_target.nearest(&place)?;
         Some((place, near, pose.rotation * sample.normal))
     };
-    let backward = |sample: &Sample, ball: &mut Ball| {
+    let backward = |sample: &Sample| {
         let place = Point3::from(inverse * (sample.point.coords - pose.translation));
-        let near = nearest(&in_source, &place, ball)?;
+        let near = place + in_source.nearest(&place)?;
         Some((pose.apply(&near), sample.point, sample.normal))
     };
     let unit = target.spacing();
@@ -156,13 +155,13 @@ fn pair(
             deviation: sample.deviation,
         })
     };
-    let moved = source.samples(samples).par_iter().map_init(Ball::default, |ball, sample| {
+    let moved = source.samples(samples).par_iter().map(|sample| {
         execution.check()?;
-        Ok(forward(sample, ball).and_then(|found| as_pair(sample, found)))
+        Ok(forward(sample).and_then(|found| as_pair(sample, found)))
     });
-    let still = target.samples(samples).par_iter().map_init(Ball::default, |ball, sample| {
+    let still = target.samples(samples).par_iter().map(|sample| {
         execution.check()?;
-        Ok(backward(sample, ball).and_then(|found| as_pair(sample, found)))
+        Ok(backward(sample).and_then(|found| as_pair(sample, found)))
     });
     let pairs = moved.chain(still).collect::<Result<Vec<Option<Pair>>>>()?;
     Ok(pairs.into_iter().flatten().collect())

@@ -17,11 +17,11 @@ pub(super) const REACH: f64 = 3.0;
 const PLANE_RADIUS: f64 = 2.4;
 /// Points that a plane needs.
 const LEAST_POINTS: usize = 6;
-/// Share of the places that have a plane, below which the few may all lie in one corner.
-const LEAST_SHARE: f64 = 0.1;
 /// Variance of the points of a plane across its longer axis, as a share of that along it: less is one line of a scan, whose
 /// plane is open.
 const LEAST_WIDTH: f64 = 0.01;
+/// Share of the places that have a plane, below which the few may all lie in one corner.
+const LEAST_SHARE: f64 = 0.1;
 /// Places that planes are fitted at, and those of them that are kept.
 const PLANES: usize = 8_000;
 const SAMPLES: usize = 3_000;
@@ -96,14 +96,6 @@ impl FineSurface {
     pub(super) fn search(&self, reach: f64) -> BallSearch {
         self.search.narrowed(reach.min(REACH) * self.spacing)
     }
-}
-
-/// The point of a search that is nearest to a place, if one is within its radius.
-pub(super) fn nearest(search: &BallSearch, place: &Point3<f64>, ball: &mut Ball) -> Option<Point3<f64>> {
-    search.within(place, ball);
-    let squares = ball.squared_distances().iter().enumerate();
-    let (best, _) = squares.min_by(|a, b| a.1.total_cmp(b.1))?;
-    Some(place + ball.vector(best))
 }
 
 fn root_mean_square(samples: &[Sample]) -> f64 {
@@ -183,13 +175,12 @@ mod tests {
     #[test]
     fn the_nearest_point_is_found_up_to_the_reach() -> Result<()> {
         let surface = surface(&raster(), 1.0)?;
-        let mut ball = Ball::default();
         let place = surface.points.get(37) + Vector3::new(0.3, -0.2, REACH - 0.1);
         let search = surface.search(REACH);
-        let found = nearest(&search, &place, &mut ball).unwrap_or_default();
+        let found = place + search.nearest(&place).unwrap_or_default();
         assert!((found - surface.points.get(37)).amax() < 1e-12);
-        assert_eq!(nearest(&search, &(place + Vector3::z() * 0.1), &mut ball), None);
-        assert_eq!(nearest(&surface.search(1.5), &place, &mut ball), None);
+        assert_eq!(search.nearest(&(place + Vector3::z() * 0.1)), None);
+        assert_eq!(surface.search(1.5).nearest(&place), None);
         Ok(())
     }
 

@@ -165,7 +165,11 @@ def _alignment(
     pose[:3, :3] = rotation
     pose[:3, 3] = shift * unit + target.center - rotation @ source.center
     samples = len(source.feet) + len(target.feet)
-    paired, residuals, deviations = len(pairs.residuals) / samples, pairs.residuals * unit, pairs.deviations * unit
+    paired, residuals, deviations = (
+        len(pairs.residuals) / samples,
+        pairs.residuals * unit,
+        pairs.deviations * unit,
+    )
     near = pair(source, target, rotation, shift, LAST_REACH)
     if len(near.residuals) == 0:
         return Alignment(pose, residuals, deviations, paired, np.zeros((6, 6)), 0.0, settled)
