@@ -28,11 +28,11 @@ def count_open_motions(information: FloatArray, points: FloatArray) -> int:
     Returns
     -------
     int
-        Eigenvalues below 0.01 of the sum of weights, with rotations about the mean of the points and scaled
-        by their distance from it: 3 for a plane or a ball, 2 for a pipe, 1 for a corridor.
+        Eigenvalues below 0.01 of the sum of weights, with rotations about the median of the points and scaled
+        by their median distance from it: 3 for a plane or a ball, 2 for a pipe, 1 for a corridor.
     """
-    center = points.mean(axis=0)
-    radius = np.sqrt(((points - center) ** 2).sum(axis=1).mean())
+    center = np.median(points, axis=0)  # a few stray points don't move it
+    radius = np.median(np.linalg.norm(points - center, axis=1))
     x, y, z = center
     change = np.eye(6)
     change[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]

@@ -46,10 +46,12 @@ def registration_of(found: Found, seconds: dict[str, float]) -> Registration:
     )
 
 
-def explain_failure(best: Registration | None, source: PreparedScan, target: PreparedScan) -> str:
+def explain_failure(
+    best: Registration | None, source: PreparedScan, target: PreparedScan, axis: FloatArray | None
+) -> str:
     """Say that there is no pose, why, and what may help."""
     if best is None:
-        reason = "no pose could be proposed"
+        reason = "no pose could be proposed" + ("" if axis is None else " that keeps the axis")
     elif best.probability >= ACCEPTED:
         return f"no pose that can be trusted: {best.notes[0]}"
     else:
@@ -58,16 +60,18 @@ def explain_failure(best: Registration | None, source: PreparedScan, target: Pre
             f"{100 * best.fitness:.0f} % of the source on the target and {best.grouping.size} of "
             f"{len(best.correspondences)} matches together"
         )
-    return f"no pose that can be trusted: {reason}; {_remedy(source, target)}"
+    return f"no pose that can be trusted: {reason}; {_remedy(source, target, axis)}"
 
 
-def _remedy(source: PreparedScan, target: PreparedScan) -> str:
+def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None) -> str:
     sizes = source.scan.cloud.diagonal, target.scan.cloud.diagonal
     if max(sizes) > _SIZES_DIFFER * min(sizes):
         return (
             f"the clouds are {sizes[0]:.3g} and {sizes[1]:.3g} across: if both show the same, scale one, as "
             "scale is not estimated"
         )
+    if axis is not None:
+        return "the clouds may share too little, or not the axis"
     if source.viewpoint is None or target.viewpoint is None:
         return "the clouds may share too little; if each is a single scan, say where the scanner stood"
     return "the clouds may share too little, or a viewpoint may be wrong; more effort may find a pose"
