@@ -13,7 +13,6 @@ from cgroup.registration.checks import LEAST_VOXELS
 from cgroup.registration.matching import match_both_ways, take_matches
 from cgroup.registration.objects import ACCEPTED, Sighting, look_at
 from cgroup.registration.poses import frame_poses, group_poses
-from cgroup.registration.prepared import PreparedScan
 from cgroup.registration.report import registration_of
 from cgroup.registration.search import Found
 from cgroup.verification import Verification, verify
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cgroup._progress import StageClock
+    from cgroup.registration.prepared import PreparedScan
     from cgroup.registration.result import Registration
     from cgroup.types import BoolArray, Correspondences, FloatArray
 
