@@ -8,12 +8,14 @@ use std::hint::black_box;
 
 use cgroup::consensus::counter_rng::random_words;
 use cgroup::geometry::rigid::Rigid;
-use cgroup::verification::{Side, Surface, overlap, score_poses, verify};
+use cgroup::verification::{FineSurface, Side, Surface, align, overlap, score_poses, verify};
 use cgroup::{Execution, Points, Result};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
 
 const UNIT: f64 = 0.4;
+/// Of the fine surfaces: the distance between points.
+const SPACING: f64 = 1.0;
 const POSES: u64 = 1_000;
 
 /// Points of a golden-angle lattice on a sphere with bumps, from one end to a share of the way to the other.
@@ -83,6 +85,13 @@ fn surfaces_of(criterion: &mut Criterion, count: u32) -> Result<()> {
     });
     group.bench_function(id("overlap"), |bencher| {
         bencher.iter(|| overlap(&source, &target, black_box(&all[0])));
+    });
+    let make_fine = || parts.each_ref().map(|(points, _)| FineSurface::new(points, SPACING, &execution));
+    let [fine_source, fine_target] = make_fine();
+    let (fine_source, fine_target) = (fine_source?, fine_target?);
+    group.bench_function(id("fine_surfaces"), |bencher| bencher.iter(|| black_box(make_fine())));
+    group.bench_function(id("align"), |bencher| {
+        bencher.iter(|| align(&fine_source, &fine_target, black_box(&all[1]), usize::MAX, &execution));
     });
     group.finish();
     Ok(())

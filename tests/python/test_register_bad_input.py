@@ -230,11 +230,12 @@ def test_normals_of_the_file_are_not_used(change: str) -> None:
     np.testing.assert_array_equal(found.T_target_source, plain.T_target_source)
 
 
-def test_normals_that_are_asked_for_must_be_numbers() -> None:
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_normals_that_are_asked_for_must_be_directions(value: float) -> None:
     clouds = [
-        replace(cloud, normals=np.full_like(cloud.points, np.nan)) for cloud in (PAIR.source, PAIR.target)
+        replace(cloud, normals=np.full_like(cloud.points, value)) for cloud in (PAIR.source, PAIR.target)
     ]
-    with pytest.raises(InputError, match="normals: none of those that came with the source is finite"):
+    with pytest.raises(InputError, match="normals: all of those that came with the source are zero or NaN"):
         register(*clouds, front=PaperFront(normals="given"))
 
 
