@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from cgroup.registration.scan import Scan
     from cgroup.types import FloatArray
 
-LEAST_VOXELS = 30
-"""Voxels below which a cloud has no shape to speak of."""
+LEAST_VOXELS = 100
+"""Voxels below which unrelated clouds lie on each other too well by chance."""
 
 MOST_VOXELS = 100_000
 """Voxels beyond which matching each with all others takes minutes."""
 
-LEAST_PLANES = 0.1
-"""Share of the voxels that have a normal, below which they are too far apart."""
+LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 30
+"""Share and number of the voxels that have a normal, below which they are too far apart."""
 
 MAX_RANGE = 1000.0
 """Distance of the viewpoint in diagonals of the cloud, beyond which it can't be meant."""
@@ -63,7 +63,7 @@ def check_voxels(scan: Scan, voxel: float, count: int) -> None:
 def check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
     """Refuse a cloud that is no surface at the size of its voxels."""
     planes = int(np.isfinite(normals).all(axis=1).sum())
-    if planes < max(LEAST_PLANES * len(normals), LEAST_VOXELS / 2):
+    if planes < max(LEAST_PLANES * len(normals), LEAST_PLANAR_VOXELS):
         message = (
             f"{scan.name}: {planes} of its {len(normals)} voxels of {voxel:.4g} have neighbours that fix a "
             "plane; the points lie too far apart for such voxels, or on a line: give a larger voxel, or a "
