@@ -8,7 +8,7 @@ use std::hint::black_box;
 
 use cgroup::consensus::counter_rng::random_words;
 use cgroup::geometry::rigid::Rigid;
-use cgroup::verification::{Side, Surface, overlap, score_poses, verify};
+use cgroup::verification::{Side, Surface, overlap, places, score_poses, verify};
 use cgroup::{Execution, Points, Result};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
@@ -83,6 +83,9 @@ fn surfaces_of(criterion: &mut Criterion, count: u32) -> Result<()> {
     });
     group.bench_function(id("overlap"), |bencher| {
         bencher.iter(|| overlap(&source, &target, black_box(&all[0])));
+    });
+    group.bench_function(id("places"), |bencher| {
+        bencher.iter(|| places(&source, &target, black_box(&all[0]), &execution));
     });
     group.finish();
     Ok(())
