@@ -8,7 +8,7 @@ use std::hint::black_box;
 
 use cgroup::consensus::counter_rng::random_words;
 use cgroup::geometry::rigid::Rigid;
-use cgroup::verification::{FineSurface, Side, Surface, align, overlap, score_poses, verify};
+use cgroup::verification::{FineSurface, Side, Surface, align, overlap, places, score_poses, verify};
 use cgroup::{Execution, Points, Result};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
@@ -46,7 +46,7 @@ fn poses(size: f64) -> Vec<Rigid> {
 
 fn benches(criterion: &mut Criterion) {
     for count in [5_000, 40_000] {
-        if let Err(error) = surfaces_of(criterion, count) {
+        if let Err(error) = surfaces_of(criterion, count).and_then(|()| fine_surfaces_of(criterion, count)) {
             criterion.bench_function(&format!("skipped: {error}"), |bencher| bencher.iter(|| ()));
         }
     }
@@ -86,12 +86,26 @@ fn surfaces_of(criterion: &mut Criterion, count: u32) -> Result<()> {
     group.bench_function(id("overlap"), |bencher| {
         bencher.iter(|| overlap(&source, &target, black_box(&all[0])));
     });
-    let make_fine = || parts.each_ref().map(|(points, _)| FineSurface::new(points, SPACING, &execution));
-    let [fine_source, fine_target] = make_fine();
-    let (fine_source, fine_target) = (fine_source?, fine_target?);
-    group.bench_function(id("fine_surfaces"), |bencher| bencher.iter(|| black_box(make_fine())));
+    group.bench_function(id("places"), |bencher| {
+        bencher.iter(|| places(&source, &target, black_box(&all[0]), &execution));
+    });
+    group.finish();
+    Ok(())
+}
+
+fn fine_surfaces_of(criterion: &mut Criterion, count: u32) -> Result<()> {
+    let execution = Execution::default();
+    let parts = [part(count, 0.0, 0.6)?.0, part(count, 0.3, 0.9)?.0];
+    let make = || parts.each_ref().map(|points| FineSurface::new(points, SPACING, &execution));
+    let [source, target] = make();
+    let (source, target) = (source?, target?);
+    let near = &poses(parts[0].diagonal())[1];
+    let mut group = criterion.benchmark_group("refinement");
+    group.sample_size(10);
+    let id = |name: &str| BenchmarkId::new(name, count);
+    group.bench_function(id("fine_surfaces"), |bencher| bencher.iter(|| black_box(make())));
     group.bench_function(id("align"), |bencher| {
-        bencher.iter(|| align(&fine_source, &fine_target, black_box(&all[1]), usize::MAX, &execution));
+        bencher.iter(|| align(&source, &target, black_box(near), usize::MAX, &execution));
     });
     group.finish();
     Ok(())

@@ -49,9 +49,10 @@ def compare(seed: int, view: str, unit: float, offset: float) -> tuple[np.ndarra
         options[1]["viewpoint"] = apply(motion, np.array([[1.0, 2.0, 40.0]]) * unit)[0]
     pose = motion.copy()
     pose[:3, 3] += rng.normal(size=3) * 3 * unit
-    pairs = list(zip(clouds, options, strict=True))
-    expected = reference.places(*(verification.surface(*cloud, **option) for cloud, option in pairs), pose)
-    return places(*(Surface(*cloud, **option) for cloud, option in pairs), pose), *expected
+    (one, other), (option, other_option) = clouds, options
+    exact = verification.surface(*one, **option), verification.surface(*other, **other_option)
+    core = Surface(*one, **option), Surface(*other, **other_option)
+    return places(*core, pose), *reference.places(*exact, pose)
 
 
 @given(

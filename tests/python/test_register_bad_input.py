@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +15,7 @@ from cgroup.datasets import standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.registration import DenseFront, PaperFront, prepare, register
 from cgroup.rigid import apply
+from interrupts import interrupt, posix_only
 from strategies import random_motion
 
 if TYPE_CHECKING:
@@ -261,7 +258,7 @@ def test_clouds_without_a_shape_come_to_an_end(make: Callable[..., FloatArray], 
         assert register(make(rng, count), make(rng, count)).ok
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
+@posix_only
 def test_control_c_is_heard() -> None:
     program = """
 import numpy as np
@@ -273,12 +270,4 @@ try:
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
-    with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=os.environ
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "voxel size\n"
-        assert process.stdout.readline() == "source voxels\n"
-        process.send_signal(signal.SIGINT)
-        assert process.stdout.read().endswith("interrupted\n")
-        assert process.wait() == 0
+    assert interrupt(program, after="source voxels").endswith("interrupted\n")

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +11,7 @@ from cgroup import InputError, NoConsensusError
 from cgroup.datasets import standin_pair
 from cgroup.registration import prepare, register, register_many
 from cgroup.rigid import rotation_error
+from interrupts import interrupt, posix_only
 
 PAIRS = [standin_pair(seed=seed, pixels=80) for seed in (0, 1)]
 SCANS = [PAIRS[0].target, PAIRS[0].source, PAIRS[1].source, PAIRS[1].target]
@@ -83,7 +80,7 @@ def test_names_what_can_not_be_worked_with() -> None:
         register_many([])
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals are sent the POSIX way")
+@posix_only
 def test_ctrl_c_stops_all_pairs() -> None:
     program = """
 import threading
@@ -100,11 +97,4 @@ try:
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
-    with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=os.environ
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "computing\n"
-        process.send_signal(signal.SIGINT)
-        assert process.stdout.readline() == "interrupted\n"
-        assert process.wait(timeout=60) == 0
+    assert interrupt(program, after="computing").endswith("interrupted\n")

@@ -36,12 +36,12 @@ MAX_SIZE_RATIO = 100.0
 
 def check_sizes(scans: Sequence[Scan]) -> None:
     """Refuse clouds in different units."""
-    by_size = sorted(scans, key=lambda scan: scan.cloud.diagonal)
-    least, most = by_size[0].cloud.diagonal, by_size[-1].cloud.diagonal
-    if most > MAX_SIZE_RATIO * least:
+    sizes = [scan.cloud.diagonal for scan in scans]
+    if max(sizes) > MAX_SIZE_RATIO * min(sizes):
+        one, other = (scans[row] for row in sorted([sizes.index(min(sizes)), sizes.index(max(sizes))]))
         message = (
-            f"{by_size[0].name}, {by_size[-1].name}: {least:.3g} and {most:.3g} across; scale them to the "
-            "same unit, or drop points far from all others"
+            f"{one.name}, {other.name}: {one.cloud.diagonal:.3g} and {other.cloud.diagonal:.3g} across; "
+            "scale them to the same unit, or drop points far from all others"
         )
         raise InputError(message)
 
@@ -74,7 +74,7 @@ def check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
 
 def as_viewpoint(scan: Scan, viewpoint: ArrayLike) -> Viewpoint:
     """Return where the scanner stood, if that can be."""
-    name = "viewpoint" if scan.name == "cloud" else f"{scan.name}_viewpoint"
+    name = f"{scan.name}_viewpoint" if scan.name in {"source", "target"} else "viewpoint"
     x, y, z = as_place(name, viewpoint)
     away = float(np.linalg.norm(np.array([x, y, z]) - scan.cloud.points[0]))
     if away > MAX_RANGE * scan.cloud.diagonal:

@@ -93,7 +93,7 @@ def _shared(prepared: Sequence[PreparedScan], voxel: float | None) -> float:
         return first.voxel
     sizes = " and ".join(dict.fromkeys(f"{scan.voxel:.4g}" for scan in prepared))
     asked = "" if voxel is None else f", voxel={voxel}"
-    message = f"scans: prepared with voxels of {sizes}{asked}; prepare all with the same voxel and front"
+    message = f"scans: prepared with voxels of {sizes}{asked}; prepare them with the same voxel and front"
     raise InputError(message)
 
 

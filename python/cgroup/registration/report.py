@@ -33,7 +33,7 @@ def registration_of(found: Found, seconds: dict[str, float]) -> Registration:
         T_target_source=pose,
         ok=found.probability >= ACCEPTED and motions <= MOST_OPEN_MOTIONS,
         probability=found.probability,
-        fitness=found.verification.fitness,
+        fitness=found.fitness,
         inlier_rmse=refined.rmse,
         information=refined.information,
         open_motion=refined.open_motion,

@@ -51,6 +51,8 @@ class Found:
         What they are ranked by.
     probability : float
         That it is right.
+    fitness : float
+        Share of the source's surface that it lays on the target's.
     matches : Correspondences
         Every match of the search.
     source, target : PreparedScan
@@ -62,6 +64,7 @@ class Found:
     poses: FloatArray
     values: FloatArray
     probability: float
+    fitness: float
     matches: Correspondences
     source: PreparedScan
     target: PreparedScan
@@ -158,7 +161,11 @@ class Search:
         best = align(*surfaces, poses[order[0]], threads=self.threads)
         if not is_upright(best.T_target_source, self.axis):
             best = aligned[order[0]]
-        return Found(verification, best, poses[order], values[order], chance, matches, source, target)
+        pose = best.T_target_source
+        fitness = verify(source.surface, target.surface, pose, threads=self.threads).fitness
+        return Found(
+            verification, best, poses[order], values[order], chance, fitness, matches, source, target
+        )
 
 
 def _better(one: Found | None, other: Found | None) -> Found | None:

@@ -27,7 +27,7 @@ const LEAST_DEVIATION: f64 = 1e-3;
 /// Added to the diagonal, as a share of its greatest entry: motions that nothing resists are not made.
 const DAMPING: f64 = 1e-6;
 /// In spacings: a motion that moves no part of the surface farther ends the refinement.
-const STILL: f64 = 1e-3;
+const STILL: f64 = 5e-3;
 
 /// A refined pose, and how closely the surfaces lie on each other.
 #[derive(Debug, Clone)]

@@ -115,3 +115,38 @@ fn far_place(seen: &Sights, lane: usize) -> Place {
         Place::Unknown
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::points::Points;
+    use crate::verification::surface::Side;
+    use nalgebra::Matrix3;
+
+    /// A square of points one unit apart, facing up.
+    fn sheet(side: Side) -> Result<Surface> {
+        let rows: Vec<[f64; 3]> = (0..441).map(|i| [f64::from(i % 21), f64::from(i / 21), 0.0]).collect();
+        let points = Points::from_rows("points", &rows)?;
+        Surface::new(&points, &vec![Vector3::z(); rows.len()], 1.0, side, &Execution::default())
+    }
+
+    /// Where the middle of a sheet lies once it is shifted.
+    fn place(target: Side, shift: [f64; 3]) -> Result<Place> {
+        let pose = Rigid { rotation: Matrix3::identity(), translation: shift.into() };
+        let found = places(&sheet(Side::Known)?, &sheet(target)?, &pose, &Execution::default())?;
+        assert_eq!(found.len(), 441);
+        Ok(found[220])
+    }
+
+    #[test]
+    fn places_depend_on_what_was_seen() -> Result<()> {
+        let scanned = Side::Viewpoint([10.0, 10.0, 100.0]);
+        assert_eq!(place(scanned, [0.0, 0.0, 0.1])?, Place::On);
+        assert_eq!(place(scanned, [0.0, 0.0, 2.5])?, Place::Off);
+        assert_eq!(place(scanned, [0.0, 0.0, 20.0])?, Place::InFront);
+        assert_eq!(place(scanned, [0.0, 0.0, -20.0])?, Place::Unknown);
+        assert_eq!(place(scanned, [90.0, 0.0, 0.0])?, Place::Background);
+        assert_eq!(place(Side::Known, [0.0, 0.0, 20.0])?, Place::Unknown);
+        Ok(())
+    }
+}
