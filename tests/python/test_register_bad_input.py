@@ -114,7 +114,7 @@ def test_options_that_make_no_sense_are_refused(options: dict[str, Any], words: 
         register(SOURCE, TARGET, **options)
 
 
-def test_so_many_voxels_that_matching_takes_minutes_are_refused() -> None:
+def test_so_many_voxels_that_matching_takes_long_are_refused() -> None:
     points = np.random.default_rng(0).uniform(size=(200_000, 3))
     with pytest.raises(
         InputError, match="source: 200000 points, .* 100000 are the most; give a larger voxel"
