@@ -8,12 +8,14 @@ use std::hint::black_box;
 
 use cgroup::consensus::counter_rng::random_words;
 use cgroup::geometry::rigid::Rigid;
-use cgroup::verification::{Side, Surface, overlap, places, score_poses, verify};
+use cgroup::verification::{FineSurface, Side, Surface, align, overlap, places, score_poses, verify};
 use cgroup::{Execution, Points, Result};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
 
 const UNIT: f64 = 0.4;
+/// Of the fine surfaces: the distance between points.
+const SPACING: f64 = 1.0;
 const POSES: u64 = 1_000;
 
 /// Points of a golden-angle lattice on a sphere with bumps, from one end to a share of the way to the other.
@@ -44,7 +46,7 @@ fn poses(size: f64) -> Vec<Rigid> {
 
 fn benches(criterion: &mut Criterion) {
     for count in [5_000, 40_000] {
-        if let Err(error) = surfaces_of(criterion, count) {
+        if let Err(error) = surfaces_of(criterion, count).and_then(|()| fine_surfaces_of(criterion, count)) {
             criterion.bench_function(&format!("skipped: {error}"), |bencher| bencher.iter(|| ()));
         }
     }
@@ -86,6 +88,24 @@ fn surfaces_of(criterion: &mut Criterion, count: u32) -> Result<()> {
     });
     group.bench_function(id("places"), |bencher| {
         bencher.iter(|| places(&source, &target, black_box(&all[0]), &execution));
+    });
+    group.finish();
+    Ok(())
+}
+
+fn fine_surfaces_of(criterion: &mut Criterion, count: u32) -> Result<()> {
+    let execution = Execution::default();
+    let parts = [part(count, 0.0, 0.6)?.0, part(count, 0.3, 0.9)?.0];
+    let make = || parts.each_ref().map(|points| FineSurface::new(points, SPACING, &execution));
+    let [source, target] = make();
+    let (source, target) = (source?, target?);
+    let near = &poses(parts[0].diagonal())[1];
+    let mut group = criterion.benchmark_group("refinement");
+    group.sample_size(10);
+    let id = |name: &str| BenchmarkId::new(name, count);
+    group.bench_function(id("fine_surfaces"), |bencher| bencher.iter(|| black_box(make())));
+    group.bench_function(id("align"), |bencher| {
+        bencher.iter(|| align(&source, &target, black_box(near), usize::MAX, &execution));
     });
     group.finish();
     Ok(())

@@ -114,7 +114,7 @@ def test_options_that_make_no_sense_are_refused(options: dict[str, Any], words: 
         register(SOURCE, TARGET, **options)
 
 
-def test_so_many_voxels_that_matching_takes_minutes_are_refused() -> None:
+def test_so_many_voxels_that_matching_takes_long_are_refused() -> None:
     points = np.random.default_rng(0).uniform(size=(200_000, 3))
     with pytest.raises(
         InputError, match="source: 200000 points, .* 100000 are the most; give a larger voxel"
@@ -227,11 +227,12 @@ def test_normals_of_the_file_are_not_used(change: str) -> None:
     np.testing.assert_array_equal(found.T_target_source, plain.T_target_source)
 
 
-def test_normals_that_are_asked_for_must_be_numbers() -> None:
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_normals_that_are_asked_for_must_be_directions(value: float) -> None:
     clouds = [
-        replace(cloud, normals=np.full_like(cloud.points, np.nan)) for cloud in (PAIR.source, PAIR.target)
+        replace(cloud, normals=np.full_like(cloud.points, value)) for cloud in (PAIR.source, PAIR.target)
     ]
-    with pytest.raises(InputError, match="normals: none of those that came with the source is finite"):
+    with pytest.raises(InputError, match="normals: all of those that came with the source are zero or NaN"):
         register(*clouds, front=PaperFront(normals="given"))
 
 

@@ -22,7 +22,7 @@ LEAST_VOXELS = 100
 """Voxels below which unrelated clouds lie on each other too well by chance."""
 
 MOST_VOXELS = 100_000
-"""Voxels beyond which matching each with all others takes minutes."""
+"""Voxels beyond which matching each with all others takes more than some 20 seconds."""
 
 LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 30
 """Share and number of the voxels that have a normal, below which they are too far apart."""
