@@ -62,12 +62,11 @@ class Proposal:
             np.concatenate([sighting.refined.T_target_source[None], self.others]),
             np.zeros(1 + len(self.others)),
             probability,
-            sighting.visible,
             self.matches,
             sighting.model,
             sighting.scene,
         )
-        return replace(registration_of(found, seconds), ok=True)
+        return replace(registration_of(found, seconds), ok=True, fitness=sighting.visible)
 
 
 @dataclass(eq=False)

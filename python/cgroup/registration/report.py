@@ -11,6 +11,7 @@ from cgroup.registration.judgement import ACCEPTED
 from cgroup.registration.result import Registration
 from cgroup.rigid import apply
 from cgroup.types import Grouping
+from cgroup.verification import verify
 
 if TYPE_CHECKING:
     from cgroup.registration.prepared import PreparedScan
@@ -33,7 +34,7 @@ def registration_of(found: Found, seconds: dict[str, float]) -> Registration:
         T_target_source=pose,
         ok=found.probability >= ACCEPTED and motions <= MOST_OPEN_MOTIONS,
         probability=found.probability,
-        fitness=found.fitness,
+        fitness=verify(found.source.surface, found.target.surface, pose).fitness,
         inlier_rmse=refined.rmse,
         information=refined.information,
         open_motion=refined.open_motion,

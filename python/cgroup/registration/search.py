@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
@@ -51,8 +51,6 @@ class Found:
         What they are ranked by.
     probability : float
         That it is right.
-    fitness : float
-        Share of the source's surface that it lays on the target's.
     matches : Correspondences
         Every match of the search.
     source, target : PreparedScan
@@ -64,7 +62,6 @@ class Found:
     poses: FloatArray
     values: FloatArray
     probability: float
-    fitness: float
     matches: Correspondences
     source: PreparedScan
     target: PreparedScan
@@ -84,10 +81,10 @@ class Search:
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
         best = self._search_voxels(source, target, 1)
-        if self.effort != "high" or (best is not None and best.probability >= ACCEPTED):
-            return best
-        finer = source.resized(_FINER, self.clock), target.resized(_FINER, self.clock)
-        return _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
+        if self.effort == "high" and (best is None or best.probability < ACCEPTED):
+            finer = source.resized(_FINER, self.clock), target.resized(_FINER, self.clock)
+            best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
+        return self._refine(best)
 
     def confirm(
         self, source: PreparedScan, target: PreparedScan, matches: Correspondences, poses: FloatArray
@@ -95,7 +92,8 @@ class Search:
         """Search among poses that come from elsewhere, with matches of one's own."""
         self.clock.start("matching")
         voxel_matches, is_mutual = match_both_ways(source.described, target.described, 1, self.threads)
-        return self._assess(source, target, take_matches(voxel_matches, is_mutual), matches, poses)
+        mutual = take_matches(voxel_matches, is_mutual)
+        return self._refine(self._assess(source, target, mutual, matches, poses))
 
     def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
         self.clock.start("matching")
@@ -158,14 +156,19 @@ class Search:
         values = rank(verification.scores[kept], verification.evidence[kept], aligned, voxel)
         chance = probability(values, poses, source.described.centroid, voxel)
         order = np.argsort(-values)
-        best = align(*surfaces, poses[order[0]], threads=self.threads)
-        if not is_upright(best.T_target_source, self.axis):
-            best = aligned[order[0]]
-        pose = best.T_target_source
-        fitness = verify(source.surface, target.surface, pose, threads=self.threads).fitness
         return Found(
-            verification, best, poses[order], values[order], chance, fitness, matches, source, target
+            verification, aligned[order[0]], poses[order], values[order], chance, matches, source, target
         )
+
+    def _refine(self, found: Found | None) -> Found | None:
+        """Refine the best pose once more, with all samples of the fine surfaces."""
+        if found is None:
+            return None
+        surfaces = fine_surfaces(found.source, found.target)
+        refined = align(*surfaces, found.refined.T_target_source, threads=self.threads)
+        if not is_upright(refined.T_target_source, self.axis):
+            return found
+        return replace(found, refined=refined)
 
 
 def _better(one: Found | None, other: Found | None) -> Found | None:
