@@ -1,4 +1,4 @@
-//! Every method with its default parameters on seeded problems: one inlier in ten, or as few as LC is made for.
+//! Every method with its default parameters on seeded problems: one inlier in ten, and LC's with as few as it is made for, and with many.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -25,12 +25,14 @@ fn all_methods(criterion: &mut Criterion) -> Result<()> {
     Ok(())
 }
 
-fn few_inliers(criterion: &mut Criterion) -> Result<()> {
+fn likelihood_consensus(criterion: &mut Criterion) -> Result<()> {
     let mut group = criterion.benchmark_group("likelihood_consensus");
     group.sample_size(10);
-    for (n, share) in [(1_000, 0.01), (5_000, 0.005), (20_000, 0.005)] {
+    for (n, share) in
+        [(1_000, 0.01), (1_000, 0.5), (5_000, 0.005), (5_000, 0.5), (20_000, 0.005), (100_000, 0.005)]
+    {
         let input = problem(1, n, share, 2.0).correspondences()?;
-        group.bench_with_input(BenchmarkId::new("lc", n), &input, |bencher, input| {
+        group.bench_with_input(BenchmarkId::new(format!("lc/{share}"), n), &input, |bencher, input| {
             bencher.iter(|| LikelihoodConsensus::default().group(black_box(input), &Execution::default()));
         });
     }
@@ -39,7 +41,7 @@ fn few_inliers(criterion: &mut Criterion) -> Result<()> {
 }
 
 fn benches(criterion: &mut Criterion) {
-    if let Err(error) = all_methods(criterion).and_then(|()| few_inliers(criterion)) {
+    if let Err(error) = all_methods(criterion).and_then(|()| likelihood_consensus(criterion)) {
         criterion.bench_function(&format!("skipped: {error}"), |bencher| bencher.iter(|| ()));
     }
 }

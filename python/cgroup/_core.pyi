@@ -46,6 +46,7 @@ __all__ = [
     "match_descriptors",
     "mesh_normals",
     "normals",
+    "places",
     "rcs",
     "resolution",
     "rigid_fit",
@@ -162,6 +163,9 @@ class Surface:
 def score_poses(
     source: Surface, target: Surface, poses: FloatArray, run_options: RunOptions
 ) -> FloatArray: ...
+def places(
+    source: Surface, target: Surface, pose: FloatArray, run_options: RunOptions
+) -> NDArray[np.uint8]: ...
 def verify(
     source: Surface,
     target: Surface,

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import inspect
-import os
-import threading
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from cgroup._arguments import as_count
 from cgroup._calls import compute
 from cgroup._fields import FIELDS, Fields
 from cgroup._memory import default_max_memory
+from cgroup._workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.registry import ALIASES, METHOD_INFO, PRESETS, MethodInfo
 
@@ -87,25 +84,17 @@ def group_many(
     list of Grouping
         In the order of the problems.
     """
-    workers = os.cpu_count() or 1 if threads is None else as_count("threads", threads, 1)
-    stopped = threading.Event()
-
-    def stop_with_the_others(_share: float) -> None:
-        if stopped.is_set():
-            raise InterruptedError
-
+    workers = count_workers(threads)
     known = _defaults(_find(method).function)
     options = {"threads": 1, **options}
     if "max_memory" in known:
         options = {"max_memory": default_max_memory() // workers, **options}
-    if "progress" in known:
-        options = {"progress": stop_with_the_others, **options}
-    pool = ThreadPoolExecutor(max_workers=workers)
-    try:
-        return list(pool.map(lambda problem: group(problem, method, preset=preset, **options), problems))
-    finally:
-        stopped.set()
-        pool.shutdown(cancel_futures=True)
+
+    def group_one(problem: Correspondences, stop_with_the_others: Callable[[], None]) -> Grouping:
+        stoppable = {"progress": lambda _share: stop_with_the_others()} if "progress" in known else {}
+        return group(problem, method, preset=preset, **{**stoppable, **options})
+
+    return work_side_by_side(problems, group_one, workers)
 
 
 def _find(method: str) -> MethodInfo:

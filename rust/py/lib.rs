@@ -27,7 +27,7 @@ mod _core {
     #[pymodule_export]
     use super::grouping::{group, rigid_fit};
     #[pymodule_export]
-    use super::verification::{FineSurface, Surface, align, score_poses, verify};
+    use super::verification::{FineSurface, Surface, align, places, score_poses, verify};
 
     use numpy::PyArray1;
     use pyo3::prelude::*;

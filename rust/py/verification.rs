@@ -70,6 +70,23 @@ pub fn score_poses<'py>(
     Ok(scores.into_pyarray(py))
 }
 
+/// Where the points of one surface lie under a pose, as numbers of [`core::Place`].
+#[pyfunction]
+pub fn places<'py>(
+    py: Python<'py>,
+    source: &Surface,
+    target: &Surface,
+    pose: PyReadonlyArray3<'py, f64>,
+    run_options: RunOptions,
+) -> PyResult<Bound<'py, PyArray1<u8>>> {
+    let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&pose)?);
+    let found = run(py, &run_options, move |execution| {
+        let places = poses.iter().map(|pose| core::places(&source, &target, pose, execution));
+        Ok(places.collect::<Result<Vec<_>, _>>()?.concat())
+    })?;
+    Ok(found.iter().map(|&place| place as u8).collect::<Vec<_>>().into_pyarray(py))
+}
+
 /// Matched points, and the distance within which a match speaks for a pose.
 type Matches<'py> = (Reals<'py, Ix2>, Reals<'py, Ix2>, f64);
 

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +13,7 @@ from cgroup import InputError, features
 from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Alignment, FineSurface, align
+from interrupts import interrupt, posix_only
 from reference import alignment as reference
 from strategies import random_motion
 
@@ -232,7 +229,7 @@ def test_poses_and_partners_that_make_no_sense_are_refused() -> None:
         align(source, FineSurface(PAIR.target.points, 1.01 * SPACING), TRUTH)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
+@posix_only
 def test_control_c_is_heard() -> None:
     program = """
 import os, sys, threading
@@ -249,10 +246,4 @@ try:
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
-    with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=os.environ
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "computing\n"
-        process.send_signal(signal.SIGINT)
-        assert process.stdout.readline() == "interrupted\n"
+    assert interrupt(program, after="computing") == "interrupted\n"

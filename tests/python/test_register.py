@@ -92,7 +92,7 @@ def test_what_a_prepared_scan_no_longer_can_change_is_refused(option: dict[str, 
 
 
 def test_scans_prepared_with_different_voxels_are_refused() -> None:
-    with pytest.raises(InputError, match="voxels of 3 and 3.5; prepare both"):
+    with pytest.raises(InputError, match="voxels of 3 and 3.5; prepare"):
         register(prepare(SOURCE, voxel=3.0), prepare(TARGET, voxel=3.5))
 
 

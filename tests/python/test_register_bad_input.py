@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from register_shapes import moved, plane
+from register_shapes import cylinder, moved, plane, sphere
 
 from cgroup import features
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.registration import DenseFront, PaperFront, prepare, register
 from cgroup.rigid import apply
+from interrupts import interrupt, posix_only
 from strategies import random_motion
 
 if TYPE_CHECKING:
@@ -28,6 +25,17 @@ if TYPE_CHECKING:
 
 PAIR = standin_pair(pixels=80)
 SOURCE, TARGET, TRUTH = PAIR.source.points, PAIR.target.points, PAIR.T_target_source
+
+
+def flat(seed: int) -> FloatArray:
+    return plane(seed, noise=0)
+
+
+def halves_of_a_plane(seed: int) -> FloatArray:
+    """Two halves of a strip that share a third of their points."""
+    return plane(seed, noise=0) + np.array([0.5 * seed, 0, 0])
+
+
 LINE = np.linspace(0, 100, 1000)[:, None] * np.array([1.0, 2.0, 0.5])
 
 
@@ -55,21 +63,19 @@ def with_row(row: Any, at: int = 5) -> FloatArray:
         (with_row(np.nan), r"source: got \[NaN, NaN, NaN\] in row 5"),
         (with_row([0, 0, np.inf]), "source: got .*inf.* in row 5"),
         (with_row([0, 0, 1e300]), "beyond 1e150"),
-        (with_row([0, 0, 1e9]), "source, target: 1e.09 and .* across; scale them to the same unit, or drop"),
-        (1000 * SOURCE, "source, target: .* across; scale them to the same unit"),
+        (with_row([0, 0, 1e9]), "1e.09.* across; scale them to the same unit, or drop"),
+        (1000 * SOURCE, "source.* across; scale them to the same unit"),
         (np.ones((1000, 3)), "source: all its points coincide"),
         (np.repeat(SOURCE[:5], 100, axis=0), "source: 500 points, .* leave [2-5] voxels"),
         (LINE, "source: 0 of its .* voxels .* fix a plane; .* on a line"),
-        (SOURCE[::50], "source: .* of its .* voxels .* too far apart"),
+        (SOURCE[::40], "source: .* of its .* voxels .* too far apart"),
     ],
 )
 def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
         register(source, TARGET)
     assert "\n" not in str(caught.value)
-    with pytest.raises(
-        InputError, match=words.replace("source:", "target:").split(" and ")[0].split("1e")[0]
-    ):
+    with pytest.raises(InputError, match=words.replace("source", "target")):
         register(TARGET, source)
 
 
@@ -82,7 +88,7 @@ def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
         ({"voxel": np.inf}, "voxel: got inf"),
         ({"voxel": "2"}, "voxel: got '2'; give a number"),
         ({"voxel": 1000}, "source: .* leave 1 voxels of 1000"),
-        ({"voxel": 60}, "source: .* and 30 are the least; give .* a smaller voxel"),
+        ({"voxel": 60}, "source: .* and 100 are the least; give .* a smaller voxel"),
         ({"voxel": 0.01}, "source: 0 of its .* voxels of 0.01 .* give a larger voxel"),
         ({"voxel": 1e-9}, "voxel: got .* give a larger voxel"),
         ({"voxel": 1e-300}, "voxel: got .* give a larger voxel"),
@@ -108,7 +114,7 @@ def test_options_that_make_no_sense_are_refused(options: dict[str, Any], words: 
         register(SOURCE, TARGET, **options)
 
 
-def test_so_many_voxels_that_matching_takes_minutes_are_refused() -> None:
+def test_so_many_voxels_that_matching_takes_long_are_refused() -> None:
     points = np.random.default_rng(0).uniform(size=(200_000, 3))
     with pytest.raises(
         InputError, match="source: 200000 points, .* 100000 are the most; give a larger voxel"
@@ -162,16 +168,36 @@ def test_a_raster_that_no_voxel_suits_is_registered() -> None:
     np.testing.assert_allclose(apply(found.T_target_source, points), target, atol=0.2)
 
 
-@pytest.mark.parametrize("count", [100, 300])
-def test_few_points_are_registered_or_refused(count: int) -> None:
-    rng = np.random.default_rng(count)
-    few = SOURCE[rng.choice(len(SOURCE), count, replace=False)]
+@pytest.mark.parametrize("seed", range(4))
+def test_few_points_are_registered_or_refused(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    few = SOURCE[rng.choice(len(SOURCE), 300, replace=False)]
     target, _ = moved(few)
     try:
         found = register(few, target)
     except NoConsensusError:
         return
     np.testing.assert_allclose(apply(found.T_target_source, few), target, atol=found.voxel)
+
+
+@pytest.mark.parametrize("count", [21, 50, 100, 180])
+def test_so_few_points_that_chance_decides_are_refused(count: int) -> None:
+    few = SOURCE[np.random.default_rng(count).choice(len(SOURCE), count, replace=False)]
+    with pytest.raises(
+        InputError, match=f"source: {count} points, .* and 100 are the least; give more points"
+    ):
+        register(few, moved(few)[0])
+
+
+@pytest.mark.parametrize(
+    ("shape", "motions"), [(flat, 3), (halves_of_a_plane, 3), (sphere, 3), (cylinder, 2)]
+)
+def test_what_fixes_no_pose_is_refused(shape: Callable[[int], FloatArray], motions: int) -> None:
+    with pytest.raises(NoConsensusError, match="no pose that can be trusted") as caught:
+        register(shape(0), moved(shape(1), 1)[0])
+    best = caught.value.registration
+    assert best is not None
+    assert f"leave {motions} of the six motions open" in best.notes[0]
 
 
 @pytest.mark.parametrize("eye", ["behind", "inside", "beside"])
@@ -201,11 +227,12 @@ def test_normals_of_the_file_are_not_used(change: str) -> None:
     np.testing.assert_array_equal(found.T_target_source, plain.T_target_source)
 
 
-def test_normals_that_are_asked_for_must_be_numbers() -> None:
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_normals_that_are_asked_for_must_be_directions(value: float) -> None:
     clouds = [
-        replace(cloud, normals=np.full_like(cloud.points, np.nan)) for cloud in (PAIR.source, PAIR.target)
+        replace(cloud, normals=np.full_like(cloud.points, value)) for cloud in (PAIR.source, PAIR.target)
     ]
-    with pytest.raises(InputError, match="normals: none of those that came with the source is finite"):
+    with pytest.raises(InputError, match="normals: all of those that came with the source are zero or NaN"):
         register(*clouds, front=PaperFront(normals="given"))
 
 
@@ -231,7 +258,7 @@ def test_clouds_without_a_shape_come_to_an_end(make: Callable[..., FloatArray], 
         assert register(make(rng, count), make(rng, count)).ok
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
+@posix_only
 def test_control_c_is_heard() -> None:
     program = """
 import numpy as np
@@ -243,12 +270,4 @@ try:
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
-    with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=os.environ
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "voxel size\n"
-        assert process.stdout.readline() == "source voxels\n"
-        process.send_signal(signal.SIGINT)
-        assert process.stdout.read().endswith("interrupted\n")
-        assert process.wait() == 0
+    assert interrupt(program, after="source voxels").endswith("interrupted\n")

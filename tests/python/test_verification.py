@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +13,7 @@ from cgroup import Correspondences, InputError, features
 from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Surface, score_poses, verify
+from interrupts import interrupt, posix_only
 from reference import verification as reference
 from strategies import random_motion, random_rotations
 
@@ -301,7 +298,7 @@ def test_surfaces_that_share_nothing_still_have_an_answer() -> None:
     assert found.open_motion is not None
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
+@posix_only
 def test_control_c_is_heard() -> None:
     program = """
 import os, sys, threading
@@ -320,10 +317,4 @@ try:
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
-    with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=os.environ
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "computing\n"
-        process.send_signal(signal.SIGINT)
-        assert process.stdout.readline() == "interrupted\n"
+    assert interrupt(program, after="computing") == "interrupted\n"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 try:
     import typer
 
-    from cgroup.cli import benchmark, cloud, compare, matches, pair
+    from cgroup.cli import benchmark, cloud, compare, matches, pair, recognize
     from cgroup.cli.terminal import INPUT_ERROR, INTERRUPTED, NO_CONSENSUS, print_line
 except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
@@ -27,7 +27,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for commands in (pair, compare, cloud, matches):
+for commands in (pair, recognize, compare, cloud, matches):
     app.add_typer(commands.app)
 app.add_typer(benchmark.app, name="benchmark")
 

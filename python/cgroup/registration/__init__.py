@@ -12,9 +12,12 @@ from cgroup.features import ORIGIN, DescribedCloud, Viewpoint
 from cgroup.registration.correspond import PaperFront, correspond
 from cgroup.registration.description import describe, detect, surface_normals
 from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, Descriptor, Detector
+from cgroup.registration.many import register_many
 from cgroup.registration.matching import match_described
 from cgroup.registration.pipeline import register
-from cgroup.registration.prepared import DenseFront, PreparedScan, prepare
+from cgroup.registration.preparation import prepare
+from cgroup.registration.prepared import DenseFront, PreparedScan
+from cgroup.registration.recognition import Recognized, find_instances, recognize
 from cgroup.registration.result import Registration
 from cgroup.registration.scan import NORMALS, Normals
 from cgroup.registration.search import EFFORTS, Effort
@@ -33,13 +36,17 @@ __all__ = [
     "Normals",
     "PaperFront",
     "PreparedScan",
+    "Recognized",
     "Registration",
     "Viewpoint",
     "correspond",
     "describe",
     "detect",
+    "find_instances",
     "match_described",
     "prepare",
+    "recognize",
     "register",
+    "register_many",
     "surface_normals",
 ]

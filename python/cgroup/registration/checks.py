@@ -10,20 +10,22 @@ from cgroup._arguments import as_place
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from cgroup.features import Viewpoint
     from cgroup.registration.scan import Scan
     from cgroup.types import FloatArray
 
-LEAST_VOXELS = 30
-"""Voxels below which a cloud has no shape to speak of."""
+LEAST_VOXELS = 100
+"""Voxels below which unrelated clouds lie on each other too well by chance."""
 
 MOST_VOXELS = 100_000
-"""Voxels beyond which matching each with all others takes minutes."""
+"""Voxels beyond which matching each with all others takes more than some 20 seconds."""
 
-LEAST_PLANES = 0.1
-"""Share of the voxels that have a normal, below which they are too far apart."""
+LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 30
+"""Share and number of the voxels that have a normal, below which they are too far apart."""
 
 MAX_RANGE = 1000.0
 """Distance of the viewpoint in diagonals of the cloud, beyond which it can't be meant."""
@@ -32,13 +34,14 @@ MAX_SIZE_RATIO = 100.0
 """Clouds that differ more than this are taken to be in different units; no voxel suits both."""
 
 
-def check_sizes(source: Scan, target: Scan) -> None:
+def check_sizes(scans: Sequence[Scan]) -> None:
     """Refuse clouds in different units."""
-    sizes = source.cloud.diagonal, target.cloud.diagonal
+    sizes = [scan.cloud.diagonal for scan in scans]
     if max(sizes) > MAX_SIZE_RATIO * min(sizes):
+        one, other = (scans[row] for row in sorted([sizes.index(min(sizes)), sizes.index(max(sizes))]))
         message = (
-            f"source, target: {sizes[0]:.3g} and {sizes[1]:.3g} across; scale them to the same unit, or drop "
-            "points far from all others"
+            f"{one.name}, {other.name}: {one.cloud.diagonal:.3g} and {other.cloud.diagonal:.3g} across; "
+            "scale them to the same unit, or drop points far from all others"
         )
         raise InputError(message)
 
@@ -60,7 +63,7 @@ def check_voxels(scan: Scan, voxel: float, count: int) -> None:
 def check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
     """Refuse a cloud that is no surface at the size of its voxels."""
     planes = int(np.isfinite(normals).all(axis=1).sum())
-    if planes < max(LEAST_PLANES * len(normals), LEAST_VOXELS / 2):
+    if planes < max(LEAST_PLANES * len(normals), LEAST_PLANAR_VOXELS):
         message = (
             f"{scan.name}: {planes} of its {len(normals)} voxels of {voxel:.4g} have neighbours that fix a "
             "plane; the points lie too far apart for such voxels, or on a line: give a larger voxel, or a "
@@ -71,7 +74,7 @@ def check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
 
 def as_viewpoint(scan: Scan, viewpoint: ArrayLike) -> Viewpoint:
     """Return where the scanner stood, if that can be."""
-    name = "viewpoint" if scan.name == "cloud" else f"{scan.name}_viewpoint"
+    name = f"{scan.name}_viewpoint" if scan.name in {"source", "target"} else "viewpoint"
     x, y, z = as_place(name, viewpoint)
     away = float(np.linalg.norm(np.array([x, y, z]) - scan.cloud.points[0]))
     if away > MAX_RANGE * scan.cloud.diagonal:

@@ -79,8 +79,8 @@ def find_normals(scan: Scan, normals: Normals, viewpoint: Viewpoint, threads: in
         message = f"normals: got {normals!r}, but the cloud has no {NEEDED_FOR[normals]}; choose 'pca'"
         raise InputError(message)
     if normals == "given" and scan.normals is not None:
-        if not np.isfinite(scan.normals).all(axis=1).any():
-            message = f"normals: none of those that came with the {scan.name} is finite; choose 'pca'"
+        if not (np.isfinite(scan.normals).all(axis=1) & scan.normals.any(axis=1)).any():
+            message = f"normals: all of those that came with the {scan.name} are zero or NaN; choose 'pca'"
             raise InputError(message)
         return scan.normals
     if normals == "mesh" and scan.faces is not None:

@@ -38,18 +38,12 @@ def prepare_pair(
         cloud if isinstance(cloud, PreparedScan) else as_scan(name, cloud)
         for name, cloud in (("source", source), ("target", target))
     ]
-    check_sizes(_whole(halves[0]), _whole(halves[1]))
     _refuse_late_options(halves, viewpoints, front)
-    prepared = [half for half in halves if isinstance(half, PreparedScan)]
-    if prepared:
-        size, radii = _shared(prepared, voxel), prepared[0].front
-    else:
-        size, radii = _voxel(halves, voxel, threads), front or DenseFront()
-    places = [
-        half.viewpoint if isinstance(half, PreparedScan) else viewpoint
+    size, radii = common_voxel(halves, voxel, front, threads)
+    by_frames = any(
+        half.by_frames if isinstance(half, PreparedScan) else viewpoint is None
         for half, viewpoint in zip(halves, viewpoints, strict=True)
-    ]
-    by_frames = None in places
+    )
 
     def finish(half: _Half, place: Any) -> PreparedScan:  # noqa: ANN401 - checked where it is used
         if isinstance(half, PreparedScan):
@@ -60,7 +54,18 @@ def prepare_pair(
 
         return prepare_scan(half, size, place, radii, threads, begin, by_frames=by_frames)
 
-    return finish(halves[0], places[0]), finish(halves[1], places[1])
+    return finish(halves[0], viewpoints[0]), finish(halves[1], viewpoints[1])
+
+
+def common_voxel(
+    halves: Sequence[_Half], voxel: float | None, front: DenseFront | None, threads: int | None
+) -> tuple[float, DenseFront]:
+    """Return voxel and radii that all scans share: those of prepared ones, those given, or chosen ones."""
+    check_sizes([_whole(half) for half in halves])
+    prepared = [half for half in halves if isinstance(half, PreparedScan)]
+    if prepared:
+        return _shared(prepared, voxel), prepared[0].front
+    return _voxel(halves, voxel, threads), front or DenseFront()
 
 
 def _refuse_late_options(
@@ -86,11 +91,9 @@ def _shared(prepared: Sequence[PreparedScan], voxel: float | None) -> float:
     alike = all(scan.voxel == first.voxel and scan.front == first.front for scan in prepared)
     if alike and (voxel is None or as_length("voxel", voxel) == first.voxel):
         return first.voxel
-    sizes = " and ".join(f"{scan.voxel:.4g}" for scan in prepared)
+    sizes = " and ".join(dict.fromkeys(f"{scan.voxel:.4g}" for scan in prepared))
     asked = "" if voxel is None else f", voxel={voxel}"
-    message = (
-        f"source, target: prepared with voxels of {sizes}{asked}; prepare both with the same voxel and front"
-    )
+    message = f"scans: prepared with voxels of {sizes}{asked}; prepare them with the same voxel and front"
     raise InputError(message)
 
 

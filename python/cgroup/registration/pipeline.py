@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from cgroup.registration.result import Registration
     from cgroup.registration.scan import Scan
     from cgroup.registration.search import Effort, Found
+    from cgroup.types import FloatArray
 
 FRONTS = ("dense", "paper")
 
@@ -113,7 +114,7 @@ def register(
     dense = front if isinstance(front, DenseFront) else None
     scans = prepare_pair(source, target, voxel, (source_viewpoint, target_viewpoint), dense, threads, clock)
     found = _search_keypoints(search, scans, kind) if isinstance(kind, PaperFront) else search.run(*scans)
-    return _answer(found, scans, clock)
+    return _answer(found, scans, direction, clock)
 
 
 def _front_of(front: object) -> DenseFront | PaperFront:
@@ -150,11 +151,16 @@ def _as_read(scan: Scan) -> PointCloud | Cloud:
     return PointCloud(np.asarray(scan.cloud.points, dtype=np.float64), scan.normals, scan.faces)
 
 
-def _answer(found: Found | None, scans: tuple[PreparedScan, PreparedScan], clock: StageClock) -> Registration:
+def _answer(
+    found: Found | None,
+    scans: tuple[PreparedScan, PreparedScan],
+    axis: FloatArray | None,
+    clock: StageClock,
+) -> Registration:
     """Return a pose that can be trusted, or raise with the best guess."""
     registration = None if found is None else registration_of(found, clock.stop())
     if registration is not None and registration.ok:
         return registration
-    error = NoConsensusError(explain_failure(registration, *scans))
+    error = NoConsensusError(explain_failure(registration, *scans, axis))
     error.registration = registration
     raise error

@@ -14,18 +14,17 @@ from cgroup._progress import ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.registration.checks import as_viewpoint, check_normals, check_voxels
-from cgroup.registration.scan import as_scan
 from cgroup.verification import FineSurface, Surface
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike
 
     from cgroup._progress import StageClock
-    from cgroup.features import Cloud, Viewpoint, Voxels
+    from cgroup.features import Viewpoint, Voxels
     from cgroup.registration.scan import Scan
-    from cgroup.types import FloatArray, PointCloud
+    from cgroup.types import FloatArray
 
 VOXELS = 5000
 """Voxels that a cloud is thinned to, about."""
@@ -79,8 +78,8 @@ class PreparedScan:
     voxels : Voxels
         The cloud thinned out.
     normals : (M,3) array of float64
-        Of the voxels, towards the viewpoint where those of both scans are known, else to the side of SHOT's z
-        axis; NaN for none.
+        Of the voxels: outwards for a model, towards the viewpoint where those of both scans are known, else
+        to the side of SHOT's z axis; NaN for none.
     described : DescribedCloud
         Frames and FPFH of the voxels that have them; `DescribedCloud.indices` are rows of `voxels`.
     surface : Surface
@@ -142,9 +141,11 @@ class PreparedScan:
         return f"PreparedScan(points={len(self.scan.cloud)}, voxels={len(self)}, voxel={self.voxel:.4g})"
 
 
-def fine_surfaces(source: PreparedScan, target: PreparedScan) -> tuple[FineSurface, FineSurface]:
-    """Return both clouds in more detail: at a third of the voxel, or at what the sparser one allows."""
-    for share in _FINE:
+def fine_surfaces(
+    source: PreparedScan, target: PreparedScan, shares: Sequence[float] = _FINE
+) -> tuple[FineSurface, FineSurface]:
+    """Return both clouds in more detail: at the first share of the voxel that the sparser allows."""
+    for share in shares:
         both = source.fine_surface(share), target.fine_surface(share)
         if both[0] is not None and both[1] is not None:
             return both[0], both[1]
@@ -153,66 +154,6 @@ def fine_surfaces(source: PreparedScan, target: PreparedScan) -> tuple[FineSurfa
         "the last refinement; give a larger voxel"
     )
     raise InputError(message)
-
-
-def prepare(
-    cloud: PointCloud | Cloud | ArrayLike,
-    *,
-    voxel: float | None = None,
-    viewpoint: ArrayLike | None = None,
-    front: DenseFront | None = None,
-    threads: int | None = None,
-    progress: Callable[[str], Any] | None = None,
-) -> PreparedScan:
-    """Make a scan ready for registration with any number of others.
-
-    Parameters
-    ----------
-    cloud : PointCloud, Cloud or (N,3) array_like of float
-        Whole cloud; normals that came with it are not used.
-    voxel : float, optional
-        Edge length of the voxels, in the unit of the points; by default about 5,000 of them (see
-        `cgroup.features.choose_voxel`). Clouds to be registered need the same.
-    viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the cloud's frame, if the cloud is one single scan: what lies before
-        the scanned surface then speaks against a pose.
-    front : DenseFront, optional
-        Radii of normals, frames and descriptors, in voxels.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
-
-    Returns
-    -------
-    PreparedScan
-
-    Raises
-    ------
-    InputError
-        If the cloud is not finite, or the voxel leaves too little or too much of it.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.registration import prepare, register
-    >>> pair = standin_pair(pixels=100)
-    >>> target = prepare(pair.target)
-    >>> target.voxel > 0, register(pair.source, target).ok
-    (True, True)
-    """
-    scan = as_scan("cloud", cloud)
-    size = features.choose_voxel(scan.cloud, voxels=VOXELS, threads=threads) if voxel is None else voxel
-    begin = progress or ignore_progress
-    return prepare_scan(
-        scan,
-        as_length("voxel", size),
-        viewpoint,
-        front or DenseFront(),
-        threads,
-        begin,
-        by_frames=viewpoint is None,
-    )
 
 
 def prepare_scan(
@@ -225,10 +166,11 @@ def prepare_scan(
     *,
     by_frames: bool,
 ) -> PreparedScan:
-    """Make a scan ready with voxels of a known size, and normals turned by frames or the viewpoint."""
+    """Make a scan ready with voxels of a known size; normals by frames, the viewpoint, or those it has."""
     eye = None if viewpoint is None else as_viewpoint(scan, viewpoint)
     begin("voxels")
-    voxels = features.voxel_downsample(scan.cloud, voxel, threads=threads)
+    given = None if by_frames or eye is not None else scan.normals
+    voxels = features.voxel_downsample(scan.cloud, voxel, normals=given, threads=threads)
     check_voxels(scan, voxel, len(voxels))
     thinned = features.Cloud(voxels.points, name=scan.name)
     begin("normals")
@@ -243,8 +185,9 @@ def prepare_scan(
     begin("frames")
     radius = front.frame_radius * voxel
     frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=radius, threads=threads)
-    if by_frames:
-        normals *= _signs(normals, frames[:, 2])[:, None]
+    if by_frames or voxels.normals is not None:
+        outwards = frames[:, 2] if voxels.normals is None else voxels.normals
+        normals *= _signs(normals, outwards)[:, None]
     begin("descriptors")
     radius = front.support * voxel
     values = features.fpfh(thinned, normals, radius=radius, max_neighbors=_FEATURE_NEIGHBORS, threads=threads)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.registration.freedom import MOST_OPEN_MOTIONS, count_open_motions
 from cgroup.registration.judgement import ACCEPTED
 from cgroup.registration.result import Registration
 from cgroup.rigid import apply
@@ -27,11 +28,12 @@ def registration_of(found: Found, seconds: dict[str, float]) -> Registration:
     """Return the result of a search that has a pose."""
     refined, pose, voxel = found.refined, found.refined.T_target_source, found.source.voxel
     alternatives = found.poses[1:][found.values[1:] >= found.values[0] - _AS_GOOD]
+    motions = count_open_motions(refined.information, apply(pose, found.source.voxels.points))
     return Registration(
         T_target_source=pose,
-        ok=found.probability >= ACCEPTED,
+        ok=found.probability >= ACCEPTED and motions <= MOST_OPEN_MOTIONS,
         probability=found.probability,
-        fitness=found.verification.fitness,
+        fitness=found.fitness,
         inlier_rmse=refined.rmse,
         information=refined.information,
         open_motion=refined.open_motion,
@@ -39,34 +41,40 @@ def registration_of(found: Found, seconds: dict[str, float]) -> Registration:
         grouping=_verified_group(found.matches, pose, GROUP_WITHIN * voxel),
         correspondences=found.matches,
         voxel=voxel,
-        notes=tuple(_notes(refined.open_motion, len(alternatives))),
+        notes=tuple(_notes(refined.open_motion, motions, len(alternatives))),
         seconds=seconds,
     )
 
 
-def explain_failure(best: Registration | None, source: PreparedScan, target: PreparedScan) -> str:
+def explain_failure(
+    best: Registration | None, source: PreparedScan, target: PreparedScan, axis: FloatArray | None
+) -> str:
     """Say that there is no pose, why, and what may help."""
     if best is None:
-        reason = "no pose could be proposed"
+        reason = "no pose could be proposed" + ("" if axis is None else " that keeps the axis")
+    elif best.probability >= ACCEPTED:
+        return f"no pose that can be trusted: {best.notes[0]}"
     else:
         reason = (
             f"the best pose is right with a probability of {best.probability:.2f} only: it lays "
             f"{100 * best.fitness:.0f} % of the source on the target and {best.grouping.size} of "
             f"{len(best.correspondences)} matches together"
         )
-    return f"no pose that can be trusted: {reason}; {_remedy(source, target)}"
+    return f"no pose that can be trusted: {reason}; {_remedy(source, target, axis)}"
 
 
-def _remedy(source: PreparedScan, target: PreparedScan) -> str:
+def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None) -> str:
     sizes = source.scan.cloud.diagonal, target.scan.cloud.diagonal
     if max(sizes) > _SIZES_DIFFER * min(sizes):
         return (
             f"the clouds are {sizes[0]:.3g} and {sizes[1]:.3g} across: if both show the same, scale one, as "
             "scale is not estimated"
         )
+    if axis is not None:
+        return "the clouds may share too little, or not the axis"
     if source.viewpoint is None or target.viewpoint is None:
         return "the clouds may share too little; if each is a single scan, say where the scanner stood"
-    return "the clouds may share too little; more effort may find a pose"
+    return "the clouds may share too little, or a viewpoint may be wrong; more effort may find a pose"
 
 
 def _verified_group(matches: Correspondences, pose: FloatArray, within: float) -> Grouping:
@@ -76,8 +84,13 @@ def _verified_group(matches: Correspondences, pose: FloatArray, within: float) -
     return Grouping(residuals <= within, None, None, pose, {}, _positions=positions)
 
 
-def _notes(open_motion: FloatArray | None, alternatives: int) -> list[str]:
+def _notes(open_motion: FloatArray | None, motions: int, alternatives: int) -> list[str]:
     notes: list[str] = []
+    if motions > MOST_OPEN_MOTIONS:
+        notes.append(
+            f"the surfaces leave {motions} of the six motions open, as a plane, a ball or a pipe does: give "
+            "clouds that show more of the surroundings"
+        )
     if open_motion is not None:
         turn, shift = open_motion[:3], open_motion[3:]
         notes.append(

@@ -10,7 +10,7 @@ import numpy as np
 from cgroup.group import group
 from cgroup.registration.judgement import ACCEPTED, SURE, probability, rank
 from cgroup.registration.matching import match_both_ways, take_matches
-from cgroup.registration.poses import frame_poses, group_poses, keep_upright
+from cgroup.registration.poses import frame_poses, group_poses, is_upright, keep_upright
 from cgroup.registration.prepared import fine_surfaces
 from cgroup.verification import Alignment, Verification, align, verify
 from cgroup.verification.alignment import align_each
@@ -51,6 +51,8 @@ class Found:
         What they are ranked by.
     probability : float
         That it is right.
+    fitness : float
+        Share of the source's surface that it lays on the target's.
     matches : Correspondences
         Every match of the search.
     source, target : PreparedScan
@@ -62,6 +64,7 @@ class Found:
     poses: FloatArray
     values: FloatArray
     probability: float
+    fitness: float
     matches: Correspondences
     source: PreparedScan
     target: PreparedScan
@@ -105,7 +108,8 @@ class Search:
         poses = self._propose(matches)
         if best is not None:
             poses = np.concatenate([best.verification.poses, poses])
-        return _better(best, self._assess(source, target, mutual, matches, poses))
+        # Not the more probable of the two: the second has seen the rivals of the first.
+        return self._assess(source, target, mutual, matches, poses) or best
 
     def _propose(self, matches: Correspondences) -> FloatArray:
         self.clock.start("grouping")
@@ -140,18 +144,28 @@ class Search:
         target: PreparedScan,
         verification: Verification,
         matches: Correspondences,
-    ) -> Found:
+    ) -> Found | None:
         """Refine the finalists on the fine surfaces, choose one, and say how likely it is right."""
         self.clock.start("refinement")
         surfaces, voxel = fine_surfaces(source, target), source.voxel
         count = min(FINALISTS, len(verification.poses))
         aligned = align_each(*surfaces, verification.poses[:count], FIRST_SAMPLES, self.threads)
+        kept = [row for row, found in enumerate(aligned) if is_upright(found.T_target_source, self.axis)]
+        if not kept:
+            return None
+        aligned = [aligned[row] for row in kept]
         poses = np.array([found.T_target_source for found in aligned])
-        values = rank(verification.scores[:count], verification.evidence[:count], aligned, voxel)
+        values = rank(verification.scores[kept], verification.evidence[kept], aligned, voxel)
         chance = probability(values, poses, source.described.centroid, voxel)
         order = np.argsort(-values)
         best = align(*surfaces, poses[order[0]], threads=self.threads)
-        return Found(verification, best, poses[order], values[order], chance, matches, source, target)
+        if not is_upright(best.T_target_source, self.axis):
+            best = aligned[order[0]]
+        pose = best.T_target_source
+        fitness = verify(source.surface, target.surface, pose, threads=self.threads).fitness
+        return Found(
+            verification, best, poses[order], values[order], chance, fitness, matches, source, target
+        )
 
 
 def _better(one: Found | None, other: Found | None) -> Found | None:

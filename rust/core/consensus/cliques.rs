@@ -3,8 +3,6 @@
 //! From each of the pairs with the most common neighbours grows a clique, member by member; the least-squares
 //! motion of its members is a hypothesis.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
-
 use rayon::prelude::*;
 
 use crate::compatibility::graph::{AgreementGraph, Edge};

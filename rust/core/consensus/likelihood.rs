@@ -4,6 +4,7 @@
 //! The logarithm of the ratio of both, cut off at 0, adds up to the score of the pose.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+#![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
 
 use nalgebra::Point3;
 

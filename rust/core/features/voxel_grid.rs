@@ -1,7 +1,5 @@
 //! The cells of a regular grid that a cloud's points lie in: counted, and numbered.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
-
 use rayon::prelude::*;
 
 use crate::error::{Error, Result, positive};
@@ -39,8 +37,8 @@ impl Grid {
         let (low, extent) = points.bounding_box();
         let cells = extent.map(|length| (length / size + 0.5 + ON_A_FACE).floor() + 1.0);
         if cells.iter().product::<f64>() > MAX_CELLS {
-            let remedy = format!("the cloud is {:e} across; give a larger voxel", points.diagonal());
-            return Err(Error::invalid("voxel", size, remedy));
+            let remedy = format!("the cloud is {:.3e} across; give a larger voxel", points.diagonal());
+            return Err(Error::invalid("voxel", format!("{size:e}"), remedy));
         }
         Ok(Self { low, size, cells: cells.map(|count| count as u64) })
     }

@@ -14,6 +14,8 @@ use crate::points::Points;
 const CELLS_PER_RADIUS: f64 = 2.0;
 /// A grid made for a radius serves smaller ones down to this share of it; below, too many points lie in its cells.
 const LEAST_SHARE: f64 = 0.5;
+/// Share of the radius that the grid is made for within which the nearest point is looked for first.
+const FIRST_SHARE: f64 = 0.25;
 /// Queries that one task takes.
 const QUERIES_PER_TASK: usize = 128;
 /// Positions to either side that a search for any one point tries first.
@@ -192,6 +194,29 @@ impl BallSearch {
         }
     }
 
+    /// The vector from a place to the nearest point, if that is nearer than the radius; ties to the first in grid order.
+    pub fn nearest(&self, center: &Point3<f64>) -> Option<Vector3<f64>> {
+        let center = [center.x, center.y, center.z];
+        let mut radius = self.radius.min(FIRST_SHARE * self.made_for);
+        loop {
+            let (mut least, mut found) = (radius * radius, None);
+            self.grid.visit_runs(center, radius, |start, end| {
+                for point in &self.grid.points[start..end] {
+                    let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
+                    let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
+                    if square < least {
+                        (least, found) = (square, Some(Vector3::from(offset)));
+                    }
+                }
+                None::<()>
+            });
+            if found.is_some() || radius >= self.radius {
+                return found;
+            }
+            radius = self.radius.min(2.0 * radius);
+        }
+    }
+
     /// Leaves the nearest points in the ball, in their order.
     fn keep_nearest(&self, ball: &mut Ball) {
         let near = ball.squared_distances[..ball.len].iter().zip(&ball.positions);
@@ -363,6 +388,25 @@ mod tests {
                 assert_eq!(found, expected, "query {query}, most {most}");
             }
         }
+        Ok(())
+    }
+
+    #[test]
+    fn the_nearest_is_that_of_the_ball() -> Result<()> {
+        let points = Points::from_rows("points", &scattered(300, 1.0))?;
+        let wide = BallSearch::new(&points, 0.8)?;
+        let (mut ball, mut counts) = (Ball::default(), [0, 0]);
+        for search in [wide.clone(), wide.narrowed(0.4), wide.narrowed(0.1)] {
+            for place in scattered(500, 1.7) {
+                let place = Point3::from([place[2], place[0], place[1]]);
+                search.within(&place, &mut ball);
+                let squares = ball.squared_distances().iter().enumerate();
+                let expected = squares.min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| ball.vector(i));
+                assert_eq!(search.nearest(&place), expected);
+                counts[usize::from(expected.is_some())] += 1;
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
         Ok(())
     }
 

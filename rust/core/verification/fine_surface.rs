@@ -20,6 +20,8 @@ const LEAST_POINTS: usize = 6;
 /// Variance of the points of a plane across its longer axis, as a share of that along it: less is one line of a scan, whose
 /// plane is open.
 const LEAST_WIDTH: f64 = 0.01;
+/// Share of the places that have a plane, below which the few may all lie in one corner.
+const LEAST_SHARE: f64 = 0.1;
 /// Places that planes are fitted at, and those of them that are kept.
 const PLANES: usize = 8_000;
 const SAMPLES: usize = 3_000;
@@ -50,16 +52,12 @@ impl FineSurface {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] for a spacing that is not positive or so small that voxels can't be numbered, or so large or
-    /// small that no place has a plane; [`Error::Interrupted`].
+    /// small that few places have a plane; [`Error::Interrupted`].
     pub fn new(cloud: &Points, spacing: f64, execution: &Execution) -> Result<Self> {
         let spacing = positive("spacing", spacing)?;
         let points = Points::from_rows("points", &voxel_downsample(cloud, None, spacing, execution)?.points)?;
         let search = BallSearch::new(&points, REACH * spacing)?;
-        let samples = sample(&points, &search.narrowed(PLANE_RADIUS * spacing), execution)?;
-        if samples.is_empty() {
-            let got = format!("{spacing}, of which the cloud is {:.3} across", points.diagonal() / spacing);
-            return Err(Error::invalid("spacing", got, "give about the distance between points"));
-        }
+        let samples = sample(&points, &search.narrowed(PLANE_RADIUS * spacing), spacing, execution)?;
         let radius = root_mean_square(&samples);
         Ok(Self { spacing, points, search, samples, radius })
     }
@@ -100,21 +98,13 @@ impl FineSurface {
     }
 }
 
-/// The point of a search that is nearest to a place, if one is within its radius.
-pub(super) fn nearest(search: &BallSearch, place: &Point3<f64>, ball: &mut Ball) -> Option<Point3<f64>> {
-    search.within(place, ball);
-    let squares = ball.squared_distances().iter().enumerate();
-    let (best, _) = squares.min_by(|a, b| a.1.total_cmp(b.1))?;
-    Some(place + ball.vector(best))
-}
-
 fn root_mean_square(samples: &[Sample]) -> f64 {
     let squares: f64 = samples.iter().map(|sample| sample.point.coords.norm_squared()).sum();
     (squares / samples.len() as f64).sqrt()
 }
 
 /// Places spread over the surface, drawn against the frequency of their normals.
-fn sample(points: &Points, around: &BallSearch, execution: &Execution) -> Result<Vec<Sample>> {
+fn sample(points: &Points, around: &BallSearch, spacing: f64, execution: &Execution) -> Result<Vec<Sample>> {
     let step = points.len().div_ceil(PLANES).max(1);
     let rows: Vec<usize> = (0..points.len()).step_by(step).collect();
     let places: Vec<Sample> = rows
@@ -128,6 +118,12 @@ fn sample(points: &Points, around: &BallSearch, execution: &Execution) -> Result
         .into_iter()
         .flatten()
         .collect();
+    if places.is_empty() || (places.len() as f64) < LEAST_SHARE * rows.len() as f64 {
+        let got = format!("{spacing:.3e}, at which {} of {} places have a plane", places.len(), rows.len());
+        let across = points.diagonal();
+        let remedy = format!("the cloud is {across:.3e} across; give about the distance between points");
+        return Err(Error::invalid("spacing", got, remedy));
+    }
     let normals: Vec<Vector3<f32>> =
         places.iter().map(|place| place.normal.map(|number| number as f32)).collect();
     let drawn = sampling::draw(&normals, false, SAMPLES);
@@ -147,4 +143,70 @@ fn plane(point: Point3<f64>, ball: &Ball) -> Option<Sample> {
     // The plane's own foot below the point: samples lie on the surface, not on its noise.
     let foot = point + normal * mean.dot(&normal);
     Some(Sample { point: foot, normal, deviation: low.max(0.0).sqrt() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A raster of 30 x 30 points, 1 apart, on the plane z = 5.
+    fn raster() -> Vec<[f64; 3]> {
+        (0..900).map(|i| [f64::from(i % 30), f64::from(i / 30), 5.0]).collect()
+    }
+
+    fn surface(rows: &[[f64; 3]], spacing: f64) -> Result<FineSurface> {
+        FineSurface::new(&Points::from_rows("points", rows)?, spacing, &Execution::default())
+    }
+
+    #[test]
+    fn samples_lie_on_the_planes_of_their_neighbours() -> Result<()> {
+        let mut rows = raster();
+        rows.iter_mut().enumerate().for_each(|(i, row)| row[2] += if i % 2 == 0 { 0.1 } else { -0.1 });
+        let surface = surface(&rows, 1.0)?;
+        assert_eq!((surface.len(), surface.samples(usize::MAX).len()), (900, 900));
+        for sample in surface.samples(usize::MAX) {
+            assert!(sample.normal.z.abs() > 0.99);
+            assert!(sample.point.z.abs() < 0.08, "{}", sample.point.z);
+            assert!((0.05..0.12).contains(&sample.deviation), "{}", sample.deviation);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn the_nearest_point_is_found_up_to_the_reach() -> Result<()> {
+        let surface = surface(&raster(), 1.0)?;
+        let place = surface.points.get(37) + Vector3::new(0.3, -0.2, REACH - 0.1);
+        let search = surface.search(REACH);
+        let found = place + search.nearest(&place).unwrap_or_default();
+        assert!((found - surface.points.get(37)).amax() < 1e-12);
+        assert_eq!(search.nearest(&(place + Vector3::z() * 0.1)), None);
+        assert_eq!(surface.search(1.5).nearest(&place), None);
+        Ok(())
+    }
+
+    #[test]
+    fn samples_are_no_more_than_needed() -> Result<()> {
+        let rows: Vec<[f64; 3]> =
+            (0..40_000).map(|i| [f64::from(i % 200), f64::from(i / 200), 0.0]).collect();
+        assert_eq!(surface(&rows, 1.0)?.samples(usize::MAX).len(), SAMPLES);
+        Ok(())
+    }
+
+    #[test]
+    fn clouds_without_planes_are_refused() -> Result<()> {
+        let line: Vec<[f64; 3]> = (0..50).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        let far_apart = raster().into_iter().map(|row| row.map(|x| 3.0 * x));
+        let mostly_apart: Vec<[f64; 3]> = far_apart.chain(raster()[..90].to_vec()).collect();
+        for rows in [vec![], vec![[1.0; 3]; 50], line, raster()[..5].to_vec(), mostly_apart] {
+            assert!(surface(&rows, 1.0).is_err());
+        }
+        for spacing in [0.0, -1.0, f64::NAN, 1e-30, 0.1, 100.0] {
+            assert!(surface(&raster(), spacing).is_err());
+        }
+        let interrupted = Execution::default();
+        interrupted.interrupt();
+        let points = Points::from_rows("points", &raster())?;
+        assert!(matches!(FineSurface::new(&points, 1.0, &interrupted), Err(Error::Interrupted)));
+        Ok(())
+    }
 }

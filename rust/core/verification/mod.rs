@@ -13,6 +13,7 @@
 pub mod alignment;
 pub mod fine_surface;
 pub mod overlap;
+pub mod places;
 pub mod schedule;
 pub mod surface;
 
@@ -27,5 +28,6 @@ mod score;
 pub use alignment::{Alignment, align};
 pub use fine_surface::FineSurface;
 pub use overlap::{Overlap, Resistance, overlap};
+pub use places::{Place, places};
 pub use schedule::{Evidence, Verified, margin, score_poses, verify};
 pub use surface::{Side, Surface};

@@ -6,6 +6,7 @@
 //! the box around it, and are filled when they are first looked into.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+#![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
 
 use std::sync::OnceLock;
 
@@ -213,7 +214,8 @@ impl NearestGrid {
                             let dy = (y[lane] - point.y) * (y[lane] - point.y);
                             let square = dz + dy + (x[lane] - point.x) * (x[lane] - point.x);
                             let (least, holder) = (squares[layer][lane], nearest[layer][lane]);
-                            let is_nearer = (square < least) | ((square == least) & (index < holder));
+                            let is_tie = square.to_bits() == least.to_bits();
+                            let is_nearer = (square < least) | (is_tie & (index < holder));
                             squares[layer][lane] = if is_nearer { square } else { least };
                             nearest[layer][lane] = if is_nearer { index } else { holder };
                         }

@@ -55,6 +55,11 @@ impl RangeMap {
         map
     }
 
+    /// The viewpoint.
+    pub fn eye(&self) -> Vector3<f32> {
+        self.eye
+    }
+
     /// Fits the faces around the points' pixels and a margin of one; returns how many pixels that are.
     fn lay_out(&mut self, points: &[Vector3<f32>]) -> i64 {
         let mut boxes = [([i32::MAX; 2], [i32::MIN; 2]); 6];
@@ -166,7 +171,7 @@ mod tests {
         assert!((in_front(-30.0) - 20.0).abs() < 0.5);
         assert!((in_front(-70.0) + 20.0).abs() < 0.5);
         for beside in [Vector3::new(40.0, 0.0, -50.0), Vector3::new(0.0, 0.0, 50.0), Vector3::zeros()] {
-            assert_eq!(look(&map, beside, towards).0, f32::INFINITY, "{beside:?}");
+            assert!(look(&map, beside, towards).0 == f32::INFINITY, "{beside:?}");
         }
     }
 

@@ -176,7 +176,7 @@ fn take(poses: &[Ranked], rows: &[usize]) -> Vec<Pose> {
     rows.iter().map(|&i| poses[i].pose).collect()
 }
 
-fn check_units(source: &Surface, target: &Surface) -> Result<()> {
+pub(super) fn check_units(source: &Surface, target: &Surface) -> Result<()> {
     let (a, b) = (source.unit(), target.unit());
     if (a - b).abs() <= 1e-9 * a.max(b) {
         return Ok(());

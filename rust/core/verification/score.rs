@@ -1,6 +1,7 @@
 //! How well two surfaces agree under a pose.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+#![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
 
 use crate::simd;
 use crate::verification::group::{Group, LANES};
@@ -8,11 +9,11 @@ use crate::verification::pose::Pose;
 use crate::verification::surface::Surface;
 
 /// Weight of the squared distance beside that of the squared distance to the plane.
-const ALONG: f32 = 0.15;
+pub(super) const ALONG: f32 = 0.15;
 /// What a sample before the background of a scan counts against one before its surface.
 const BACKGROUND: f32 = 0.3;
 /// Cosine beyond which a sample faces the viewer, who should have seen it.
-const FACING: f32 = 0.3;
+pub(super) const FACING: f32 = 0.3;
 
 /// What a round of scoring looks at. Lengths are in units.
 #[derive(Debug, Clone, Copy)]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PLANE_RADIUS, LEAST_POINTS, LEAST_WIDTH = 2.4, 6, 0.01
 FIRST_REACH, LAST_REACH, FIRST_STEPS, LAST_STEPS = 3.0, 1.5, 5, 15
 TUKEY, PER_MEDIAN, LEAST_DEVIATION = 4.685, 1.4826, 1e-3
-LEAST_PAIRS, DAMPING, STILL = 20, 1e-6, 1e-3
+LEAST_PAIRS, DAMPING, STILL = 20, 1e-6, 5e-3
 OPEN = 0.01
 
 
@@ -165,7 +165,11 @@ def _alignment(
     pose[:3, :3] = rotation
     pose[:3, 3] = shift * unit + target.center - rotation @ source.center
     samples = len(source.feet) + len(target.feet)
-    paired, residuals, deviations = len(pairs.residuals) / samples, pairs.residuals * unit, pairs.deviations * unit
+    paired, residuals, deviations = (
+        len(pairs.residuals) / samples,
+        pairs.residuals * unit,
+        pairs.deviations * unit,
+    )
     near = pair(source, target, rotation, shift, LAST_REACH)
     if len(near.residuals) == 0:
         return Alignment(pose, residuals, deviations, paired, np.zeros((6, 6)), 0.0, settled)

@@ -108,13 +108,24 @@ def project(points: FloatArray, eye: FloatArray, scale: float) -> tuple[FloatArr
 def sight(to: Surface, places: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Violation of what the scanner saw at each place, and whether that is in doubt."""
     assert to.eye is not None
-    ranges = np.sort(np.linalg.norm(to.points - to.eye, axis=1))
+    in_front, facing, doubt = look(to.points, to.eye, places, normals)
+    is_seen = np.isfinite(in_front)
+    doubt |= np.where(is_seen, np.abs(in_front - IN_FRONT) < DOUBT, np.abs(facing - FACING) < DOUBT)
+    before_surface = np.where(in_front > IN_FRONT, -1.0, 0.0)
+    return np.where(is_seen, before_surface, np.where(facing > FACING, -BACKGROUND, 0.0)), doubt
+
+
+def look(
+    points: FloatArray, eye: FloatArray, places: FloatArray, normals: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """How far places lie in front of points (infinite: before none), how they face the eye, and the doubt."""
+    ranges = np.sort(np.linalg.norm(points - eye, axis=1))
     scale = max(ranges[len(ranges) // 2] / PIXEL, 1.0)
-    faces, pixels, depths = project(to.points, to.eye, scale)
-    at, where, far = project(places, to.eye, scale)
-    facing = (normals * (to.eye - places)).sum(axis=1) / far
-    doubt = (np.abs(where - np.round(where)) < DOUBT).any(axis=1) | _near_an_edge(places - to.eye)
-    doubt |= _near_an_edge(to.points - to.eye).any()
+    faces, pixels, depths = project(points, eye, scale)
+    at, where, far = project(places, eye, scale)
+    facing = (normals * (eye - places)).sum(axis=1) / far
+    doubt = (np.abs(where - np.round(where)) < DOUBT).any(axis=1) | _near_an_edge(places - eye)
+    doubt |= _near_an_edge(points - eye).any()
     # Points at the border of a pixel may be on either side of it.
     seen = [
         np.array(
@@ -126,10 +137,7 @@ def sight(to: Surface, places: FloatArray, normals: FloatArray) -> tuple[FloatAr
         for rows in (np.floor(pixels), np.floor(pixels + DOUBT), np.floor(pixels - DOUBT))
     ]
     doubt |= (seen[0] != seen[1]) | (seen[0] != seen[2])
-    is_seen, in_front = np.isfinite(seen[0]), seen[0] - far
-    doubt |= np.where(is_seen, np.abs(in_front - IN_FRONT) < DOUBT, np.abs(facing - FACING) < DOUBT)
-    before_surface = np.where(in_front > IN_FRONT, -1.0, 0.0)
-    return np.where(is_seen, before_surface, np.where(facing > FACING, -BACKGROUND, 0.0)), doubt
+    return seen[0] - far, facing, doubt
 
 
 def _near_an_edge(d: FloatArray) -> BoolArray:

@@ -1,0 +1,50 @@
+"""Many computations side by side, one thread each."""
+
+from __future__ import annotations
+
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, TypeVar
+
+from cgroup._arguments import as_count
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+
+def count_workers(threads: int | None) -> int:
+    """Return how many computations to run at a time: as many as given, or one per core."""
+    return os.cpu_count() or 1 if threads is None else as_count("threads", threads, 1)
+
+
+def work_side_by_side(
+    items: Iterable[_Item], work: Callable[[_Item, Callable[[], None]], _Result], workers: int
+) -> list[_Result]:
+    """Work on all items, and return the results in their order; the first error ends the others.
+
+    Parameters
+    ----------
+    items : iterable
+        What to work on.
+    work : callable
+        Takes an item, and a function to be called every now and then: it raises `InterruptedError` once
+        another item has failed, or the user has interrupted.
+    workers : int
+        Items worked on at a time.
+    """
+    stopped = threading.Event()
+
+    def stop_with_the_others() -> None:
+        if stopped.is_set():
+            raise InterruptedError
+
+    pool = ThreadPoolExecutor(max_workers=workers)
+    try:
+        return list(pool.map(lambda item: work(item, stop_with_the_others), items))
+    finally:
+        stopped.set()
+        pool.shutdown(cancel_futures=True)

@@ -1,0 +1,191 @@
+"""Models in a scene, one after the other: each takes the part of the scene that it explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup.features import DescribedCloud
+from cgroup.group import group
+from cgroup.registration.checks import LEAST_VOXELS
+from cgroup.registration.matching import match_both_ways, take_matches
+from cgroup.registration.objects import ACCEPTED, Sighting, look_at
+from cgroup.registration.poses import frame_poses, group_poses
+from cgroup.registration.report import registration_of
+from cgroup.registration.search import Found
+from cgroup.verification import Verification, verify
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cgroup._progress import StageClock
+    from cgroup.registration.prepared import PreparedScan
+    from cgroup.registration.result import Registration
+    from cgroup.types import BoolArray, Correspondences, FloatArray
+
+_SAME_PLACE = 0.8  # of what one pose explains that another explains too
+_AS_GOOD = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A model where it may be.
+
+    Attributes
+    ----------
+    name : str
+        Of the model.
+    sighting : Sighting
+        Its pose.
+    others : (k,4,4) array of float64
+        Other poses at the same place that score almost as well.
+    matches : Correspondences
+        Of the search that found it.
+    verification : Verification
+        Of the same search.
+    """
+
+    name: str
+    sighting: Sighting
+    others: FloatArray
+    matches: Correspondences
+    verification: Verification
+
+    def registration(self, probability: float, seconds: dict[str, float]) -> Registration:
+        """Return the result."""
+        sighting = self.sighting
+        found = Found(
+            self.verification,
+            sighting.refined,
+            np.concatenate([sighting.refined.T_target_source[None], self.others]),
+            np.zeros(1 + len(self.others)),
+            probability,
+            sighting.visible,
+            self.matches,
+            sighting.model,
+            sighting.scene,
+        )
+        return replace(registration_of(found, seconds), ok=True)
+
+
+@dataclass(eq=False)
+class InstanceSearch:
+    """Looks for models in a scene until none is found any more.
+
+    Attributes
+    ----------
+    models : mapping of str to PreparedScan
+        By name.
+    scene : PreparedScan
+        With the same voxel, and normals on the same side.
+    most : int or None
+        Instances of a model after which it is not looked for any more.
+    free : (M,) array of bool
+        Voxels of the scene that no model explains yet.
+    """
+
+    models: Mapping[str, PreparedScan]
+    scene: PreparedScan
+    most: int | None
+    threads: int | None
+    clock: StageClock
+    free: BoolArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.free = np.ones(len(self.scene), dtype=bool)
+
+    def run(self) -> list[tuple[Proposal, float]]:
+        """Return the models found with their probabilities, in the order found."""
+        found: list[tuple[Proposal, float]] = []
+        while self._find_more(found, thoroughly=False) or self._find_more(found, thoroughly=True):
+            pass
+        return found
+
+    def _find_more(self, found: list[tuple[Proposal, float]], *, thoroughly: bool) -> bool:
+        """Look in the free part of the scene, with mutual matches; or with all, for models not found yet."""
+        before = len(found)
+        missing = set(self.models) - {one.name for one, _ in found}
+        wanted = missing if thoroughly else self.models
+        proposals = [
+            proposal
+            for name in self.models
+            if name in wanted and not self._is_complete(name, found)
+            for proposal in self._propose(name, thoroughly=thoroughly)
+        ]
+        self._accept(proposals, found)
+        return len(found) > before
+
+    def _is_complete(self, name: str, found: list[tuple[Proposal, float]]) -> bool:
+        return self.most is not None and sum(one.name == name for one, _ in found) >= self.most
+
+    def _accept(self, proposals: list[Proposal], found: list[tuple[Proposal, float]]) -> None:
+        """Take the most probable proposal, and what it explains, as long as one can be trusted."""
+        self.clock.start("refinement")
+        while True:
+            rated = [
+                (proposal.sighting.probability(self.free), proposal)
+                for proposal in proposals
+                if not self._is_complete(proposal.name, found)
+            ]
+            if not rated:
+                return
+            probability, best = max(rated, key=lambda pair: pair[0])
+            if probability < ACCEPTED:
+                return
+            found.append((best, probability))
+            self.free &= ~best.sighting.explained
+
+    def _propose(self, name: str, *, thoroughly: bool) -> list[Proposal]:
+        """Verify the poses that matches of a model with the free part of the scene propose."""
+        model, free = self.models[name], self._free_part()
+        if len(free) < LEAST_VOXELS:
+            return []
+        self.clock.start("matching")
+        matches, is_mutual = match_both_ways(model.described, free, 1, self.threads)
+        mutual = take_matches(matches, is_mutual)
+        self.clock.start("grouping")
+        poses = group_poses(group(matches if thoroughly else mutual, "lc", threads=self.threads))
+        self.clock.start("verification")
+        poses = np.concatenate([poses, frame_poses(mutual)])
+        return self._verify(name, poses, mutual, matches) if len(poses) else []
+
+    def _free_part(self) -> DescribedCloud:
+        whole = self.scene.described
+        free = self.free[whole.indices]
+        return DescribedCloud(
+            whole.indices[free],
+            whole.points[free],
+            whole.lrf[free],
+            whole.descriptors[free],
+            whole.resolution,
+            whole.centroid,
+        )
+
+    def _verify(
+        self, name: str, poses: FloatArray, mutual: Correspondences, matches: Correspondences
+    ) -> list[Proposal]:
+        model, scene = self.models[name], self.scene
+        verified = verify(model.surface, scene.surface, poses, matches=mutual, threads=self.threads)
+        rows = zip(verified.poses, verified.scores.tolist(), verified.evidence.tolist(), strict=True)
+        sightings = [
+            look_at(model, scene, pose, score, evidence, self.threads) for pose, score, evidence in rows
+        ]
+        return [
+            Proposal(name, sighting, _others(sighting, sightings), matches, verified)
+            for sighting in sightings
+        ]
+
+
+def _others(one: Sighting, sightings: list[Sighting]) -> FloatArray:
+    """Return the poses that explain the same voxels almost as well."""
+    explained = int(one.explained.sum())
+    poses: list[Any] = [
+        other.pose
+        for other in sightings
+        if other is not one
+        and other.score >= _AS_GOOD * max(one.score, 0)
+        and int((one.explained & other.explained).sum()) >= _SAME_PLACE * explained
+    ]
+    return np.array(poses).reshape(-1, 4, 4)

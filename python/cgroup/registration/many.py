@@ -1,0 +1,149 @@
+"""Many pairs of scans, each scan made ready once, on all cores."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from cgroup._arguments import as_count
+from cgroup._progress import StageClock, ignore_progress
+from cgroup._workers import count_workers, work_side_by_side
+from cgroup.errors import InputError
+from cgroup.registration.pair import common_voxel
+from cgroup.registration.poses import as_axis
+from cgroup.registration.prepared import PreparedScan, prepare_scan
+from cgroup.registration.report import registration_of
+from cgroup.registration.scan import as_scan, check_choice
+from cgroup.registration.search import EFFORTS, Search
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.features import Cloud, Viewpoint
+    from cgroup.registration.prepared import DenseFront
+    from cgroup.registration.result import Registration
+    from cgroup.registration.search import Effort
+    from cgroup.types import PointCloud
+
+
+def register_many(
+    scans: Sequence[PreparedScan | PointCloud | Cloud | ArrayLike],
+    pairs: Iterable[tuple[int, int]] | None = None,
+    *,
+    voxel: float | None = None,
+    viewpoints: Sequence[Viewpoint | None] | None = None,
+    axis: ArrayLike | None = None,
+    effort: Effort = "normal",
+    front: DenseFront | None = None,
+    method: str = "lc",
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+    **options: Any,  # noqa: ANN401 - those of the method
+) -> list[Registration | None]:
+    """Register many pairs of scans, one thread each, on all cores.
+
+    Every scan is made ready once, however many pairs it is in. All have the same voxel.
+
+    Parameters
+    ----------
+    scans : sequence of PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        Two or more, in the same unit.
+    pairs : iterable of (int, int), optional
+        Rows of `scans`: which is moved, and which it is moved to. By default each of the others is registered
+        to the first.
+    voxel : float, optional
+        As in `register`; by default the one that leaves 5,000 voxels at most, on average of all scans.
+    viewpoints : sequence of (float, float, float) or None, optional
+        Where the scanner stood, one per scan, in its frame; None for a cloud that is not one single scan.
+    axis, effort, method, **options
+        As in `register`, the same for all pairs.
+    front : DenseFront, optional
+        Radii of normals, frames and descriptors, in voxels.
+    threads : int, optional
+        Number of scans, then of pairs worked on at a time; None for one per core.
+    progress : callable, optional
+        Called with ``"scan 3 of 10"`` or ``"pair 5 of 45"`` as each begins, by several threads.
+
+    Returns
+    -------
+    list of Registration or None
+        In the order of the pairs. `Registration.ok` is false where the pose can't be trusted; None where not
+        even a guess was found.
+
+    Raises
+    ------
+    InputError
+        If a scan, a pair or an option can't be worked with; the message names it.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import register_many
+    >>> pair, other = standin_pair(pixels=100), standin_pair(seed=1, pixels=100)
+    >>> found = register_many([pair.target, pair.source, other.source])
+    >>> [done is not None and done.ok for done in found]
+    [True, False]
+    """
+    check_choice("effort", effort, EFFORTS)
+    workers = count_workers(threads)
+    if len(scans) == 0:
+        message = "scans: got none; give two or more"
+        raise InputError(message)
+    wanted = _as_pairs(pairs, len(scans))
+    places = _as_viewpoints(viewpoints, len(scans))
+    direction = None if axis is None else as_axis(axis)
+    begin = progress or ignore_progress
+    clouds = [
+        cloud if isinstance(cloud, PreparedScan) else as_scan(f"scans[{row}]", cloud)
+        for row, cloud in enumerate(scans)
+    ]
+    size, radii = common_voxel(clouds, voxel, front, threads)
+
+    def make_ready(row: int, stop_with_the_others: Callable[[], None]) -> PreparedScan:
+        cloud = clouds[row]
+        if isinstance(cloud, PreparedScan):
+            return cloud
+        begin(f"scan {row + 1} of {len(clouds)}")
+        place = places[row]
+        return prepare_scan(
+            cloud, size, place, radii, 1, lambda _: stop_with_the_others(), by_frames=place is None
+        )
+
+    def register_one(number: int, stop_with_the_others: Callable[[], None]) -> Registration | None:
+        begin(f"pair {number + 1} of {len(wanted)}")
+        source, target = (prepared[row] for row in wanted[number])
+        if source.by_frames or target.by_frames:
+            source, target = source.turned_by_frames, target.turned_by_frames
+        clock = StageClock(lambda _: stop_with_the_others())
+        found = Search(method, options, direction, effort, 1, clock).run(source, target)
+        return None if found is None else registration_of(found, clock.stop())
+
+    prepared = work_side_by_side(range(len(clouds)), make_ready, workers)
+    return work_side_by_side(range(len(wanted)), register_one, workers)
+
+
+def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple[int, int]]:
+    """Check pairs of rows."""
+    if pairs is None:
+        return [(row, 0) for row in range(1, scans)]
+    checked: list[tuple[int, int]] = []
+    for number, pair in enumerate(pairs):
+        if len(pair) != 2:
+            message = f"pairs[{number}]: got {pair!r}; give two rows of scans, source and target"
+            raise InputError(message)
+        source, target = (as_count(f"pairs[{number}]", row, 0) for row in pair)
+        if max(source, target) >= scans:
+            message = f"pairs[{number}]: got {pair!r}, but there are {scans} scans; rows begin with 0"
+            raise InputError(message)
+        checked.append((source, target))
+    return checked
+
+
+def _as_viewpoints(viewpoints: Sequence[Viewpoint | None] | None, scans: int) -> Sequence[Viewpoint | None]:
+    if viewpoints is None:
+        return [None] * scans
+    if len(viewpoints) != scans:
+        message = f"viewpoints: got {len(viewpoints)} for {scans} scans; give one per scan, or None for it"
+        raise InputError(message)
+    return viewpoints

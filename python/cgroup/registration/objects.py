@@ -1,0 +1,117 @@
+"""Is a model really there? What the surfaces say of its pose in a scene, and a rule for objects.
+
+A model that is right lies on the scene wherever the scanner should have seen it, as closely as noise and
+curvature allow, however little of the scene that is. A wrong one may cover as much of the scene, but stands
+off it elsewhere, or in front of what was seen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.registration.prepared import fine_surfaces
+from cgroup.rigid import invert
+from cgroup.verification import Place, align, places
+
+if TYPE_CHECKING:
+    from cgroup.registration.prepared import PreparedScan
+    from cgroup.types import BoolArray, FloatArray, IndexArray
+    from cgroup.verification import Alignment
+
+ACCEPTED = 0.5
+"""Probability from which a model is held to be there."""
+
+_SPACINGS = (1 / 2, 1.0)
+_BACKGROUND = 0.3  # of a point that should have been seen: scans have holes
+_CHANCE = 10.0  # points that agree by chance
+_EVIDENCE = 0.01
+_RESIDUAL = 0.08
+_MIDDLE, _STEEPNESS = 0.815, 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """A model at a pose in a scene.
+
+    Attributes
+    ----------
+    model, scene : PreparedScan
+        With the same voxel.
+    pose : (4,4) array of float64
+        Maps the model into the scene.
+    score : float
+        Of the pose, by `cgroup.verification.verify`.
+    evidence : int
+        Matches that it lays together.
+    seen : (5,) array of int64
+        How many of the model's voxels lie at each `Place`.
+    explained : (M,) array of bool
+        Which voxels of the scene lie on the model.
+    """
+
+    model: PreparedScan
+    scene: PreparedScan
+    pose: FloatArray
+    score: float
+    evidence: int
+    seen: IndexArray
+    explained: BoolArray
+    threads: int | None
+
+    @cached_property
+    def refined(self) -> Alignment:
+        """The pose refined at half the voxel."""
+        surfaces = fine_surfaces(self.model, self.scene, _SPACINGS)
+        return align(*surfaces, self.pose, threads=self.threads)
+
+    @property
+    def visible(self) -> float:
+        """Share of the model's surface that is seen in the scene."""
+        return float(self.seen[Place.ON] / self.seen.sum())
+
+    def probability(self, free: BoolArray) -> float:
+        """Probability that the model is there, if only these voxels of the scene can be parts of it."""
+        value = self._value(free)
+        if value > _MIDDLE:
+            value -= _RESIDUAL * max(_misfit(self.refined) - 1, 0)
+        return 1 / (1 + math.exp(min(-_STEEPNESS * (value - _MIDDLE), 700)))
+
+    def _value(self, free: BoolArray) -> float:
+        """Share of what should be seen that is there and free, less what chance may give."""
+        all_explained = int(self.explained.sum())
+        if all_explained == 0:
+            return -math.inf
+        share = int((self.explained & free).sum()) / all_explained
+        on = float(self.seen[Place.ON]) * share
+        should_be_seen = float(self.seen[Place.ON : Place.BACKGROUND].sum())
+        should_be_seen += _BACKGROUND * float(self.seen[Place.BACKGROUND])
+        if on == 0:
+            return -math.inf
+        return on / should_be_seen - _CHANCE / on + _EVIDENCE * math.log1p(self.evidence)
+
+
+def look_at(
+    model: PreparedScan,
+    scene: PreparedScan,
+    pose: FloatArray,
+    score: float,
+    evidence: int,
+    threads: int | None,
+) -> Sighting:
+    """Compare both surfaces under a pose."""
+    seen = np.bincount(places(model.surface, scene.surface, pose, threads=threads), minlength=len(Place))
+    explained = places(scene.surface, model.surface, invert(pose), threads=threads) == Place.ON
+    return Sighting(model, scene, pose, score, evidence, seen, explained, threads)
+
+
+def _misfit(aligned: Alignment) -> float:
+    """Residuals in units of what noise and curvature explain; infinite where nothing is paired."""
+    if len(aligned.residuals) == 0:
+        return math.inf
+    expected = float(np.sqrt(np.mean(aligned.deviations**2)))
+    return aligned.rmse / expected if expected > 0 else math.inf

@@ -1,0 +1,233 @@
+"""Which models are in a scene, and where."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from cgroup import features
+from cgroup._arguments import as_count
+from cgroup._progress import StageClock, ignore_progress
+from cgroup.errors import InputError
+from cgroup.registration.instances import InstanceSearch
+from cgroup.registration.mesh import as_model
+from cgroup.registration.pair import common_voxel
+from cgroup.registration.prepared import PreparedScan, prepare_scan
+from cgroup.registration.scan import Scan, as_scan
+from cgroup.types import PointCloud
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.features import Cloud, Viewpoint
+    from cgroup.registration.result import Registration
+
+_MODEL_VOXELS = 5_000
+_SCENE_VOXELS = 10_000
+_MOST_SCENE_VOXELS = 40_000
+
+
+class Recognized(NamedTuple):
+    """A model that was found in a scene."""
+
+    name: str
+    registration: Registration
+
+
+def recognize(
+    models: Mapping[str, PreparedScan | PointCloud | Cloud | ArrayLike],
+    scene: PreparedScan | PointCloud | Cloud | ArrayLike,
+    *,
+    voxel: float | None = None,
+    viewpoint: Viewpoint | None = None,
+    most: int | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> list[Recognized]:
+    """Say which models are in a scene, and where.
+
+    The most probable model is taken first, with all of the scene that it explains; the search goes on in what
+    is left, until no model is found any more. So no two models share a surface, and several copies of a model
+    are found one after the other.
+
+    Parameters
+    ----------
+    models : mapping of str to PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        Whole models by name, in the scene's unit. With a viewpoint each needs faces or normals that tell its
+        outside.
+    scene : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        What they are looked for in.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points. By default one that leaves the scene some 10,000
+        voxels, or more where the smallest model would have less than 5,000.
+    viewpoint : (float, float, float), optional
+        Where the scanner stood, in the scene's frame, if the scene is one single scan. What a model would
+        hide of it then speaks against the model: without it far less can be said.
+    most : int, optional
+        How many copies of a model to look for; any number by default.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    list of Recognized
+        ``(name, registration)`` of each model found, surest first within each round; empty if none is there.
+        `Registration.fitness` is the share of the model's surface that the scene shows.
+
+    Raises
+    ------
+    InputError
+        If a cloud or an option can't be worked with; the message names it.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import open_dataset
+    >>> from cgroup.registration import recognize
+    >>> heap = open_dataset("standin-clutter")
+    >>> pairs = {name: heap.load(f"scene0-{name}") for name in ("stone0", "stone1")}
+    >>> models = {name: pair.source for name, pair in pairs.items()}
+    >>> found = recognize(models, pairs["stone0"].target, viewpoint=(0, 0, 0))
+    >>> sorted(name for name, _ in found)
+    ['stone0', 'stone1']
+    """
+    limit = None if most is None else as_count("most", most, 1)
+    clock = StageClock(progress or ignore_progress)
+    library, prepared_scene = _prepare_all(models, scene, voxel, viewpoint, threads, clock)
+    found = InstanceSearch(library, prepared_scene, limit, threads, clock).run()
+    seconds = clock.stop()
+    return [Recognized(one.name, one.registration(probability, seconds)) for one, probability in found]
+
+
+def find_instances(
+    model: PreparedScan | PointCloud | Cloud | ArrayLike,
+    scene: PreparedScan | PointCloud | Cloud | ArrayLike,
+    *,
+    voxel: float | None = None,
+    viewpoint: Viewpoint | None = None,
+    most: int | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> list[Registration]:
+    """Find all copies of a model in a scene.
+
+    Parameters
+    ----------
+    model : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        Whole model, in the scene's unit.
+    scene, voxel, viewpoint, most, threads, progress
+        As in `recognize`.
+
+    Returns
+    -------
+    list of Registration
+        One per copy, in the order found; empty if there is none.
+
+    Raises
+    ------
+    InputError
+        If a cloud or an option can't be worked with; the message names it.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import open_dataset
+    >>> from cgroup.registration import find_instances
+    >>> pair = open_dataset("standin-clutter").load("scene0-stone2")
+    >>> len(find_instances(pair.source, pair.target, viewpoint=(0, 0, 0)))
+    1
+    """
+    found = recognize(
+        {"model": model},
+        scene,
+        voxel=voxel,
+        viewpoint=viewpoint,
+        most=most,
+        threads=threads,
+        progress=progress,
+    )
+    return [registration for _, registration in found]
+
+
+def _prepare_all(
+    models: Mapping[str, PreparedScan | PointCloud | Cloud | ArrayLike],
+    scene: PreparedScan | PointCloud | Cloud | ArrayLike,
+    voxel: float | None,
+    viewpoint: Viewpoint | None,
+    threads: int | None,
+    clock: StageClock,
+) -> tuple[dict[str, PreparedScan], PreparedScan]:
+    """Make models and scene ready with one voxel, and normals on the same side."""
+    clock.start("voxel size")
+    if not models:
+        message = "models: got none; give one or more, by name"
+        raise InputError(message)
+    target = scene if isinstance(scene, PreparedScan) else as_scan("scene", scene)
+    by_frames = target.by_frames if isinstance(target, PreparedScan) else viewpoint is None
+    sources = {
+        name: _as_ready_or_scan(name, model, None, by_frames=by_frames) for name, model in models.items()
+    }
+    if voxel is None and not any(isinstance(half, PreparedScan) for half in (target, *sources.values())):
+        voxel = _choose_voxel(target, list(sources.values()), threads)
+    size, front = common_voxel([target, *sources.values()], voxel, None, threads)
+
+    def finish(half: PreparedScan | Scan, place: Viewpoint | None) -> PreparedScan:
+        if isinstance(half, PreparedScan):
+            return half.turned_by_frames if by_frames else half
+        begin = clock.start
+        return prepare_scan(
+            half,
+            size,
+            place,
+            front,
+            threads,
+            lambda stage: begin(f"{half.name} {stage}"),
+            by_frames=by_frames,
+        )
+
+    library = {
+        name: finish(_as_ready_or_scan(name, model, size, by_frames=by_frames), None)
+        for name, model in models.items()
+    }
+    return library, finish(target, viewpoint)
+
+
+def _as_ready_or_scan(
+    name: str,
+    model: PreparedScan | PointCloud | Cloud | ArrayLike,
+    voxel: float | None,
+    *,
+    by_frames: bool,
+) -> PreparedScan | Scan:
+    """Check a model; one that isn't ready gets normals outwards from its faces, or else those it has."""
+    label = f"model {name!r}"
+    if isinstance(model, PreparedScan):
+        if model.by_frames and not by_frames:
+            message = f"{label}: prepared without its outside; prepare it with normals='mesh' or 'given'"
+            raise InputError(message)
+        return model
+    has_faces = isinstance(model, PointCloud) and model.faces is not None
+    has_normals = isinstance(model, PointCloud) and model.normals is not None
+    if by_frames and not has_faces:
+        return as_scan(label, model)
+    if not has_faces and not has_normals:
+        message = (
+            f"{label}: got neither faces nor normals, which tell its outside; give a PointCloud with them, "
+            "or leave out the viewpoint"
+        )
+        raise InputError(message)
+    return as_model(label, model, "mesh" if has_faces else "given", voxel)
+
+
+def _choose_voxel(
+    scene: PreparedScan | Scan, models: Sequence[PreparedScan | Scan], threads: int | None
+) -> float:
+    """Choose the usual voxel of a scene, or a smaller one that its smallest model needs."""
+
+    def voxel(cloud: PreparedScan | Scan, voxels: int) -> float:
+        whole = cloud.scan if isinstance(cloud, PreparedScan) else cloud
+        return features.choose_voxel(whole.cloud, voxels=voxels, threads=threads)
+
+    needed = min(voxel(model, _MODEL_VOXELS) for model in models)
+    return max(min(needed, voxel(scene, _SCENE_VOXELS)), voxel(scene, _MOST_SCENE_VOXELS))

@@ -1,0 +1,152 @@
+//! Where the points of one surface come to lie under a pose, as far as the other surface tells.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::rigid::Rigid;
+use crate::simd;
+use crate::verification::group::{Group, LANES};
+use crate::verification::pose::Pose;
+use crate::verification::range_map::{RangeMap, Sights};
+use crate::verification::schedule::{LAST, check_units};
+use crate::verification::score::{ALONG, FACING};
+use crate::verification::surface::{Element, Surface};
+
+/// Points per task.
+const CHUNK: usize = 64 * LANES;
+
+/// Where a moved point lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Place {
+    /// Hidden from the other's scanner, by the other surface or its own; or without a normal; or away from a surface whose
+    /// scanner is not known.
+    Unknown = 0,
+    /// On the other surface, which faces the same way.
+    On = 1,
+    /// Near the other surface, but not on it, or facing another way.
+    Off = 2,
+    /// In front of what the other's scanner saw.
+    InFront = 3,
+    /// Where the other's scanner saw nothing, and should have seen the point.
+    Background = 4,
+}
+
+/// Places of all points of the source, by the tolerances of the last round of scoring.
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`] unless both surfaces have one unit, [`crate::Error::Interrupted`].
+pub fn places(source: &Surface, target: &Surface, pose: &Rigid, execution: &Execution) -> Result<Vec<Place>> {
+    check_units(source, target)?;
+    execution.check()?;
+    let pose = Pose::between(source, target, pose);
+    let own = target.ranges().map(|ranges| {
+        let moved = |element: &Element| pose.rotation * element.point + pose.translation;
+        RangeMap::new(&source.elements().iter().map(moved).collect::<Vec<_>>(), ranges.eye())
+    });
+    let oriented = source.is_oriented() && target.is_oriented();
+    let of_chunk = |elements: &[Element]| {
+        let mut found = Vec::with_capacity(elements.len());
+        simd::run(
+            #[inline(always)]
+            || {
+                for elements in elements.chunks(LANES) {
+                    let moved = Group::of(elements).moved(&pose);
+                    found.extend_from_slice(
+                        &of_group(&moved, target, own.as_ref(), oriented)[..elements.len()],
+                    );
+                }
+            },
+        );
+        found
+    };
+    Ok(source.elements().par_chunks(CHUNK).flat_map_iter(of_chunk).collect())
+}
+
+#[inline(always)]
+fn of_group(moved: &Group, target: &Surface, own: Option<&RangeMap>, oriented: bool) -> [Place; LANES] {
+    let (is_near, near) = target.nearest(&moved.point, false);
+    let seen = target.ranges().map(|ranges| ranges.look(moved));
+    let own = own.map(|own| own.look(moved));
+    let mut places = [Place::Unknown; LANES];
+    for lane in 0..LANES {
+        let normal = Vector3::from(moved.normal.map(|values| values[lane]));
+        let is_visible = own.as_ref().is_none_or(|own| is_visible(own, lane));
+        if normal == Vector3::zeros() || !is_visible {
+            continue;
+        }
+        places[lane] = if is_near[lane] {
+            near_place(moved, &near, oriented, lane)
+        } else {
+            seen.as_ref().map_or(Place::Unknown, |seen| far_place(seen, lane))
+        };
+    }
+    places
+}
+
+/// Whether a point faces the scanner, and is not hidden by its own surface.
+#[inline(always)]
+fn is_visible(own: &Sights, lane: usize) -> bool {
+    own.facing[lane] > FACING && own.in_front[lane] >= -LAST.in_front
+}
+
+/// The place of a point that has another one near by.
+#[inline(always)]
+fn near_place(moved: &Group, near: &Group, oriented: bool, lane: usize) -> Place {
+    let d = moved.offset(near, lane);
+    let plane: f32 = (0..3).map(|k| d[k] * near.normal[k][lane]).sum();
+    let squared = plane * plane + ALONG * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    let is_on = squared < LAST.tolerance * LAST.tolerance && moved.cosine(near, oriented, lane) > LAST.cosine;
+    if is_on { Place::On } else { Place::Off }
+}
+
+/// The place of a visible point that has no other near by.
+#[inline(always)]
+fn far_place(seen: &Sights, lane: usize) -> Place {
+    if seen.in_front[lane] == f32::INFINITY {
+        Place::Background
+    } else if seen.in_front[lane] > LAST.in_front {
+        Place::InFront
+    } else {
+        Place::Unknown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::points::Points;
+    use crate::verification::surface::Side;
+    use nalgebra::Matrix3;
+
+    /// A square of points one unit apart, facing up.
+    fn sheet(side: Side) -> Result<Surface> {
+        let rows: Vec<[f64; 3]> = (0..441).map(|i| [f64::from(i % 21), f64::from(i / 21), 0.0]).collect();
+        let points = Points::from_rows("points", &rows)?;
+        Surface::new(&points, &vec![Vector3::z(); rows.len()], 1.0, side, &Execution::default())
+    }
+
+    /// Where the middle of a sheet lies once it is shifted.
+    fn place(target: Side, shift: [f64; 3]) -> Result<Place> {
+        let pose = Rigid { rotation: Matrix3::identity(), translation: shift.into() };
+        let found = places(&sheet(Side::Known)?, &sheet(target)?, &pose, &Execution::default())?;
+        assert_eq!(found.len(), 441);
+        Ok(found[220])
+    }
+
+    #[test]
+    fn places_depend_on_what_was_seen() -> Result<()> {
+        let scanned = Side::Viewpoint([10.0, 10.0, 100.0]);
+        assert_eq!(place(scanned, [0.0, 0.0, 0.1])?, Place::On);
+        assert_eq!(place(scanned, [0.0, 0.0, 2.5])?, Place::Off);
+        assert_eq!(place(scanned, [0.0, 0.0, 20.0])?, Place::InFront);
+        assert_eq!(place(scanned, [0.0, 0.0, -20.0])?, Place::Unknown);
+        assert_eq!(place(scanned, [90.0, 0.0, 0.0])?, Place::Background);
+        assert_eq!(place(Side::Known, [0.0, 0.0, 20.0])?, Place::Unknown);
+        Ok(())
+    }
+}

@@ -1,0 +1,96 @@
+"""``cgroup recognize``: what it prints, what it writes, and how it ends."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import trimesh
+from scenes import stone_model, stone_scene
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+from cgroup.cli import main
+from cgroup.io import read_cloud, read_transform, write_cloud
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("models")
+    for seed in (1, 2, 3):
+        model = stone_model(seed)
+        trimesh.Trimesh(model.points, model.faces, process=False).export(path / f"stone{seed}.ply")
+    write_cloud(path / "scene.ply", stone_scene([1, 2, 1])[0])
+    write_cloud(path / "bare.ply", stone_scene([3])[0])
+    (path / "again").mkdir()
+    (path / "again" / "stone1.ply").write_bytes((path / "stone1.ply").read_bytes())
+    return path
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main(["recognize", *(str(argument) for argument in arguments)])
+    out, err = capsys.readouterr()
+    assert isinstance(ended.value.code, int)
+    return ended.value.code, out, err
+
+
+def test_prints_and_writes_what_is_there(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    models = [folder / f"stone{seed}.ply" for seed in (1, 2, 3)]
+    status, out, err = run(
+        capsys, *models, "--scene", folder / "scene.ply", "--viewpoint", 0, 0, 0, "--out", tmp_path / "found"
+    )
+    assert (status, err) == (0, "")
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in out.splitlines() if "│" in line]
+    assert [row[:2] for row in rows] == [
+        ["stone1", "1 of 2"],
+        ["stone1", "2 of 2"],
+        ["stone2", "yes"],
+        ["stone3", "no"],
+    ]
+    assert all(float(row[2]) > 0.9 and row[3].endswith(" %") for row in rows[:3])
+    names = sorted(file.name for file in (tmp_path / "found").iterdir())
+    assert names == ["stone1-2.ply", "stone1-2.txt", "stone1.ply", "stone1.txt", "stone2.ply", "stone2.txt"]
+    assert all(name in out for name in names)
+    pose = read_transform(tmp_path / "found" / "stone2.txt")
+    posed = read_cloud(tmp_path / "found" / "stone2.ply")
+    np.testing.assert_allclose(posed.points, stone_model(2).transformed(pose).points, rtol=1e-4, atol=1e-2)
+
+
+def test_nothing_found_is_status_3(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = (folder / "stone3.ply", "--scene", folder / "scene.ply", "--out", tmp_path / "found")
+    status, out, err = run(capsys, *arguments)
+    assert status == 3
+    assert "no" in out
+    assert err.startswith(
+        "cgroup: none of the models was found in scene.ply; if the scene is one single scan"
+    )
+    assert len(err.splitlines()) == 1
+    assert not (tmp_path / "found").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            "{folder}/stone1.ply {folder}/again/stone1.ply --scene {folder}/scene.ply",
+            "two files named 'stone1'",
+        ),
+        ("{folder}/bare.ply --scene {folder}/scene.ply --viewpoint 0 0 0", "neither faces nor normals"),
+        ("{folder}/stone1.ply", "--scene"),
+        ("--scene {folder}/scene.ply", "Missing argument"),
+        ("{folder}/stone1.ply --scene {folder}/scene.ply --most 0", "most"),
+        ("{folder}/stone1.ply --scene {folder}/scene.ply --voxel 1e9", "voxel"),
+    ],
+)
+def test_bad_input_is_status_2_and_one_line(
+    arguments: str, words: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, _, err = run(capsys, *arguments.format(folder=folder).split())
+    assert status == 2
+    assert words in err
+    assert len(err.splitlines()) == 1
