@@ -32,6 +32,7 @@ _CHANCE = 10.0  # points that agree by chance
 _EVIDENCE = 0.01
 _RESIDUAL = 0.08
 _MIDDLE, _STEEPNESS = 0.815, 60.0
+_MIDDLE_UNSEEN = 0.72  # without a viewpoint, hidden points near the scene count as off it
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +78,10 @@ class Sighting:
     def probability(self, free: BoolArray) -> float:
         """Probability that the model is there, if only these voxels of the scene can be parts of it."""
         value = self._value(free)
-        if value > _MIDDLE:
+        middle = _MIDDLE_UNSEEN if self.scene.viewpoint is None else _MIDDLE
+        if value > middle:
             value -= _RESIDUAL * max(_misfit(self.refined) - 1, 0)
-        return 1 / (1 + math.exp(min(-_STEEPNESS * (value - _MIDDLE), 700)))
+        return 1 / (1 + math.exp(min(-_STEEPNESS * (value - middle), 700)))
 
     def _value(self, free: BoolArray) -> float:
         """Share of what should be seen that is there and free, less what chance may give."""
