@@ -85,8 +85,8 @@ class Alignment:
         Distance, with its sign, of each paired sample's plane from the nearest point of the other
         surface, in the unit of the points. A sample is paired if that point is within 3 spacings.
     deviations : (m,) array of float64
-        Root mean square distance of the points around each of these samples from its own plane: noise and
-        curvature.
+        Standard deviation of the points around each of these samples from its own plane (three degrees of
+        freedom are the plane's): noise and curvature.
     paired : float
         Share of the samples of both surfaces that are paired.
     information : (6,6) array of float64

@@ -36,7 +36,7 @@ pub struct Alignment {
     pub pose: Rigid,
     /// Distance of each paired sample from the plane that it is laid on.
     pub residuals: Vec<f64>,
-    /// How far the points around each paired sample are from its own plane.
+    /// Standard deviation of the points around each paired sample from its own plane.
     pub deviations: Vec<f64>,
     /// Number of samples of both surfaces, paired or not.
     pub samples: usize,

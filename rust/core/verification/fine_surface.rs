@@ -31,7 +31,7 @@ const SAMPLES: usize = 3_000;
 pub(super) struct Sample {
     pub point: Point3<f64>,
     pub normal: Vector3<f64>,
-    /// Root mean square distance of the points around from the plane: noise and curvature.
+    /// Standard deviation of the points around from the plane, which took three degrees of freedom: noise and curvature.
     pub deviation: f64,
 }
 
@@ -142,7 +142,8 @@ fn plane(point: Point3<f64>, ball: &Ball) -> Option<Sample> {
     let normal = axes.vectors[0];
     // The plane's own foot below the point: samples lie on the surface, not on its noise.
     let foot = point + normal * mean.dot(&normal);
-    Some(Sample { point: foot, normal, deviation: low.max(0.0).sqrt() })
+    let count = ball.len() as f64;
+    Some(Sample { point: foot, normal, deviation: (low.max(0.0) * count / (count - 3.0)).sqrt() })
 }
 
 #[cfg(test)]

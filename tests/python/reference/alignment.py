@@ -79,7 +79,7 @@ def _plane(point: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArra
     if values[1] < LEAST_WIDTH * values[2]:
         return None
     normal = vectors[:, 0]
-    deviation = np.sqrt(np.mean(((around - mean) @ normal) ** 2))
+    deviation = np.sqrt((((around - mean) @ normal) ** 2).sum() / (len(around) - 3))
     return point + normal * ((mean - point) @ normal), normal, float(deviation)
 
 
