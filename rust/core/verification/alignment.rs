@@ -15,7 +15,7 @@ const FIRST_STEPS: usize = 5;
 const FIRST_SAMPLES: usize = 1_000;
 const LAST_REACH: f64 = 1.5;
 /// Most steps that follow, with all samples.
-const LAST_STEPS: usize = 15;
+const LAST_STEPS: usize = 7;
 /// Pairs below which a pose stays as it is.
 const LEAST_PAIRS: usize = 20;
 /// Tukey's constant: residuals beyond so many standard deviations don't count.
@@ -76,7 +76,7 @@ pub fn align(
         let reach = REACH + (LAST_REACH - REACH) * share;
         let most = if step < FIRST_STEPS { samples.min(FIRST_SAMPLES) } else { samples };
         let pairs = pair(source, target, &pose, reach, most, execution)?;
-        let Some(motion) = solve(&equations(&pairs)) else { break };
+        let Some(motion) = solve(&equations(&pairs, reach)) else { break };
         let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
         pose = followed_by(&pose, turn, shift * a);
         if share >= 1.0 && turn.norm() * radius + shift.norm() < STILL {
@@ -84,8 +84,8 @@ pub fn align(
         }
     }
     pose.rotation = nearest_rotation(&pose);
-    let sums = equations(&pair(source, target, &pose, LAST_REACH, samples, execution)?);
     let pairs = pair(source, target, &pose, REACH, samples, execution)?;
+    let sums = equations(&pairs, LAST_REACH);
     Ok(Alignment {
         pose: in_data(source, target, &pose),
         residuals: pairs.iter().map(|pair| pair.residual * a).collect(),
@@ -151,7 +151,7 @@ fn pair(
             place,
             normal,
             residual,
-            squared_distance: squared_distance / (reach * reach),
+            squared_distance,
             deviation: sample.deviation,
         })
     };
@@ -175,15 +175,17 @@ struct Equations {
     pairs: usize,
 }
 
-/// Pairs weighted by their distance, and by Tukey's function of their residual.
-fn equations(pairs: &[Pair]) -> Equations {
-    let cut = CUT * standard_deviation(pairs);
+/// Pairs within reach, weighted by their distance, and by Tukey's function of their residual.
+fn equations(pairs: &[Pair], reach: f64) -> Equations {
+    let square = reach * reach;
+    let near = || pairs.iter().filter(|pair| pair.squared_distance < square);
+    let cut = CUT * standard_deviation(near());
     let mut sums =
-        Equations { matrix: Matrix6::zeros(), right: Vector6::zeros(), weight: 0.0, pairs: pairs.len() };
-    for pair in pairs {
+        Equations { matrix: Matrix6::zeros(), right: Vector6::zeros(), weight: 0.0, pairs: near().count() };
+    for pair in near() {
         let share = pair.residual / cut;
         if share.abs() < 1.0 {
-            let weight = (1.0 - pair.squared_distance) * (1.0 - share * share).powi(2);
+            let weight = (1.0 - pair.squared_distance / square) * (1.0 - share * share).powi(2);
             let turn = pair.place.cross(&pair.normal);
             let row = Vector6::new(turn.x, turn.y, turn.z, pair.normal.x, pair.normal.y, pair.normal.z);
             sums.matrix.ger(weight, &row, &row, 1.0);
@@ -195,8 +197,8 @@ fn equations(pairs: &[Pair]) -> Equations {
 }
 
 /// Of the residuals, from their median.
-fn standard_deviation(pairs: &[Pair]) -> f64 {
-    let mut sizes: Vec<f64> = pairs.iter().map(|pair| pair.residual.abs()).collect();
+fn standard_deviation<'a>(pairs: impl Iterator<Item = &'a Pair>) -> f64 {
+    let mut sizes: Vec<f64> = pairs.map(|pair| pair.residual.abs()).collect();
     let middle = sizes.len() / 2;
     if sizes.is_empty() {
         return LEAST_DEVIATION;
@@ -287,13 +289,13 @@ mod tests {
         };
         // The median is 0.1, the bound 4.685 * 1.4826 * 0.1 = 0.695.
         let pairs = [0.1, -0.1, 0.1, 0.5, 0.7].map(pair);
-        assert!((standard_deviation(&pairs) - 0.14826).abs() < 1e-12);
+        assert!((standard_deviation(pairs.iter()) - 0.14826).abs() < 1e-12);
         let tukey = |residual: f64| (1.0 - (residual / (CUT * 0.14826)).powi(2)).powi(2);
-        let sums = equations(&pairs);
+        let sums = equations(&pairs, 1.0);
         assert!((sums.weight - 0.81 * (3.0 * tukey(0.1) + tukey(0.5))).abs() < 1e-12);
         assert!((sums.right[5] + 0.81 * (0.1 * tukey(0.1) + 0.5 * tukey(0.5))).abs() < 1e-12);
         assert!((sums.matrix[(1, 1)] - sums.weight).abs() < 1e-12);
-        assert!((standard_deviation(&[]) - LEAST_DEVIATION).abs() < f64::EPSILON);
+        assert!((standard_deviation([].iter()) - LEAST_DEVIATION).abs() < f64::EPSILON);
     }
 
     #[test]

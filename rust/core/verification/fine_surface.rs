@@ -23,7 +23,7 @@ const LEAST_WIDTH: f64 = 0.01;
 /// Share of the places that have a plane, below which the few may all lie in one corner.
 const LEAST_SHARE: f64 = 0.1;
 /// Places that planes are fitted at, and those of them that are kept.
-const PLANES: usize = 8_000;
+const PLANES: usize = 5_000;
 const SAMPLES: usize = 3_000;
 
 /// A place on a surface with the plane of the points around it.
