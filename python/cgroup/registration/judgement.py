@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 ACCEPTED = 0.5
 """Probability from which a pose is held to be right."""
 
-SURE = 0.8
+SURE = 0.9
 """Probability from which no better pose is sought."""
 
 MOST_MATCHES = 20
