@@ -174,6 +174,7 @@ def verify(
     run_options: RunOptions,
 ) -> _Verified: ...
 
+@final
 class FineSurface:
     def __new__(cls, cloud: Cloud, run_options: RunOptions, spacing: float) -> FineSurface: ...  # noqa: PYI034
     def __len__(self) -> int: ...
