@@ -176,7 +176,7 @@ def verify(
 
 @final
 class FineSurface:
-    def __new__(cls, cloud: Cloud, run_options: RunOptions, spacing: float) -> FineSurface: ...  # noqa: PYI034
+    def __new__(cls, cloud: Cloud, run_options: RunOptions, spacing: float) -> FineSurface: ...
     def __len__(self) -> int: ...
 
 def align(
