@@ -198,6 +198,12 @@ def test_clouds_far_apart_stay_where_they_are() -> None:
 GRID = np.stack(np.meshgrid(*[np.arange(20.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
 
 
+def test_one_pose_at_a_time() -> None:
+    surface = FineSurface(GRID, 1.0)
+    with pytest.raises(InputError, match="pose: got 2 poses"):
+        align(surface, surface, [np.eye(4), np.eye(4)])
+
+
 @pytest.mark.parametrize(
     ("points", "spacing", "words"),
     [

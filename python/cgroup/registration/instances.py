@@ -10,12 +10,13 @@ import numpy as np
 from cgroup.features import DescribedCloud
 from cgroup.group import group
 from cgroup.registration.checks import LEAST_VOXELS
+from cgroup.registration.judgement import ACCEPTED
 from cgroup.registration.matching import match_both_ways, take_matches
-from cgroup.registration.objects import ACCEPTED, Sighting, look_at
+from cgroup.registration.objects import Sighting, look_at
 from cgroup.registration.poses import frame_poses, group_poses
 from cgroup.registration.report import registration_of
 from cgroup.registration.search import Found
-from cgroup.verification import Verification, verify
+from cgroup.verification import verify
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,30 +44,27 @@ class Proposal:
         Other poses at the same place that score almost as well.
     matches : Correspondences
         Of the search that found it.
-    verification : Verification
-        Of the same search.
     """
 
     name: str
     sighting: Sighting
     others: FloatArray
     matches: Correspondences
-    verification: Verification
 
     def registration(self, probability: float, seconds: dict[str, float]) -> Registration:
         """Return the result."""
         sighting = self.sighting
         found = Found(
-            self.verification,
             sighting.refined,
             np.concatenate([sighting.refined.T_target_source[None], self.others]),
             np.zeros(1 + len(self.others)),
             probability,
+            sighting.visible,
             self.matches,
             sighting.model,
             sighting.scene,
         )
-        return replace(registration_of(found, seconds), ok=True, fitness=sighting.visible)
+        return replace(registration_of(found, seconds), ok=True)
 
 
 @dataclass(eq=False)
@@ -171,10 +169,7 @@ class InstanceSearch:
         sightings = [
             look_at(model, scene, pose, score, evidence, self.threads) for pose, score, evidence in rows
         ]
-        return [
-            Proposal(name, sighting, _others(sighting, sightings), matches, verified)
-            for sighting in sightings
-        ]
+        return [Proposal(name, sighting, _others(sighting, sightings), matches) for sighting in sightings]
 
 
 def _others(one: Sighting, sightings: list[Sighting]) -> FloatArray:

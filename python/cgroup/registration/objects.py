@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from cgroup.types import BoolArray, FloatArray, IndexArray
     from cgroup.verification import Alignment
 
-ACCEPTED = 0.5
-"""Probability from which a model is held to be there."""
-
 _SPACINGS = (1 / 2, 1.0)
 _BACKGROUND = 0.3  # of a point that should have been seen: scans have holes
 _CHANCE = 10.0  # points that agree by chance

@@ -11,7 +11,6 @@ from cgroup.registration.judgement import ACCEPTED
 from cgroup.registration.result import Registration
 from cgroup.rigid import apply
 from cgroup.types import Grouping
-from cgroup.verification import verify
 
 if TYPE_CHECKING:
     from cgroup.registration.prepared import PreparedScan
@@ -34,7 +33,7 @@ def registration_of(found: Found, seconds: dict[str, float]) -> Registration:
         T_target_source=pose,
         ok=found.probability >= ACCEPTED and motions <= MOST_OPEN_MOTIONS,
         probability=found.probability,
-        fitness=verify(found.source.surface, found.target.surface, pose).fitness,
+        fitness=found.fitness,
         inlier_rmse=refined.rmse,
         information=refined.information,
         open_motion=refined.open_motion,

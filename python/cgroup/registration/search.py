@@ -12,7 +12,7 @@ from cgroup.registration.judgement import ACCEPTED, SURE, probability, rank
 from cgroup.registration.matching import match_both_ways, take_matches
 from cgroup.registration.poses import frame_poses, group_poses, is_upright, keep_upright
 from cgroup.registration.prepared import fine_surfaces
-from cgroup.verification import Alignment, Verification, align, verify
+from cgroup.verification import align, verify
 from cgroup.verification.alignment import align_each
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from cgroup._progress import StageClock
     from cgroup.registration.prepared import PreparedScan
     from cgroup.types import Correspondences, FloatArray
+    from cgroup.verification import Alignment, Verification
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
 EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
@@ -41,8 +42,6 @@ class Found:
 
     Attributes
     ----------
-    verification : Verification
-        Of all poses proposed, on the voxels.
     refined : Alignment
         The best one, refined on the fine surfaces.
     poses : (k,4,4) array of float64
@@ -51,17 +50,19 @@ class Found:
         What they are ranked by.
     probability : float
         That it is right.
+    fitness : float
+        Share of the source's surface that lies on the target's.
     matches : Correspondences
         Every match of the search.
     source, target : PreparedScan
         The scans, at the voxel where it was found.
     """
 
-    verification: Verification
     refined: Alignment
     poses: FloatArray
     values: FloatArray
     probability: float
+    fitness: float
     matches: Correspondences
     source: PreparedScan
     target: PreparedScan
@@ -92,83 +93,81 @@ class Search:
         """Search among poses that come from elsewhere, with matches of one's own."""
         self.clock.start("matching")
         voxel_matches, is_mutual = match_both_ways(source.described, target.described, 1, self.threads)
-        mutual = take_matches(voxel_matches, is_mutual)
-        return self._refine(self._assess(source, target, mutual, matches, poses))
+        verified = self._verify(source, target, take_matches(voxel_matches, is_mutual), poses)
+        return self._refine(self._judge(source, target, matches, verified))
 
     def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
         self.clock.start("matching")
         matches, is_mutual = match_both_ways(source.described, target.described, k, self.threads)
         mutual = take_matches(matches, is_mutual)
         poses = np.concatenate([self._propose(mutual), frame_poses(mutual)])
-        best = self._assess(source, target, mutual, matches, poses)
+        verified = self._verify(source, target, mutual, poses)
+        best = self._judge(source, target, matches, verified)
         if self.effort == "low" or (best is not None and best.probability >= SURE):
             return best
         poses = self._propose(matches)
-        if best is not None:
-            poses = np.concatenate([best.verification.poses, poses])
+        if verified is not None:
+            poses = np.concatenate([verified.poses, poses])
         # Not the more probable of the two: the second has seen the rivals of the first.
-        return self._assess(source, target, mutual, matches, poses) or best
+        return self._judge(source, target, matches, self._verify(source, target, mutual, poses)) or best
 
     def _propose(self, matches: Correspondences) -> FloatArray:
         self.clock.start("grouping")
         return group_poses(group(matches, self.method, threads=self.threads, **self.options))
 
-    def _assess(
-        self,
-        source: PreparedScan,
-        target: PreparedScan,
-        mutual: Correspondences,
-        matches: Correspondences,
-        poses: FloatArray,
-    ) -> Found | None:
-        """Verify poses, refine the best, and judge it."""
+    def _verify(
+        self, source: PreparedScan, target: PreparedScan, mutual: Correspondences, poses: FloatArray
+    ) -> Verification | None:
+        """Verify the poses that keep the axis; None where no pose does, before or after."""
         self.clock.start("verification")
+        surfaces = source.surface, target.surface
         upright = keep_upright(poses, self.axis)
         if len(upright) == 0:
             return None
-        verification = verify(source.surface, target.surface, upright, matches=mutual, threads=self.threads)
-        upright = keep_upright(verification.poses, self.axis)
+        verified = verify(*surfaces, upright, matches=mutual, threads=self.threads)
+        upright = keep_upright(verified.poses, self.axis)
         if len(upright) == 0:
             return None
-        if len(upright) < len(verification.poses):
-            verification = verify(
-                source.surface, target.surface, upright, matches=mutual, threads=self.threads
-            )
-        return self._judge(source, target, verification, matches)
+        if len(upright) == len(verified.poses):
+            return verified
+        return verify(*surfaces, upright, matches=mutual, threads=self.threads)
 
     def _judge(
         self,
         source: PreparedScan,
         target: PreparedScan,
-        verification: Verification,
         matches: Correspondences,
+        verified: Verification | None,
     ) -> Found | None:
         """Refine the finalists on the fine surfaces, choose one, and say how likely it is right."""
+        if verified is None:
+            return None
         self.clock.start("refinement")
         surfaces, voxel = fine_surfaces(source, target), source.voxel
-        count = min(FINALISTS, len(verification.poses))
-        aligned = align_each(*surfaces, verification.poses[:count], FIRST_SAMPLES, self.threads)
+        finalists = verified.poses[:FINALISTS]
+        aligned = align_each(*surfaces, finalists, FIRST_SAMPLES, self.threads)
         kept = [row for row, found in enumerate(aligned) if is_upright(found.T_target_source, self.axis)]
         if not kept:
             return None
         aligned = [aligned[row] for row in kept]
         poses = np.array([found.T_target_source for found in aligned])
-        values = rank(verification.scores[kept], verification.evidence[kept], aligned, voxel)
+        values = rank(verified.scores[kept], verified.evidence[kept], aligned, voxel)
         chance = probability(values, poses, source.described.centroid, voxel)
         order = np.argsort(-values)
-        return Found(
-            verification, aligned[order[0]], poses[order], values[order], chance, matches, source, target
-        )
+        best = aligned[order[0]]
+        return Found(best, poses[order], values[order], chance, verified.fitness, matches, source, target)
 
     def _refine(self, found: Found | None) -> Found | None:
-        """Refine the best pose once more, with all samples of the fine surfaces."""
+        """Refine the best pose once more, with all samples of the fine surfaces, and measure its overlap."""
         if found is None:
             return None
         surfaces = fine_surfaces(found.source, found.target)
         refined = align(*surfaces, found.refined.T_target_source, threads=self.threads)
         if not is_upright(refined.T_target_source, self.axis):
-            return found
-        return replace(found, refined=refined)
+            refined = found.refined
+        pose = refined.T_target_source
+        shared = verify(found.source.surface, found.target.surface, pose, threads=self.threads)
+        return replace(found, refined=refined, fitness=shared.fitness)
 
 
 def _better(one: Found | None, other: Found | None) -> Found | None:

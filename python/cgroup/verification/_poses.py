@@ -38,3 +38,12 @@ def as_poses(value: ArrayLike) -> FloatArray:
         )
         raise InputError(message)
     return poses
+
+
+def as_pose(value: ArrayLike) -> FloatArray:
+    """Return a single rigid transform, as (1,4,4)."""
+    poses = as_poses(value)
+    if len(poses) != 1:
+        message = f"pose: got {len(poses)} poses; give one (4,4) rigid transform"
+        raise InputError(message)
+    return poses

@@ -11,7 +11,7 @@ from cgroup import _core
 from cgroup._arguments import as_length
 from cgroup._options import run_options
 from cgroup.features.cloud import core_cloud
-from cgroup.verification._poses import as_poses
+from cgroup.verification._poses import as_pose, as_poses
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -138,7 +138,7 @@ def align(
     Raises
     ------
     InputError
-        For a pose that is not rigid, or surfaces of different spacings.
+        For a pose that is not rigid or not one, or surfaces of different spacings.
 
     Examples
     --------
@@ -153,7 +153,7 @@ def align(
     >>> bool(abs(align(source, target, near).T_target_source - pair.T_target_source).max() < 0.3 * pr)
     True
     """
-    return align_each(source, target, pose, SAMPLES, threads)[0]
+    return align_each(source, target, as_pose(pose), SAMPLES, threads)[0]
 
 
 def align_each(

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from cgroup import _core
 from cgroup._options import run_options
-from cgroup.errors import InputError
-from cgroup.verification._poses import as_poses
+from cgroup.verification._poses import as_pose
 from cgroup.verification.surface import core_surface
 
 if TYPE_CHECKING:
@@ -77,8 +76,4 @@ def places(
     >>> sorted({Place(place).name for place in found})
     ['ON', 'UNKNOWN']
     """
-    checked = as_poses(pose)
-    if len(checked) != 1:
-        message = f"pose: got {len(checked)} poses; give one (4,4) rigid transform"
-        raise InputError(message)
-    return _core.places(core_surface(source), core_surface(target), checked, run_options(threads))
+    return _core.places(core_surface(source), core_surface(target), as_pose(pose), run_options(threads))
