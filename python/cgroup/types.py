@@ -145,6 +145,15 @@ class Grouping:
         """Number of selected correspondences."""
         return int(np.count_nonzero(self.mask))
 
+    @property
+    def complete(self) -> bool:
+        """Whether the method looked at all that its definition asks for.
+
+        False where a bound on cliques, steps, time or memory cut the search short; the docstring of the method says
+        which entry of `diagnostics` tells how far it came.
+        """
+        return not self.diagnostics.get("truncated", 0.0)
+
     def transform(self) -> FloatArray:
         """Least-squares rigid transform of the group.
 
@@ -170,7 +179,8 @@ class Grouping:
         return _core.rigid_fit(source[self.mask], target[self.mask])
 
     def __repr__(self) -> str:
-        return f"Grouping({self.size} of {len(self.mask)} selected)"
+        cut = "" if self.complete else ", search cut short"
+        return f"Grouping({self.size} of {len(self.mask)} selected{cut})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ pub mod counter_rng;
 mod inlier_counter;
 pub mod likelihood;
 pub mod modes;
+pub mod reweighting;
 pub mod sample_consensus;
 
 pub use sample_consensus::{Consensus, SampleConsensus};

@@ -1,0 +1,21 @@
+"""The grouping methods, one file each: typed signatures and what they mean.
+
+References are to J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation of Correspondence
+Grouping Methods for 3D Rigid Data Matching*, TPAMI 2019 ("the paper").
+
+A length (``tolerance`` and the like) is in the data's unit; without one it is the paper's multiple of
+``resolution``. Each function hands its arguments on by their names; the compiled core reads its options.
+"""
+
+from cgroup.methods.consistency_voting import cv
+from cgroup.methods.game_theory import gtm
+from cgroup.methods.geometric_consistency import gc
+from cgroup.methods.hough_voting import hough3d
+from cgroup.methods.likelihood_consensus import lc
+from cgroup.methods.nearest_neighbor_ratio import nnsr
+from cgroup.methods.ransac import ransac
+from cgroup.methods.search_of_inliers import si
+from cgroup.methods.similarity_score import ss
+from cgroup.methods.spectral import st
+
+__all__ = ["cv", "gc", "gtm", "hough3d", "lc", "nnsr", "ransac", "si", "ss", "st"]

@@ -1,0 +1,82 @@
+"""3DHV, 3D Hough voting."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from cgroup._calls import call
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.methods.types import Progress
+    from cgroup.types import Grouping
+
+
+def hough3d(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    source_lrf: ArrayLike,
+    target_lrf: ArrayLike,
+    source_centroid: ArrayLike | None = None,
+    bins: int = 15,
+    bin_size: float | None = None,
+    neighbors: Literal[0, 6, 26] = 6,
+    variant: Literal["grid", "pcl"] = "grid",
+    interpolation: bool = True,
+    distance_weight: bool = False,
+    similarity: ArrayLike | None = None,
+    vote_threshold: float = -1.0,
+    iterations: int = 10_000,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """3D Hough voting (3DHV): correspondences vote for the source's centroid in the target.
+
+    The paper, section 3.2, after Tombari, Di Stefano, PSIVT 2010. Cost O(n log n).
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    source_lrf, target_lrf : (n,3,3) array_like of float
+        Local reference frames; rows are the x, y and z axes; NaN for no frame, which casts no vote.
+    source_centroid : (3,) array_like of float, optional
+        Centroid of the whole source cloud; the mean of `source` where it is not given (the diagnostics
+        say so under ``centroid_from_keypoints``).
+    bins : int
+        Bins per axis over the votes' bounding box.
+    bin_size : float, optional
+        Side of cubic bins, a length, in place of `bins`; the "pcl" variant needs it.
+    neighbors : {0, 6, 26}
+        Bins around the peak whose voters are selected with it.
+    variant : {"grid", "pcl"}
+        The paper's; or PCL's, where votes are interpolated, and each local maximum is filtered by RANSAC.
+    interpolation : bool
+        "pcl" variant: spread a vote over the up to 8 bins whose centres surround it.
+    distance_weight : bool
+        "pcl" variant: weigh a vote by ``1 - d / d_max``, with d = ``1 - similarity``.
+    similarity : (n,) array_like of float, optional
+        Descriptor similarity, for `distance_weight`.
+    vote_threshold : float
+        "pcl" variant: least value of a maximum; from -1 to 0, a share of the greatest value.
+    iterations, seed : int
+        "pcl" variant: of the RANSAC filter.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
+
+    Returns
+    -------
+    Grouping
+        Without scores.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
+    """
+    return call("3dhv", locals())

@@ -1,0 +1,84 @@
+"""LC, likelihood consensus."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cgroup._calls import call
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.methods.types import Progress
+    from cgroup.types import Grouping
+
+
+def lc(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    ratio: ArrayLike | None = None,
+    resolution: float | None = None,
+    tolerance: float | None = None,
+    modes: int = 40,
+    threads: int | None = None,
+    max_memory: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """Likelihood consensus (LC): the pose under which the correspondences are likelier than by chance.
+
+    Not of the paper; for few right matches among many. Cliques of matches that keep their distances
+    (``|ds - dt| < tolerance``) give poses. A pose scores the sum of ``max(0, L_i - r_i^2 / (2 sigma^2))``
+    over residuals r_i below ``2 * tolerance``, with ``sigma = 0.9 * tolerance`` and the chance level
+    ``L_i = ln(s n / D_i) + clip(8 (0.87 - ratio_i), -0.8, 3)``: D_i counts the matches that start or end
+    within ``5/3 * tolerance`` of match i, and ``s = max(1/100, 10/n)`` is the share that is right where
+    nothing is known. The best pose is refined, its supporters are taken out, and so on. Of more than 2,500
+    correspondences, cliques are sought among the 2,500 that keep their distance to the most others (the
+    diagnostics say how many under ``vertices``). Cost O(n^2) tests of pairs, memory O(n).
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    ratio : (n,) array_like of float, optional
+        Nearest / second-nearest descriptor distance; without it, all matches are alike beforehand.
+    resolution : float, optional
+        Mean nearest-neighbour distance of the clouds.
+    tolerance : float, optional
+        Greatest distance difference of two that agree, a length; default ``3 * resolution``. For dense
+        matches of clouds thinned to voxels of side v, ``1.2 * v``.
+    modes : int
+        Most poses in `Grouping.alternatives`, the best among them.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    max_memory : int, optional
+        Bytes that the graph of agreeing pairs may take; by default a quarter of the memory that is free, at
+        most 1.5 GiB. A larger graph is refused.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
+
+    Returns
+    -------
+    Grouping
+        The correspondences with a residual of at most ``5/3 * tolerance`` under `Grouping.model`, the best
+        pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the other
+        poses too. Without a pose that three correspondences support, the group is empty.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with, or where the graph exceeds `max_memory`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import lc
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[25:] = rng.uniform(0, 100, size=(475, 3))
+    >>> result = lc(source, target, resolution=1.0)
+    >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
+    (True, array([5., 5., 5.]))
+    """
+    return call("lc", locals())

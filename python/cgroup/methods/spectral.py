@@ -1,0 +1,72 @@
+"""ST, the spectral technique."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from cgroup._calls import call
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.methods.types import Progress
+    from cgroup.types import Grouping
+
+
+def st(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    min_distance_ratio: float = 0.6,
+    affinity: Literal["raw", "threshold", "binary"] = "raw",
+    diagonal: Literal["zero", "one", "score"] = "zero",
+    similarity: ArrayLike | None = None,
+    conflict: Literal["rigidity", "one_to_one", "both"] = "rigidity",
+    eigensolver: Literal["power", "dense"] = "power",
+    recompute: bool = False,
+    threads: int | None = None,
+    max_memory: int | None = None,
+    progress: Progress | None = None,
+) -> Grouping:
+    """Spectral technique (ST): the main cluster of the pairwise affinity matrix.
+
+    The paper, section 3.2, after Leordeanu, Hebert, ICCV 2005. Cost O(n^2) per power step.
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    min_distance_ratio : float
+        Correspondences with a lower ``min(ds/dt, dt/ds)`` conflict with each other.
+    affinity : {"raw", "threshold", "binary"}
+        That ratio; the ratio where it reaches `min_distance_ratio`, else 0; or 1 there.
+    diagonal : {"zero", "one", "score"}
+        Affinity of a correspondence with itself; "score" is `similarity`.
+    similarity : (n,) array_like of float, optional
+        Descriptor similarity, for ``diagonal="score"``.
+    conflict : {"rigidity", "one_to_one", "both"}
+        An accepted correspondence removes those below `min_distance_ratio`, those that share a point
+        with it, or both.
+    eigensolver : {"power", "dense"}
+        Power iteration, or a full O(n^3) decomposition (about ``40 n^2`` bytes).
+    recompute : bool
+        Compute the eigenvector of what is left after each acceptance.
+    threads : int, optional
+        Threads to compute on, None for all cores. The result does not depend on it.
+    max_memory : int, optional
+        Bytes that the pairwise matrix may take; by default a quarter of the memory that is free, at most
+        1.5 GiB. A larger matrix is recomputed row by row, with the same result.
+    progress : callable, optional
+        Called now and then with the share of the work done, in [0,1].
+
+    Returns
+    -------
+    Grouping
+        Its scores are the entries of the principal eigenvector.
+
+    Raises
+    ------
+    InputError
+        For fields or options that the method can't work with.
+    """
+    return call("st", locals())
