@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import warnings as _warnings
 
-from cgroup import _core, methods
+from cgroup import _core
 from cgroup._core import __version__
 from cgroup.errors import CgroupError, InputError, NoConsensusError
 from cgroup.group import group, group_many
 from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
 from cgroup.types import Correspondences, Grouping
 
+from . import methods
 from .methods import *  # noqa: F403 - the methods, as they list themselves
 
 __all__ = [

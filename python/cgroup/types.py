@@ -149,8 +149,8 @@ class Grouping:
     def complete(self) -> bool:
         """Whether the method looked at all that its definition asks for.
 
-        False where a bound on cliques, steps, time or memory cut the search short; the docstring of the method says
-        which entry of `diagnostics` tells how far it came.
+        False where a bound on cliques, steps, time or memory cut the search short; the docstring of the
+        method says which entry of `diagnostics` tells how far it came.
         """
         return not self.diagnostics.get("truncated", 0.0)
 
