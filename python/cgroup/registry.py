@@ -215,7 +215,10 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
         "cv": {"voters": 20},
         "ransac": {"iterations": 5000},
     },
+    "3dmatch": {},
+    "kitti": {},
 }
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
 the options with which each method's own author differs, PCL's variants (3DHV's needs a ``bin_size`` as
-well), and the evaluation group's later constants."""
+well), the evaluation group's later constants, and those in m that methods are published with for rooms and
+for LiDAR scans."""
