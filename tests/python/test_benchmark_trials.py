@@ -19,6 +19,7 @@ from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.report import write_report
 from cgroup.benchmark.report.trials import cost_table, describe_set, failure_table, level_table, ranking
 from cgroup.benchmark.run.stages import KILLED
+from cgroup.cli import main
 from cgroup.errors import InputError
 from cgroup.registry import METHODS, PRESETS
 
@@ -199,6 +200,22 @@ def test_the_report_shows_each_set(finished: Path) -> None:
     assert "Methods on matches: grid" in page
     assert "Ranking by F, with 95% intervals" in page
     assert (finished / "figures" / "trials-grid.png").exists()
+
+
+def test_rankings_are_printed(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as done:
+        main(["benchmark", "rankings", "--out", str(finished)])
+    assert done.value.code == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("## grid\n\ngenerated-matches: ")
+    assert "| 1 | " in printed
+
+
+def test_registered_pairs_are_counted_by_overlap(tmp_path: Path) -> None:
+    serial(CLOUDS, tmp_path)
+    table = level_table(comparable(records.load_trials(tmp_path)))
+    assert table is not None
+    assert table.headers == ("method", "0.7 to 1 (3)")
 
 
 def test_tables_have_a_row_per_method(frame: pd.DataFrame) -> None:

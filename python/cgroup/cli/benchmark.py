@@ -158,6 +158,20 @@ def claims_command(
         print_line(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
 
 
+@app.command("rankings")
+def rankings_command(out: OutOption = DEFAULT_OUT) -> None:
+    """Print how grouping methods rank on matches, as Markdown: see `[trials]` of a configuration."""
+    with _needs_extra():
+        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.report.trials import as_markdown, make_trial_sections  # noqa: PLC0415
+
+        sections = make_trial_sections(records.load_trials(out), records.load_machines(out), None)
+    if not sections:
+        message = f"{out}: no trials there; make some with: cgroup benchmark run matches --out {out}"
+        raise InputError(message)
+    print_line(as_markdown(sections).rstrip())
+
+
 # --- the terminal --------------------------------------------------------------------------------
 
 

@@ -40,7 +40,7 @@ def trials_figure(frame: pd.DataFrame, *, title: str) -> Figure:
             milliseconds = 1e3 * rows["seconds"].median()
             share = float(rows[column].mean())
             look = {"color": style.color, "marker": style.marker, "linestyle": "", "markersize": 6}
-            each.plot([milliseconds], [share], **look, label=style.label)
+            each.plot([milliseconds], [share], **look, label=style.label, clip_on=False)
             each.annotate(
                 style.label, (milliseconds, share), xytext=(4, 3), textcoords="offset points", fontsize=6.5
             )

@@ -104,10 +104,11 @@ create table problems (
 ) without rowid;
 create table trials (
     case_key text references problems, method_key text references methods, threads integer, time_limit real,
-    n integer, correct integer, resolution real, pr real, selected integer, selected_correct integer,
-    posed integer, ok integer, complete integer, rotation_error real, translation_error real, rmse real,
-    best_rotation_error real, best_translation_error real, best_rmse real, offered integer, seconds real,
-    mebibytes real, diagnostics text, skipped text, error text, version text, machine text, created text,
+    n integer, correct integer, resolution real, pr real, overlap real, selected integer,
+    selected_correct integer, posed integer, ok integer, complete integer, rotation_error real,
+    translation_error real, rmse real, best_rotation_error real, best_translation_error real, best_rmse real,
+    offered integer, seconds real, mebibytes real, diagnostics text, skipped text, error text, version text,
+    machine text, created text,
     primary key (case_key, method_key, threads)
 ) without rowid;
 

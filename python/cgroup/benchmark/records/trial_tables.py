@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _TRIALS = """
 select s.id as "set", s.definition, c.dataset, c.pair, c.origin, c.kind, c.other, c.matches, c.voxel,
-       c.epsilon, l.label as method, t.threads, t.n, t.correct, t.resolution, t.pr, t.selected,
+       c.epsilon, l.label as method, t.threads, t.n, t.correct, t.resolution, t.pr, t.overlap, t.selected,
        t.selected_correct, t.posed, t.ok, t.complete, t.rotation_error, t.translation_error,
        t.rmse as rmse_pr, t.best_rotation_error, t.best_translation_error, t.best_rmse as best_rmse_pr,
        t.offered, t.seconds, t.mebibytes, t.diagnostics, t.skipped, t.error, t.version, t.machine,
@@ -37,7 +37,7 @@ order by s.entry, l.place, p.place, h.threads
 """
 
 _NUMBERS = (
-    *("voxel", "resolution", "pr", "seconds", "mebibytes"),
+    *("voxel", "resolution", "pr", "overlap", "seconds", "mebibytes"),
     *("rotation_error", "translation_error", "rmse_pr"),
     *("best_rotation_error", "best_translation_error", "best_rmse_pr"),
 )
@@ -57,7 +57,8 @@ def load_trials(path: Path) -> pd.DataFrame:
         `set, dataset, pair, origin, kind, other, matches, voxel, epsilon, case`: the problem, see `Problem`;
         `loose, strict, preset, whole`: of its set, see `TrialSetEntry`; `scene, inliers, noise, frames,
         number`: of generated ones, see `Recipe`; `method, threads`: how; `n, correct, inlier_ratio,
-        resolution, pr`: the matches; `selected, selected_correct, precision, recall, f_score`: the group;
+        resolution, pr, overlap`: the matches; `selected, selected_correct, precision, recall, f_score`: the
+        group;
         `posed, ok, complete`: what the method says of its answer (`ok` is None where it doesn't);
         `rotation_error` (degrees), `translation_error` (data unit), `rmse_pr`: of its pose, NaN where there
         is none; `right, accurate`: whether that keeps the limits of the set, and `registered` whether

@@ -56,7 +56,7 @@ class Trials:
         with self._store.transaction() as connection:
             insert_machine(connection, record.provenance)
             what = (record.case.key, record.method_key, record.threads, record.limit)
-            problem = (record.n, record.correct, record.resolution, record.pr)
+            problem = (record.n, record.correct, record.resolution, record.pr, record.overlap)
             group = (record.selected, record.selected_correct, record.posed, record.ok, record.complete)
             poses = (*astuple(record.errors), *astuple(record.best), record.offered)
             cost = (record.seconds, record.mebibytes, record.diagnostics, record.skipped, record.error)

@@ -203,6 +203,8 @@ class TrialRecord:
         Matches, and how many are correct.
     resolution, pr : float
         Unit of the matches, and mean distance of neighbours in the clouds, in the data's unit.
+    overlap : float, optional
+        Share that the clouds have in common, where it is known.
     selected, selected_correct : int
         Counts of the group.
     posed : bool
@@ -237,6 +239,7 @@ class TrialRecord:
     correct: int = 0
     resolution: float = float("nan")
     pr: float = float("nan")
+    overlap: float | None = None
     selected: int = 0
     selected_correct: int = 0
     posed: bool = False

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from cgroup.plots import trials_figure
 from cgroup.plots.levels import protocol_title
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
+    from collections.abc import Hashable, Sequence
 
     import pandas as pd
 
@@ -31,6 +32,9 @@ _VARIED = {
     "n": "matches",
 }
 """What a grid may vary, with names for people; the first that does is spread over columns."""
+
+_OVERLAPS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
+"""Pairs are sorted into these classes of overlap."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class TrialSection:
         How good the methods are; what they cost; why problems aren't registered, and what is claimed of
         clouds that share nothing.
     levels : Table or None
-        F by what a grid varies.
+        F by what a grid varies, or registered pairs by overlap.
     """
 
     title: str
@@ -60,9 +64,9 @@ class TrialSection:
 
 
 def make_trial_sections(
-    frame: pd.DataFrame, machines: pd.DataFrame, pictures: PictureBook
+    frame: pd.DataFrame, machines: pd.DataFrame, pictures: PictureBook | None
 ) -> list[TrialSection]:
-    """Make a section of each set in `load_trials`."""
+    """Make a section of each set in `load_trials`; without pictures if there is no book for them."""
     if frame.empty:
         return []
     return [
@@ -71,13 +75,13 @@ def make_trial_sections(
 
 
 def _make_section(
-    name: str, rows: pd.DataFrame, machines: pd.DataFrame, pictures: PictureBook
+    name: str, rows: pd.DataFrame, machines: pd.DataFrame, pictures: PictureBook | None
 ) -> TrialSection:
     first = _with_threads(rows)
     related = comparable(first)
     label = describe_set(rows, machines)
     picture = None
-    if len(related):
+    if pictures is not None and len(related):
         figure = trials_figure(related, title=f"{name}: registered problems over time")
         shares = related.groupby("method")["right"].mean()
         alt = (
@@ -89,6 +93,22 @@ def _make_section(
     return TrialSection(
         name, label, picture, ranking(first), cost_table(rows), failure_table(first), level_table(related)
     )
+
+
+def as_markdown(sections: Sequence[TrialSection]) -> str:
+    """Write sections as Markdown: what they are about, and their tables."""
+    parts: list[str] = []
+    for section in sections:
+        parts += [f"## {section.title}", section.label]
+        tables = (section.ranking, section.levels, section.costs, section.failures)
+        parts += [_table_as_markdown(table) for table in tables if table is not None]
+    return "\n\n".join(parts) + "\n"
+
+
+def _table_as_markdown(table: Table) -> str:
+    rows = [table.headers, tuple("---" for _ in table.headers)]
+    rows += [tuple(f"**{cell.text}**" if cell.best else cell.text for cell in row) for row in table.rows]
+    return "\n".join([f"{table.caption}:", "", *(f"| {' | '.join(row)} |" for row in rows)])
 
 
 def describe_set(rows: pd.DataFrame, machines: pd.DataFrame) -> str:
@@ -246,29 +266,45 @@ def failure_table(rows: pd.DataFrame) -> Table:
 
 
 def level_table(related: pd.DataFrame) -> Table | None:
-    """List mean F by what a grid varies; None where nothing is varied."""
-    varied = [name for name in _VARIED if len(set(related[name])) > 1 and related["scene"].notna().all()]
-    if not varied:
-        return None
-    column, *others = varied
-    levels = (
-        list(dict.fromkeys(related[column]))
-        if column in ("scene", "frames")
-        else sorted(related[column].unique())
-    )
+    """List mean F by what a grid varies, or the registered by overlap; None where neither is known."""
+    if related["scene"].notna().all() and len(related):
+        varied = [name for name in _VARIED if len(set(related[name])) > 1]
+        return _spread(related, varied[0], varied[1:]) if varied else None
+    if related["overlap"].notna().any():
+        return _by_overlap(related)
+    return None
+
+
+def _spread(related: pd.DataFrame, column: str, others: list[str]) -> Table:
+    """Spread mean F over the values of one column, the first of all that vary."""
+    values = dict.fromkeys(related[column])
+    levels = list(values) if column in {"scene", "frames"} else sorted(values)
     lines: list[tuple[Cell, ...]] = []
     for key, mine in related.groupby(["method", *others], sort=False):
         method, *where = key
         means = mine.groupby(column)["f_score"].mean()
-        lines.append(
-            (
-                method_cell(method),
-                *map(_level, where),
-                *(number(means.get(level, math.nan), "{:.2f}") for level in levels),
-            )
-        )
+        shares = (number(means.get(level, math.nan), "{:.2f}") for level in levels)
+        lines.append((method_cell(method), *map(_level_cell, where), *shares))
     headers = ("method", *(_VARIED[name] for name in others), *map(_name_level, levels))
     return Table(f"Mean F by {_VARIED[column]}", headers, lines)
+
+
+def _by_overlap(related: pd.DataFrame) -> Table:
+    classes = {
+        f"{low:g} to {high:g}": related["overlap"].between(low, high, "both" if high == 1 else "left")
+        for low, high in itertools.pairwise(_OVERLAPS)
+    }
+    classes = {name: chosen for name, chosen in classes.items() if chosen.any()}
+    lines = [
+        (
+            method_cell(str(method)),
+            *(number(mine.loc[chosen[mine.index], "right"].mean(), "{:.2f}") for chosen in classes.values()),
+        )
+        for method, mine in related.groupby("method", sort=False)
+    ]
+    counts = (related.loc[chosen, "case"].nunique() for chosen in classes.values())
+    headers = (f"{name} ({count})" for name, count in zip(classes, counts, strict=True))
+    return Table("Share of registered pairs by overlap", ("method", *headers), lines)
 
 
 def _with_threads(rows: pd.DataFrame) -> pd.DataFrame:
@@ -306,7 +342,7 @@ def _milliseconds(seconds: float) -> Cell:
     return number(value, "{:,.0f}" if value >= 100 else "{:.3g}")
 
 
-def _level(value: Hashable) -> Cell:
+def _level_cell(value: Hashable) -> Cell:
     return Cell(_name_level(value), float(value) if isinstance(value, (int, float)) else str(value))
 
 

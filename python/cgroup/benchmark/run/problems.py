@@ -48,6 +48,8 @@ class PreparedProblem:
         Source points in the overlap.
     resolution, pr : float
         Unit of the matches, and mean distance of neighbours in the clouds, in the data's unit.
+    overlap : float or None
+        Share that the clouds have in common, where it is known.
     """
 
     matches: Correspondences
@@ -56,6 +58,7 @@ class PreparedProblem:
     sample: RealArray
     resolution: float
     pr: float
+    overlap: float | None = None
 
 
 def prepare_problem(case: Problem, root: str | None) -> PreparedProblem:
@@ -94,7 +97,7 @@ def prepare_problem(case: Problem, root: str | None) -> PreparedProblem:
     truth = pair.T_target_source
     correct = match_errors(matches.source, matches.target, truth) <= case.epsilon * resolution
     sample = overlap_sample(*clouds, truth, pr, case.rng("sample"))
-    return PreparedProblem(matches, correct, truth, sample, resolution, pr)
+    return PreparedProblem(matches, correct, truth, sample, resolution, pr, pair.facts.get("overlap"))
 
 
 def _unrelated(case: Problem, pair: MatchingPair, root: str | None) -> UnrelatedPair:

@@ -41,6 +41,7 @@ class Facts(NamedTuple):
     correct: int = 0
     resolution: float = float("nan")
     pr: float = float("nan")
+    overlap: float | None = None
     error: str = ""
 
 
@@ -55,7 +56,8 @@ def describe_problem(case: Problem, root: str | None) -> Facts:
         problem = _prepare(case, root)
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem alone
         return Facts(error=describe_error(error))
-    return Facts(len(problem.matches), int(problem.correct.sum()), problem.resolution, problem.pr)
+    counts = len(problem.matches), int(problem.correct.sum())
+    return Facts(*counts, problem.resolution, problem.pr, problem.overlap)
 
 
 def try_method(record: TrialRecord, method: Candidate, root: str | None) -> TrialRecord:
