@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup.methods import cv, gc, gtm, hough3d, lc, nnsr, ransac, si, ss, st
+from cgroup.methods import cv, gc, gtm, hough3d, lc, mac, nnsr, ransac, si, ss, st
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -184,6 +184,18 @@ _TABLE = (
         in_paper=False,
         citation="this library",
     ),
+    MethodInfo(
+        name="mac",
+        function=mac,
+        label="MAC",
+        fields=_POINTS,
+        optional_fields=("resolution",),
+        complexity="n² + cliques",
+        color="#E69F00",
+        marker="p",
+        in_paper=False,
+        citation="Zhang et al., CVPR 2023",
+    ),
 )
 
 METHOD_INFO: Mapping[str, MethodInfo] = {info.name: info for info in _TABLE}
@@ -215,7 +227,14 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
         "cv": {"voters": 20},
         "ransac": {"iterations": 5000},
     },
+    "3dmatch": {
+        "mac": {"tolerance": 0.1, "max_distance_difference": 0.01},
+    },
+    "kitti": {
+        "mac": {"tolerance": 0.6, "max_distance_difference": 0.19, "min_weight": 0.9, "min_clique_size": 4},
+    },
 }
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
 the options with which each method's own author differs, PCL's variants (3DHV's needs a ``bin_size`` as
-well), and the evaluation group's later constants."""
+well), the evaluation group's later constants, and what the authors of later methods published for 3DMatch
+and for KITTI, in metres."""

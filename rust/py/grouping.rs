@@ -7,6 +7,7 @@ use cgroup::grouping::game_theory::{Dynamics, GameTheory, Payoff};
 use cgroup::grouping::geometric_consistency::{self as gc, GeometricConsistency, Ties};
 use cgroup::grouping::hough_voting::{self as hv, HoughVoting, Neighborhood};
 use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
+use cgroup::grouping::mac::MaximalCliques;
 use cgroup::grouping::nearest_neighbor_ratio::NearestNeighborRatio;
 use cgroup::grouping::ransac::Ransac;
 use cgroup::grouping::search_of_inliers::{GlobalRank, SearchOfInliers};
@@ -144,6 +145,15 @@ fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<BoxedMethod> {
         "lc" => Box::new(LikelihoodConsensus {
             tolerance: options.optional("tolerance")?,
             modes: options.count("modes", 1)?,
+        }),
+        "mac" => Box::new(MaximalCliques {
+            tolerance: options.optional("tolerance")?,
+            max_distance_difference: options.optional("max_distance_difference")?,
+            min_weight: options.number("min_weight")?,
+            min_clique_size: options.count("min_clique_size", 3)?,
+            max_cliques: options.count("max_cliques", 1)?,
+            max_hypotheses: options.optional_count("max_hypotheses", 1)?,
+            refine: options.flag("refine")?,
         }),
         _ => return Err(InputError::new_err(format!("method: got {name:?}, which the core does not have"))),
     })

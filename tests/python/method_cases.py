@@ -18,6 +18,7 @@ from reference.game_theory import gtm
 from reference.geometric_consistency import gc
 from reference.hough_voting import hough3d
 from reference.likelihood_consensus import lc
+from reference.mac import mac
 from reference.nearest_neighbor_ratio import nnsr
 from reference.ransac import ransac
 from reference.search_of_inliers import si
@@ -383,6 +384,25 @@ CASES: dict[str, MethodCase] = {
             Trial({"ratio": OTHER_RATIO}, {"ratio": Field("ratio")}),
             Trial({"resolution": Pr(2.0)}),
         ],
+    ),
+    "mac": MethodCase(
+        mac,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(2.0)}),
+            Trial({"resolution": None}, LARGE, shows=False),
+            Trial({"max_distance_difference": Pr(3.0)}),
+            Trial({"max_distance_difference": Pr(0.3)}, {"refine": False}),
+            Trial({"min_weight": 0.5}),
+            Trial({"min_weight": 0.0}, {"max_distance_difference": Pr(2.0)}),
+            Trial({"min_clique_size": 4}),
+            Trial({"min_clique_size": 6}, {"max_distance_difference": Pr(2.0)}, shows=False),
+            Trial({"max_cliques": 300}),
+            Trial({"max_cliques": 1}, {"max_cliques": 300}),
+            Trial({"max_hypotheses": 1}, {"refine": False, "tolerance": Pr(2.0)}),
+            Trial({"refine": False}, {"tolerance": Pr(2.0)}),
+        ],
+        field_trials=[Trial({"resolution": Pr(2.0)})],
     ),
 }
 """By the name of the function, in cgroup and in the reference."""

@@ -5,6 +5,7 @@ pub mod game_theory;
 pub mod geometric_consistency;
 pub mod hough_voting;
 pub mod likelihood_consensus;
+pub mod mac;
 pub mod nearest_neighbor_ratio;
 pub mod ransac;
 pub mod search_of_inliers;
@@ -16,6 +17,7 @@ use game_theory::GameTheory;
 use geometric_consistency::GeometricConsistency;
 use hough_voting::HoughVoting;
 use likelihood_consensus::LikelihoodConsensus;
+use mac::MaximalCliques;
 use nearest_neighbor_ratio::NearestNeighborRatio;
 use ransac::Ransac;
 use search_of_inliers::SearchOfInliers;
@@ -40,6 +42,7 @@ pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
         ("3dhv", Box::new(HoughVoting::default())),
         ("gtm", Box::new(GameTheory::default())),
         ("lc", Box::new(LikelihoodConsensus::default())),
+        ("mac", Box::new(MaximalCliques::default())),
     ]
 }
 

@@ -1,0 +1,215 @@
+"""MAC: maximal cliques (Zhang et al., CVPR 2023, section 3; Yang et al., TPAMI 2024).
+
+    w_ij = 1 - (1 - w_min) (delta_ij / d_max)^2 where delta_ij <= d_max, else 0    (Eq. 1, 2)
+    W    = w o (w w)                                                               (Eq. 3)
+    c_i  = sum_(j<k) (W_ij W_ik W_jk)^(1/3) / (deg_i (deg_i - 1) / 2)
+    MAE  = sum over r_i < tolerance of (tolerance - r_i) / tolerance
+
+Maximal cliques of the graph of W; each vertex keeps the one with the greatest sum of W over its pairs; each clique
+that was kept proposes its Kabsch motion; the greatest MAE wins and is refined.
+
+Decisions where the paper is open
+---------------------------------
+* The source has two kernels that are equal to first order, 1 - delta^2 / d_cmp^2 and exp(-delta^2 / (2 a^2)); this is the
+  paper's, with d_max = d_cmp sqrt(1 - w_min). Equality with d_max agrees, so do coincident points.
+* w is rounded to 15 binary digits and W to 16, downwards, so that sums are exact in any order. Pairs with W = 0 are none.
+* The graph of more than 50 vertices is reduced where min(Otsu, mean, pooled) of c exceeds 3, as in the published code:
+  Otsu's cut with its bins from 0 ("legacy"), pooled = the sum of the numerators over that of the denominators.
+  Kept are c_i >= f max(Otsu, pooled) with the first f of 10, 9.95, 9.9, ... that 50 vertices reach. Cube roots are
+  in single precision. Where all c are equal, Otsu's cut is that number.
+* Of cliques of equal weight the one with the lower indices is the heavier one. Equal MAE: the heavier clique.
+* Order of the search, which only shows where it is cut short: vertices by degeneracy (fewest neighbours left first, ties to
+  the lowest index), each with its later neighbours as candidates, if those and itself can make a clique; pivot: the
+  neighbour of all members with the most candidates, those later in that order first, then by index; first the pivot's branch,
+  then by index. Every start gets max_cliques / starts ends, maximal cliques (of any size) or dead ends,
+  and at least one; those that do not suffice for get an equal share of what is left, if it is a larger one.
+* A clique on a line on either side proposes nothing: its second singular value is at most 1e-7 of the first.
+* Refinement: 20 rounds of weights 1 / (1 + (r / tolerance)^2) over r < tolerance; ends where their number is that of the round before,
+  or where they lie on a line.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .otsu import otsu_split
+from .pairwise import distance_difference
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .rigid import apply, homogeneous
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import ArrayLike
+
+FLAT = 1e-7
+LEAST_VERTICES = 50
+ROUNDS = 20
+
+Motion = tuple[FloatArray, FloatArray]
+Clique = tuple[int, ...]
+
+
+def mac(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    resolution: float | None = None,
+    tolerance: float | None = None,
+    max_distance_difference: float | None = None,
+    min_weight: float = 0.99,
+    min_clique_size: int = 3,
+    max_cliques: int = 1_000_000,
+    max_hypotheses: int | None = None,
+    refine: bool = True,
+) -> ReferenceGrouping:
+    """Group by the best of the motions that maximal cliques propose."""
+    p, q = as_points(source), as_points(target)
+    tau = length(tolerance, resolution, 5.0, "tolerance")
+    second = second_order(p, q, max_distance_difference or tau / 5.0, min_weight)
+    kept = dense_part(second)
+    found, complete = search(second, kept, min_clique_size, max_cliques)
+    weights = {clique: int(second[np.ix_(clique, clique)].sum()) // 2 for clique in found}
+    ranked = sorted(weights, key=lambda clique: (-weights[clique], clique))
+    heaviest: dict[int, Clique] = {}
+    for clique in ranked:
+        for i in clique:
+            heaviest.setdefault(i, clique)
+    scores = np.array([weights[heaviest[i]] / 2**16 if i in heaviest else 0.0 for i in range(len(p))])
+    chosen = set(heaviest.values())
+    cliques = [list(clique) for clique in ranked if clique in chosen][:max_hypotheses]
+    motions = [kabsch(p[c], q[c], np.ones(len(c))) for c in cliques if fixes(p[c], q[c])]
+    accuracies = [float(np.maximum(0.0, 1.0 - residuals(motion, p, q) / tau).sum()) for motion in motions]
+    details = {"cliques": len(found), "hypotheses": len(motions), "complete": complete, "kept": kept}
+    if max(accuracies, default=0.0) <= 0.0:
+        return ReferenceGrouping(np.zeros(len(p), dtype=bool), scores, None, details)
+    model = motions[int(np.argmax(accuracies))]
+    if refine:
+        model = refined(model, p, q, tau)
+    return ReferenceGrouping(
+        residuals(model, p, q) < tau, scores, None, details | {"model": homogeneous(*model)}
+    )
+
+
+def second_order(p: FloatArray, q: FloatArray, bound: float, min_weight: float) -> IntArray:
+    """(n,n) W in units of 2^-16."""
+    delta = distance_difference(p, q)
+    share = np.minimum(delta / bound, 1.0)
+    weight = np.floor((1.0 - (1.0 - min_weight) * share * share) * 2**15 + 0.5)
+    w = np.where(delta <= bound, weight, 0.0).astype(np.int64)
+    np.fill_diagonal(w, 0)
+    return (w * (w @ w)) >> 29
+
+
+def dense_part(second: IntArray) -> IntArray:
+    """Vertices whose cliques are sought."""
+    n = len(second)
+    if n <= LEAST_VERTICES:
+        return np.arange(n)
+    root = np.cbrt(second / 2**16).astype(np.float32).astype(np.float64)
+    triangles = ((root @ root) * root).sum(axis=1) / 2.0
+    degree = (second > 0).sum(axis=1)
+    pairs = degree * (degree - 1) / 2.0
+    c = np.divide(triangles, pairs, out=np.zeros(n), where=pairs > 0)
+    pooled = triangles.sum() / max(1.0, pairs.sum())
+    _, cut = otsu_split(c, "legacy")
+    otsu = c[0] if cut is None else cut
+    if min(otsu, c.mean(), pooled) <= 3.0:
+        return np.arange(n)
+    reached = np.sort(c)[-LEAST_VERTICES]
+    limits = ((10.0 - 0.05 * step) * max(otsu, pooled) for step in range(200))
+    limit = next((limit for limit in limits if limit <= reached), 0.0)
+    return np.flatnonzero(c >= limit)
+
+
+def search(second: IntArray, kept: IntArray, min_size: int, most: int) -> tuple[list[Clique], bool]:
+    """Maximal cliques among the vertices, and whether these are all."""
+    inside = np.isin(np.arange(len(second)), kept)
+    joined = [set(np.flatnonzero((row > 0) & inside).tolist()) for row in second]
+    rank = degeneracy_ranks(joined, kept)
+    left = [int(i) for i in kept if sum(rank[j] > rank[i] for j in joined[i]) + 1 >= min_size]
+    share, found = 0, dict[int, list[Clique]]()
+    for _ in range(2):
+        larger = max(1, most // max(1, len(left)))
+        if not left or larger <= share:
+            break
+        share, unfinished = larger, []
+        for i in left:
+            walk = from_vertex(int(i), joined, rank)
+            ends = [clique for clique, _ in zip(walk, range(share), strict=False)]
+            found[i] = [clique for clique in ends if len(clique) >= min_size]
+            if next(walk, None) is None:
+                most = max(0, most - len(ends))
+            else:
+                unfinished.append(i)
+        left = unfinished
+    return [clique for cliques in found.values() for clique in cliques], not left
+
+
+def from_vertex(start: int, joined: list[set[int]], rank: dict[int, int]) -> Iterator[Clique]:
+    """Yield the maximal cliques of a vertex and later ones, ascending, and () for each dead end."""
+    later = {j for j in joined[start] if rank[j] > rank[start]}
+
+    def extend(members: list[int], candidates: set[int], done: set[int]) -> Iterator[Clique]:
+        if not candidates:
+            yield () if done else tuple(sorted(members))
+            return
+        pivot = min(candidates | done, key=lambda u: (-len(joined[u] & candidates), u not in later, u))
+        branches = sorted(candidates - joined[pivot], key=lambda u: (u != pivot, u))
+        if not branches:
+            yield ()
+        for u in branches:
+            yield from extend([*members, u], candidates & joined[u], done & joined[u])
+            candidates, done = candidates - {u}, done | {u}
+
+    return extend([start], later, joined[start] - later)
+
+
+def degeneracy_ranks(joined: list[set[int]], kept: IntArray) -> dict[int, int]:
+    """Place of each vertex when that with the fewest neighbours left goes first."""
+    degree = {int(i): len(joined[i]) for i in kept}
+    rank: dict[int, int] = {}
+    while degree:
+        first = min(degree, key=lambda i: (degree[i], i))
+        rank[first] = len(rank)
+        del degree[first]
+        for j in joined[first] & degree.keys():
+            degree[j] -= 1
+    return rank
+
+
+def fixes(p: FloatArray, q: FloatArray) -> bool:
+    """Return True for three points or more that lie on a line on neither side."""
+    if len(p) < 3:
+        return False
+    spread = [np.linalg.svd(x - x.mean(axis=0), compute_uv=False) for x in (p, q)]
+    return all(s[1] > FLAT * s[0] for s in spread)
+
+
+def kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> Motion:
+    """Weighted least-squares motion."""
+    p_mean, q_mean = np.average(p, axis=0, weights=weight), np.average(q, axis=0, weights=weight)
+    u, _, vt = np.linalg.svd(((p - p_mean) * weight[:, None]).T @ (q - q_mean))
+    turn = np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)])
+    rotation = vt.T @ turn @ u.T
+    return rotation, q_mean - rotation @ p_mean
+
+
+def residuals(motion: Motion, p: FloatArray, q: FloatArray) -> FloatArray:
+    """(n,) r_i."""
+    return np.linalg.norm(apply(*motion, p) - q, axis=1)
+
+
+def refined(motion: Motion, p: FloatArray, q: FloatArray, tau: float) -> Motion:
+    """Weighted least squares over the inliers until their number stays."""
+    count = 0
+    for _ in range(ROUNDS):
+        r = residuals(motion, p, q)
+        near: BoolArray = r < tau
+        if near.sum() == count or not fixes(p[near], q[near]):
+            break
+        count = int(near.sum())
+        motion = kabsch(p[near], q[near], 1.0 / (1.0 + (r[near] / tau) ** 2))
+    return motion
