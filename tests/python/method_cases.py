@@ -20,9 +20,11 @@ from reference.hough_voting import hough3d
 from reference.likelihood_consensus import lc
 from reference.nearest_neighbor_ratio import nnsr
 from reference.ransac import ransac
+from reference.sc2pcr import sc2pcr
 from reference.search_of_inliers import si
 from reference.similarity_score import ss
 from reference.spectral import st
+from reference.turboreg import turboreg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -383,6 +385,38 @@ CASES: dict[str, MethodCase] = {
             Trial({"ratio": OTHER_RATIO}, {"ratio": Field("ratio")}),
             Trial({"resolution": Pr(2.0)}),
         ],
+    ),
+    "sc2pcr": MethodCase(
+        sc2pcr,
+        score_tolerance=1e-9,
+        large_score_tolerance=1e-4,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(1.5)}),
+            Trial({"max_distance_difference": Pr(1.0)}),
+            Trial({"seed_ratio": 0.0}, {"tolerance": Pr(1.5)}),
+            Trial({"seed_ratio": 1.0}, {"tolerance": Pr(1.0)}),
+            Trial({"nms_radius": Pr(80.0)}, {"tolerance": Pr(1.0)}),
+            Trial({"k1": 5}, {"tolerance": Pr(1.0)}),
+            Trial({"k2": 4}, {"tolerance": Pr(1.0)}),
+            Trial({"resolution": None}, LARGE, shows=False),
+        ],
+        field_trials=[Trial({"resolution": Pr(0.3)})],
+    ),
+    "turboreg": MethodCase(
+        turboreg,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(1.5)}),
+            Trial({"max_distance_difference": Pr(4.0)}, {"tolerance": Pr(1.0)}),
+            Trial({"nms_radius": Pr(150.0)}, {"tolerance": Pr(1.0)}),
+            Trial({"pivots": 3}, {"tolerance": Pr(1.0)}),
+            Trial({"cliques_per_pivot": 1}, {"tolerance": Pr(1.0)}),
+            Trial({"choice": "mae"}, {"tolerance": Pr(1.0)}),
+            Trial({"choice": "mse"}, {"tolerance": Pr(1.0)}),
+            Trial({"resolution": None}, LARGE, shows=False),
+        ],
+        field_trials=[Trial({"resolution": Pr(0.3)})],
     ),
 }
 """By the name of the function, in cgroup and in the reference."""

@@ -1,6 +1,6 @@
 //! The graph of correspondences that keep their distance to each other, one bit per pair.
 //!
-//! Two are joined where `|ds - dt| < tolerance`, Eq. (13) of the paper, and both lengths exceed a least one: what
+//! Two are joined where `|ds - dt| < tolerance`, Eq. (13) of the paper, and their edges are long enough: what
 //! lies close together keeps its distance under any motion. A row of bits is the neighbours of one correspondence;
 //! common neighbours are counted 64 at a time. Memory `n^2 / 8` bytes.
 
@@ -11,6 +11,9 @@ use rayon::prelude::*;
 
 use super::agreement::DistanceAgreement;
 use super::long_agreement::LongAgreement;
+
+pub use super::long_agreement::EdgeLengths;
+
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::points::Points;
@@ -63,6 +66,20 @@ impl AgreementGraph {
         shortest: f64,
         execution: &Execution,
     ) -> Result<Self> {
+        Self::with_edges(source, target, tolerance, EdgeLengths::EachAbove(shortest), execution)
+    }
+
+    /// Joins the pairs of matched points whose lengths differ by less than `tolerance` and are as `lengths` says.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_edges(
+        source: &Points,
+        target: &Points,
+        tolerance: f64,
+        lengths: EdgeLengths,
+        execution: &Execution,
+    ) -> Result<Self> {
         let len = source.len();
         let words = len.div_ceil(WORD);
         let bytes = 8 * len * words;
@@ -72,7 +89,7 @@ impl AgreementGraph {
             );
             return Err(Error::invalid("max_memory", execution.max_memory, remedy));
         }
-        let agreement = LongAgreement::new(DistanceAgreement::new(source, target, tolerance), shortest);
+        let agreement = LongAgreement::new(DistanceAgreement::new(source, target, tolerance), lengths);
         let mut bits = vec![0; len * words];
         let rows = bits.par_chunks_mut(words.max(1)).enumerate().with_min_len(8);
         rows.try_for_each_init(
@@ -83,6 +100,13 @@ impl AgreementGraph {
             },
         )?;
         Ok(Self { len, words, bits })
+    }
+
+    /// Most correspondences whose graph takes no more than `max_memory` bytes.
+    pub fn most_vertices(max_memory: usize) -> usize {
+        let words = ((max_memory / (8 * WORD)) as f64).sqrt() as usize; // of rows of whole words
+        let full = words * WORD;
+        full + (max_memory / 8 / (words + 1)).saturating_sub(full).min(WORD)
     }
 
     /// Number of correspondences.
@@ -185,6 +209,11 @@ fn below(word: usize, j: usize) -> u64 {
     }
 }
 
+/// The indices that a row stands for, ascending.
+pub fn indices(row: &[u64]) -> impl Iterator<Item = u32> + '_ {
+    row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits))
+}
+
 /// The indices that a word of a row stands for.
 fn ones(word: usize, mut bits: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
@@ -198,7 +227,8 @@ fn count(row: &[u64]) -> u32 {
     row.iter().map(|word| word.count_ones()).sum()
 }
 
-fn count_common(a: &[u64], b: &[u64]) -> u32 {
+/// Number of bits that are set in both rows.
+pub fn count_common(a: &[u64], b: &[u64]) -> u32 {
     simd::run(
         #[inline(always)]
         || {
@@ -264,6 +294,15 @@ mod tests {
         assert_eq!(graph.common_neighbors(3, 7, 300), expected);
         assert_eq!(graph.common_neighbors(3, 7, 4), expected[..4]);
         Ok(())
+    }
+
+    #[test]
+    fn the_most_vertices_just_fit() {
+        for max_memory in (0..5_000).chain([1 << 20, 1 << 30, (1 << 30) + 12_345]) {
+            let most = AgreementGraph::most_vertices(max_memory);
+            let bytes = |len: usize| 8 * len * len.div_ceil(WORD);
+            assert!(bytes(most) <= max_memory && bytes(most + 1) > max_memory, "{max_memory} {most}");
+        }
     }
 
     #[test]
