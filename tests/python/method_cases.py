@@ -142,6 +142,7 @@ OTHER_FRAMES = [{name: Field(name, rolled)} for name in ("source_lrf", "target_l
 FRAMES = ("source_lrf", "target_lrf")
 
 LARGE = {"tolerance": Pr(20.0)}
+NARROW = {"tolerance": Pr(3.0)}
 SCORED = {"diagonal": "score", "similarity": SIMILARITY}
 SAMPLED = {"iterations": 8}
 CLIQUE = {"variant": "clique", "iterations": 100}
@@ -394,11 +395,11 @@ CASES: dict[str, MethodCase] = {
         trials=[
             Trial({"tolerance": Pr(1.5)}),
             Trial({"max_distance_difference": Pr(1.0)}),
-            Trial({"seed_ratio": 0.0}, {"tolerance": Pr(1.5)}),
-            Trial({"seed_ratio": 1.0}, {"tolerance": Pr(1.0)}),
-            Trial({"nms_radius": Pr(80.0)}, {"tolerance": Pr(1.0)}),
-            Trial({"k1": 5}, {"tolerance": Pr(1.0)}),
-            Trial({"k2": 4}, {"tolerance": Pr(1.0)}),
+            Trial({"seed_ratio": 0.0}, NARROW),
+            Trial({"seed_ratio": 1.0}, {"tolerance": Pr(0.3)}),
+            Trial({"nms_radius": Pr(80.0)}, NARROW),
+            Trial({"k1": 5}, NARROW),
+            Trial({"k2": 4}, NARROW),
             Trial({"resolution": None}, LARGE, shows=False),
         ],
         field_trials=[Trial({"resolution": Pr(0.3)})],
@@ -408,12 +409,12 @@ CASES: dict[str, MethodCase] = {
         fields=("resolution",),
         trials=[
             Trial({"tolerance": Pr(1.5)}),
-            Trial({"max_distance_difference": Pr(4.0)}, {"tolerance": Pr(1.0)}),
-            Trial({"nms_radius": Pr(150.0)}, {"tolerance": Pr(1.0)}),
-            Trial({"pivots": 3}, {"tolerance": Pr(1.0)}),
-            Trial({"cliques_per_pivot": 1}, {"tolerance": Pr(1.0)}),
-            Trial({"choice": "mae"}, {"tolerance": Pr(1.0)}),
-            Trial({"choice": "mse"}, {"tolerance": Pr(1.0)}),
+            Trial({"max_distance_difference": Pr(4.0)}, NARROW),
+            Trial({"nms_radius": Pr(150.0)}, NARROW),
+            Trial({"pivots": 3}, NARROW),
+            Trial({"cliques_per_pivot": 1}, NARROW),
+            Trial({"choice": "mae"}, NARROW),
+            Trial({"choice": "mse"}, NARROW),
             Trial({"resolution": None}, LARGE, shows=False),
         ],
         field_trials=[Trial({"resolution": Pr(0.3)})],
