@@ -21,9 +21,11 @@ from reference.likelihood_consensus import lc
 from reference.mac import mac
 from reference.nearest_neighbor_ratio import nnsr
 from reference.ransac import ransac
+from reference.sc2pcr import sc2pcr
 from reference.search_of_inliers import si
 from reference.similarity_score import ss
 from reference.spectral import st
+from reference.turboreg import turboreg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -141,6 +143,7 @@ OTHER_FRAMES = [{name: Field(name, rolled)} for name in ("source_lrf", "target_l
 FRAMES = ("source_lrf", "target_lrf")
 
 LARGE = {"tolerance": Pr(20.0)}
+NARROW = {"tolerance": Pr(3.0)}
 SCORED = {"diagonal": "score", "similarity": SIMILARITY}
 SAMPLED = {"iterations": 8}
 CLIQUE = {"variant": "clique", "iterations": 100}
@@ -403,6 +406,38 @@ CASES: dict[str, MethodCase] = {
             Trial({"refine": False}, {"tolerance": Pr(2.0)}),
         ],
         field_trials=[Trial({"resolution": Pr(2.0)})],
+    ),
+    "sc2pcr": MethodCase(
+        sc2pcr,
+        score_tolerance=1e-9,
+        large_score_tolerance=1e-4,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(1.5)}),
+            Trial({"max_distance_difference": Pr(1.0)}),
+            Trial({"seed_ratio": 0.0}, NARROW),
+            Trial({"seed_ratio": 1.0}, {"tolerance": Pr(0.3)}),
+            Trial({"nms_radius": Pr(80.0)}, NARROW),
+            Trial({"k1": 5}, NARROW),
+            Trial({"k2": 4}, NARROW),
+            Trial({"resolution": None}, LARGE, shows=False),
+        ],
+        field_trials=[Trial({"resolution": Pr(0.3)})],
+    ),
+    "turboreg": MethodCase(
+        turboreg,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(1.5)}),
+            Trial({"max_distance_difference": Pr(4.0)}, NARROW),
+            Trial({"nms_radius": Pr(150.0)}, NARROW),
+            Trial({"pivots": 3}, NARROW),
+            Trial({"cliques_per_pivot": 1}, NARROW),
+            Trial({"choice": "mae"}, NARROW),
+            Trial({"choice": "mse"}, NARROW),
+            Trial({"resolution": None}, LARGE, shows=False),
+        ],
+        field_trials=[Trial({"resolution": Pr(0.3)})],
     ),
 }
 """By the name of the function, in cgroup and in the reference."""

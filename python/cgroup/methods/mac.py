@@ -83,8 +83,8 @@ def mac(
         The correspondences with a residual below `tolerance` under `Grouping.model`. The score of a
         correspondence is the weight of the heaviest clique that it is in, 0 where it is in none. Without a
         clique that fixes a motion, the group is empty. Diagnostics: ``vertices`` of the graph,
-        ``reduced_vertices`` among which cliques were sought, ``cliques`` found, ``hypotheses`` judged,
-        ``score`` of the best; and ``truncated`` where the search ended at `max_cliques` or `max_seconds`,
+        ``reduced_vertices`` among which cliques were sought, ``cliques`` found, ``hypotheses`` judged; and
+        ``truncated`` where the search ended at `max_cliques` or `max_seconds`,
         or where the graph has only the vertices of the highest degrees, because all would exceed
         `max_memory` or 2^30 paths.
 

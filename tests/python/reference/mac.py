@@ -15,40 +15,36 @@ Decisions where the paper is open
 * w is rounded to 15 binary digits and W to 16, downwards, so that sums are exact in any order. Pairs with W = 0 are none.
 * The graph of more than 50 vertices is reduced where min(Otsu, mean, pooled) of c exceeds 3, as in the published code:
   Otsu's cut with its bins from 0 ("legacy"), pooled = the sum of the numerators over that of the denominators.
-  Kept are c_i >= f max(Otsu, pooled) with the first f of 10, 9.95, 9.9, ... that 50 vertices reach. Cube roots are
-  in single precision. Where all c are equal, Otsu's cut is that number.
+  Kept are c_i >= f max(Otsu, pooled) with the first f of 10, 9.95, 9.9, ... that 50 vertices reach. Cube roots
+  and c are in single precision. Where all c are equal, Otsu's cut is that number.
 * Of cliques of equal weight the one with the lower indices is the heavier one. Equal MAE: the heavier clique.
 * Order of the search, which only shows where it is cut short: vertices by degeneracy (fewest neighbours left first, ties to
   the lowest index), each with its later neighbours as candidates, if those and itself can make a clique; pivot: the
   neighbour of all members with the most candidates, those later in that order first, then by index; first the pivot's branch,
   then by index. Every start gets max_cliques / starts ends, maximal cliques (of any size) or dead ends,
   and at least one; those that do not suffice for get an equal share of what is left, if it is a larger one.
-* A clique on a line on either side proposes nothing: its second singular value is at most 1e-7 of the first.
-* Refinement: 20 rounds of weights 1 / (1 + (r / tolerance)^2) over r < tolerance; ends where their number is that of the round before,
-  or where they lie on a line.
+* A clique on a line on either side proposes nothing. Choice and refinement: see `refinement`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .otsu import otsu_split
-from .pairwise import distance_difference
-from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
-from .rigid import apply, homogeneous
+from .pairwise import centred, distance_difference
+from .refinement import best_pose, fixes_rotation, residuals, weighted_kabsch
+from .refinement import refine as refine_pose
+from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import ArrayLike
 
-FLAT = 1e-7
 LEAST_VERTICES = 50
-ROUNDS = 20
 
-Motion = tuple[FloatArray, FloatArray]
 Clique = tuple[int, ...]
 
 
@@ -66,7 +62,7 @@ def mac(
     refine: bool = True,
 ) -> ReferenceGrouping:
     """Group by the best of the motions that maximal cliques propose."""
-    p, q = as_points(source), as_points(target)
+    p, q = centred(as_points(source)), centred(as_points(target))
     tau = length(tolerance, resolution, 5.0, "tolerance")
     second = second_order(p, q, max_distance_difference or tau / 5.0, min_weight)
     kept = dense_part(second)
@@ -80,17 +76,12 @@ def mac(
     scores = np.array([weights[heaviest[i]] / 2**16 if i in heaviest else 0.0 for i in range(len(p))])
     chosen = set(heaviest.values())
     cliques = [list(clique) for clique in ranked if clique in chosen][:max_hypotheses]
-    motions = [kabsch(p[c], q[c], np.ones(len(c))) for c in cliques if fixes(p[c], q[c])]
-    accuracies = [float(np.maximum(0.0, 1.0 - residuals(motion, p, q) / tau).sum()) for motion in motions]
-    details = {"cliques": len(found), "hypotheses": len(motions), "complete": complete, "kept": kept}
-    if max(accuracies, default=0.0) <= 0.0:
-        return ReferenceGrouping(np.zeros(len(p), dtype=bool), scores, None, details)
-    model = motions[int(np.argmax(accuracies))]
-    if refine:
-        model = refined(model, p, q, tau)
-    return ReferenceGrouping(
-        residuals(model, p, q) < tau, scores, None, details | {"model": homogeneous(*model)}
-    )
+    poses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in cliques if fixes_rotation(p[c], q[c])]
+    best = best_pose(poses, p, q, tau, "mae")
+    model = refine_pose(best, p, q, tau) if refine and best is not None else best
+    mask = np.zeros(len(p), dtype=bool) if model is None else residuals(model, p, q) < tau
+    details = {"cliques": len(found), "hypotheses": len(poses), "complete": complete, "kept": kept}
+    return ReferenceGrouping(mask, scores, None, details)
 
 
 def second_order(p: FloatArray, q: FloatArray, bound: float, min_weight: float) -> IntArray:
@@ -108,20 +99,25 @@ def dense_part(second: IntArray) -> IntArray:
     n = len(second)
     if n <= LEAST_VERTICES:
         return np.arange(n)
-    root = np.cbrt(second / 2**16).astype(np.float32).astype(np.float64)
+    root = in_single(np.cbrt(second / 2**16))
     triangles = ((root @ root) * root).sum(axis=1) / 2.0
     degree = (second > 0).sum(axis=1)
     pairs = degree * (degree - 1) / 2.0
-    c = np.divide(triangles, pairs, out=np.zeros(n), where=pairs > 0)
-    pooled = triangles.sum() / max(1.0, pairs.sum())
+    c = in_single(np.divide(triangles, pairs, out=np.zeros(n), where=pairs > 0))
+    pooled = in_single(triangles.sum() / max(1.0, pairs.sum()))
     _, cut = otsu_split(c, "legacy")
     otsu = c[0] if cut is None else cut
     if min(otsu, c.mean(), pooled) <= 3.0:
         return np.arange(n)
     reached = np.sort(c)[-LEAST_VERTICES]
-    limits = ((10.0 - 0.05 * step) * max(otsu, pooled) for step in range(200))
-    limit = next((limit for limit in limits if limit <= reached), 0.0)
+    limits = (step / 20 * max(otsu, pooled) for step in range(200, -1, -1))
+    limit = next(limit for limit in limits if limit <= reached)
     return np.flatnonzero(c >= limit)
+
+
+def in_single(values: Any) -> Any:
+    """Round to single precision, and return doubles."""
+    return np.float64(np.float32(values))
 
 
 def search(second: IntArray, kept: IntArray, min_size: int, most: int) -> tuple[list[Clique], bool]:
@@ -178,38 +174,3 @@ def degeneracy_ranks(joined: list[set[int]], kept: IntArray) -> dict[int, int]:
         for j in joined[first] & degree.keys():
             degree[j] -= 1
     return rank
-
-
-def fixes(p: FloatArray, q: FloatArray) -> bool:
-    """Return True for three points or more that lie on a line on neither side."""
-    if len(p) < 3:
-        return False
-    spread = [np.linalg.svd(x - x.mean(axis=0), compute_uv=False) for x in (p, q)]
-    return all(s[1] > FLAT * s[0] for s in spread)
-
-
-def kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> Motion:
-    """Weighted least-squares motion."""
-    p_mean, q_mean = np.average(p, axis=0, weights=weight), np.average(q, axis=0, weights=weight)
-    u, _, vt = np.linalg.svd(((p - p_mean) * weight[:, None]).T @ (q - q_mean))
-    turn = np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)])
-    rotation = vt.T @ turn @ u.T
-    return rotation, q_mean - rotation @ p_mean
-
-
-def residuals(motion: Motion, p: FloatArray, q: FloatArray) -> FloatArray:
-    """(n,) r_i."""
-    return np.linalg.norm(apply(*motion, p) - q, axis=1)
-
-
-def refined(motion: Motion, p: FloatArray, q: FloatArray, tau: float) -> Motion:
-    """Weighted least squares over the inliers until their number stays."""
-    count = 0
-    for _ in range(ROUNDS):
-        r = residuals(motion, p, q)
-        near: BoolArray = r < tau
-        if near.sum() == count or not fixes(p[near], q[near]):
-            break
-        count = int(near.sum())
-        motion = kabsch(p[near], q[near], 1.0 / (1.0 + (r[near] / tau) ** 2))
-    return motion

@@ -25,11 +25,9 @@ use rayon::prelude::*;
 
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
-use crate::consensus::accuracy::most_accurate;
-use crate::consensus::reweighting::reweighted;
+use crate::consensus::choice::{Choice, best_pose, group_of, inliers_of};
 use crate::error::{Error, at_least_one, positive};
 use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
-use crate::grouping_result::mask_of;
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 use graph::{BYTES_PER_NEIGHBOR, Kernel, SecondOrderGraph};
@@ -37,9 +35,6 @@ use search::{Clique, Search};
 
 /// Most paths of two edges: W takes as many steps. Where there are more, the vertices of the least degree are left out.
 const MOST_PATHS: u64 = 1 << 30;
-
-/// Rounds of the refinement.
-const ROUNDS: usize = 20;
 
 /// Parameters of MAC.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,8 +83,8 @@ impl GroupingMethod for MaximalCliques {
         let cliques = found.distinct(self.max_hypotheses.unwrap_or(usize::MAX));
         let poses = cliques.par_iter().filter_map(|clique| pose_of(clique, &vertices, source, target)); // SVD
         let poses: Vec<Rigid> = poses.collect();
-        let best = most_accurate(&poses, source, target, tolerance, execution)?; // MAE
-        let mut grouping = self.report(best.map(|(k, _)| &poses[k]), source, target, tolerance);
+        let best = best_pose(&poses, source, target, tolerance, Choice::Mae, execution)?;
+        let mut grouping = if self.refine { group_of } else { inliers_of }(best, source, target, tolerance);
         let mut scores = vec![0.0; source.len()];
         vertices.iter().zip(found.weights()).for_each(|(&i, weight)| scores[i] = weight);
         grouping.scores = Some(scores);
@@ -100,8 +95,7 @@ impl GroupingMethod for MaximalCliques {
             .with("vertices", vertices.len() as f64)
             .with("reduced_vertices", dense.len() as f64)
             .with("cliques", found.cliques as f64)
-            .with("hypotheses", poses.len() as f64)
-            .with("score", best.map_or(0.0, |(_, score)| score)))
+            .with("hypotheses", poses.len() as f64))
     }
 }
 
@@ -127,15 +121,6 @@ impl MaximalCliques {
         }
         let bound = self.max_distance_difference.unwrap_or(tolerance / 5.0);
         Ok(Kernel { bound: positive("max_distance_difference", bound)?, min_weight: self.min_weight })
-    }
-
-    fn report(&self, best: Option<&Rigid>, source: &Points, target: &Points, tolerance: f64) -> Grouping {
-        let Some(best) = best else { return Grouping::empty(source.len()) };
-        let model = reweighted(best, source, target, tolerance, if self.refine { ROUNDS } else { 0 });
-        let residual = |i: &usize| (model.apply(&source.get(*i)) - target.get(*i)).norm();
-        let members = (0..source.len()).filter(|i| residual(i) < tolerance);
-        let mask = mask_of(source.len(), members);
-        Grouping { model: Some(model.uncentered(source, target).to_matrix()), ..Grouping::from_mask(mask) }
     }
 }
 

@@ -13,9 +13,9 @@ const DENSE: f64 = 3.0;
 /// A graph of no more vertices is not reduced, and no graph to fewer.
 const LEAST_VERTICES: usize = 50;
 
-/// The limit starts at this multiple of the greater cut, and falls by so much until enough vertices exceed it.
-const FIRST_FACTOR: f64 = 10.0;
-const FACTOR_STEP: f64 = 0.05;
+/// The limit starts at ten times the greater cut, and falls in steps of a twentieth of it until enough vertices reach it.
+const FIRST_STEP: u32 = 10 * STEPS;
+const STEPS: u32 = 20;
 
 /// The vertices whose cliques are sought, ascending; all where the graph is not dense.
 ///
@@ -42,11 +42,12 @@ fn limit(coefficients: &[f64], cut: f64) -> f64 {
     let mut descending = coefficients.to_vec();
     descending.sort_unstable_by(|a, b| b.total_cmp(a));
     let reached = descending[LEAST_VERTICES - 1];
-    let limits = (0..).map(|step| (FIRST_FACTOR - FACTOR_STEP * f64::from(step)) * cut);
-    limits.take_while(|&limit| limit > 0.0).find(|&limit| limit <= reached).unwrap_or(0.0)
+    let mut limits = (0..=FIRST_STEP).rev().map(|step| f64::from(step) / f64::from(STEPS) * cut);
+    limits.find(|&limit| limit <= reached).unwrap_or_default()
 }
 
-/// How well the neighbours of each vertex agree with each other, and the same over all pairs of neighbours.
+/// How well the neighbours of each vertex agree with each other, and the same over all pairs of neighbours. In f32, so that
+/// numbers that differ by the rounding of sums alone are equal.
 struct Coefficients {
     of_vertices: Vec<f64>,
     pooled: f64,
@@ -70,9 +71,13 @@ fn coefficients(graph: &SecondOrderGraph, execution: &Execution) -> Result<Coeff
             own.iter().zip(own_roots).map(|(path, &root)| path * f64::from(root)).sum::<f64>() / 2.0;
         let degree = own_roots.iter().filter(|&&root| root > 0.0).count() as f64;
         let possible = degree * (degree - 1.0) / 2.0;
-        of_vertices.push(if possible > 0.0 { triangles / possible } else { 0.0 });
+        of_vertices.push(mean(triangles, possible));
         sum += triangles;
         pairs += possible;
     }
-    Ok(Coefficients { of_vertices, pooled: if pairs > 0.0 { sum / pairs } else { 0.0 } })
+    Ok(Coefficients { of_vertices, pooled: mean(sum, pairs) })
+}
+
+fn mean(sum: f64, count: f64) -> f64 {
+    if count > 0.0 { f64::from((sum / count) as f32) } else { 0.0 }
 }
