@@ -201,7 +201,7 @@ _TABLE = (
         function=sc2pcr,
         label="SC2-PCR",
         fields=_POINTS,
-        optional_fields=("resolution",),
+        optional_fields=("candidates", "resolution"),
         complexity="n²",
         color="#E69F00",
         marker=">",
@@ -263,5 +263,5 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
 }
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
 the options with which each method's own author differs, PCL's variants (3DHV's needs a ``bin_size`` as
-well), the evaluation group's later constants, and the constants in metres that were published for rooms thinned
-to 5 cm (3DMatch) and streets thinned to 30 cm (KITTI)."""
+well), the evaluation group's later constants, and the constants in metres that were published for rooms
+thinned to 5 cm (3DMatch) and streets thinned to 30 cm (KITTI)."""

@@ -142,6 +142,13 @@ OTHER_RATIO = Field("ratio", backwards)
 OTHER_FRAMES = [{name: Field(name, rolled)} for name in ("source_lrf", "target_lrf")]
 FRAMES = ("source_lrf", "target_lrf")
 
+
+def rivals(points: FloatArray) -> FloatArray:
+    """Return three points for each, itself the second."""
+    return np.stack([np.roll(points, shift, axis=0) for shift in (3, 0, 1)], axis=1)
+
+
+CANDIDATES = Field("target", rivals)
 LARGE = {"tolerance": Pr(20.0)}
 NARROW = {"tolerance": Pr(3.0)}
 SCORED = {"diagonal": "score", "similarity": SIMILARITY}
@@ -422,7 +429,8 @@ CASES: dict[str, MethodCase] = {
             Trial({"k2": 4}, NARROW),
             Trial({"resolution": None}, LARGE, shows=False),
         ],
-        field_trials=[Trial({"resolution": Pr(0.3)})],
+        field_trials=[Trial({"resolution": Pr(0.3)}), Trial({"candidates": CANDIDATES}, NARROW)],
+        choices={"candidates": (None, CANDIDATES), "resolution": (Field("resolution"),)},
     ),
     "turboreg": MethodCase(
         turboreg,

@@ -17,6 +17,7 @@ def sc2pcr(
     source: ArrayLike,
     target: ArrayLike,
     *,
+    candidates: ArrayLike | None = None,
     resolution: float | None = None,
     tolerance: float | None = None,
     max_distance_difference: float | None = None,
@@ -42,6 +43,13 @@ def sc2pcr(
     ----------
     source, target : (n,3) array_like of float
         Matched points.
+    candidates : (n,k,3) array_like of float, optional
+        Target points that each source point may match, the likeliest first, such as those of its 100 nearest
+        descriptors (`cgroup.features.match`, k=100). With them the pose is chosen as in SC2-PCR++ (Chen et
+        al., TPAMI 2023): each of the 50 poses with the most inliers is refined by one round. Source points
+        that it lays within `tolerance` of a candidate take the first one within ``1.5 * tolerance``, and the
+        pose scores the most of them that are compatible, at half the bound, with one of them. The published
+        `k1` and `k2` are 20 and 10 then.
     resolution : float, optional
         Mean nearest-neighbour distance of the clouds.
     tolerance : float, optional
@@ -59,18 +67,19 @@ def sc2pcr(
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     max_memory : int, optional
-        Bytes that pairwise matrices may take; by default a quarter of the memory that is free, at most 1.5 GiB.
-        A compatibility matrix (n^2 bytes) that is larger is recomputed for each power step; where the graph of
-        compatible pairs (n^2 / 8 bytes) is larger, only the most confident correspondences whose graph fits
-        give seeds and sets: `Grouping.complete` is False then, and ``diagnostics["vertices"]`` says how many.
+        Bytes that pairwise matrices may take; by default a quarter of the memory that is free, at most
+        1.5 GiB. A compatibility matrix (n^2 bytes) that is larger is recomputed for each power step. Where
+        the graph of compatible pairs (n^2 / 8 bytes) is larger, only the most confident correspondences whose
+        graph fits give seeds and sets: `Grouping.complete` is False then, and ``diagnostics["vertices"]``
+        says how many.
     progress : callable, optional
         Called now and then with the share of the work done, in [0,1].
 
     Returns
     -------
     Grouping
-        The inliers of `Grouping.model`, the refined pose. Its scores are the confidences. Where no set fixes a
-        pose the group is empty.
+        The inliers of `Grouping.model`, the refined pose. Its scores are the confidences. Where no set fixes
+        a pose the group is empty.
 
     Raises
     ------

@@ -136,6 +136,28 @@ impl AgreementGraph {
         words.flat_map(|(word, bits)| ones(word, bits)).take(most).collect()
     }
 
+    /// Gives each vertex of `others`, a row of bits, with how many neighbours it has in common with `i`; ascending.
+    pub fn count_common_with(&self, i: usize, others: &[u64], mut give: impl FnMut(u32, u32)) {
+        let own = self.row(i);
+        simd::run(
+            #[inline(always)]
+            || {
+                for (word, &bits) in others.iter().enumerate() {
+                    let mut left = bits;
+                    while left != 0 {
+                        let j = (word * WORD) as u32 + left.trailing_zeros();
+                        left &= left - 1;
+                        let mut sum = 0;
+                        for (a, b) in own.iter().zip(self.row(j as usize)) {
+                            sum += (a & b).count_ones();
+                        }
+                        give(j, sum);
+                    }
+                }
+            },
+        );
+    }
+
     /// The `most` pairs with the most common neighbours, one at least; ties to the lowest indices.
     ///
     /// # Errors
@@ -209,11 +231,6 @@ fn below(word: usize, j: usize) -> u64 {
     }
 }
 
-/// The indices that a row stands for, ascending.
-pub fn indices(row: &[u64]) -> impl Iterator<Item = u32> + '_ {
-    row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits))
-}
-
 /// The indices that a word of a row stands for.
 fn ones(word: usize, mut bits: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
@@ -282,6 +299,19 @@ mod tests {
             assert_eq!(graph.joined(i, j), graph.joined(j, i));
             assert!(i != j || !graph.joined(i, j));
         }
+        Ok(())
+    }
+
+    #[test]
+    fn common_neighbors_are_counted_for_those_asked_about() -> Result<()> {
+        let graph = graph(300)?;
+        let mut counted = Vec::new();
+        graph.count_common_with(3, graph.row(7), |j, common| counted.push((j, common)));
+        let expected: Vec<(u32, u32)> = (0..300)
+            .filter(|&j| graph.joined(7, j))
+            .map(|j| (j as u32, graph.common_neighbors(3, j, 300).len() as u32))
+            .collect();
+        assert!(!expected.is_empty() && counted == expected);
         Ok(())
     }
 

@@ -64,6 +64,24 @@ pub fn best_pose(
     Ok(best.map(|best| poses[best]))
 }
 
+/// The number of inliers of each pose between the centred points.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn count_inliers(
+    poses: &[Rigid],
+    source: &Points,
+    target: &Points,
+    tolerance: f64,
+    execution: &Execution,
+) -> Result<Vec<usize>> {
+    let counter = InlierCounter::new(source, target, tolerance);
+    let count = |near: &mut Vec<u16>, pose: &Rigid| {
+        execution.check().map(|()| counter.count(pose, 0, near).unwrap_or_default())
+    };
+    poses.par_iter().map_init(Vec::new, count).collect()
+}
+
 /// The sum of `max(0, 1 - r / tolerance)`, or of its squares.
 fn sum_of_shares(pose: &Rigid, source: &Points, target: &Points, tolerance: f64, squared: bool) -> f64 {
     let (r, t) = (&pose.rotation, &pose.translation);

@@ -28,6 +28,7 @@ Decisions where the paper is open
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -134,7 +135,7 @@ def search(second: IntArray, kept: IntArray, min_size: int, most: int) -> tuple[
         share, unfinished = larger, []
         for i in left:
             walk = from_vertex(int(i), joined, rank)
-            ends = [clique for clique, _ in zip(walk, range(share), strict=False)]
+            ends = list(itertools.islice(walk, share))
             found[i] = [clique for clique in ends if len(clique) >= min_size]
             if next(walk, None) is None:
                 most = max(0, most - len(ends))

@@ -13,12 +13,14 @@ Decisions where the sources are open
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .result import BoolArray, FloatArray
 from .rigid import apply, homogeneous
+
+if TYPE_CHECKING:
+    from .result import BoolArray, FloatArray
 
 ROUNDS = 20
 FLAT = 1e-7
@@ -78,12 +80,9 @@ def refine(pose: Pose, p: FloatArray, q: FloatArray, tolerance: float, rounds: i
     return pose
 
 
-def group_of(pose: Pose | None, p_raw: FloatArray, q_raw: FloatArray, tolerance: float) -> BoolArray:
-    """(n,) True for the inliers of the refined pose."""
-    if pose is None:
-        return np.zeros(len(p_raw), dtype=bool)
-    p, q = p_raw - p_raw.mean(axis=0), q_raw - q_raw.mean(axis=0)
-    return residuals(refine(pose, p, q, tolerance), p, q) < tolerance
+def inliers_of(pose: Pose | None, p: FloatArray, q: FloatArray, tolerance: float) -> BoolArray:
+    """(n,) True for residuals below the tolerance."""
+    return np.zeros(len(p), dtype=bool) if pose is None else residuals(pose, p, q) < tolerance
 
 
 def in_data(pose: Pose, p_raw: FloatArray, q_raw: FloatArray) -> FloatArray:

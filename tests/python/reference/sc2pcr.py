@@ -13,6 +13,10 @@ confidence, `seed_ratio` n in all. The set of a seed has the k1 best by its row 
 seed's row of H H within them. Weights w = S'^10 1 with S' the soft matrix of the set, its diagonal 0; its pose is the
 weighted Kabsch motion. The pose with the most inliers is refined (see `refinement`).
 
+With `candidates` c_i1, c_i2, ... of each match (SC2-PCR++, TPAMI 2023), each of the 50 poses with the most inliers is
+refined by one round; let i be in K where some |T p_i - c_ij| < t, and c_i the first c_ij within 1.5 t. The pose with the
+greatest max over i in K of #{j in K : ||p_i - p_j| - |c_i - c_j|| < D / 2} is refined to the end.
+
 Decisions where the source is open
 ----------------------------------
 * Ten power steps always; the published code stops early where a step changes nothing within 1e-5.
@@ -22,6 +26,7 @@ Decisions where the source is open
   stage to the better one of the first.
 * Only matches with C > 0 become members; the published code fills a set up to k1 with any.
 * Members of weight 0 are left out; a set that does not determine a rotation has no pose.
+* The bound D / 2 of SC2-PCR++ is a constant of its own in the published code: as here for rooms, D for streets.
 * The group has the inliers of the refined pose; the scores are the confidences.
 """
 
@@ -32,20 +37,32 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .refinement import Pose, best_pose, fixes_rotation, group_of, weighted_kabsch
+from .refinement import (
+    Pose,
+    best_pose,
+    fixes_rotation,
+    in_data,
+    inliers_of,
+    refine,
+    residuals,
+    weighted_kabsch,
+)
 from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .rigid import apply
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 POWER_STEPS = 10
 TIE = 1e-9
+BEST = 50
 
 
 def sc2pcr(
     source: ArrayLike,
     target: ArrayLike,
     *,
+    candidates: ArrayLike | None = None,
     resolution: float | None = None,
     tolerance: float | None = None,
     max_distance_difference: float | None = None,
@@ -74,8 +91,17 @@ def sc2pcr(
         pose = pose_of(p[members], q[members], soft(delta[np.ix_(members, members)], limit))
         if pose is not None:
             poses.append(pose)
-    mask = group_of(best_pose(poses, p, q, t), p_raw, q_raw, t)
-    return ReferenceGrouping(mask, confidence, None, {"hypotheses": len(poses)})
+    if candidates is None or np.size(candidates) == 0:
+        best = best_pose(poses, p, q, t)
+    else:
+        others = np.array(candidates, dtype=np.float64) - q_raw.mean(axis=0)
+        best = best_by_candidates(poses, p, q, others, t, limit)
+    pose = None if best is None else refine(best, p, q, t)
+    details = {
+        "hypotheses": len(poses),
+        "transform": None if pose is None else in_data(pose, p_raw, q_raw),
+    }
+    return ReferenceGrouping(inliers_of(pose, p, q, t), confidence, None, details)
 
 
 def soft(delta: FloatArray, limit: float) -> FloatArray:
@@ -118,3 +144,27 @@ def pose_of(p: FloatArray, q: FloatArray, compatibility: FloatArray) -> Pose | N
     if not fixes_rotation(p[kept], q[kept]):
         return None
     return weighted_kabsch(p[kept], q[kept], weight[kept])
+
+
+def best_by_candidates(
+    poses: list[Pose], p: FloatArray, q: FloatArray, candidates: FloatArray, tolerance: float, limit: float
+) -> Pose | None:
+    """Return the pose whose candidates keep their distances best, refined by one round."""
+    counts = np.array([(residuals(pose, p, q) < tolerance).sum() for pose in poses], dtype=np.int64)
+    order = np.argsort(-counts, kind="stable")[:BEST]
+    refined = [refine(poses[k], p, q, tolerance, rounds=1) for k in order if counts[k] > 0]
+    scores = [agreeing_candidates(pose, p, candidates, tolerance, limit / 2.0) for pose in refined]
+    return refined[int(np.argmax(scores))] if max(scores, default=0) > 0 else None
+
+
+def agreeing_candidates(
+    pose: Pose, p: FloatArray, candidates: FloatArray, tolerance: float, limit: float
+) -> int:
+    """Return the greatest number of candidates that keep their distance to one of them."""
+    moved = apply(pose.rotation, pose.translation, p)
+    r = np.linalg.norm(candidates - moved[:, None, :], axis=2)
+    rows = np.flatnonzero((r < tolerance).any(axis=1))
+    if len(rows) == 0:
+        return 0
+    first = (r < 1.5 * tolerance).argmax(axis=1)[rows]
+    return int((distance_difference(p[rows], candidates[rows, first]) < limit).sum(axis=1).max())

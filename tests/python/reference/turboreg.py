@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .refinement import best_pose, fixes_rotation, group_of, weighted_kabsch
+from .refinement import best_pose, fixes_rotation, in_data, inliers_of, refine, weighted_kabsch
 from .result import BoolArray, FloatArray, ReferenceGrouping, as_points, length
 
 if TYPE_CHECKING:
@@ -55,8 +55,13 @@ def turboreg(
         corners = list(triangle)
         if fixes_rotation(p[corners], q[corners]):
             poses.append(weighted_kabsch(p[corners], q[corners], np.ones(3)))
-    mask = group_of(best_pose(poses, p, q, t, choice), p_raw, q_raw, t)
-    return ReferenceGrouping(mask, None, None, {"hypotheses": len(poses)})
+    best = best_pose(poses, p, q, t, choice)
+    pose = None if best is None else refine(best, p, q, t)
+    details = {
+        "hypotheses": len(poses),
+        "transform": None if pose is None else in_data(pose, p_raw, q_raw),
+    }
+    return ReferenceGrouping(inliers_of(pose, p, q, t), None, None, details)
 
 
 def triangles(joined: BoolArray, pivots: int, thirds: int) -> list[tuple[int, int, int]]:

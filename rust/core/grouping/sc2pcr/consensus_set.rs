@@ -7,7 +7,7 @@ use nalgebra::Point3;
 use super::seeds::POWER_STEPS;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::distance::distance_difference;
-use crate::compatibility::graph::{AgreementGraph, EdgeLengths, count_common, indices};
+use crate::compatibility::graph::{AgreementGraph, EdgeLengths};
 use crate::compatibility::long_agreement::LongAgreement;
 use crate::geometry::rigid::{Rigid, fit_weighted, fixes_rotation};
 use crate::{Execution, Points, Result};
@@ -62,11 +62,13 @@ impl<'a> ConsensusSets<'a> {
     /// First stage: the seed and those with the greatest second-order compatibility with it.
     fn most_compatible(&self, seed: usize, working: &mut Working) -> Vec<u32> {
         self.hard.fill_row(seed, &mut working.row, &mut working.unsure);
-        let own = self.tight.row(seed);
-        let others = indices(&working.row).filter(|&j| j as usize != seed);
-        let counts = others.map(|j| (Reverse(count_common(own, self.tight.row(j as usize))), j));
-        working.counts.clear();
-        working.counts.extend(counts.filter(|(common, _)| common.0 > 0));
+        let Working { row, counts, .. } = &mut *working;
+        counts.clear();
+        self.tight.count_common_with(seed, row, |j, common| {
+            if j as usize != seed && common > 0 {
+                counts.push((Reverse(common), j));
+            }
+        });
         let best = best(&mut working.counts, self.sizes[0] - 1);
         std::iter::once(seed as u32).chain(best.iter().map(|&(_, j)| j)).collect()
     }

@@ -15,6 +15,8 @@
 //!    on the diagonal.
 //! 7. The pose with the most inliers wins, and is refined; the group are its inliers.
 //!
+//! With candidates, other points that the source points may be matched with, step 7 is that of SC2-PCR++ (`candidates.rs`).
+//!
 //! Only hard-compatible members are taken into a set; where they are fewer than `k1`, the published code fills it up with
 //! arbitrary others.
 //!
@@ -22,11 +24,13 @@
 //! takes n^2 bytes, or none where that is too much; the tight graph takes n^2 / 8, and where that is too much only the most
 //! confident correspondences are looked at.
 
+mod candidates;
 mod consensus_set;
 mod seeds;
 
 use rayon::prelude::*;
 
+use self::candidates::Candidates;
 use self::consensus_set::ConsensusSets;
 use self::seeds::{confidence, seeds};
 use super::GroupingMethod;
@@ -89,7 +93,15 @@ impl GroupingMethod for Sc2Pcr {
                 poses.iter().map(|pose| pose.uncentered(&p, &q)).collect()
             }
         };
-        let best = best_pose(&poses, source, target, lengths.tolerance, Choice::Inliers, execution)?; // step 7
+        let best = match correspondences.candidates() {
+            None => best_pose(&poses, source, target, lengths.tolerance, Choice::Inliers, execution)?, // step 7
+            Some(points) => {
+                let Lengths { tolerance, max_distance_difference, .. } = lengths;
+                let max_distance_difference = max_distance_difference / 2.0;
+                let candidates = Candidates { source, target, points, tolerance, max_distance_difference };
+                candidates.best_pose(&poses, execution)? // as SC2-PCR++
+            }
+        };
         let mut grouping = group_of(best, source, target, lengths.tolerance);
         grouping.scores = Some(confidence);
         if let Some(kept) = kept {
