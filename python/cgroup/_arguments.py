@@ -99,6 +99,20 @@ def real_frames(name: str, value: ArrayLike, rows: int) -> RealArray:
     return array
 
 
+def real_candidates(name: str, value: ArrayLike, rows: int) -> RealArray:
+    """Return `value` as (n,k,3) float32 or float64."""
+    array = as_reals(name, value)
+    if array.size == 0 and rows == 0:
+        return array.reshape(0, 0, 3)
+    if array.ndim != 3 or array.shape[0] != rows or array.shape[2] != 3:
+        message = (
+            f"{name}: got shape {_shape(array)}; give ({rows},k,3): k target points for each correspondence, "
+            "the likeliest first"
+        )
+        raise InputError(message)
+    return array
+
+
 def _shape(array: RealArray) -> str:
     return "(" + ",".join(map(str, array.shape)) + ")"
 

@@ -42,16 +42,17 @@ def compute(
     fields : Fields
         Those that the method takes.
     options : dict
-        All options of the method, and how it is to run: `threads`, and `max_memory` and `progress` where it
-        has them. It is used up.
+        All options of the method, and how it is to run: `threads`, and `max_memory`, `progress` and
+        `max_seconds` where it has them. It is used up.
     positions : (source, target) or None
         Points that nothing will change, for `Grouping.transform`.
     """
     threads, progress = options.pop("threads"), options.pop("progress", None)
+    max_seconds = options.pop("max_seconds", None)
     max_memory = options.pop("max_memory", 0)
     if max_memory is None:
         max_memory = max_memory_for(0 if fields.source is None else len(fields.source))
-    run = run_options(threads, max_memory, progress)
+    run = run_options(threads, max_memory, progress, max_seconds)
     return Grouping(*_core.group(method, fields, run, options), positions)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from cgroup._arguments import as_number, as_reals, real_frames, real_points, real_vector
+from cgroup._arguments import as_number, as_reals, real_candidates, real_frames, real_points, real_vector
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ class Fields(NamedTuple):
     target_lrf: RealArray | None = None
     resolution: float | None = None
     source_centroid: RealArray | None = None
+    candidates: RealArray | None = None
 
 
 FIELDS = Fields._fields
@@ -42,6 +43,7 @@ def check_fields(
     target_lrf: ArrayLike | None = None,
     resolution: float | None = None,
     source_centroid: ArrayLike | None = None,
+    candidates: ArrayLike | None = None,
 ) -> Fields:
     """Check shapes and types; nothing is copied without need."""
     points = real_points("source", source)
@@ -56,6 +58,7 @@ def check_fields(
         None if target_lrf is None else real_frames("target_lrf", target_lrf, n),
         None if resolution is None else as_number("resolution", resolution),
         None if source_centroid is None else _centroid(source_centroid),
+        None if candidates is None else real_candidates("candidates", candidates, n),
     )
 
 

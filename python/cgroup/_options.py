@@ -1,10 +1,10 @@
-"""How a computation runs: on how many threads, in how much memory, and who is told how far it is."""
+"""How a computation runs: on how many threads, in how much memory and time, and who is told how far it is."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cgroup._arguments import as_count
+from cgroup._arguments import as_count, as_length
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -14,17 +14,19 @@ MOST_THREADS = 1024
 
 
 class RunOptions(NamedTuple):
-    """Threads, bytes for pairwise matrices, progress callback; the compiled core reads them."""
+    """Threads, bytes for pairwise matrices, progress callback, seconds of a search; the core reads them."""
 
     threads: int | None
     max_memory: int
     progress: Callable[[float], Any] | None
+    max_seconds: float | None
 
 
 def run_options(
     threads: int | None = None,
     max_memory: int = 0,
     progress: Callable[[float], Any] | None = None,
+    max_seconds: float | None = None,
 ) -> RunOptions:
     """Check how a computation is to run."""
     if threads is not None and as_count("threads", threads, 1) > MOST_THREADS:
@@ -33,4 +35,5 @@ def run_options(
     if progress is not None and not callable(progress):
         message = f"progress: got {progress!r}; give a function that takes the share of the work done"
         raise InputError(message)
-    return RunOptions(threads, as_count("max_memory", max_memory, 0), progress)
+    seconds = None if max_seconds is None else as_length("max_seconds", max_seconds)
+    return RunOptions(threads, as_count("max_memory", max_memory, 0), progress, seconds)

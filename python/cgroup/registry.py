@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup.methods import cv, gc, gtm, hough3d, lc, nnsr, ransac, si, ss, st
+from cgroup.methods import cv, gc, gtm, hough3d, lc, mac, nnsr, ransac, sc2pcr, si, ss, st, turboreg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -184,6 +184,42 @@ _TABLE = (
         in_paper=False,
         citation="this library",
     ),
+    MethodInfo(
+        name="mac",
+        function=mac,
+        label="MAC",
+        fields=_POINTS,
+        optional_fields=("resolution",),
+        complexity="n² + cliques",
+        color="#0077BB",
+        marker="8",
+        in_paper=False,
+        citation="Zhang et al., CVPR 2023",
+    ),
+    MethodInfo(
+        name="sc2pcr",
+        function=sc2pcr,
+        label="SC2-PCR",
+        fields=_POINTS,
+        optional_fields=("candidates", "resolution"),
+        complexity="n²",
+        color="#E69F00",
+        marker=">",
+        in_paper=False,
+        citation="Chen et al., CVPR 2022",
+    ),
+    MethodInfo(
+        name="turboreg",
+        function=turboreg,
+        label="TurboReg",
+        fields=_POINTS,
+        optional_fields=("resolution",),
+        complexity="n²",
+        color="#56B4E9",
+        marker="p",
+        in_paper=False,
+        citation="Yan et al., ICCV 2025",
+    ),
 )
 
 METHOD_INFO: Mapping[str, MethodInfo] = {info.name: info for info in _TABLE}
@@ -215,7 +251,17 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
         "cv": {"voters": 20},
         "ransac": {"iterations": 5000},
     },
+    "3dmatch": {
+        "mac": {"tolerance": 0.1, "max_distance_difference": 0.01},
+        "sc2pcr": {"tolerance": 0.1, "max_distance_difference": 0.1, "nms_radius": 0.1},
+        "turboreg": {"tolerance": 0.1, "max_distance_difference": 0.012, "nms_radius": 0.15},
+    },
+    "kitti": {
+        "mac": {"tolerance": 0.6, "max_distance_difference": 0.19, "min_weight": 0.9, "min_clique_size": 4},
+        "sc2pcr": {"tolerance": 0.6, "max_distance_difference": 0.1, "nms_radius": 0.6},
+    },
 }
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
 the options with which each method's own author differs, PCL's variants (3DHV's needs a ``bin_size`` as
-well), and the evaluation group's later constants."""
+well), the evaluation group's later constants, and the constants in metres that were published for rooms
+thinned to 5 cm (3DMatch) and streets thinned to 30 cm (KITTI)."""

@@ -49,6 +49,9 @@ class Correspondences:
         Mean nearest-neighbour distance of the clouds (the unit *pr*), in the data's unit.
     source_centroid : (3,) array_like of float, optional
         Centroid of the whole source cloud; `hough3d` uses the mean of `source` without it.
+    candidates : (n,k,3) array_like of float, optional
+        Target points that each source point may match, the likeliest first, such as those of its k nearest
+        descriptors.
 
     Raises
     ------
@@ -64,6 +67,7 @@ class Correspondences:
     target_lrf: RealArray | None = None
     resolution: float | None = None
     source_centroid: RealArray | None = None
+    candidates: RealArray | None = None
 
     def __init__(
         self,
@@ -76,6 +80,7 @@ class Correspondences:
         target_lrf: ArrayLike | None = None,
         resolution: float | None = None,
         source_centroid: ArrayLike | None = None,
+        candidates: ArrayLike | None = None,
     ) -> None:
         fields = check_fields(
             source,
@@ -86,6 +91,7 @@ class Correspondences:
             target_lrf=target_lrf,
             resolution=resolution,
             source_centroid=source_centroid,
+            candidates=candidates,
         )
         for name, value in fields._asdict().items():
             object.__setattr__(self, name, _own(value) if isinstance(value, np.ndarray) else value)

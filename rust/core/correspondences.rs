@@ -20,6 +20,7 @@ pub struct Correspondences {
     frames: Option<(Frames, Frames)>,
     resolution: Option<f64>,
     source_centroid: Option<Point3<f64>>,
+    candidates: Option<Points>,
 }
 
 impl Correspondences {
@@ -114,6 +115,19 @@ impl Correspondences {
         Ok(self)
     }
 
+    /// Adds target points that each source point may be matched with, as many for each, the likeliest first.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] for a number that is no multiple of that of the correspondences.
+    pub fn with_candidates(mut self, candidates: Points) -> Result<Self> {
+        if !candidates.len().is_multiple_of(self.len.max(1)) {
+            let remedy = format!("give as many for each of the {} correspondences", self.len);
+            return Err(Error::invalid("candidates", format!("{} points", candidates.len()), remedy));
+        }
+        self.candidates = (!candidates.is_empty()).then_some(candidates);
+        Ok(self)
+    }
+
     /// Number of correspondences.
     pub fn len(&self) -> usize {
         self.len
@@ -173,6 +187,11 @@ impl Correspondences {
         let remedy = "compute local reference frames at the keypoints of both clouds (SHOT's, for one)";
         let missing = Error::MissingField { method, field: "source_lrf", remedy };
         self.frames.as_ref().map(|(s, t)| (s, t)).ok_or(missing)
+    }
+
+    /// Points that each source point may be matched with, one correspondence's after the other's.
+    pub fn candidates(&self) -> Option<&Points> {
+        self.candidates.as_ref()
     }
 
     /// The length `given`, or else `factor` times the resolution.

@@ -11,6 +11,7 @@ pub const DEFAULT_MAX_MEMORY: usize = 1 << 30;
 #[derive(Debug)]
 pub struct Execution {
     interrupted: AtomicBool,
+    stopped: AtomicBool,
     done: AtomicUsize,
     total: AtomicUsize,
     /// Bytes that a dense pairwise matrix may take; larger ones are recomputed row by row.
@@ -28,6 +29,7 @@ impl Execution {
     pub fn new(max_memory: usize) -> Self {
         Self {
             interrupted: AtomicBool::new(false),
+            stopped: AtomicBool::new(false),
             done: AtomicUsize::new(0),
             total: AtomicUsize::new(1),
             max_memory,
@@ -48,6 +50,17 @@ impl Execution {
             return Err(Error::Interrupted);
         }
         Ok(())
+    }
+
+    /// Asks a search that may end early to do so, with the best that it has found: its time is over.
+    pub fn stop(&self) {
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether [`Self::stop`] was called. A search that may end early looks often; what it found by then depends on the
+    /// time, and it has to say that it was cut short.
+    pub fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
     }
 
     /// Says that `done` of `total` equal steps are behind us, and checks for an interruption.

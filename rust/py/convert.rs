@@ -40,6 +40,7 @@ pub struct Fields<'py> {
     target_lrf: Option<Reals<'py, Ix3>>,
     resolution: Option<f64>,
     source_centroid: Option<Reals<'py, Ix1>>,
+    candidates: Option<Reals<'py, Ix3>>,
 }
 
 impl Fields<'_> {
@@ -61,6 +62,9 @@ impl Fields<'_> {
         if let Some([x, y, z]) = self.source_centroid.as_ref().map(Reals::vector).transpose()?.as_deref() {
             result = checked(result.with_source_centroid([*x, *y, *z]))?;
         }
+        if let Some(candidates) = &self.candidates {
+            result = checked(result.with_candidates(candidates.points("candidates")?))?;
+        }
         Ok(result)
     }
 
@@ -81,6 +85,13 @@ fn checked<T>(result: Result<T, Error>) -> PyResult<T> {
 impl Reals<'_, Ix2> {
     /// A set of points; `name` is used in the error message.
     pub fn points(&self, name: &str) -> PyResult<Points> {
+        self.triples(name)
+    }
+}
+
+impl<D: Dimension> Reals<'_, D> {
+    /// Numbers of an array whose last axis has three, as points.
+    fn triples(&self, name: &str) -> PyResult<Points> {
         checked(match self {
             Self::Single(array) => Points::from_numbers(name, array.as_slice()?.as_chunks::<3>().0),
             Self::Double(array) => Points::from_numbers(name, array.as_slice()?.as_chunks::<3>().0),
@@ -106,6 +117,11 @@ impl Reals<'_, Ix1> {
 }
 
 impl Reals<'_, Ix3> {
+    /// Rows of blocks, one after the other.
+    fn points(&self, name: &str) -> PyResult<Points> {
+        self.triples(name)
+    }
+
     /// Frames, one per block.
     pub fn frames(&self) -> PyResult<Frames> {
         Ok(match self {

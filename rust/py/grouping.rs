@@ -1,5 +1,6 @@
 //! All grouping methods through one function: one arm per method, which reads its options.
 
+use cgroup::consensus::choice::Choice;
 use cgroup::geometry::rigid::fit_group;
 use cgroup::grouping::BoxedMethod;
 use cgroup::grouping::consistency_voting::ConsistencyVoting;
@@ -7,11 +8,14 @@ use cgroup::grouping::game_theory::{Dynamics, GameTheory, Payoff};
 use cgroup::grouping::geometric_consistency::{self as gc, GeometricConsistency, Ties};
 use cgroup::grouping::hough_voting::{self as hv, HoughVoting, Neighborhood};
 use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
+use cgroup::grouping::mac::MaximalCliques;
 use cgroup::grouping::nearest_neighbor_ratio::NearestNeighborRatio;
 use cgroup::grouping::ransac::Ransac;
+use cgroup::grouping::sc2pcr::Sc2Pcr;
 use cgroup::grouping::search_of_inliers::{GlobalRank, SearchOfInliers};
 use cgroup::grouping::similarity_score::SimilarityScore;
 use cgroup::grouping::spectral::{Affinity, Conflict, Diagonal, Spectral};
+use cgroup::grouping::turboreg::TurboReg;
 use cgroup::selection::eigenvector::Eigensolver;
 use numpy::PyArray2;
 use numpy::ndarray::Ix2;
@@ -144,6 +148,34 @@ fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<BoxedMethod> {
         "lc" => Box::new(LikelihoodConsensus {
             tolerance: options.optional("tolerance")?,
             modes: options.count("modes", 1)?,
+        }),
+        "mac" => Box::new(MaximalCliques {
+            tolerance: options.optional("tolerance")?,
+            max_distance_difference: options.optional("max_distance_difference")?,
+            min_weight: options.number("min_weight")?,
+            min_clique_size: options.count("min_clique_size", 3)?,
+            max_cliques: options.count("max_cliques", 1)?,
+            max_hypotheses: options.optional_count("max_hypotheses", 1)?,
+            refine: options.flag("refine")?,
+        }),
+        "sc2pcr" => Box::new(Sc2Pcr {
+            tolerance: options.optional("tolerance")?,
+            max_distance_difference: options.optional("max_distance_difference")?,
+            seed_ratio: options.number("seed_ratio")?,
+            nms_radius: options.optional("nms_radius")?,
+            k1: options.count("k1", 1)?,
+            k2: options.count("k2", 1)?,
+        }),
+        "turboreg" => Box::new(TurboReg {
+            tolerance: options.optional("tolerance")?,
+            max_distance_difference: options.optional("max_distance_difference")?,
+            nms_radius: options.optional("nms_radius")?,
+            pivots: options.count("pivots", 1)?,
+            cliques_per_pivot: options.count("cliques_per_pivot", 1)?,
+            choice: options.choice(
+                "choice",
+                &[("inliers", Choice::Inliers), ("mae", Choice::Mae), ("mse", Choice::Mse)],
+            )?,
         }),
         _ => return Err(InputError::new_err(format!("method: got {name:?}, which the core does not have"))),
     })

@@ -42,6 +42,16 @@ impl<'py> Options<'py> {
         }
     }
 
+    /// A whole number of at least `least`, or None.
+    pub fn optional_count(&mut self, name: &'static str, least: u64) -> PyResult<Option<usize>> {
+        let value = self.take(name)?;
+        match whole(&value) {
+            _ if value.is_none() => Ok(None),
+            Some(number) if number >= least => Ok(Some(number as usize)),
+            _ => Err(refused(name, &value, &format!("give a whole number of at least {least}, or None"))),
+        }
+    }
+
     /// A key of random numbers.
     pub fn seed(&mut self, name: &'static str) -> PyResult<u64> {
         self.count(name, 0).map(|number| number as u64)

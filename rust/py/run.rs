@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use cgroup::{Error, Execution};
 use pyo3::prelude::*;
@@ -39,6 +39,14 @@ pub struct RunOptions {
     threads: Option<usize>,
     max_memory: usize,
     progress: Option<Py<PyAny>>,
+    max_seconds: Option<f64>,
+}
+
+impl RunOptions {
+    /// When a search that may end early has to, if that time will come.
+    fn deadline(&self) -> Option<Instant> {
+        Instant::now().checked_add(Duration::try_from_secs_f64(self.max_seconds?).ok()?)
+    }
 }
 
 /// Runs `work` on a pool of the threads asked for, and returns what it returns.
@@ -57,12 +65,17 @@ pub fn run<T: Send + 'static>(
         drop(sender.send(outcome));
     });
     let watched = &execution;
+    let mut deadline = options.deadline();
     let outcome = py.detach(move || {
         loop {
-            match receiver.recv_timeout(POLL) {
+            let left = deadline.map_or(POLL, |end| end.saturating_duration_since(Instant::now()));
+            match receiver.recv_timeout(left.min(POLL)) {
                 Ok(outcome) => return Ok(outcome),
                 Err(RecvTimeoutError::Disconnected) => return Err(None),
                 Err(RecvTimeoutError::Timeout) => {
+                    if deadline.take_if(|end| *end <= Instant::now()).is_some() {
+                        watched.stop();
+                    }
                     if let Err(signal) = Python::attach(|py| look_around(py, options, watched)) {
                         watched.interrupt();
                         drop(receiver.recv_timeout(GRACE));

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import threading
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup import Correspondences, group
+from cgroup import Correspondences, Grouping, group
 from cgroup.benchmark.pipelines import Answer, Problem
 from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
 from cgroup.datasets.generated.shapes import stone
@@ -18,7 +18,6 @@ from cgroup.errors import InputError
 from cgroup.io import PointCloud
 
 if TYPE_CHECKING:
-    from cgroup import Grouping
     from cgroup._progress import StageClock
 
 
@@ -133,6 +132,30 @@ def deadly(correspondences: Correspondences) -> np.ndarray:
     if correspondences.source[0, 0] > 90:
         os._exit(9)
     return np.ones(len(correspondences), dtype=bool)
+
+
+def endless(correspondences: Correspondences) -> np.ndarray:
+    """Never return, unless FAKES_END is set."""
+    if not os.environ.get("FAKES_END"):
+        threading.Event().wait()
+    return np.ones(len(correspondences), dtype=bool)
+
+
+@dataclass(frozen=True, eq=False)
+class Trusting(Grouping):
+    """A group that its method trusts."""
+
+    ok: bool | None = True
+
+
+def several(correspondences: Correspondences) -> Grouping:
+    """Offer a wrong pose, and behind it that of `Matches`."""
+    wrong, right = np.eye(4), np.eye(4)
+    wrong[0, 3], right[0, 3] = 50, 5
+    mask = np.ones(len(correspondences), dtype=bool)
+    return Trusting(
+        mask, None, None, wrong, {"truncated": 1.0}, np.stack([wrong, right]), np.array([2.0, 1.0])
+    )
 
 
 # --- pipelines ------------------------------------------------------------------------------------

@@ -18,11 +18,14 @@ from reference.game_theory import gtm
 from reference.geometric_consistency import gc
 from reference.hough_voting import hough3d
 from reference.likelihood_consensus import lc
+from reference.mac import mac
 from reference.nearest_neighbor_ratio import nnsr
 from reference.ransac import ransac
+from reference.sc2pcr import sc2pcr
 from reference.search_of_inliers import si
 from reference.similarity_score import ss
 from reference.spectral import st
+from reference.turboreg import turboreg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -139,7 +142,15 @@ OTHER_RATIO = Field("ratio", backwards)
 OTHER_FRAMES = [{name: Field(name, rolled)} for name in ("source_lrf", "target_lrf")]
 FRAMES = ("source_lrf", "target_lrf")
 
+
+def rivals(points: FloatArray) -> FloatArray:
+    """Return three points for each, itself the second."""
+    return np.stack([np.roll(points, shift, axis=0) for shift in (3, 0, 1)], axis=1)
+
+
+CANDIDATES = Field("target", rivals)
 LARGE = {"tolerance": Pr(20.0)}
+NARROW = {"tolerance": Pr(3.0)}
 SCORED = {"diagonal": "score", "similarity": SIMILARITY}
 SAMPLED = {"iterations": 8}
 CLIQUE = {"variant": "clique", "iterations": 100}
@@ -383,6 +394,58 @@ CASES: dict[str, MethodCase] = {
             Trial({"ratio": OTHER_RATIO}, {"ratio": Field("ratio")}),
             Trial({"resolution": Pr(2.0)}),
         ],
+    ),
+    "mac": MethodCase(
+        mac,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(2.0)}),
+            Trial({"resolution": None}, LARGE, shows=False),
+            Trial({"max_distance_difference": Pr(3.0)}),
+            Trial({"max_distance_difference": Pr(0.3)}, {"refine": False}),
+            Trial({"min_weight": 0.5}),
+            Trial({"min_weight": 0.0}, {"max_distance_difference": Pr(2.0)}),
+            Trial({"min_clique_size": 4}),
+            Trial({"min_clique_size": 6}, {"max_distance_difference": Pr(2.0)}, shows=False),
+            Trial({"max_cliques": 300}),
+            Trial({"max_cliques": 1}, {"max_cliques": 300}),
+            Trial({"max_hypotheses": 1}, {"refine": False, "tolerance": Pr(2.0)}),
+            Trial({"refine": False}, {"tolerance": Pr(2.0)}),
+        ],
+        field_trials=[Trial({"resolution": Pr(2.0)})],
+    ),
+    "sc2pcr": MethodCase(
+        sc2pcr,
+        score_tolerance=1e-9,
+        large_score_tolerance=1e-4,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(1.5)}),
+            Trial({"max_distance_difference": Pr(1.0)}),
+            Trial({"seed_ratio": 0.0}, NARROW),
+            Trial({"seed_ratio": 1.0}, {"tolerance": Pr(0.3)}),
+            Trial({"nms_radius": Pr(80.0)}, NARROW),
+            Trial({"k1": 5}, NARROW),
+            Trial({"k2": 4}, NARROW),
+            Trial({"resolution": None}, LARGE, shows=False),
+        ],
+        field_trials=[Trial({"resolution": Pr(0.3)}), Trial({"candidates": CANDIDATES}, NARROW)],
+        choices={"candidates": (None, CANDIDATES), "resolution": (Field("resolution"),)},
+    ),
+    "turboreg": MethodCase(
+        turboreg,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(1.5)}),
+            Trial({"max_distance_difference": Pr(4.0)}, NARROW),
+            Trial({"nms_radius": Pr(150.0)}, NARROW),
+            Trial({"pivots": 3}, NARROW),
+            Trial({"cliques_per_pivot": 1}, NARROW),
+            Trial({"choice": "mae"}, NARROW),
+            Trial({"choice": "mse"}, NARROW),
+            Trial({"resolution": None}, LARGE, shows=False),
+        ],
+        field_trials=[Trial({"resolution": Pr(0.3)})],
     ),
 }
 """By the name of the function, in cgroup and in the reference."""

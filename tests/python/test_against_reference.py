@@ -317,6 +317,14 @@ def test_problems_beyond_every_block(method: str, shape: str) -> None:
             np.testing.assert_allclose(got.scores, expected.scores, rtol=0, atol=allowed)
 
 
+@pytest.mark.parametrize("method", ["sc2pcr", "turboreg"])
+def test_models_lay_the_points_in_the_same_places(method: str) -> None:
+    for seed in range(5):
+        problem = make_problem(np.random.default_rng(seed), 200, inlier_ratio=0.3)
+        expected = call_reference(method, problem, {}).details["transform"]
+        np.testing.assert_allclose(call_cgroup(method, problem, {}).model, expected, atol=1e-6)
+
+
 def test_lc_joins_those_that_agree_with_the_most_others() -> None:
     problem = make_problem(np.random.default_rng(6), 2_700, inlier_ratio=0.02)
     expected, got = (call("lc", problem, {}) for call in (call_reference, call_cgroup))

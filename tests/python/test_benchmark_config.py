@@ -14,7 +14,7 @@ from cgroup.benchmark import config, records
 from cgroup.benchmark.candidates import candidate
 from cgroup.benchmark.cases import Case
 from cgroup.benchmark.chained import gc_then_ransac, gtm_then_ransac
-from cgroup.benchmark.config import Config, parse_config, preset_names, read_config
+from cgroup.benchmark.config import Config, parse_config, preset_names, read_config, replace_methods
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.records.store import RECORDS, Store
 from cgroup.errors import InputError
@@ -101,17 +101,29 @@ def test_the_papers_presets_run_the_papers_methods(name: str) -> None:
     assert tuple(entry.label or entry.name for entry in timed)[:9] == PAPER_METHODS
 
 
+def test_other_methods_can_take_the_place_of_the_configurations() -> None:
+    paper = read_config("paper")
+    replaced = replace_methods(paper, ["all"])
+    assert [entry.name for entry in replaced.methods] == list(METHODS)
+    assert replaced.experiment == paper.experiment
+    assert replace_methods(paper, ["lc", "gtm"]).methods[0].name == "lc"
+    with pytest.raises(InputError, match="got 'everything'"):
+        replace_methods(paper, ["everything"])
+
+
 def test_presets_can_be_read() -> None:
-    assert {"smoke", "paper-small", "paper", "registration"} <= set(preset_names())
+    assert {"smoke", "paper-small", "paper", "registration", "matches", "3dmatch", "kitti"} <= set(
+        preset_names()
+    )
     ids = ["noise", "density", "clutter", "occlusion", "overlap", "epsilon", "matches", "combinations"]
     for name in preset_names():
         preset = read_config(name)
         assert preset.name == name
-        if preset.registration is not None:
+        if preset.registration is not None or preset.trials is not None:
             continue
         assert set(ids) <= {entry.id for entry in preset.experiment}
         assert preset.timing is not None
-    with pytest.raises(InputError, match="no configuration that can be read, nor one of paper"):
+    with pytest.raises(InputError, match="no configuration that can be read, nor one of 3dmatch"):
         read_config("nowhere.toml")
 
 

@@ -196,7 +196,7 @@ def test_sets_need_clouds_and_names_of_their_own() -> None:
     again = "[[registration.sets]]" + SETS.partition("[[registration.sets]]")[2]
     with pytest.raises(InputError, match="give each an id of its own"):
         parse_config(SETS + again)
-    with pytest.raises(InputError, match="neither is there"):
+    with pytest.raises(InputError, match="none is there"):
         parse_config('name = "empty"')
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import json
+import shutil
 import sys
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 from shared_data import data_folder
 
 from cgroup import features
@@ -30,20 +32,21 @@ from cgroup.datasets.cache import cache_folder, cached
 from cgroup.datasets.generated import stones
 from cgroup.datasets.generated.scanner import Mesh, range_image
 from cgroup.datasets.generated.shapes import stone
+from cgroup.datasets.problem_nuisances import FRAMES, SCENES, make_scene
 from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
 from cgroup.evaluation import PROTOCOLS, clutter_and_occlusion, correct_matches, overlap, within
 from cgroup.io import read_cloud, read_transform, write_cloud
 from cgroup.registration import correspond
-from cgroup.rigid import apply, check_rigid
+from cgroup.rigid import apply, check_rigid, invert
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 STANDINS = ["standin-full", "standin-clutter", "standin-views"]
-REAL = [name for name in DATASETS if name not in STANDINS]
+REAL = [name for name in DATASETS if name not in [*STANDINS, "generated-matches"]]
 
 POSE = np.array([[0.0, -1, 0, 30], [1, 0, 0, -20], [0, 0, 1, 200], [0, 0, 0, 1]])
 
@@ -549,6 +552,65 @@ def test_threedmatch_reads_logs_of_both_benchmarks(threedmatch: Path, views: Mat
         dataset.load("3DMatch/kitchen/0-2")
 
 
+def test_threedmatch_test_sets_are_whole_fragments_of_one_benchmark(
+    threedmatch: Path, views: MatchingPair
+) -> None:
+    whole, low = open_dataset("3dmatch-test", threedmatch), open_dataset("3dlomatch-test", threedmatch)
+    assert whole.pair_names() == ["3DMatch/kitchen/0-2"]
+    assert low.pair_names() == ["3DLoMatch/kitchen/2-0"]
+    np.testing.assert_allclose(matching(whole, "3DMatch/kitchen/0-2").target.points, views.target.points / 10)
+
+
+def test_threedmatch_in_the_layout_of_pointdsc(threedmatch: Path) -> None:
+    home = threedmatch / "threedmatch"
+    (home / "kitchen").rename(threedmatch / "kitchen")
+    (threedmatch / "fragments").mkdir()
+    (threedmatch / "kitchen").rename(threedmatch / "fragments" / "kitchen")
+    (threedmatch / "gt_result").mkdir()
+    (home / "kitchen-evaluation").rename(threedmatch / "gt_result" / "kitchen-evaluation")
+    shutil.rmtree(home)
+    dataset = open_dataset("3dmatch-test", threedmatch)
+    assert dataset.pair_names() == ["3DMatch/kitchen/0-2"]
+    assert len(matching(dataset, "3DMatch/kitchen/0-2").source)
+
+
+def _drive(home: Path, points: np.ndarray, step: float, scans: int) -> list[np.ndarray]:
+    """Write a drive along the camera's z axis, in a world that is fixed in the first scanner's frame."""
+    calibration = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, -0.3], [0, 0, 0, 1]])
+    poses, places = [], []
+    for number in range(scans):
+        camera = np.eye(4)
+        camera[2, 3] = step * number
+        poses.append(camera[:3].reshape(-1))
+        scanner = invert(calibration) @ camera @ calibration
+        places.append(scanner)
+        seen = apply(invert(scanner), points).astype("<f4")
+        path = home / "sequences" / "08" / "velodyne" / f"{number:06d}.bin"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.column_stack([seen, np.zeros(len(seen), dtype="<f4")]).tofile(path)
+    numbers = " ".join(map(repr, calibration[:3].reshape(-1).tolist()))
+    write(home / "sequences" / "08" / "calib.txt", f"P0: {numbers}\nTr: {numbers}\n")
+    write(home / "poses" / "08.txt", text_of(np.array(poses)))
+    return places
+
+
+def test_kitti_pairs_scans_before_they_are_ten_metres_apart(tmp_path: Path, views: MatchingPair) -> None:
+    home = tmp_path / "kitti"
+    places = _drive(home, views.source.points / 5, 3.0, 9)
+    dataset = open_dataset("kitti", tmp_path)
+    # The fourth step passes 10 m, the next pair begins behind the third.
+    assert dataset.pair_names() == ["08/0-3", "08/4-7"]
+    pair = matching(dataset, "08/4-7")
+    np.testing.assert_allclose(pair.T_target_source, invert(places[7]) @ places[4], atol=0.02)
+    np.save(tmp_path / "pose.npy", np.eye(4))
+    (home / "icp").mkdir()
+    (tmp_path / "pose.npy").rename(home / "icp" / "8_4_7.npy")
+    np.testing.assert_array_equal(matching(dataset, "08/4-7").T_target_source, np.eye(4))
+    (home / "sequences" / "08" / "velodyne" / "000003.bin").unlink()
+    assert open_dataset("kitti", tmp_path).pair_names() == ["08/4-7"]
+    assert open_dataset("kitti", home).pair_names() == ["08/4-7"]
+
+
 def test_threedmatch_broken_log(threedmatch: Path) -> None:
     log = threedmatch / "threedmatch" / "kitchen-evaluation" / "gt.log"
     log.write_text("\n".join(log.read_text().splitlines()[:-1]))
@@ -716,6 +778,61 @@ def test_correspondence_files(tmp_path: Path) -> None:
             source, pair.correspondences.target, pair.T_target_source, tolerance=1e-9
         ).all()
         assert dataset.protocols_of(name) == protocols
+
+
+def test_one_to_three_files(tmp_path: Path) -> None:
+    source = np.repeat(np.random.default_rng(0).normal(size=(20, 3)), 3, axis=0)
+    both = np.concatenate([source, apply(POSE, source)], axis=1)
+    for folder in ("far_kitti", "facade"):
+        write(tmp_path / "corr" / folder / "833_821_top3.match", text_of(both))
+        write(tmp_path / "corr" / folder / "833-821.pose", text_of(POSE))
+    dataset = open_dataset("corr-three", tmp_path)
+    assert dataset.pair_names() == ["facade/833-821", "far_kitti/833-821"]
+    for name, distance in zip(dataset.pair_names(), (0.3, 0.6), strict=True):
+        pair = dataset.load(name)
+        assert isinstance(pair, CorrespondencePair)
+        assert len(pair.correspondences) == 60
+        assert pair.correspondences.resolution == pytest.approx(distance / 5)
+        np.testing.assert_array_equal(pair.T_target_source, POSE)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("frames", FRAMES)
+def test_generated_matches_are_what_their_names_say(scene: str, frames: str) -> None:
+    dataset = open_dataset("generated-matches")
+    name = f"{scene}/n900/inliers0.2/noise1/{frames}-frames/3"
+    pair, again = dataset.load(name), dataset.load(name)
+    assert isinstance(pair, CorrespondencePair)
+    assert isinstance(again, CorrespondencePair)
+    matches = pair.correspondences
+    np.testing.assert_array_equal(matches.target, again.correspondences.target)
+    right = correct_matches(matches.source, matches.target, pair.T_target_source, tolerance=5)
+    assert len(matches) == 900
+    assert right.mean() == pytest.approx(0.2, abs=0.03)
+    assert (matches.source_lrf is None) == (frames == "none")
+    repeats = len(matches) / len(np.unique(matches.source, axis=0))
+    assert repeats == (3 if scene == "one-to-three" else 1)
+
+
+@pytest.mark.parametrize("scene", ["second-pose", "mirror"])
+def test_rivals_keep_distances_among_themselves(scene: str) -> None:
+    problem = make_scene(np.random.default_rng(1), 1000, inliers=0.3, noise=0, scene=scene, frames="good")
+    rivals = np.flatnonzero(~problem.inlier_mask)
+    source, target = pdist(problem.source[rivals]), pdist(problem.target[rivals])
+    # 240 of the 700 wrong ones follow the rival.
+    agree = np.abs(source - target) < 1e-6
+    assert agree.mean() == pytest.approx((240 / 700) ** 2, rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["planes/n10", "hills/n10/inliers0.2/noise1/good-frames/0"])
+def test_generated_matches_refuse_other_names(name: str) -> None:
+    with pytest.raises(InputError, match="names are like"):
+        open_dataset("generated-matches").load(name)
+
+
+def test_of_one_to_three_matches_a_third_is_right_at_most() -> None:
+    with pytest.raises(InputError, match="at most a third"):
+        make_scene(np.random.default_rng(0), 90, inliers=0.5, noise=1, scene="one-to-three", frames="good")
 
 
 def test_u3m_reads_the_list_beside_the_views(tmp_path: Path, views: MatchingPair) -> None:

@@ -272,11 +272,15 @@ def test_far_from_the_origin():
         ({"resolution": np.nan}, "resolution.*greater than 0"),
         ({"source_centroid": [0.0, np.inf, 0.0]}, "source_centroid.*finite"),
         ({"source": np.full((120, 3), 1e200)}, "source.*1e150"),
+        ({"candidates": PROBLEM.target}, r"candidates.*\(120,3\).*\(120,k,3\)"),
+        ({"candidates": np.full((120, 2, 3), np.nan)}, "candidates.*finite"),
     ],
 )
 def test_bad_fields(change, words):
-    method = {"similarity": "ss", "source_centroid": "3dhv"}.get(next(iter(change)), "cv")
-    fields = {name: getattr(PROBLEM, name) for name in cgroup.types.OPTIONAL_FIELDS}
+    method = {"similarity": "ss", "source_centroid": "3dhv", "candidates": "sc2pcr"}.get(
+        next(iter(change)), "cv"
+    )
+    fields = {name: getattr(PROBLEM, name, None) for name in cgroup.types.OPTIONAL_FIELDS}
     fields = {"source": PROBLEM.source, "target": PROBLEM.target, **fields, **change}
     with pytest.raises(InputError, match=f"(?s){words}"):
         group(Correspondences(**fields), method)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Call = Callable[[str, Problem, Options], Any]
 
 # How a run is controlled, as opposed to what it computes.
-CONTROL = {"threads", "max_memory", "progress"}
+CONTROL = {"threads", "max_memory", "progress", "max_seconds"}
 
 
 def fixed_problem() -> Problem:

@@ -1,4 +1,4 @@
-"""What is computed once: one pair, disturbed and described in one way; or one pair to be registered."""
+"""What is computed once: a pair, disturbed and described in one way; to be registered; or its matches."""
 
 from __future__ import annotations
 
@@ -23,6 +23,10 @@ COMBINATIONS: Mapping[str, tuple[Detector, Descriptor]] = {
     "C6": ("iss", "rcs"),
 }
 """The paper's detectors and descriptors (section 4.3)."""
+
+DENSE_MATCHES = ("nearest", "mutual", "three nearest", "nearest, unit length")
+"""How voxels described by FPFH are matched: each with its nearest, with those whose nearest it is, with its
+three nearest; or with the nearest by descriptors of unit length, as for published results on 3DMatch."""
 
 Kind: TypeAlias = Literal["related", "mirrored", "mixed"]
 
@@ -101,6 +105,47 @@ class PairCase:
     kind: Kind = "related"
     other: str = ""
     voxel: float | None = None
+    seed: int = 0
+
+    @property
+    def key(self) -> str:
+        """Hash of all fields, the same in every process and on every machine."""
+        return _digest(asdict(self)).hex()[:24]
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Random numbers that depend on seed and pair alone."""
+        return keyed_rng(purpose, self.seed, self.dataset, self.pair)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Matches to be grouped; sets that ask for the same ones share them.
+
+    Attributes
+    ----------
+    dataset, pair : str
+        Which pair.
+    kind : {"related", "mirrored", "mixed"}
+        As in `PairCase`. Ready-made matches that have no right one are "mixed".
+    other : str
+        That other pair.
+    matches : str
+        How clouds are matched: one of `COMBINATIONS` or `DENSE_MATCHES`, or `READY_MADE`.
+    voxel : float, optional
+        Edge length of the voxels of dense matches in the data's unit; chosen for the pair by default.
+    epsilon : float
+        A match is correct when it misses its place by at most so many times the matches' resolution.
+    seed : int
+        Key of all random numbers.
+    """
+
+    dataset: str
+    pair: str
+    kind: Kind = "related"
+    other: str = ""
+    matches: str = READY_MADE
+    voxel: float | None = None
+    epsilon: float = 5.0
     seed: int = 0
 
     @property

@@ -28,6 +28,7 @@ _DONE = {
     "score": "scores",
     "time": "times",
     "register": "registrations",
+    "try": "trials",
 }
 _VERDICT_STYLES = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "dim"}
 _FAILURES_SHOWN = 10
@@ -59,13 +60,22 @@ def run_command(
         typer.Option(help="Address of the Dask scheduler.", show_default="$DASK_SCHEDULER_ADDRESS"),
     ] = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Try again what failed.")] = False,
+    methods: Annotated[
+        str | None,
+        typer.Option(
+            help="Methods in place of the configuration's: names with commas between, or all, or paper.",
+            show_default="the configuration's",
+        ),
+    ] = None,
 ) -> None:
     """Compute what a configuration asks for. Stopped and started again, it continues."""
     with _needs_extra():
-        from cgroup.benchmark.config import read_config  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.config import read_config, replace_methods  # noqa: PLC0415 - slow to load
         from cgroup.benchmark.run import run  # noqa: PLC0415
 
     wanted = read_config(config)
+    if methods is not None:
+        wanted = replace_methods(wanted, methods.split(","))
     start = time.monotonic()
     try:
         with _show_counts() as report:
@@ -110,7 +120,11 @@ def presets_command() -> None:
     for name in preset_names():
         preset = read_config(name)
         sets = preset.registration.sets if preset.registration else ()
-        datasets = dict.fromkeys(name for entry in (*preset.experiment, *sets) for name in entry.dataset)
+        trials = preset.trials.sets if preset.trials else ()
+        entries = (*preset.experiment, *sets, *trials)
+        datasets = dict.fromkeys(
+            name for entry in entries for name in entry.dataset or ("generated matches",)
+        )
         print_line(f"{name:<12} {preset.title}")
         print_line(f"{'':<12} data: {', '.join(datasets)}")
 
@@ -142,6 +156,20 @@ def claims_command(
         print_line(claims.counts_line(verdicts))
     else:
         print_line(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
+
+
+@app.command("rankings")
+def rankings_command(out: OutOption = DEFAULT_OUT) -> None:
+    """Print how grouping methods rank on matches, as Markdown: see `[trials]` of a configuration."""
+    with _needs_extra():
+        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.report.trials import as_markdown, make_trial_sections  # noqa: PLC0415
+
+        sections = make_trial_sections(records.load_trials(out), records.load_machines(out), None)
+    if not sections:
+        message = f"{out}: no trials there; make some with: cgroup benchmark run matches --out {out}"
+        raise InputError(message)
+    print_line(as_markdown(sections).rstrip())
 
 
 # --- the terminal --------------------------------------------------------------------------------

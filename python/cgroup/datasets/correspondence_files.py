@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from cgroup.datasets.base import Origin, Role
 
+TCF_URL = "the demo data of https://github.com/ShiPC-AI/TCF"
+
 URL = (
     "the demo data of https://github.com/zhangxy0517/3D-Registration-with-Maximal-Cliques, "
     "https://github.com/danini/superansac or https://github.com/Laka-3DV/TurboReg"
@@ -25,6 +27,9 @@ INDOOR_INLIER = 0.1
 
 OUTDOOR_INLIER = 0.6
 """Inlier distance of KITTI in m."""
+
+TERRESTRIAL_INLIER = 0.3
+"""Inlier distance of ETH's scans in m."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +69,13 @@ class CorrespondenceFiles(Dataset):
 
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = dataset_folder(root, "corr", title=self.title, url=URL)
-        self._pairs = {**_six_columns(self._folder), **_two_files(self._folder)}
-        if not self._pairs:
+        self._pairs = self._find()
+
+    def _find(self) -> dict[str, _Files]:
+        pairs = {**_six_columns(self._folder), **_two_files(self._folder)}
+        if not pairs:
             raise missing_file(self._folder / "<pair>" / "corr.txt", self.title, URL)
+        return pairs
 
     def pair_names(self) -> list[str]:
         """Return the names of the folders, with the number of the pair where a folder holds several."""
@@ -91,6 +100,42 @@ class CorrespondenceFiles(Dataset):
             source, target = read_cloud(files.source).points, read_cloud(files.target).points
         matches = Correspondences(source, target, resolution=files.inlier_distance / CORRECT_WITHIN)
         return CorrespondencePair(name, matches, read_transform(files.pose))
+
+
+class OneToThreeFiles(CorrespondenceFiles):
+    """Ready-made matches of every source point with its three nearest, with a pose; LiDAR, unit m.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; see `data_root`. Its folder ``corr`` holds ``<source>_<target>_top3.match`` (six columns)
+        beside ``<source>-<target>.pose``, as TCF has them; of KITTI where the folder's name says so, else of
+        ETH.
+    """
+
+    name: ClassVar[str] = "corr-three"
+    title: ClassVar[str] = "One-to-three correspondence files"
+    citation: ClassVar[str] = (
+        "Shi et al.: TCF (https://github.com/ShiPC-AI/TCF); Geiger et al.: KITTI, CVPR 2012; "
+        "Pomerleau et al.: Challenging data sets, IJRR 2012"
+    )
+
+    def _find(self) -> dict[str, _Files]:
+        pairs = _three_nearest(self._folder)
+        if not pairs:
+            raise missing_file(self._folder / "<pair>_top3.match", self.title, TCF_URL)
+        return pairs
+
+
+def _three_nearest(folder: Path) -> dict[str, _Files]:
+    pairs: dict[str, _Files] = {}
+    for pose in sorted(folder.rglob("*-*.pose")):
+        matches = pose.with_name(f"{pose.stem.replace('-', '_', 1)}_top3.match")
+        if matches.is_file():
+            within = OUTDOOR_INLIER if "kitti" in pose.parent.name else TERRESTRIAL_INLIER
+            name = pose.with_suffix("").relative_to(folder).as_posix()
+            pairs[name] = _Files(matches, None, pose, within, "kitti")
+    return pairs
 
 
 def _six_columns(folder: Path) -> dict[str, _Files]:

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, TypeAlias
 from cgroup._plugins import load_plugin
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
-from cgroup.datasets.correspondence_files import CorrespondenceFiles
+from cgroup.datasets.correspondence_files import CorrespondenceFiles, OneToThreeFiles
 from cgroup.datasets.fgr import FGR, FGRClouds
 from cgroup.datasets.generated.stones import StandinClutter, StandinFull, StandinViews
+from cgroup.datasets.generated_matches import GeneratedMatches
+from cgroup.datasets.kitti import KITTI
 from cgroup.datasets.lidar import LidarScans
 from cgroup.datasets.stanford import StanfordViews
-from cgroup.datasets.threedmatch import ThreeDMatch
+from cgroup.datasets.threedmatch import ThreeDLoMatchTest, ThreeDMatch, ThreeDMatchTest
 from cgroup.datasets.u3m import U3M
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
@@ -32,10 +34,15 @@ DATASETS: dict[str, DatasetFactory] = {
         U3M,
         StanfordViews,
         ThreeDMatch,
+        ThreeDMatchTest,
+        ThreeDLoMatchTest,
         LidarScans,
+        KITTI,
         FGR,
         FGRClouds,
         CorrespondenceFiles,
+        OneToThreeFiles,
+        GeneratedMatches,
         StandinFull,
         StandinClutter,
         StandinViews,

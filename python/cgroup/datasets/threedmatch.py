@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, fitting_pose, missing_file
+from cgroup.datasets.base import (
+    Dataset,
+    MatchingPair,
+    data_root,
+    dataset_folder,
+    fitting_pose,
+    missing_file,
+)
 from cgroup.datasets.manifest import manifest_entry
 from cgroup.datasets.redwood_log import read_log
 from cgroup.datasets.voxels import voxel_means
@@ -57,7 +64,15 @@ class ThreeDMatch(Dataset):
     root : path-like, optional
         Data root; see `data_root`. Its folder ``threedmatch`` holds a folder of ``cloud_bin_*`` per scene.
         Poses are read from every ``gt.log`` in it: in ``<scene>-evaluation`` as 3DMatch has them, or in
-        ``3DLoMatch/<scene>`` as Predator has them; where there is none, from the root's manifest.
+        ``3DLoMatch/<scene>`` as Predator has them; where there is none, from the root's manifest. The root
+        may be that folder itself, if it holds ``fragments`` and ``gt_result``, as PointDSC has them.
+
+    Attributes
+    ----------
+    benchmark : str
+        Pairs of this one only; all by default.
+    thinned : bool
+        Whether fragments are thinned out.
     """
 
     name: ClassVar[str] = "3dmatch"
@@ -67,9 +82,13 @@ class ThreeDMatch(Dataset):
     protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr", "3dmatch")
     citation: ClassVar[str] = "Zeng et al.: 3DMatch, CVPR 2017; Huang et al.: Predator, CVPR 2021 (3DLoMatch)"
 
+    benchmark: ClassVar[str] = ""
+    thinned: ClassVar[bool] = True
+
     def __init__(self, root: Path | str | None = None) -> None:
-        self._folder = dataset_folder(root, "threedmatch", title=self.title, url=URL)
-        self._entries = _from_logs(self._folder) or _from_manifest(self._folder)
+        self._folder = _find_folder(root, self.title)
+        entries = _from_logs(self._folder) or _from_manifest(self._folder)
+        self._entries = {name: each for name, each in entries.items() if name.startswith(self.benchmark)}
         if not self._entries:
             raise missing_file(self._folder / "<scene>-evaluation" / "gt.log", self.title, URL)
 
@@ -98,9 +117,36 @@ class ThreeDMatch(Dataset):
         for name in names:
             found = sorted(self._folder.rglob(f"{scene}/{name}"))
             if found:
-                points = read_cloud(found[0]).points
-                return PointCloud(points if _THINNED in name else voxel_means(points, VOXEL))
+                cloud = read_cloud(found[0])
+                whole = _THINNED in name or not self.thinned
+                return cloud if whole else PointCloud(voxel_means(cloud.points, VOXEL))
         raise missing_file(self._folder / scene / names[0], self.title, URL)
+
+
+class ThreeDMatchTest(ThreeDMatch):
+    """The pairs of 3DMatch's test set, all 1,623 if they are there; its fragments aren't thinned out."""
+
+    name: ClassVar[str] = "3dmatch-test"
+    title: ClassVar[str] = "3DMatch test set"
+    benchmark: ClassVar[str] = "3DMatch/"
+    thinned: ClassVar[bool] = False
+
+
+class ThreeDLoMatchTest(ThreeDMatch):
+    """The pairs of 3DLoMatch, all 1,781 if they are there; its fragments aren't thinned out."""
+
+    name: ClassVar[str] = "3dlomatch-test"
+    title: ClassVar[str] = "3DLoMatch test set"
+    benchmark: ClassVar[str] = "3DLoMatch/"
+    thinned: ClassVar[bool] = False
+
+
+def _find_folder(root: Path | str | None, title: str) -> Path:
+    """Folder of the data set below the data root, or the root itself where that is laid out like one."""
+    base = data_root(root)
+    if not (base / "threedmatch").is_dir() and (base / "fragments").is_dir():
+        return base
+    return dataset_folder(root, "threedmatch", title=title, url=URL)
 
 
 def _from_logs(folder: Path) -> dict[str, _Entry]:

@@ -12,10 +12,27 @@ from cgroup.methods.game_theory import gtm
 from cgroup.methods.geometric_consistency import gc
 from cgroup.methods.hough_voting import hough3d
 from cgroup.methods.likelihood_consensus import lc
+from cgroup.methods.mac import mac
 from cgroup.methods.nearest_neighbor_ratio import nnsr
 from cgroup.methods.ransac import ransac
+from cgroup.methods.sc2pcr import sc2pcr
 from cgroup.methods.search_of_inliers import si
 from cgroup.methods.similarity_score import ss
 from cgroup.methods.spectral import st
+from cgroup.methods.turboreg import turboreg
 
-__all__ = ["cv", "gc", "gtm", "hough3d", "lc", "nnsr", "ransac", "si", "ss", "st"]
+__all__ = [
+    "cv",
+    "gc",
+    "gtm",
+    "hough3d",
+    "lc",
+    "mac",
+    "nnsr",
+    "ransac",
+    "sc2pcr",
+    "si",
+    "ss",
+    "st",
+    "turboreg",
+]

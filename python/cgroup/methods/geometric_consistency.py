@@ -26,11 +26,13 @@ def gc(
     iterations: int = 10_000,
     seed: int = 0,
     threads: int | None = None,
+    max_memory: int | None = None,
     progress: Progress | None = None,
 ) -> Grouping:
     """Geometric consistency (GC): the largest cluster that keeps its distances to a seed.
 
-    The paper, section 3.2, after Chen, Bhanu, PRL 2007. Cost O(n^2) time, O(n) memory.
+    The paper, section 3.2, after Chen, Bhanu, PRL 2007. Cost O(n^2) time, O(n) memory; the
+    clique variant keeps all consistent pairs, one bit each, where these n^2 / 8 bytes are allowed.
 
     Parameters
     ----------
@@ -54,6 +56,9 @@ def gc(
         Clique variant: of the RANSAC filter.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
+    max_memory : int, optional
+        Clique variant: bytes that the consistent pairs may take; by default a quarter of the memory that is
+        free, at most 1.5 GiB. Beyond it pairs are computed anew, with the same result.
     progress : callable, optional
         Called now and then with the share of the work done, in [0,1].
 

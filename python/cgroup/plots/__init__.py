@@ -7,6 +7,7 @@ from cgroup.plots.pair_precision import pair_precision_figure
 from cgroup.plots.pipelines import pipelines_figure
 from cgroup.plots.scores import precision_recall_figure
 from cgroup.plots.times import timing_figure
+from cgroup.plots.trials import trials_figure
 
 __all__ = [
     "comparison_figure",
@@ -19,4 +20,5 @@ __all__ = [
     "registration_rate_figure",
     "scores_figure",
     "timing_figure",
+    "trials_figure",
 ]

@@ -84,7 +84,11 @@ def protocol_title(protocol: str) -> str:
         "rmse<=1pr": "RMSE at most 1 pr",
         "rmse<=5pr": "RMSE at most 5 pr",
         "3dmatch": "3DMatch: 15°, 0.3 m",
+        "3dmatch-strict": "5°, 0.1 m",
         "kitti": "KITTI: 5°, 0.6 m",
+        "kitti-2m": "5°, 2 m",
+        "5deg+5pr": "5°, 5 pr over the overlap",
+        "2deg+2pr": "2°, 2 pr over the overlap",
     }.get(protocol, protocol)
 
 

@@ -122,6 +122,11 @@ impl<'a> DistanceAgreement<'a> {
         distance_difference(ds, dt) < self.tolerance
     }
 
+    /// The bound on `|ds - dt|`.
+    pub(super) fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
     /// The distances between the two source points and between the two target points, in f64.
     #[inline]
     pub(super) fn lengths(&self, i: usize, j: usize) -> [f64; 2] {

@@ -1,6 +1,6 @@
 //! The graph of correspondences that keep their distance to each other, one bit per pair.
 //!
-//! Two are joined where `|ds - dt| < tolerance`, Eq. (13) of the paper, and both lengths exceed a least one: what
+//! Two are joined where `|ds - dt| < tolerance`, Eq. (13) of the paper, and their edges are long enough: what
 //! lies close together keeps its distance under any motion. A row of bits is the neighbours of one correspondence;
 //! common neighbours are counted 64 at a time. Memory `n^2 / 8` bytes.
 
@@ -11,6 +11,9 @@ use rayon::prelude::*;
 
 use super::agreement::DistanceAgreement;
 use super::long_agreement::LongAgreement;
+
+pub use super::long_agreement::EdgeLengths;
+
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::points::Points;
@@ -63,6 +66,20 @@ impl AgreementGraph {
         shortest: f64,
         execution: &Execution,
     ) -> Result<Self> {
+        Self::with_edges(source, target, tolerance, EdgeLengths::EachAbove(shortest), execution)
+    }
+
+    /// Joins the pairs of matched points whose lengths differ by less than `tolerance` and are as `lengths` says.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_edges(
+        source: &Points,
+        target: &Points,
+        tolerance: f64,
+        lengths: EdgeLengths,
+        execution: &Execution,
+    ) -> Result<Self> {
         let len = source.len();
         let words = len.div_ceil(WORD);
         let bytes = 8 * len * words;
@@ -72,7 +89,7 @@ impl AgreementGraph {
             );
             return Err(Error::invalid("max_memory", execution.max_memory, remedy));
         }
-        let agreement = LongAgreement::new(DistanceAgreement::new(source, target, tolerance), shortest);
+        let agreement = LongAgreement::new(DistanceAgreement::new(source, target, tolerance), lengths);
         let mut bits = vec![0; len * words];
         let rows = bits.par_chunks_mut(words.max(1)).enumerate().with_min_len(8);
         rows.try_for_each_init(
@@ -83,6 +100,13 @@ impl AgreementGraph {
             },
         )?;
         Ok(Self { len, words, bits })
+    }
+
+    /// Most correspondences whose graph takes no more than `max_memory` bytes.
+    pub fn most_vertices(max_memory: usize) -> usize {
+        let words = ((max_memory / (8 * WORD)) as f64).sqrt() as usize; // of rows of whole words
+        let full = words * WORD;
+        full + (max_memory / 8 / (words + 1)).saturating_sub(full).min(WORD)
     }
 
     /// Number of correspondences.
@@ -110,6 +134,28 @@ impl AgreementGraph {
     pub fn common_neighbors(&self, i: usize, j: usize, most: usize) -> Vec<u32> {
         let words = self.row(i).iter().zip(self.row(j)).map(|(a, b)| a & b).enumerate();
         words.flat_map(|(word, bits)| ones(word, bits)).take(most).collect()
+    }
+
+    /// Gives each vertex of `others`, a row of bits, with how many neighbours it has in common with `i`; ascending.
+    pub fn count_common_with(&self, i: usize, others: &[u64], mut give: impl FnMut(u32, u32)) {
+        let own = self.row(i);
+        simd::run(
+            #[inline(always)]
+            || {
+                for (word, &bits) in others.iter().enumerate() {
+                    let mut left = bits;
+                    while left != 0 {
+                        let j = (word * WORD) as u32 + left.trailing_zeros();
+                        left &= left - 1;
+                        let mut sum = 0;
+                        for (a, b) in own.iter().zip(self.row(j as usize)) {
+                            sum += (a & b).count_ones();
+                        }
+                        give(j, sum);
+                    }
+                }
+            },
+        );
     }
 
     /// The `most` pairs with the most common neighbours, one at least; ties to the lowest indices.
@@ -198,7 +244,8 @@ fn count(row: &[u64]) -> u32 {
     row.iter().map(|word| word.count_ones()).sum()
 }
 
-fn count_common(a: &[u64], b: &[u64]) -> u32 {
+/// Number of bits that are set in both rows.
+pub fn count_common(a: &[u64], b: &[u64]) -> u32 {
     simd::run(
         #[inline(always)]
         || {
@@ -256,6 +303,19 @@ mod tests {
     }
 
     #[test]
+    fn common_neighbors_are_counted_for_those_asked_about() -> Result<()> {
+        let graph = graph(300)?;
+        let mut counted = Vec::new();
+        graph.count_common_with(3, graph.row(7), |j, common| counted.push((j, common)));
+        let expected: Vec<(u32, u32)> = (0..300)
+            .filter(|&j| graph.joined(7, j))
+            .map(|j| (j as u32, graph.common_neighbors(3, j, 300).len() as u32))
+            .collect();
+        assert!(!expected.is_empty() && counted == expected);
+        Ok(())
+    }
+
+    #[test]
     fn common_neighbors_come_in_order_and_not_too_many() -> Result<()> {
         let graph = graph(300)?;
         let both = |i: usize| graph.joined(3, i) && graph.joined(7, i);
@@ -264,6 +324,15 @@ mod tests {
         assert_eq!(graph.common_neighbors(3, 7, 300), expected);
         assert_eq!(graph.common_neighbors(3, 7, 4), expected[..4]);
         Ok(())
+    }
+
+    #[test]
+    fn the_most_vertices_just_fit() {
+        for max_memory in (0..5_000).chain([1 << 20, 1 << 30, (1 << 30) + 12_345]) {
+            let most = AgreementGraph::most_vertices(max_memory);
+            let bytes = |len: usize| 8 * len * len.div_ceil(WORD);
+            assert!(bytes(most) <= max_memory && bytes(most + 1) > max_memory, "{max_memory} {most}");
+        }
     }
 
     #[test]

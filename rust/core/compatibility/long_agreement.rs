@@ -1,4 +1,4 @@
-//! Rows of bits: which correspondences keep their distance to one, and are not too close to it on either side.
+//! Rows of bits: which correspondences keep their distance to one, and are not too close to it.
 //!
 //! Decided as in [`agreement`](super::agreement): in f32 wherever rounding can't change the answer, else in f64.
 
@@ -14,41 +14,74 @@ const BLOCKS: usize = u64::BITS as usize / SINGLES;
 /// rounding of the points makes 8, the norm and the products 12, the norm of the row 1, the rounded bound 5.
 const SQUARE_ERROR: f64 = 64.0;
 
-/// The test `|ds - dt| < tolerance` and `min(ds, dt) > shortest`.
+/// How long the edges between two correspondences must be: short ones keep their length under any motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum EdgeLengths {
+    /// Any length: coincident points agree, and so does a correspondence with itself.
+    Any,
+    /// `min(ds, dt)` exceeds this one.
+    EachAbove(f64),
+    /// `ds + dt` exceeds this one.
+    SumAbove(f64),
+}
+
+impl EdgeLengths {
+    fn hold(self, [ds, dt]: [f64; 2]) -> bool {
+        match self {
+            Self::Any => true,
+            Self::EachAbove(shortest) => ds.min(dt) > shortest,
+            Self::SumAbove(shortest) => ds + dt > shortest,
+        }
+    }
+
+    /// Edges of which one is shorter than the first of these, which may be negative, are too short; where both exceed
+    /// the second, they are long enough. The two differ by less than `tolerance`.
+    fn bounds(self, tolerance: f64) -> [f64; 2] {
+        match self {
+            Self::Any => [f64::NEG_INFINITY; 2],
+            Self::EachAbove(shortest) => [shortest; 2],
+            Self::SumAbove(shortest) => [(shortest - tolerance) / 2.0, shortest / 2.0],
+        }
+    }
+}
+
+/// The test `|ds - dt| < tolerance` on pairs whose edges are long enough.
 #[derive(Debug)]
 pub struct LongAgreement<'a> {
     agreement: DistanceAgreement<'a>,
-    shortest: f64,
-    /// Square of the scaled length.
-    squared_shortest: f64,
+    lengths: EdgeLengths,
+    /// Squares of the scaled lengths from which edges may be long enough, and from which they are.
+    squared_bounds: [f64; 2],
 }
 
 impl<'a> LongAgreement<'a> {
-    /// Adds a least length to the test of an agreement.
-    pub fn new(agreement: DistanceAgreement<'a>, shortest: f64) -> Self {
+    /// Adds a condition on lengths to the test of an agreement.
+    pub fn new(agreement: DistanceAgreement<'a>, lengths: EdgeLengths) -> Self {
         // After scaling no length exceeds 2.
-        let squared_shortest = (shortest * agreement.scale).min(4.0).powi(2);
-        Self { agreement, shortest, squared_shortest }
+        let scaled = |length: f64| (length * agreement.scale).min(4.0);
+        let square = |length: f64| if length < 0.0 { f64::NEG_INFINITY } else { scaled(length).powi(2) };
+        let squared_bounds = lengths.bounds(agreement.tolerance()).map(square);
+        Self { agreement, lengths, squared_bounds }
     }
 
     /// Whether a pair passes, in f64.
     pub fn agree(&self, i: usize, j: usize) -> bool {
-        let [ds, dt] = self.agreement.lengths(i, j);
-        ds.min(dt) > self.shortest && self.agreement.agree(i, j)
+        self.lengths.hold(self.agreement.lengths(i, j)) && self.agreement.agree(i, j)
     }
 
     /// Writes one bit for each correspondence: whether it passes with `i`. `unsure` is as long as the row.
     pub fn fill_row(&self, i: usize, row: &mut [u64], unsure: &mut [u64]) {
         let terms = self.agreement.terms(i);
-        let bound = |norm: f32, error: f64| (self.squared_shortest - f64::from(norm) + error) as f32;
-        let bounds = |error: f64| [bound(terms[6], error), bound(terms[7], error)];
+        let bounds = |square: f64, error: f64| {
+            [terms[6], terms[7]].map(|norm| (square - f64::from(norm) + error) as f32)
+        };
         let error = ROUNDING * SQUARE_ERROR;
         simd::run(FindLong {
             terms: self.agreement.row_terms(i),
             blocks: &self.agreement.blocks,
             slack: self.agreement.slack(),
-            possible: bounds(-error),
-            sure: bounds(error),
+            possible: bounds(self.squared_bounds[0], -error),
+            sure: bounds(self.squared_bounds[1], error),
             row: &mut *row,
             unsure: &mut *unsure,
         });
@@ -118,14 +151,18 @@ mod tests {
 
     fn check(source: &[[f64; 3]], target: &[[f64; 3]], tolerance: f64, shortest: f64) -> Result<()> {
         let (source, target) = (Points::from_rows("source", source)?, Points::from_rows("target", target)?);
-        let test = LongAgreement::new(DistanceAgreement::new(&source, &target, tolerance), shortest);
         let words = source.len().div_ceil(64);
         let (mut row, mut unsure) = (vec![u64::MAX; words], vec![u64::MAX; words]);
-        for i in 0..source.len() {
-            test.fill_row(i, &mut row, &mut unsure);
-            for j in 0..64 * words {
-                let bit = row[j / 64] >> (j % 64) & 1 == 1;
-                assert_eq!(bit, j < source.len() && test.agree(i, j), "{i} {j} {tolerance} {shortest}");
+        for lengths in
+            [EdgeLengths::Any, EdgeLengths::EachAbove(shortest), EdgeLengths::SumAbove(2.0 * shortest)]
+        {
+            let test = LongAgreement::new(DistanceAgreement::new(&source, &target, tolerance), lengths);
+            for i in 0..source.len() {
+                test.fill_row(i, &mut row, &mut unsure);
+                for j in 0..64 * words {
+                    let bit = row[j / 64] >> (j % 64) & 1 == 1;
+                    assert_eq!(bit, j < source.len() && test.agree(i, j), "{i} {j} {tolerance} {lengths:?}");
+                }
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 pub mod agreement;
 pub mod distance;
 pub mod graph;
-mod long_agreement;
+pub(crate) mod long_agreement;
 pub(crate) mod lrf_angle;
 pub mod matrix;
 pub mod pose;

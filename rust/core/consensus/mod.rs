@@ -1,5 +1,6 @@
 //! Hypotheses of a rigid motion from samples, and how many correspondences agree with each.
 
+pub mod choice;
 pub mod cliques;
 pub mod counter_rng;
 mod inlier_counter;

@@ -1,11 +1,13 @@
 //! GC: the largest cluster of correspondences that keep their distance to a seed.
 //!
 //! The paper, section 3.2, Eq. (13) (after Chen, Bhanu, PRL 2007): for each seed, the correspondences whose
-//! distances to it differ by less than 3 pr between the two shapes. Cost O(n^2) time, O(n) memory.
+//! distances to it differ by less than 3 pr between the two shapes. Cost O(n^2) time, O(n) memory; the clique variant
+//! takes n^2 / 8 bytes where that is allowed, and computes pairs again and again where it isn't.
 
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::distance::distance_difference;
+use crate::compatibility::graph::{AgreementGraph, EdgeLengths};
 use crate::consensus::SampleConsensus;
 use crate::error::at_least_one;
 use crate::grouping_result::mask_of;
@@ -119,6 +121,7 @@ impl GeometricConsistency {
             edge_ratio: None,
             confidence: None,
         };
+        let pairs = ConsistentPairs::new(source, target, tolerance, execution)?;
         let mut taken = vec![false; source.len()];
         let mut largest: Vec<usize> = Vec::new();
         let mut clusters = 0;
@@ -127,7 +130,7 @@ impl GeometricConsistency {
             if taken[seed] {
                 continue;
             }
-            let mut clique = grow_clique(seed, order, &taken, source, target, tolerance);
+            let mut clique = pairs.grow_clique(seed, order, &taken);
             if clique.len() <= self.min_cluster_size {
                 continue;
             }
@@ -159,24 +162,52 @@ fn visiting_order(correspondences: &Correspondences) -> Vec<usize> {
     }
 }
 
-/// Adds, in visiting order, whatever is consistent with every member so far.
-fn grow_clique(
-    seed: usize,
-    order: &[usize],
-    taken: &[bool],
-    source: &Points,
-    target: &Points,
-    tolerance: f64,
-) -> Vec<usize> {
-    let mut clique = vec![seed];
-    for &j in order {
-        let fits =
-            |&k: &usize| distance_difference(source.distance(j, k), target.distance(j, k)) <= tolerance;
-        if j != seed && !taken[j] && clique.iter().all(fits) {
-            clique.push(j);
+/// Which pairs are consistent: `d(c_i, c_j)` is at most the tolerance.
+enum ConsistentPairs<'a> {
+    /// All of them, one bit each.
+    Kept(AgreementGraph),
+    /// Where these take too much memory.
+    Computed { source: &'a Points, target: &'a Points, tolerance: f64 },
+}
+
+impl<'a> ConsistentPairs<'a> {
+    fn new(source: &'a Points, target: &'a Points, tolerance: f64, execution: &Execution) -> Result<Self> {
+        if source.len() > AgreementGraph::most_vertices(execution.max_memory) {
+            return Ok(Self::Computed { source, target, tolerance });
         }
+        // At most the tolerance: less than the next number.
+        let bound = tolerance.next_up();
+        let graph = AgreementGraph::with_edges(source, target, bound, EdgeLengths::Any, execution)?;
+        Ok(Self::Kept(graph))
     }
-    clique
+
+    /// Adds, in visiting order, whatever is not taken and consistent with every member so far.
+    fn grow_clique(&self, seed: usize, order: &[usize], taken: &[bool]) -> Vec<usize> {
+        let mut clique = vec![seed];
+        let free = order.iter().copied().filter(|&j| j != seed && !taken[j]);
+        match self {
+            Self::Kept(graph) => {
+                let mut candidates = graph.row(seed).to_vec();
+                for j in free {
+                    if candidates[j / 64] >> (j % 64) & 1 == 1 {
+                        clique.push(j);
+                        candidates.iter_mut().zip(graph.row(j)).for_each(|(word, row)| *word &= row);
+                    }
+                }
+            }
+            Self::Computed { source, target, tolerance } => {
+                for j in free {
+                    let fits = |&k: &usize| {
+                        distance_difference(source.distance(j, k), target.distance(j, k)) <= *tolerance
+                    };
+                    if clique.iter().all(fits) {
+                        clique.push(j);
+                    }
+                }
+            }
+        }
+        clique
+    }
 }
 
 #[cfg(test)]

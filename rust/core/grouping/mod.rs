@@ -5,22 +5,28 @@ pub mod game_theory;
 pub mod geometric_consistency;
 pub mod hough_voting;
 pub mod likelihood_consensus;
+pub mod mac;
 pub mod nearest_neighbor_ratio;
 pub mod ransac;
+pub mod sc2pcr;
 pub mod search_of_inliers;
 pub mod similarity_score;
 pub mod spectral;
+pub mod turboreg;
 
 use consistency_voting::ConsistencyVoting;
 use game_theory::GameTheory;
 use geometric_consistency::GeometricConsistency;
 use hough_voting::HoughVoting;
 use likelihood_consensus::LikelihoodConsensus;
+use mac::MaximalCliques;
 use nearest_neighbor_ratio::NearestNeighborRatio;
 use ransac::Ransac;
+use sc2pcr::Sc2Pcr;
 use search_of_inliers::SearchOfInliers;
 use similarity_score::SimilarityScore;
 use spectral::Spectral;
+use turboreg::TurboReg;
 
 use crate::{Correspondences, Execution, Grouping, Result};
 
@@ -40,6 +46,9 @@ pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
         ("3dhv", Box::new(HoughVoting::default())),
         ("gtm", Box::new(GameTheory::default())),
         ("lc", Box::new(LikelihoodConsensus::default())),
+        ("mac", Box::new(MaximalCliques::default())),
+        ("sc2pcr", Box::new(Sc2Pcr::default())),
+        ("turboreg", Box::new(TurboReg::default())),
     ]
 }
 

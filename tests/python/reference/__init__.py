@@ -1,6 +1,6 @@
 """Slow, readable NumPy versions of all grouping methods: the oracle of the tests.
 
-One file per method, written from the equations; those of all but LC are of the paper (J. Yang, K. Xian, P. Wang,
+One file per method, written from the equations; those of the nine are of the paper (J. Yang, K. Xian, P. Wang,
 Y. Zhang, "A Performance Evaluation of Correspondence Grouping Methods for 3D Rigid Data
 Matching", TPAMI 2019). Nothing here uses the compiled package.
 Equation numbers count the paper's displayed equations: (1) is SS, (21) is recall.
@@ -16,9 +16,11 @@ from .nearest_neighbor_ratio import nnsr
 from .otsu import otsu_split
 from .ransac import ransac
 from .result import ReferenceGrouping
+from .sc2pcr import sc2pcr
 from .search_of_inliers import si
 from .similarity_score import ss
 from .spectral import st
+from .turboreg import turboreg
 
 __all__ = [
     "Quality",
@@ -33,7 +35,9 @@ __all__ = [
     "otsu_split",
     "quality",
     "ransac",
+    "sc2pcr",
     "si",
     "ss",
     "st",
+    "turboreg",
 ]

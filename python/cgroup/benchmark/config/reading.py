@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from cgroup.benchmark.config.entries import ExperimentEntry, MethodEntry, Methods, Table, TimingEntry
 from cgroup.benchmark.config.registration import RegistrationEntry
+from cgroup.benchmark.config.trials import TrialsEntry
 from cgroup.errors import InputError
 from cgroup.registry import METHODS
 
@@ -42,7 +43,9 @@ class Config(Table):
     timing : TimingEntry, optional
         Runs after the experiments, alone.
     registration : RegistrationEntry, optional
-        Ways to register, compared; runs last, alone.
+        Ways to register, compared; runs alone.
+    trials : TrialsEntry, optional
+        Grouping methods on matches of any kind, compared; runs last, alone.
     """
 
     name: str
@@ -52,15 +55,19 @@ class Config(Table):
     experiment: tuple[ExperimentEntry, ...] = ()
     timing: TimingEntry | None = None
     registration: RegistrationEntry | None = None
+    trials: TrialsEntry | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> Config:
-        if not self.experiment and self.registration is None:
-            message = "experiment, registration: neither is there; give [[experiment]] or [registration]"
+        if not self.experiment and self.registration is None and self.trials is None:
+            message = (
+                "experiment, registration, trials: none is there; give [[experiment]], [registration] or "
+                "[trials]"
+            )
             raise InputError(message)
-        tables = [self.methods, *(entry.methods for entry in self.experiment if entry.methods)]
-        if self.timing is not None and self.timing.methods:
-            tables.append(self.timing.methods)
+        of_trials = () if self.trials is None else (self.trials, *self.trials.sets)
+        entries = (*self.experiment, *of_trials, *((self.timing,) if self.timing else ()))
+        tables = [self.methods, *(entry.methods for entry in entries if entry.methods)]
         meant: dict[str, Candidate] = {}
         for method in (entry.candidate() for table in tables for entry in table):
             if meant.setdefault(method.label, method) != method:
@@ -102,6 +109,31 @@ def read_config(source: str | Path) -> Config:
         message = f"{source}: no configuration that can be read, nor one of {', '.join(preset_names())}"
         raise InputError(message) from error
     return parse_config(text, path.name)
+
+
+def replace_methods(config: Config, methods: list[str]) -> Config:
+    """Return a configuration that runs other methods; experiments that name their own keep these.
+
+    Parameters
+    ----------
+    config : Config
+        Left as it is.
+    methods : list of str
+        Names, or ``"paper"`` and ``"all"``.
+
+    Returns
+    -------
+    Config
+
+    Raises
+    ------
+    InputError
+        If there is no such method.
+    """
+    try:
+        return Config.model_validate({**config.model_dump(exclude_defaults=True), "methods": methods})
+    except ValidationError as error:
+        raise InputError(error.errors()[0]["msg"].removeprefix("Value error, ")) from error
 
 
 def parse_config(text: str, name: str = "configuration") -> Config:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from cgroup.benchmark.plan.datasets import OpenDatasets, describe_dataset
 from cgroup.benchmark.plan.experiments import plan_experiment
 from cgroup.benchmark.plan.registration import plan_sets
+from cgroup.benchmark.plan.trials import plan_trials
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,21 +18,24 @@ if TYPE_CHECKING:
     from cgroup.benchmark.plan.datasets import DatasetFacts
     from cgroup.benchmark.plan.experiments import PlannedExperiment
     from cgroup.benchmark.plan.registration import PlannedSet
+    from cgroup.benchmark.plan.trials import PlannedTrials
 
 
 @dataclass(frozen=True)
 class Plan:
-    """All experiments and sets of pairs of a configuration, and the data sets that they use."""
+    """All experiments, sets of pairs and sets of problems of a configuration, and the data sets they use."""
 
     config: Config
     experiments: tuple[PlannedExperiment, ...]
     sets: tuple[PlannedSet, ...]
+    trials: tuple[PlannedTrials, ...]
     datasets: tuple[DatasetFacts, ...]
 
     @property
     def missing(self) -> dict[str, str]:
         """Data sets and pipelines that are not at hand, and why."""
-        return {name: why for each in (*self.experiments, *self.sets) for name, why in each.missing.items()}
+        planned = (*self.experiments, *self.sets, *self.trials)
+        return {name: why for each in planned for name, why in each.missing.items()}
 
 
 def make_plan(config: Config, root: Path | None) -> Plan:
@@ -57,12 +61,13 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     opened = OpenDatasets(root)
     planned = tuple(plan_experiment(config, experiment, opened) for experiment in config.experiment)
     sets = tuple(plan_sets(config, opened))
-    cases = [case for each in (*planned, *sets) for case in each.cases]
+    trials = tuple(plan_trials(config, opened))
+    cases = [case for each in (*planned, *sets, *trials) for case in each.cases]
     datasets = tuple(
         describe_dataset(name, found, {case.pair for case in cases if case.dataset == name})
         for name, found in opened.found.items()
     )
-    plan = Plan(config, planned, sets, datasets)
+    plan = Plan(config, planned, sets, trials, datasets)
     if not opened.found:
         name, why = next(iter(plan.missing.items()))
         message = f"data: none of the data sets is at hand; {name}: {why}"

@@ -13,6 +13,7 @@ from cgroup.benchmark.records.tables import (
     load_timing,
     load_timing_skips,
 )
+from cgroup.benchmark.records.trial_tables import load_trials
 
 __all__ = [
     "aggregate",
@@ -26,4 +27,5 @@ __all__ = [
     "load_registrations",
     "load_timing",
     "load_timing_skips",
+    "load_trials",
 ]

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import sqlite3
 
     from cgroup.benchmark.candidates import Candidate
-    from cgroup.benchmark.plan import DatasetFacts, PlannedExperiment, PlannedSet
+    from cgroup.benchmark.plan import DatasetFacts, PlannedExperiment, PlannedSet, PlannedTrials
     from cgroup.benchmark.records.types import Provenance
 
 
@@ -59,6 +59,28 @@ def insert_set(
         what = (pipeline.key, pipeline.name, pipeline.options, pipeline.refined)
         insert(connection, "pipelines", *what, known="ignore")
         insert(connection, "plan_pipelines", entry, pipeline.key, pipeline.label, position, known="ignore")
+
+
+def insert_trials(
+    connection: sqlite3.Connection,
+    entry: int,
+    planned: PlannedTrials,
+    pairs: dict[str, dict[str, tuple[str, tuple[str, ...]]]],
+) -> None:
+    """Ask for the records of one set of problems; `pairs` are those of each data set, see `DatasetFacts`."""
+    definition = planned.entry.model_dump_json()
+    insert(connection, "plan_trials", entry, planned.entry.id, planned.limit, definition)
+    for place, case in enumerate(planned.cases):
+        origin, _ = pairs[case.dataset][case.pair]
+        what = (case.dataset, case.pair, origin, case.kind, case.other)
+        how = (case.matches, case.voxel, case.epsilon, case.seed)
+        insert(connection, "problems", case.key, *what, *how, known="replace")
+        insert(connection, "plan_problems", entry, case.key, place, known="ignore")
+    for place, method in enumerate(planned.methods):
+        insert_method(connection, method)
+        insert(connection, "plan_candidates", entry, method.key, method.label, place, known="ignore")
+    for threads in planned.threads:
+        insert(connection, "plan_threads", entry, threads, known="ignore")
 
 
 def insert_method(connection: sqlite3.Connection, method: Candidate) -> None:

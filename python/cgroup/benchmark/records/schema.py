@@ -1,13 +1,11 @@
 """Layout of the records' file, and the queries for what it lacks."""
 
-SCHEMA_VERSION = 2
-
-WITHOUT_REGISTRATIONS = 1
-"""Version of files that lack the tables of `REGISTRATION_SCHEMA`."""
+SCHEMA_VERSION = 3
 
 PLAN_TABLES = (
     *("plan", "plan_experiments", "plan_cases", "plan_methods", "plan_epsilons", "plan_timing"),
     *("plan_sets", "plan_pairs", "plan_pipelines"),
+    *("plan_trials", "plan_problems", "plan_candidates", "plan_threads"),
 )
 """What the latest configuration asks for."""
 
@@ -99,6 +97,42 @@ create view wanted_registrations as
 """
 """Tables that were added in version 2."""
 
+TRIAL_SCHEMA = """
+create table problems (
+    key text primary key, dataset text, pair text, origin text, kind text, other text, matches text,
+    voxel real, epsilon real, seed integer
+) without rowid;
+create table trials (
+    case_key text references problems, method_key text references methods, threads integer, time_limit real,
+    n integer, correct integer, resolution real, pr real, overlap real, selected integer,
+    selected_correct integer, posed integer, ok integer, complete integer, rotation_error real,
+    translation_error real, rmse real, best_rotation_error real, best_translation_error real, best_rmse real,
+    offered integer, seconds real, mebibytes real, diagnostics text, skipped text, error text, version text,
+    machine text, created text,
+    primary key (case_key, method_key, threads)
+) without rowid;
+
+create table plan_trials (entry integer primary key, id text, time_limit real, definition text);
+create table plan_problems (
+    entry integer, case_key text, place integer, primary key (entry, case_key)
+) without rowid;
+create table plan_candidates (
+    entry integer, method_key text, label text, place integer, primary key (entry, method_key)
+) without rowid;
+create table plan_threads (entry integer, threads integer, primary key (entry, threads)) without rowid;
+
+create view wanted_trials as
+    select case_key, method_key, threads, min(entry) as entry, min(p.place) as place,
+           min(m.place) as method_place, max(time_limit) as time_limit
+    from plan_problems p join plan_candidates m using (entry) join plan_threads using (entry)
+         join plan_trials using (entry)
+    group by case_key, method_key, threads;
+"""
+"""Tables that were added in version 3."""
+
+ADDED = {1: SCHEMA, 2: REGISTRATION_SCHEMA, 3: TRIAL_SCHEMA}
+"""What each version added; a file of an earlier one gets what it lacks."""
+
 # Cases of one pair follow each other, so that a worker loads it once.
 CASE_ORDER = "order by dataset, pair, nuisance, level, nms_radius, combination"
 
@@ -109,6 +143,16 @@ select {} from wanted_registrations w join pair_cases on pair_cases.key = w.case
 where not exists (
     select 1 from registrations r
     where r.case_key = w.case_key and r.pipeline_key = w.pipeline_key and r.threads = w.threads)
+"""
+
+# What was given up for want of time is tried again once it is given more.
+PENDING_TRIALS = """
+select {} from wanted_trials w join problems on problems.key = w.case_key
+where not exists (
+    select 1 from trials t
+    where t.case_key = w.case_key and t.method_key = w.method_key and t.threads = w.threads
+        and (t.skipped = '' or t.time_limit >= w.time_limit))
+order by w.threads, w.entry, w.place, w.case_key, w.method_place
 """
 
 PENDING_CASES = """
@@ -146,6 +190,13 @@ select label, error, count(*) from registrations join (
     from plan_pairs join plan_pipelines using (entry) join plan_sets using (entry)
     group by case_key, pipeline_key, threads
 ) using (case_key, pipeline_key, threads)
+where error <> '' group by label, error
+union all
+select label, error, count(*) from trials join (
+    select case_key, method_key, threads, min(label) as label
+    from plan_problems join plan_candidates using (entry) join plan_threads using (entry)
+    group by case_key, method_key, threads
+) using (case_key, method_key, threads)
 where error <> '' group by label, error
 order by 3 desc
 """

@@ -20,19 +20,18 @@ from cgroup.benchmark.records.rows import (
     insert_experiment,
     insert_machine,
     insert_set,
+    insert_trials,
     list_origin,
 )
 from cgroup.benchmark.records.schema import (
+    ADDED,
     CASE_ORDER,
     FAILURES,
     PENDING_CASES,
     PENDING_GROUPINGS,
     PENDING_SCORES,
     PLAN_TABLES,
-    REGISTRATION_SCHEMA,
-    SCHEMA,
     SCHEMA_VERSION,
-    WITHOUT_REGISTRATIONS,
 )
 from cgroup.errors import InputError
 
@@ -95,14 +94,14 @@ class Store:
             if version == SCHEMA_VERSION:
                 return
             empty = connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
-            if version != WITHOUT_REGISTRATIONS and not (version == 0 and empty):
+            if version not in ADDED and not (version == 0 and empty):
                 message = (
                     f"{self.path}: its layout is number {version}, this version of cgroup writes "
                     f"{SCHEMA_VERSION}; use another folder"
                 )
                 raise InputError(message)
-            schema = REGISTRATION_SCHEMA if version else SCHEMA + REGISTRATION_SCHEMA
-            for statement in schema.split(";\n"):
+            lacking = "".join(schema for added_in, schema in ADDED.items() if added_in > version)
+            for statement in lacking.split(";\n"):
                 connection.execute(statement)
             connection.execute(f"pragma user_version = {SCHEMA_VERSION}")
 
@@ -134,6 +133,8 @@ class Store:
                 insert_experiment(connection, entry, planned, pairs)
             for entry, planned in enumerate(plan.sets):
                 insert_set(connection, entry, planned, pairs)
+            for entry, planned in enumerate(plan.trials):
+                insert_trials(connection, entry, planned, pairs)
 
     def forget_failures(self) -> None:
         """Drop the records of what failed, so that it is tried again."""
@@ -141,6 +142,7 @@ class Store:
             connection.execute("delete from correspondences where error <> ''")
             connection.execute("delete from groupings where error <> ''")
             connection.execute("delete from registrations where error <> ''")
+            connection.execute("delete from trials where error <> ''")
 
     # --- what is missing -------------------------------------------------------------------------
 
@@ -186,6 +188,7 @@ class Store:
             "register": self._count(
                 "wanted_registrations", "registrations", "using (case_key, pipeline_key, threads)", _FAILED
             ),
+            "try": self._count("wanted_trials", "trials", "using (case_key, method_key, threads)", _FAILED),
         }
 
     def _count(self, wanted: str, records: str, match: str, failed: str) -> Counts:

@@ -10,7 +10,7 @@ from cgroup import __version__
 from cgroup.benchmark.records.machine import Machine, this_machine
 
 if TYPE_CHECKING:
-    from cgroup.benchmark.cases import Case, PairCase
+    from cgroup.benchmark.cases import Case, PairCase, Problem
 
 
 def _now() -> str:
@@ -172,5 +172,85 @@ class RegistrationRecord:
     translation_error: float | None = None
     rmse: float | None = None
     seconds: str = "{}"
+    error: str = ""
+    provenance: Provenance = field(default_factory=Provenance)
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """How far a pose is off: degrees, the data's unit, and pr over the overlap; None where it isn't known."""
+
+    rotation: float | None = None
+    translation: float | None = None
+    rmse: float | None = None
+
+
+@dataclass(frozen=True)
+class TrialRecord:
+    """Record of a method that was run alone on matches.
+
+    Attributes
+    ----------
+    case : Problem
+        On which.
+    method_key : str
+        Which method.
+    threads : int
+        On how many threads; 0 for all cores.
+    limit : float
+        Seconds that it was given.
+    n, correct : int
+        Matches, and how many are correct.
+    resolution, pr : float
+        Unit of the matches, and mean distance of neighbours in the clouds, in the data's unit.
+    overlap : float, optional
+        Share that the clouds have in common, where it is known.
+    selected, selected_correct : int
+        Counts of the group.
+    posed : bool
+        Whether there is a pose: the method's model, or the least-squares pose of the group.
+    ok : bool, optional
+        Whether the method holds it to be right; None where it doesn't say.
+    complete : bool
+        Whether the search ran to its end.
+    errors : PoseErrors
+        Of the pose.
+    best : PoseErrors
+        Of the best of all poses that the method offers, by the truth.
+    offered : int
+        How many those are.
+    seconds : float
+        Wall time of the grouping alone.
+    mebibytes : float, optional
+        Peak memory that it took beside the matches; None where the system doesn't tell.
+    diagnostics : str
+        JSON of the method's own facts.
+    skipped : str
+        Why it wasn't run, or not to its end; empty where it was.
+    error : str
+        Type and message; empty where all went well.
+    """
+
+    case: Problem
+    method_key: str
+    threads: int
+    limit: float
+    n: int = 0
+    correct: int = 0
+    resolution: float = float("nan")
+    pr: float = float("nan")
+    overlap: float | None = None
+    selected: int = 0
+    selected_correct: int = 0
+    posed: bool = False
+    ok: bool | None = None
+    complete: bool = True
+    errors: PoseErrors = field(default_factory=PoseErrors)
+    best: PoseErrors = field(default_factory=PoseErrors)
+    offered: int = 0
+    seconds: float = float("nan")
+    mebibytes: float | None = None
+    diagnostics: str = "{}"
+    skipped: str = ""
     error: str = ""
     provenance: Provenance = field(default_factory=Provenance)

@@ -27,6 +27,7 @@ from cgroup.benchmark.report.sections import (
     make_sections,
 )
 from cgroup.benchmark.report.tables import dataset_table, failure_table, plain_table, score_table
+from cgroup.benchmark.report.trials import make_trial_sections
 from cgroup.io import write_file
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ class ReportData:
         Data sets and pipelines that weren't at hand, and why.
     registrations : DataFrame
         How pipelines registered pairs.
+    trials : DataFrame
+        How methods grouped matches, each alone.
     """
 
     frame: pd.DataFrame
@@ -67,6 +70,7 @@ class ReportData:
     config: dict[str, Any]
     missing: dict[str, str]
     registrations: pd.DataFrame
+    trials: pd.DataFrame
 
     @classmethod
     def load(cls, out: Path) -> ReportData:
@@ -80,6 +84,7 @@ class ReportData:
             records.load_config(out),
             records.load_missing(out),
             records.load_registrations(out),
+            records.load_trials(out),
         )
 
 
@@ -126,6 +131,7 @@ def write_report(
         times=draw_times(data.timing, pictures),
         selections=draw_selections(out, evidence, root, pictures),
         registration=make_registration_section(data.registrations, pictures),
+        trials=make_trial_sections(data.trials, data.machines, pictures),
         scores=[score_table(evidence.samples(), how) for how in ("macro", "pooled", "median")],
     )
     write_file(out / REPORT, page.encode())
@@ -146,9 +152,9 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
         missing=data.missing,
         version=cgroup.__version__,
         date=datetime.now(tz=timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
-        totals=_count_totals(frame, data.registrations),
+        totals=_count_totals(frame, data.registrations, data.trials),
         datasets=dataset_table(frame, data.datasets),
-        failures=failure_table(frame, data.registrations),
+        failures=failure_table(frame, data.registrations, data.trials),
         sources=plain_table("Data sets", data.datasets),
         machines=plain_table("Machines", data.machines),
         skips=plain_table("Not timed", data.skips),
@@ -161,16 +167,18 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
     )
 
 
-def _count_totals(frame: pd.DataFrame, registrations: pd.DataFrame) -> dict[str, int]:
+def _count_totals(frame: pd.DataFrame, registrations: pd.DataFrame, trials: pd.DataFrame) -> dict[str, int]:
     """Count what there is, by what it is called on the page."""
     cases = frame.drop_duplicates("case")
-    failed = sum(int((each["error"] != "").sum()) for each in (frame, registrations) if len(each))
+    failed = sum(int((each["error"] != "").sum()) for each in (frame, registrations, trials) if len(each))
     counts = {
         "pairs": len(frame.drop_duplicates(["dataset", "pair"])),
         "cases": len(cases),
         "groupings": len(frame.drop_duplicates(["case", "method"])),
         "records": len(frame),
         "registrations": len(registrations),
+        "problems": trials["case"].nunique() if len(trials) else 0,
+        "trials": len(trials),
     }
     return {name: count for name, count in counts.items() if count} | {"failed records": failed}
 

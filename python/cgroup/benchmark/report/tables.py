@@ -157,13 +157,13 @@ def dataset_table(frame: pd.DataFrame, known: pd.DataFrame) -> Table:
     return Table("Data sets", headers, rows)
 
 
-def failure_table(frame: pd.DataFrame, registrations: pd.DataFrame) -> Table:
+def failure_table(frame: pd.DataFrame, registrations: pd.DataFrame, trials: pd.DataFrame) -> Table:
     """List what failed, with the error.
 
     Parameters
     ----------
-    frame, registrations : DataFrame
-        Records of groupings, and of pipelines.
+    frame, registrations, trials : DataFrame
+        Records of groupings, of pipelines, and of methods run alone.
 
     Returns
     -------
@@ -172,6 +172,7 @@ def failure_table(frame: pd.DataFrame, registrations: pd.DataFrame) -> Table:
     """
     rows = _list_failures(frame, "method", "case") if len(frame) else []
     rows += _list_failures(registrations, "pipeline", "pair") if len(registrations) else []
+    rows += _list_failures(trials, "method", "case") if len(trials) else []
     headers = ("data set", "error", "methods or pipelines", "cases", "for example")
     return Table("Failures", headers, rows)
 

@@ -1,4 +1,4 @@
-"""Running a configuration: correspond, group, score, then take times and compare pipelines.
+"""Running a configuration: correspond, group, score, then take times, compare pipelines and methods.
 
 Each stage computes what the records lack, so that a run that was stopped goes on where it was.
 """
@@ -15,10 +15,12 @@ from cgroup.benchmark.records.lock import only_writer
 from cgroup.benchmark.records.registrations import Registrations
 from cgroup.benchmark.records.store import RECORDS, Counts, Store
 from cgroup.benchmark.records.timings import Timings
+from cgroup.benchmark.records.trials import Trials
 from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
 from cgroup.benchmark.run import scoring, stages
 from cgroup.benchmark.run.registering import register_pairs
 from cgroup.benchmark.run.timing import take_times
+from cgroup.benchmark.run.trials import try_methods
 from cgroup.benchmark.run.workers import open_workers
 from cgroup.errors import InputError
 
@@ -120,6 +122,8 @@ def run(
                 take_times(config, config.timing, Timings(store), root, progress or ignore_progress)
             if config.registration is not None:
                 _register(store, root, stage)
+            if config.trials is not None:
+                _try(store, root, stage)
             return Summary(store.counts(), plan.missing)
         finally:
             store.close()
@@ -172,6 +176,12 @@ def _register(store: Store, root: Path | None, stage: _StageProgress) -> None:
     records = Registrations(store)
     stage.begin("register")
     register_pairs(records.pending(), records, root, stage.add)
+
+
+def _try(store: Store, root: Path | None, stage: _StageProgress) -> None:
+    records = Trials(store)
+    stage.begin("try")
+    try_methods(records.pending(), records, root, stage.add)
 
 
 def _make_folder(out: Path) -> None:

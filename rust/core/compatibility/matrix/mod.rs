@@ -62,7 +62,7 @@ impl PairMatrix {
         diagonal: Option<Vec<f64>>,
         execution: &Execution,
     ) -> Result<Self> {
-        if matches!(score, PairScore::DistanceDifferenceIndicator { one_to_one: false, .. }) {
+        if score.lets_points_be_shared() {
             positions.allow_shared_points();
         }
         let cut = Cut::of(positions.len());
@@ -243,7 +243,8 @@ mod tests {
             let (source, target) = (turning(n, 0.37)?, turning(n, 0.53)?);
             let diagonal = Some((0..n).map(|i| i as f64).collect());
             let x: Vec<f64> = (0..n).map(|i| (i as f64 * 0.9).sin()).collect();
-            for score in [ratio, from, indicator, difference] {
+            let squared = PairScore::SquaredDistanceDifference { tolerance: 0.5 };
+            for score in [ratio, from, indicator, difference, squared] {
                 let mut products = Vec::new();
                 for max_memory in [0, usize::MAX] {
                     let execution = Execution::new(max_memory);

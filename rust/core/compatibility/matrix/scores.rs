@@ -20,6 +20,22 @@ pub enum PairScore {
         /// Whether pairs that share a source or a target point score 0.
         one_to_one: bool,
     },
+    /// `max(0, 1 - (ds - dt)^2 / tolerance^2)`; pairs that share a point score as others do.
+    SquaredDistanceDifference {
+        /// Least difference that scores 0, a length.
+        tolerance: f64,
+    },
+}
+
+impl PairScore {
+    /// Whether pairs with a zero-length edge score like all others.
+    pub fn lets_points_be_shared(self) -> bool {
+        match self {
+            Self::DistanceDifferenceIndicator { one_to_one, .. } => !one_to_one,
+            Self::SquaredDistanceDifference { .. } => true,
+            Self::DistanceRatio | Self::DistanceRatioFrom(_) | Self::DistanceRatioIndicator(_) => false,
+        }
+    }
 }
 
 /// Source and target coordinates, scaled to about 1.
@@ -94,6 +110,9 @@ impl<T: Coordinate> PairPositions<T> {
             PairScore::DistanceDifferenceIndicator { tolerance, .. } => {
                 self.fill_agreements(tolerance, i, first, row);
             }
+            PairScore::SquaredDistanceDifference { tolerance } => {
+                self.fill_squared_differences(tolerance, i, first, row);
+            }
         }
         if let Some(itself) = i.checked_sub(first).and_then(|at| row.get_mut(at)) {
             *itself = zero;
@@ -115,6 +134,29 @@ impl<T: Coordinate> PairPositions<T> {
                     |ds, dt| {
                         let (ds, dt) = (ds.sqrt(), dt.sqrt());
                         T::from((if ds > dt { ds - dt } else { dt - ds }) <= tolerance)
+                    },
+                );
+            },
+        );
+    }
+
+    /// Writes `max(0, 1 - (ds - dt)^2 / tolerance^2)`.
+    fn fill_squared_differences(&self, tolerance: f64, i: usize, first: usize, row: &mut [T]) {
+        let (zero, one) = (T::default(), T::from(true));
+        let inverse = T::from_f64(1.0 / (tolerance * self.scale));
+        simd::run(
+            #[inline(always)]
+            || {
+                fill_row(
+                    &self.sides,
+                    i,
+                    first,
+                    row,
+                    #[inline(always)]
+                    |ds, dt| {
+                        let share = (ds.sqrt() - dt.sqrt()) * inverse;
+                        let score = one - share * share;
+                        if score > zero { score } else { zero }
                     },
                 );
             },

@@ -1,0 +1,158 @@
+"""How methods rank on a set of problems: means with intervals, and whether a difference could be chance.
+
+Intervals are percentiles of the means of `RESAMPLES` draws of the problems with replacement (Efron 1979);
+they say nothing of problems of another kind, and take the problems as independent. Differences from the best
+method are tested on the same problems: F by Wilcoxon's signed-rank test, registration by McNemar's exact test
+(whether, of the problems that only one of two registers, either has more than half); the p of all comparisons
+of a column are adjusted by Holm (1979). A method that was given up on a problem, or failed there, has F 0
+there and hasn't registered it.
+"""
+
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from cgroup.benchmark.cases import keyed_rng
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import TypeAlias
+
+    import pandas as pd
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import BoolArray, FloatArray
+
+    Test: TypeAlias = Callable[[ArrayLike, ArrayLike], float]
+
+RESAMPLES = 10_000
+"""Draws of the bootstrap."""
+
+LEVEL = 0.95
+"""Of the intervals; differences are significant below what it leaves."""
+
+
+class Interval(NamedTuple):
+    """A mean and the interval about it."""
+
+    mean: float
+    low: float
+    high: float
+
+
+class Rank(NamedTuple):
+    """How a method does on a set of problems.
+
+    Attributes
+    ----------
+    method : str
+        By its label.
+    f_score, registered : Interval
+        Mean F, and the share of registered problems.
+    f_tied, registered_tied : bool
+        Whether it can't be told from the first in F, or from the one that registers most.
+    p_f_score, p_registered : float
+        Adjusted p of the difference from those; 1 for these themselves.
+    """
+
+    method: str
+    f_score: Interval
+    registered: Interval
+    f_tied: bool
+    registered_tied: bool
+    p_f_score: float
+    p_registered: float
+
+
+def rank_methods(trials: pd.DataFrame) -> list[Rank]:
+    """Rank the methods of one set by F.
+
+    Parameters
+    ----------
+    trials : DataFrame
+        Rows of `load_trials` of one set and one number of threads; problems without a right answer and
+        methods that no problem had the fields for are left out, and so is what not all methods have.
+
+    Returns
+    -------
+    list of Rank
+        The best first; ties in the order of the rows. Empty without problems.
+    """
+    rows = comparable(trials)
+    scores, registered = _by_problem(rows, "f_score"), _by_problem(rows, "right")
+    if scores.empty:
+        return []
+    names = list(scores.columns)
+    f_scores, rights = scores.to_numpy(float), registered.to_numpy(bool)
+    f_means, f_p = bootstrap(f_scores), _against_best(f_scores, signed_rank)
+    shares, right_p = bootstrap(rights.astype(float)), _against_best(rights, mcnemar)
+    alpha = 1 - LEVEL
+    ranks = [
+        Rank(names[i], f_means[i], shares[i], f_p[i] >= alpha, right_p[i] >= alpha, f_p[i], right_p[i])
+        for i in range(len(names))
+    ]
+    return sorted(ranks, key=lambda rank: -rank.f_score.mean)
+
+
+def comparable(trials: pd.DataFrame) -> pd.DataFrame:
+    """Keep the problems that have an answer, and the methods that could be run on at least one."""
+    related = trials[(trials["kind"] == "related") & (trials["correct"] > 0)]
+    lacking = related["skipped"].str.startswith("needs ")
+    return related[~related["method"].isin(set(related["method"]) - set(related.loc[~lacking, "method"]))]
+
+
+def bootstrap(values: FloatArray) -> list[Interval]:
+    """Find the mean and its interval for every column; rows are problems, drawn alike for all columns."""
+    rng = keyed_rng("bootstrap", *values.shape)
+    count = len(values)
+    weights = rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES) / count
+    outside = (1 - LEVEL) / 2
+    low, high = np.quantile(weights @ values, (outside, 1 - outside), axis=0)
+    return [Interval(*map(float, each)) for each in zip(values.mean(axis=0), low, high, strict=True)]
+
+
+def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
+    """Return the p of Wilcoxon's signed-rank test on paired values; 1 where all are equal."""
+    difference = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)
+    if not difference.any():
+        return 1.0
+    return float(stats.wilcoxon(difference, zero_method="pratt", method="asymptotic").pvalue)
+
+
+def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
+    """Return the p of McNemar's exact test on paired successes; 1 where they never differ."""
+    first, second = np.asarray(one, dtype=bool), np.asarray(other, dtype=bool)
+    only_first, only_second = int((first & ~second).sum()), int((second & ~first).sum())
+    if not only_first + only_second:
+        return 1.0
+    return float(stats.binomtest(only_first, only_first + only_second).pvalue)
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Adjust the p of several tests: the chance of any false rejection keeps the level (Holm 1979)."""
+    adjusted = [0.0] * len(p)
+    so_far = 0.0
+    for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
+        so_far = max(so_far, min(1.0, (len(p) - rank) * p[i]))
+        adjusted[i] = so_far
+    return adjusted
+
+
+def _against_best(values: FloatArray | BoolArray, test: Test) -> list[float]:
+    """Return the adjusted p of each column against the one with the highest mean; 1 for that one."""
+    best = int(np.argmax(values.mean(axis=0)))
+    others = [i for i in range(values.shape[1]) if i != best]
+    found = dict(zip(others, holm([test(values[:, best], values[:, i]) for i in others]), strict=True))
+    return [found.get(i, 1.0) for i in range(values.shape[1])]
+
+
+def _by_problem(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+    """One row per problem and one column per method, in their order; problems that all methods have."""
+    table = rows.pivot_table(index="case", columns="method", values=column, aggfunc="first", sort=False)
+    return table.dropna().reindex(columns=list(dict.fromkeys(rows["method"])))

@@ -1,0 +1,119 @@
+"""Generated matches as a data set: the name of a pair says what it is drawn from."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from cgroup.datasets.base import CorrespondencePair, Dataset
+from cgroup.datasets.problem_nuisances import FRAMES, SCENES, make_scene
+from cgroup.errors import InputError
+from cgroup.types import Correspondences
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cgroup.datasets.base import Origin, Role
+
+_NUMBER = r"[0-9.]+(?:e-?[0-9]+)?"
+_NAME = re.compile(
+    rf"(?P<scene>[a-z-]+)/n(?P<n>[0-9]+)/inliers(?P<inliers>{_NUMBER})/noise(?P<noise>{_NUMBER})"
+    r"/(?P<frames>[a-z]+)-frames/(?P<number>[0-9]+)"
+)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a generated problem is drawn from, see `make_scene`; `number` tells problems of one kind apart."""
+
+    scene: str = "uniform"
+    n: int = 1000
+    inliers: float = 0.1
+    noise: float = 1.5
+    frames: str = "good"
+    number: int = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the pair."""
+        return (
+            f"{self.scene}/n{self.n}/inliers{self.inliers:g}/noise{self.noise:g}/{self.frames}-frames/"
+            f"{self.number}"
+        )
+
+
+class GeneratedMatches(Dataset):
+    """Matches drawn by `make_scene`, at any size; unit pr.
+
+    Every name of the form ``planes/n1000/inliers0.02/noise1.5/good-frames/0`` is a pair; those listed are
+    some usual ones. The same name gives the same problem. Without right ones (``inliers0``) there is nothing
+    to be found.
+    """
+
+    name: ClassVar[str] = "generated-matches"
+    title: ClassVar[str] = "Generated matches"
+    role: ClassVar[Role] = "correspondences"
+    origin: ClassVar[Origin] = "synthetic"
+    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr")
+    citation: ClassVar[str] = "this library"
+
+    def __init__(self, root: Path | str | None = None) -> None:
+        del root  # needs no data
+
+    def pair_names(self) -> list[str]:
+        """Return usual ones: each scene at some sizes and shares of right matches."""
+        kinds = itertools.product(SCENES, (200, 1000, 5000), (0.02, 0.1, 0.3))
+        return [Recipe(scene, n, inliers).name for scene, n, inliers in kinds]
+
+    def check_name(self, name: str) -> None:
+        """Raise `InputError` for a name that isn't of the form."""
+        read_recipe(name)
+
+    def load(self, name: str) -> CorrespondencePair:
+        """Draw the problem."""
+        recipe = read_recipe(name)
+        seed = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
+        drawn = make_scene(
+            np.random.default_rng(seed),
+            recipe.n,
+            inliers=recipe.inliers,
+            noise=recipe.noise,
+            scene=recipe.scene,
+            frames=recipe.frames,
+        )
+        framed = recipe.frames != "none"
+        matches = Correspondences(
+            drawn.source,
+            drawn.target,
+            similarity=drawn.similarity,
+            ratio=drawn.ratio,
+            source_lrf=drawn.source_lrf if framed else None,
+            target_lrf=drawn.target_lrf if framed else None,
+            resolution=drawn.resolution,
+            source_centroid=drawn.source_centroid,
+        )
+        return CorrespondencePair(name, matches, drawn.T_target_source)
+
+
+def read_recipe(name: str) -> Recipe:
+    """Read the name of a pair; raises `InputError` unless it is of the form."""
+    found = _NAME.fullmatch(name)
+    if found is None or found["scene"] not in SCENES or found["frames"] not in FRAMES:
+        message = (
+            f"{GeneratedMatches.name}: has no pair {name!r}; names are like {Recipe().name!r}, with a scene "
+            f"of {', '.join(SCENES)} and frames {', '.join(FRAMES)}"
+        )
+        raise InputError(message)
+    return Recipe(
+        found["scene"],
+        int(found["n"]),
+        float(found["inliers"]),
+        float(found["noise"]),
+        found["frames"],
+        int(found["number"]),
+    )

@@ -1,0 +1,178 @@
+"""KITTI's odometry sequences: pairs of LiDAR scans some 10 m apart, as registration methods are evaluated.
+
+Geiger, Lenz and Urtasun: Are we ready for autonomous driving? The KITTI vision benchmark suite, CVPR 2012.
+Choy, Park and Koltun: Fully convolutional geometric features, ICCV 2019 (the pairs).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+
+from cgroup.datasets.base import Dataset, MatchingPair, data_root, dataset_folder, missing_file
+from cgroup.errors import InputError
+from cgroup.rigid import check_rigid, invert
+from cgroup.types import PointCloud
+from cgroup.verification import FineSurface, align
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cgroup.datasets.base import Origin, Role
+    from cgroup.types import FloatArray
+
+URL = "https://www.cvlibs.net/datasets/kitti/eval_odometry.php"
+
+SEQUENCES = (8, 9, 10)
+"""The test sequences."""
+
+DISTANCE = 10.0
+"""A scan is paired with the last one before the scanner is farther away than this, in m."""
+
+LEFT_OUT = frozenset({(8, 15, 58)})
+"""Pairs whose pose is known to be wrong."""
+
+_AHEAD = 100  # scans that are looked through for a partner
+_FINE_SPACING = 0.3  # m, of the surfaces on which poses are refined
+_NUMBERS = 4  # per point: x, y, z, reflectance
+
+
+class _Entry(NamedTuple):
+    sequence: int
+    source: int
+    target: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.sequence:02d}/{self.source}-{self.target}"
+
+
+class KITTI(Dataset):
+    """Pairs of KITTI's sequences 8 to 10, all 555 if they are there; unit m.
+
+    The odometry's poses are some decimetres off. They are replaced by those in ``icp``, where FCGF has left
+    its refined ones, or else refined here by `cgroup.verification.align`.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; see `data_root`. Its folder ``kitti``, or the root itself, holds
+        ``sequences/08/velodyne/*.bin``, ``sequences/08/calib.txt`` and ``poses/08.txt``; ``icp/8_0_13.npy``
+        may be there.
+    """
+
+    name: ClassVar[str] = "kitti"
+    title: ClassVar[str] = "KITTI odometry"
+    role: ClassVar[Role] = "partial-partial"
+    origin: ClassVar[Origin] = "real"
+    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "kitti", "kitti-2m")
+    citation: ClassVar[str] = "Geiger et al.: KITTI, CVPR 2012; Choy et al.: FCGF, ICCV 2019 (pairs)"
+    single_views: ClassVar[bool] = True
+
+    def __init__(self, root: Path | str | None = None) -> None:
+        base = data_root(root)
+        inside = not (base / "kitti").is_dir() and (base / "sequences").is_dir()
+        self._folder = base if inside else dataset_folder(root, "kitti", title=self.title, url=URL)
+        found = [entry for number in SEQUENCES for entry in self._list_pairs(number)]
+        self._entries = {entry.name: entry for entry in found if tuple(entry) not in LEFT_OUT}
+        if not self._entries:
+            raise missing_file(self._folder / "sequences" / "08" / "velodyne" / "000000.bin", self.title, URL)
+
+    def pair_names(self) -> list[str]:
+        """Return ``sequence/source-target``, with the numbers of the scans."""
+        return list(self._entries)
+
+    def load(self, name: str) -> MatchingPair:
+        """Read two scans, and refine their pose."""
+        self.check_name(name)
+        entry = self._entries[name]
+        source, target = (self._read_scan(entry.sequence, number) for number in (entry.source, entry.target))
+        return MatchingPair(name, source, target, self._find_pose(entry, source, target))
+
+    def _list_pairs(self, sequence: int) -> list[_Entry]:
+        """List the pairs of a sequence whose scans are there; which are paired depends on the poses alone."""
+        poses = self._folder / "poses" / f"{sequence:02d}.txt"
+        if not poses.is_file():
+            return []
+        places = _read_poses(poses)[:, :3, 3]
+        chain = [_Entry(sequence, *both) for both in pair_scans(places)]
+        return [
+            each
+            for each in chain
+            if all(self._scan(sequence, number).is_file() for number in (each.source, each.target))
+        ]
+
+    def _find_pose(self, entry: _Entry, source: PointCloud, target: PointCloud) -> FloatArray:
+        refined = self._folder / "icp" / f"{entry.sequence}_{entry.source}_{entry.target}.npy"
+        if refined.is_file():
+            return check_rigid(np.load(refined), str(refined))
+        poses = _read_poses(self._folder / "poses" / f"{entry.sequence:02d}.txt")
+        camera = self._read_calibration(entry.sequence)
+        rough = invert(poses[entry.target] @ camera) @ poses[entry.source] @ camera
+        fixed, moved = FineSurface(target.points, _FINE_SPACING), FineSurface(source.points, _FINE_SPACING)
+        return align(moved, fixed, check_rigid(rough, entry.name)).T_target_source
+
+    def _read_calibration(self, sequence: int) -> FloatArray:
+        """Read the pose of the scanner in the camera's frame."""
+        path = self._folder / "sequences" / f"{sequence:02d}" / "calib.txt"
+        if not path.is_file():
+            raise missing_file(path, self.title, URL)
+        for line in path.read_text(encoding="utf-8").splitlines():
+            name, _, numbers = line.partition(":")
+            if name == "Tr":
+                return _as_poses(np.array(numbers.split(), dtype=float)[None])[0]
+        message = f"{path}: has no line that begins with Tr:"
+        raise InputError(message)
+
+    def _scan(self, sequence: int, number: int) -> Path:
+        return self._folder / "sequences" / f"{sequence:02d}" / "velodyne" / f"{number:06d}.bin"
+
+    def _read_scan(self, sequence: int, number: int) -> PointCloud:
+        path = self._scan(sequence, number)
+        numbers = np.fromfile(path, dtype="<f4")
+        if not len(numbers) or len(numbers) % _NUMBERS:
+            message = f"{path}: {len(numbers)} numbers; a scan has {_NUMBERS} per point"
+            raise InputError(message)
+        return PointCloud(numbers.reshape(-1, _NUMBERS)[:, :3].astype(np.float64))
+
+
+def pair_scans(places: FloatArray) -> list[tuple[int, int]]:
+    """Pair scans as 3DFeatNet and FCGF do: from each on to the last before the scanner is `DISTANCE` away.
+
+    Parameters
+    ----------
+    places : (m,3) array of float64
+        Where the scanner stood.
+
+    Returns
+    -------
+    list of (int, int)
+        Source and target; the next pair begins behind the target.
+    """
+    pairs: list[tuple[int, int]] = []
+    source = 0
+    while source < len(places):
+        ahead = np.linalg.norm(places[source : source + _AHEAD] - places[source], axis=1)
+        far = np.flatnonzero(ahead > DISTANCE)
+        if len(far):
+            target = source + int(far[0]) - 1
+            pairs.append((source, target))
+            source = target
+        source += 1
+    return pairs
+
+
+def _read_poses(path: Path) -> FloatArray:
+    try:
+        return _as_poses(np.loadtxt(path, ndmin=2))
+    except (OSError, ValueError) as error:
+        message = f"{path}: not a list of poses, 12 numbers a line ({error})"
+        raise InputError(message) from error
+
+
+def _as_poses(rows: FloatArray) -> FloatArray:
+    """Return (m,4,4) poses from their first three rows in a line."""
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3] = rows.reshape(-1, 3, 4)
+    return poses

@@ -1,0 +1,211 @@
+"""What makes a generated matching problem harder: rivals, planes, a mirror image, one-to-three matches.
+
+Each takes a problem of `make_problem`, leaves it as it is, and returns another with the same pose. All
+randomness comes from the generator that the caller passes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from cgroup.datasets.matching_problems import (
+    CORRECT_WITHIN,
+    MatchingProblem,
+    make_problem,
+    random_rotations,
+)
+from cgroup.errors import InputError
+from cgroup.rigid import apply
+
+if TYPE_CHECKING:
+    from cgroup.types import FloatArray, IndexArray
+
+Scene: TypeAlias = Callable[[np.random.Generator, MatchingProblem], MatchingProblem]
+
+RIVALS = 0.8
+"""Matches that follow a rival of the true motion, per match that follows the true one."""
+
+ROOM = 150.0
+"""pr. Edge length of the walls in `planes`."""
+
+FRAMES = {
+    "good": {"frame_error": 8.0, "random_frames": 0.1},
+    "bad": {"frame_error": 30.0, "random_frames": 0.7},
+    "none": {},
+}
+"""Arguments of `make_problem` by the quality of the frames; ``none`` leaves the frames out."""
+
+_CANDIDATES = 3  # per source point
+
+
+def second_pose(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Let some of the wrong matches follow a second rigid motion: `RIVALS` for each right one."""
+    rotation = random_rotations(rng, 1)[0]
+    return _rival(rng, problem, problem.source @ rotation.T, rotation)
+
+
+def mirror_image(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Let some of the wrong matches follow a mirrored motion: `RIVALS` for each right one.
+
+    They keep all distances, but no rigid motion explains them.
+    """
+    rotation = random_rotations(rng, 1)[0]
+    mirrored = (problem.source * np.array([-1.0, 1.0, 1.0])) @ rotation.T
+    return _rival(rng, problem, mirrored, rotation)
+
+
+def planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Put all points on a floor and two walls, where many wrong matches agree with each other by chance.
+
+    Right matches keep their noise.
+    """
+    scale, right = problem.resolution, problem.inlier_mask
+    source = _on_walls(rng, len(problem)) * scale
+    noise = problem.target - apply(problem.T_target_source, problem.source)
+    partners = _away_from(source, _on_walls(rng, len(problem)) * scale, CORRECT_WITHIN * scale)
+    target = apply(problem.T_target_source, np.where(right[:, None], source, partners))
+    target[right] += noise[right]
+    centroid = source.mean(axis=0) if len(source) else problem.source_centroid
+    return _judged(replace(problem, source=source, target=target, source_centroid=centroid))
+
+
+def one_to_three(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Give every source point three partners in a row, at most one of them right.
+
+    Two thirds of the matches are new ones, so that their share of right ones falls to a third; a problem of
+    as many matches as before is returned, or one or two more.
+    """
+    kept = rng.permutation(len(problem))[: -(-len(problem) // _CANDIDATES)]
+    groups = np.repeat(kept, _CANDIDATES)
+    # The first of each three stays; the partners of the others are those of other matches.
+    partners = rng.integers(0, max(len(problem), 1), size=len(groups))
+    partners[::_CANDIDATES] = kept
+    first = np.arange(len(groups)) % _CANDIDATES == 0
+    rows = problem.subset(groups)
+    unlike = rng.beta(9.0, 1.2, len(groups))
+    tripled = replace(
+        rows,
+        target=problem.target[partners],
+        target_lrf=problem.target_lrf[partners],
+        ratio=np.where(first, rows.ratio, np.maximum(rows.ratio, unlike)),
+        similarity=np.where(first, rows.similarity, rng.beta(4.0, 3.0, len(groups))),
+    )
+    return _judged(tripled.subset(_shuffled_threes(rng, len(groups))))
+
+
+def uniform(_: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Leave the problem as it is: wrong matches are spread evenly."""
+    return problem
+
+
+SCENES: dict[str, Scene] = {
+    "uniform": uniform,
+    "second-pose": second_pose,
+    "planes": planes,
+    "mirror": mirror_image,
+    "one-to-three": one_to_three,
+}
+"""What wrong matches are like, by name."""
+
+
+def make_scene(
+    rng: np.random.Generator, n: int, *, inliers: float, noise: float, scene: str, frames: str
+) -> MatchingProblem:
+    """Draw a problem with one of `SCENES` and one of `FRAMES`.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        The only source of randomness.
+    n : int
+        Number of matches; up to two more in ``one-to-three``.
+    inliers : float
+        Share of right ones.
+    noise : float
+        Their standard deviation per axis, in pr.
+    scene : str
+        One of `SCENES`.
+    frames : str
+        One of `FRAMES`; with ``none`` the frames are all missing (NaN).
+
+    Returns
+    -------
+    MatchingProblem
+        Its arrays are the caller's own.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or a share can't be had: at most a third of one-to-three matches is right.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import make_scene
+    >>> problem = make_scene(
+    ...     np.random.default_rng(0), 300, inliers=0.1, noise=1.0, scene="one-to-three", frames="good"
+    ... )
+    >>> len(problem), len(np.unique(problem.source, axis=0))
+    (300, 100)
+    """
+    for name, given, known in (("scene", scene, SCENES), ("frames", frames, FRAMES)):
+        if given not in known:
+            message = f"{name}: got {given!r}; choose one of {', '.join(known)}"
+            raise InputError(message)
+    share = _CANDIDATES * inliers if scene == "one-to-three" else inliers
+    if share > 1:
+        message = f"inliers: got {inliers}; of one-to-three matches at most a third is right"
+        raise InputError(message)
+    problem = make_problem(rng, n, inlier_ratio=share, noise=noise, **FRAMES[frames])
+    made = SCENES[scene](rng, problem)
+    if frames == "none":
+        missing = np.full_like(made.source_lrf, np.nan)
+        made = replace(made, source_lrf=missing, target_lrf=missing.copy())
+    return replace(made, recipe=f"{scene}, n={n}, inliers={inliers}, noise={noise}, frames={frames}")
+
+
+def _rival(
+    rng: np.random.Generator, problem: MatchingProblem, moved: FloatArray, rotation: FloatArray
+) -> MatchingProblem:
+    """Let wrong matches follow a motion `moved` of the source, placed beside the true image."""
+    wrong = np.flatnonzero(~problem.inlier_mask)
+    wanted = round(RIVALS * np.count_nonzero(problem.inlier_mask))
+    chosen = rng.permutation(wrong)[:wanted]
+    right = problem.inlier_mask
+    noise = problem.target[right] - apply(problem.T_target_source, problem.source[right])
+    spread = float(noise.std()) if len(noise) else 0.0
+    target, frames = problem.target.copy(), problem.target_lrf.copy()
+    center = apply(problem.T_target_source, problem.source).mean(axis=0) if len(target) else np.zeros(3)
+    shift = center - moved.mean(axis=0) if len(moved) else center
+    target[chosen] = moved[chosen] + shift + rng.normal(scale=spread, size=(len(chosen), 3))
+    frames[chosen] = problem.source_lrf[chosen] @ rotation.T
+    return _judged(replace(problem, target=target, target_lrf=frames))
+
+
+def _judged(problem: MatchingProblem) -> MatchingProblem:
+    """Find anew which matches are right."""
+    errors = np.linalg.norm(apply(problem.T_target_source, problem.source) - problem.target, axis=1)
+    return replace(problem, inlier_mask=errors <= CORRECT_WITHIN * problem.resolution)
+
+
+def _on_walls(rng: np.random.Generator, n: int) -> FloatArray:
+    """Draw (n,3) points on three faces of a cube that meet in a corner, in pr."""
+    points = rng.random((n, 3)) * ROOM
+    points[np.arange(n), rng.integers(0, 3, size=n)] = 0.0
+    return points
+
+
+def _away_from(source: FloatArray, partners: FloatArray, distance: float) -> FloatArray:
+    """Swap partners that would be right by accident for those of another match."""
+    near = np.linalg.norm(partners - source, axis=1) <= distance
+    return np.where(near[:, None], np.roll(partners, 1, axis=0), partners)
+
+
+def _shuffled_threes(rng: np.random.Generator, n: int) -> IndexArray:
+    """Rows 0 to n - 1, those of each three in random order."""
+    order = np.argsort(rng.random((n // _CANDIDATES, _CANDIDATES)), axis=1)
+    return (order + _CANDIDATES * np.arange(len(order))[:, None]).ravel()

@@ -1,0 +1,185 @@
+//! The second-order graph of MAC, sparse: of each vertex its neighbours, and how well they agree.
+//!
+//! Weights are whole multiples of `2^-15`, and those of the second order of `2^-16`: their sums are exact, whatever the order.
+
+use rayon::prelude::*;
+
+use crate::compatibility::agreement::DistanceAgreement;
+use crate::compatibility::distance::distance_difference;
+use crate::compatibility::graph::indices;
+use crate::compatibility::long_agreement::{EdgeLengths, LongAgreement};
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::points::Points;
+
+/// The weight 1.
+const ONE: f64 = (1_u32 << 15) as f64;
+
+/// From products of three weights to weights of the second order.
+const PRODUCT_SHIFT: u32 = 3 * 15 - SECOND_ORDER_BITS;
+
+/// Binary digits behind the point of a weight of the second order.
+pub const SECOND_ORDER_BITS: u32 = 16;
+
+/// Bytes that the graph takes for each neighbour of each vertex: its number, the weights of both orders, and the cube root.
+pub const BYTES_PER_NEIGHBOR: u64 = 4 + 2 + 4 + 4;
+
+/// Which pairs agree, and how well.
+#[derive(Debug, Clone, Copy)]
+pub struct Kernel {
+    /// Greatest distance difference.
+    pub bound: f64,
+    /// Weight of pairs that differ by the bound.
+    pub min_weight: f64,
+}
+
+impl Kernel {
+    /// `w = 1 - (1 - w_min) (d / d_max)^2`.
+    fn weight(&self, difference: f64) -> u16 {
+        let share = difference / self.bound;
+        ((1.0 - (1.0 - self.min_weight) * share * share) * ONE).round() as u16
+    }
+}
+
+/// Vertices and their neighbours, ascending. Pairs without a common neighbour have the weight 0.
+#[derive(Debug)]
+pub struct SecondOrderGraph {
+    /// Where the neighbours of each vertex start, and where the last ones end.
+    starts: Vec<usize>,
+    neighbors: Vec<u32>,
+    /// `W_ij`, in units of `2^-16`.
+    weights: Vec<u32>,
+}
+
+impl SecondOrderGraph {
+    /// Of matched points.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn new(source: &Points, target: &Points, kernel: Kernel, execution: &Execution) -> Result<Self> {
+        // The source keeps weights that equal the cut; so `<` the next number.
+        let agreement = DistanceAgreement::new(source, target, kernel.bound.next_up());
+        let mut starts = vec![0];
+        for count in agreement.counts(execution)? {
+            starts.push(starts[starts.len() - 1] + count as usize);
+        }
+        let rows = LongAgreement::new(agreement, EdgeLengths::Any);
+        let mut neighbors = vec![0; starts[starts.len() - 1]];
+        let mut first_order = vec![0; neighbors.len()];
+        let words = source.len().div_ceil(u64::BITS as usize);
+        let parts = parts(&mut neighbors, &starts).into_par_iter().zip(parts(&mut first_order, &starts));
+        parts.enumerate().try_for_each_init(
+            || (vec![0; words], vec![0; words]),
+            |(row, unsure), (i, (neighbors, weights))| {
+                rows.fill_row(i, row, unsure);
+                let others = indices(row).filter(|&j| j as usize != i);
+                for ((j, neighbor), weight) in others.zip(neighbors).zip(weights) {
+                    let [ds, dt] = [source, target].map(|points| points.distance(i, j as usize));
+                    *neighbor = j;
+                    *weight = kernel.weight(distance_difference(ds, dt)); // w_ij
+                }
+                execution.check()
+            },
+        )?;
+        let mut graph = Self { starts, weights: vec![0; neighbors.len()], neighbors };
+        let paths = graph.sums_over_paths(&first_order, execution)?;
+        let products = first_order.iter().zip(paths);
+        // W_ij = w_ij sum_k w_ik w_jk
+        graph.weights = products.map(|(&w, sum)| ((u64::from(w) * sum) >> PRODUCT_SHIFT) as u32).collect();
+        Ok(graph)
+    }
+
+    /// Number of vertices.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The neighbours of a vertex, and their weights of the second order.
+    pub fn row(&self, i: usize) -> (&[u32], &[u32]) {
+        let row = self.starts[i]..self.starts[i + 1];
+        (&self.neighbors[row.clone()], &self.weights[row])
+    }
+
+    /// All weights of the second order, vertex by vertex.
+    pub fn weights(&self) -> &[u32] {
+        &self.weights
+    }
+
+    /// For each pair, the sum over its common neighbours k of the products of the values of i-k and j-k. The values of
+    /// i-j and j-i are the same.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn sums_over_paths<V: PathValue>(&self, values: &[V], execution: &Execution) -> Result<Vec<V::Sum>> {
+        let mut sums = vec![V::Sum::default(); self.neighbors.len()];
+        let rows = parts(&mut sums, &self.starts).into_par_iter().enumerate();
+        rows.try_for_each_init(
+            || vec![V::default(); self.len()],
+            |spread, (i, sums)| {
+                let row = self.starts[i]..self.starts[i + 1];
+                let (neighbors, own) = (&self.neighbors[row.clone()], &values[row]);
+                neighbors.iter().zip(own).for_each(|(&j, &value)| spread[j as usize] = value);
+                for (&j, sum) in neighbors.iter().zip(sums).filter(|&(&j, _)| j as usize > i) {
+                    let other = self.starts[j as usize]..self.starts[j as usize + 1];
+                    let edges = self.neighbors[other.clone()].iter().zip(&values[other]);
+                    *sum = edges.map(|(&k, &value)| value.times(spread[k as usize])).sum();
+                }
+                neighbors.iter().for_each(|&j| spread[j as usize] = V::default());
+                execution.check()
+            },
+        )?;
+        self.mirror(&mut sums);
+        Ok(sums)
+    }
+
+    /// Copies what stands at i-j for i < j to j-i.
+    fn mirror<S: Copy>(&self, values: &mut [S]) {
+        let mut next = self.starts.clone(); // of each vertex, its first neighbour whose copy is missing
+        for i in 0..self.len() {
+            for at in self.starts[i]..self.starts[i + 1] {
+                let j = self.neighbors[at] as usize;
+                if j > i {
+                    values[next[j]] = values[at];
+                    next[j] += 1;
+                }
+            }
+        }
+    }
+}
+
+/// What stands at an edge when paths are summed.
+pub trait PathValue: Copy + Default + Send + Sync {
+    /// Sums of products.
+    type Sum: Copy + Default + Send + std::iter::Sum;
+
+    /// The product.
+    fn times(self, other: Self) -> Self::Sum;
+}
+
+impl PathValue for u16 {
+    type Sum = u64;
+
+    fn times(self, other: Self) -> u64 {
+        u64::from(u32::from(self) * u32::from(other))
+    }
+}
+
+impl PathValue for f32 {
+    type Sum = f64;
+
+    fn times(self, other: Self) -> f64 {
+        f64::from(self) * f64::from(other)
+    }
+}
+
+/// The values of each vertex by themselves.
+fn parts<'a, T>(values: &'a mut [T], starts: &[usize]) -> Vec<&'a mut [T]> {
+    let mut rest = values;
+    let mut parts = Vec::with_capacity(starts.len());
+    for pair in starts.windows(2) {
+        let (part, after) = rest.split_at_mut(pair[1] - pair[0]);
+        parts.push(part);
+        rest = after;
+    }
+    parts
+}

@@ -1,0 +1,156 @@
+//! MAC: the best of the motions that maximal cliques of agreeing correspondences propose.
+//!
+//! Zhang et al., *3D Registration with Maximal Cliques*, CVPR 2023; Yang et al., TPAMI 2024.
+//!
+//! 1. The weight of a pair, `w_ij = 1 - (1 - w_min) (d_ij / d_max)^2` with `d_ij = |ds - dt|`, where `d_ij <= d_max`, else 0: the
+//!    source's `1 - d_ij^2 / d_cmp^2`, cut at `w_min`.
+//! 2. Its second order, `W_ij = w_ij sum_k w_ik w_jk`: how well the common neighbours agree with both.
+//! 3. A dense graph is reduced to the vertices whose neighbours agree best with each other.
+//! 4. All maximal cliques; the weight of a clique is the sum of W over its pairs, and each vertex keeps its heaviest.
+//! 5. The least-squares motion of each clique that was kept is a hypothesis; the best has the greatest sum of
+//!    `1 - r_i / tolerance` over residuals `r_i` below the tolerance. It is refined.
+//!
+//! Memory 14 bytes for each direction of a pair that agrees. Cost O(n^2) tests of pairs, the sum of squared degrees for W,
+//! and the search for cliques, which is bounded by their number.
+
+mod graph;
+mod neighborhood;
+mod reduction;
+mod search;
+mod walk;
+
+use std::borrow::Cow;
+
+use rayon::prelude::*;
+
+use super::GroupingMethod;
+use crate::compatibility::agreement::DistanceAgreement;
+use crate::consensus::choice::{Choice, best_pose, group_of, inliers_of};
+use crate::error::{Error, at_least_one, positive};
+use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
+use crate::selection::top_k::largest;
+use crate::{Correspondences, Execution, Grouping, Points, Result};
+use graph::{BYTES_PER_NEIGHBOR, Kernel, SecondOrderGraph};
+use search::{Clique, Search};
+
+/// Most paths of two edges: W takes as many steps. Where there are more, the vertices of the least degree are left out.
+const MOST_PATHS: u64 = 1 << 30;
+
+/// Parameters of MAC.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MaximalCliques {
+    /// Residuals below this length belong to the group; default 5 resolutions.
+    pub tolerance: Option<f64>,
+    /// Greatest distance difference of two that agree, a length; default a fifth of the tolerance.
+    pub max_distance_difference: Option<f64>,
+    /// Weight of two that differ by that much, in 0..1.
+    pub min_weight: f64,
+    /// Least members of a clique, three or more.
+    pub min_clique_size: usize,
+    /// Ends of the search for cliques, which are maximal cliques or dead ends.
+    pub max_cliques: usize,
+    /// Cliques that propose a motion, the heaviest; all where there is no number.
+    pub max_hypotheses: Option<usize>,
+    /// Whether the best motion is refined.
+    pub refine: bool,
+}
+
+impl Default for MaximalCliques {
+    fn default() -> Self {
+        Self {
+            tolerance: None,
+            max_distance_difference: None,
+            min_weight: 0.99,
+            min_clique_size: 3,
+            max_cliques: 1_000_000,
+            max_hypotheses: None,
+            refine: true,
+        }
+    }
+}
+
+impl GroupingMethod for MaximalCliques {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        let (source, target) = correspondences.positions("mac")?;
+        let tolerance = correspondences.length("tolerance", self.tolerance, 5.0)?;
+        let search = self.search()?;
+        let kernel = self.kernel(tolerance)?;
+        let vertices = affordable(source, target, kernel.bound, execution)?;
+        let (p, q) = (only(source, &vertices), only(target, &vertices));
+        let graph = SecondOrderGraph::new(&p, &q, kernel, execution)?; // w, then W = w o (w w)
+        let dense = reduction::dense_part(&graph, execution)?; // clustering coefficients
+        let found = search.heaviest_cliques(&graph, &dense, execution)?; // node-guided selection
+        let cliques = found.distinct(self.max_hypotheses.unwrap_or(usize::MAX));
+        let poses = cliques.par_iter().filter_map(|clique| pose_of(clique, &vertices, source, target)); // SVD
+        let poses: Vec<Rigid> = poses.collect();
+        let best = best_pose(&poses, source, target, tolerance, Choice::Mae, execution)?;
+        let mut grouping = if self.refine { group_of } else { inliers_of }(best, source, target, tolerance);
+        let mut scores = vec![0.0; source.len()];
+        vertices.iter().zip(found.weights()).for_each(|(&i, weight)| scores[i] = weight);
+        grouping.scores = Some(scores);
+        if vertices.len() < source.len() || found.cut_short {
+            grouping = grouping.with("truncated", 1.0);
+        }
+        Ok(grouping
+            .with("vertices", vertices.len() as f64)
+            .with("reduced_vertices", dense.len() as f64)
+            .with("cliques", found.cliques as f64)
+            .with("hypotheses", poses.len() as f64))
+    }
+}
+
+impl MaximalCliques {
+    fn search(&self) -> Result<Search> {
+        if self.min_clique_size < 3 {
+            let remedy = "a motion takes three correspondences; give at least 3";
+            return Err(Error::invalid("min_clique_size", self.min_clique_size, remedy));
+        }
+        if let Some(most) = self.max_hypotheses {
+            at_least_one("max_hypotheses", most)?;
+        }
+        Ok(Search {
+            min_size: self.min_clique_size,
+            max_ends: at_least_one("max_cliques", self.max_cliques)?,
+        })
+    }
+
+    fn kernel(&self, tolerance: f64) -> Result<Kernel> {
+        if !(0.0..1.0).contains(&self.min_weight) {
+            let remedy = "give a number from 0 to less than 1";
+            return Err(Error::invalid("min_weight", self.min_weight, remedy));
+        }
+        let bound = self.max_distance_difference.unwrap_or(tolerance / 5.0);
+        Ok(Kernel { bound: positive("max_distance_difference", bound)?, min_weight: self.min_weight })
+    }
+}
+
+/// The vertices of the highest degrees, ties to the lowest index, as many as there are time and memory for; ascending.
+fn affordable(source: &Points, target: &Points, bound: f64, execution: &Execution) -> Result<Vec<usize>> {
+    let degrees = DistanceAgreement::new(source, target, bound.next_up()).counts(execution)?;
+    let keys: Vec<f64> = degrees.iter().copied().map(f64::from).collect();
+    let (mut paths, mut bytes) = (0, 0);
+    let mut vertices = largest(&keys, keys.len());
+    let affordable = vertices.iter().take_while(|&&i| {
+        let degree = u64::from(degrees[i]);
+        paths += degree * degree;
+        bytes += degree * BYTES_PER_NEIGHBOR;
+        paths <= MOST_PATHS && bytes <= execution.max_memory as u64
+    });
+    let most = affordable.count();
+    vertices.truncate(most);
+    vertices.sort_unstable();
+    Ok(vertices)
+}
+
+/// The points of the vertices; where these are all, the same bits.
+fn only<'a>(points: &'a Points, vertices: &[usize]) -> Cow<'a, Points> {
+    if vertices.len() == points.len() { Cow::Borrowed(points) } else { Cow::Owned(points.subset(vertices)) }
+}
+
+/// `None` where the points leave a rotation open.
+fn pose_of(clique: &Clique, vertices: &[usize], source: &Points, target: &Points) -> Option<Rigid> {
+    let members = || clique.members.iter().map(|&i| vertices[i as usize]);
+    let of = |points: &Points| members().map(|i| points.get(i)).collect::<Vec<_>>();
+    let (p, q) = (of(source), of(target));
+    fixes_rotation(&p, &q).then(|| fit_rigid(&p, &q))
+}

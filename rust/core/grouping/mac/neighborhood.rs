@@ -1,0 +1,109 @@
+//! The neighbours of one vertex as a small graph of bit rows: what the search from that vertex sees.
+
+use super::graph::SecondOrderGraph;
+
+/// The rank of a vertex that does not take part.
+pub const NOWHERE: u32 = u32::MAX;
+
+/// Vertices in a word.
+const WORD: usize = u64::BITS as usize;
+
+/// Working space: of each vertex its number in the small graph.
+pub type Scratch = Vec<u32>;
+
+/// The neighbours of a vertex that take part, and the weights between them.
+pub fn neighbors<'a>(
+    graph: &'a SecondOrderGraph,
+    ranks: &'a [u32],
+    vertex: u32,
+) -> impl Iterator<Item = (u32, u32)> + 'a {
+    let (neighbors, weights) = graph.row(vertex as usize);
+    let all = neighbors.iter().copied().zip(weights.iter().copied());
+    all.filter(|&(j, weight)| weight > 0 && ranks[j as usize] != NOWHERE)
+}
+
+/// The small graph. The neighbours of higher rank are the candidates; those of lower rank only tell whether a clique
+/// is maximal. Both ascend.
+#[derive(Debug)]
+pub struct Neighborhood {
+    /// The vertex itself.
+    pub center: u32,
+    /// Neighbours of higher rank, by their numbers in the graph.
+    pub later: Vec<u32>,
+    /// How many neighbours are of lower rank.
+    pub earlier: usize,
+    /// A row of bits for each later one, then for each earlier one: which later ones it is joined with.
+    joined: Vec<u64>,
+    /// A row of bits for each later one: which earlier ones it is joined with.
+    joined_earlier: Vec<u64>,
+    /// Weights between the vertex and each later one.
+    to_center: Vec<u32>,
+    /// Weights between later ones, row by row.
+    weights: Vec<u32>,
+}
+
+impl Neighborhood {
+    /// Of a vertex.
+    pub fn new(graph: &SecondOrderGraph, ranks: &[u32], center: u32, numbers: &mut Scratch) -> Self {
+        numbers.resize(graph.len(), NOWHERE);
+        let rank = ranks[center as usize];
+        let of_rank = |later: bool| {
+            neighbors(graph, ranks, center).filter(move |&(j, _)| (ranks[j as usize] > rank) == later)
+        };
+        let (later, to_center): (Vec<u32>, Vec<u32>) = of_rank(true).unzip();
+        let earlier: Vec<u32> = of_rank(false).map(|(j, _)| j).collect();
+        let all = || later.iter().chain(&earlier);
+        all().zip(0..).for_each(|(&j, number)| numbers[j as usize] = number);
+        let mut hood = Self {
+            center,
+            earlier: earlier.len(),
+            joined: vec![0; all().count() * later.len().div_ceil(WORD)],
+            joined_earlier: vec![0; later.len() * earlier.len().div_ceil(WORD)],
+            weights: vec![0; later.len() * later.len()],
+            to_center,
+            later: Vec::new(),
+        };
+        for (a, &i) in later.iter().enumerate() {
+            let around = neighbors(graph, ranks, i).map(|(j, weight)| (numbers[j as usize], weight));
+            around
+                .filter(|&(b, _)| b != NOWHERE)
+                .for_each(|(b, weight)| hood.join(a, b as usize, weight, later.len()));
+        }
+        all().for_each(|&j| numbers[j as usize] = NOWHERE);
+        Self { later, ..hood }
+    }
+
+    /// Joins a later one with another neighbour, where `later` of all are later ones.
+    fn join(&mut self, a: usize, b: usize, weight: u32, later: usize) {
+        let words = later.div_ceil(WORD);
+        if b < later {
+            self.joined[a * words + b / WORD] |= 1 << (b % WORD);
+            self.weights[a * later + b] = weight;
+        } else {
+            let b = b - later;
+            let earlier_words = self.earlier.div_ceil(WORD);
+            self.joined_earlier[a * earlier_words + b / WORD] |= 1 << (b % WORD);
+            self.joined[(later + b) * words + a / WORD] |= 1 << (a % WORD);
+        }
+    }
+
+    /// Which later ones a neighbour is joined with.
+    #[inline]
+    pub fn joined(&self, a: usize) -> &[u64] {
+        let words = self.later.len().div_ceil(WORD);
+        &self.joined[a * words..(a + 1) * words]
+    }
+
+    /// Which earlier ones a later one is joined with.
+    #[inline]
+    pub fn joined_earlier(&self, a: usize) -> &[u64] {
+        let words = self.earlier.div_ceil(WORD);
+        &self.joined_earlier[a * words..(a + 1) * words]
+    }
+
+    /// What a later one adds to the weight of a clique of the vertex and `members`.
+    pub fn gain(&self, a: usize, members: &[usize]) -> u64 {
+        let row = &self.weights[a * self.later.len()..(a + 1) * self.later.len()];
+        u64::from(self.to_center[a]) + members.iter().map(|&b| u64::from(row[b])).sum::<u64>()
+    }
+}

@@ -1,0 +1,83 @@
+//! The part of a dense graph whose cliques are sought: vertices whose neighbours agree well with each other.
+
+use rayon::prelude::*;
+
+use super::graph::{SECOND_ORDER_BITS, SecondOrderGraph};
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::selection::otsu::{DEFAULT_BINS, OtsuMode, otsu};
+
+/// A graph is dense where none of the three cuts on its coefficients is lower.
+const DENSE: f64 = 3.0;
+
+/// A graph of no more vertices is not reduced, and no graph to fewer.
+const LEAST_VERTICES: usize = 50;
+
+/// The limit starts at ten times the greater cut, and falls in steps of a twentieth of it until enough vertices reach it.
+const FIRST_STEP: u32 = 10 * STEPS;
+const STEPS: u32 = 20;
+
+/// The vertices whose cliques are sought, ascending; all where the graph is not dense.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn dense_part(graph: &SecondOrderGraph, execution: &Execution) -> Result<Vec<u32>> {
+    let all = 0..graph.len() as u32;
+    if graph.len() <= LEAST_VERTICES {
+        return Ok(all.collect());
+    }
+    let Coefficients { of_vertices, pooled } = coefficients(graph, execution)?;
+    let cut = otsu(&of_vertices, OtsuMode::Legacy { bins: DEFAULT_BINS }).threshold;
+    let otsu = cut.unwrap_or(of_vertices[0]); // all are equal where there is none
+    let mean = of_vertices.iter().sum::<f64>() / of_vertices.len() as f64;
+    if otsu.min(mean).min(pooled) <= DENSE {
+        return Ok(all.collect());
+    }
+    let limit = limit(&of_vertices, otsu.max(pooled));
+    Ok(all.filter(|&i| of_vertices[i as usize] >= limit).collect())
+}
+
+/// The greatest multiple of the cut, in steps, that as many vertices reach as are wanted.
+fn limit(coefficients: &[f64], cut: f64) -> f64 {
+    let mut descending = coefficients.to_vec();
+    descending.sort_unstable_by(|a, b| b.total_cmp(a));
+    let reached = descending[LEAST_VERTICES - 1];
+    let mut limits = (0..=FIRST_STEP).rev().map(|step| f64::from(step) / f64::from(STEPS) * cut);
+    limits.find(|&limit| limit <= reached).unwrap_or_default()
+}
+
+/// How well the neighbours of each vertex agree with each other, and the same over all pairs of neighbours. In f32, so that
+/// numbers that differ by the rounding of sums alone are equal.
+struct Coefficients {
+    of_vertices: Vec<f64>,
+    pooled: f64,
+}
+
+/// `c_i = sum_(j<k) (W_ij W_ik W_jk)^(1/3) / (deg_i (deg_i - 1) / 2)`.
+fn coefficients(graph: &SecondOrderGraph, execution: &Execution) -> Result<Coefficients> {
+    let unit = f64::from(1_u32 << SECOND_ORDER_BITS);
+    let roots: Vec<f32> =
+        graph.weights().par_iter().map(|&weight| (f64::from(weight) / unit).cbrt() as f32).collect();
+    let paths = graph.sums_over_paths(&roots, execution)?;
+    let (mut rest, mut roots) = (&paths[..], &roots[..]);
+    let (mut of_vertices, mut sum, mut pairs) = (Vec::new(), 0.0, 0.0);
+    for i in 0..graph.len() {
+        let len = graph.row(i).0.len();
+        let (own, own_roots);
+        (own, rest) = rest.split_at(len);
+        (own_roots, roots) = roots.split_at(len);
+        // Each triangle is found from both of its edges at i.
+        let triangles =
+            own.iter().zip(own_roots).map(|(path, &root)| path * f64::from(root)).sum::<f64>() / 2.0;
+        let degree = own_roots.iter().filter(|&&root| root > 0.0).count() as f64;
+        let possible = degree * (degree - 1.0) / 2.0;
+        of_vertices.push(mean(triangles, possible));
+        sum += triangles;
+        pairs += possible;
+    }
+    Ok(Coefficients { of_vertices, pooled: mean(sum, pairs) })
+}
+
+fn mean(sum: f64, count: f64) -> f64 {
+    if count > 0.0 { f64::from((sum / count) as f32) } else { 0.0 }
+}

@@ -1,0 +1,224 @@
+//! SC2-PCR: correspondences that agree with the same others follow the same motion.
+//!
+//! Chen, Sun, Yang, Tao, *SC^2-PCR: A Second Order Spatial Compatibility for Efficient and Robust Point Cloud
+//! Registration*, CVPR 2022, section 3. With `d = |ds - dt|` of two correspondences and D the bound on it:
+//!
+//! 1. First-order compatibility: soft, `max(0, 1 - d^2 / D^2)`; hard, `d < D`; tight, `d < D / 2`.
+//! 2. Confidence: the principal eigenvector of the soft matrix, by ten power steps from equal entries.
+//! 3. Seeds: a share of the correspondences, first those with no more confident one near in the source, then the others,
+//!    each by confidence.
+//! 4. Second-order compatibility of a seed with those that it is hard-compatible with: how many are tight-compatible
+//!    with both. Each is compatible with itself.
+//! 5. Consensus set of a seed, in two stages: itself and the best of these, `k1` in all; then of them the `k2` best by
+//!    how many of the `k1` are hard-compatible with both the seed and it.
+//! 6. Pose of the set: weighted least squares, the weights being the principal eigenvector of its soft matrix with zeros
+//!    on the diagonal.
+//! 7. The pose with the most inliers wins, and is refined; the group are its inliers.
+//!
+//! With candidates, other points that the source points may be matched with, step 7 is that of SC2-PCR++ (`candidates.rs`).
+//!
+//! Only hard-compatible members are taken into a set; where they are fewer than `k1`, the published code fills it up with
+//! arbitrary others.
+//!
+//! Cost O(n^2) per power step, and O(n^2) words of 64 pairs for a share of the pairs in step 4. Memory: the soft matrix
+//! takes n^2 bytes, or none where that is too much; the tight graph takes n^2 / 8, and where that is too much only the most
+//! confident correspondences are looked at.
+
+mod candidates;
+mod consensus_set;
+mod seeds;
+
+use rayon::prelude::*;
+
+use self::candidates::Candidates;
+use self::consensus_set::ConsensusSets;
+use self::seeds::{confidence, seeds};
+use super::GroupingMethod;
+use crate::compatibility::graph::AgreementGraph;
+use crate::consensus::choice::{Choice, best_pose, group_of};
+use crate::error::{at_least_one, fraction};
+use crate::geometry::rigid::Rigid;
+use crate::selection::top_k::largest;
+use crate::{Correspondences, Execution, Grouping, Points, Result};
+
+/// Parameters of SC2-PCR.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sc2Pcr {
+    /// An inlier's residual is less than this length; default 5 resolutions.
+    pub tolerance: Option<f64>,
+    /// Bound on `|ds - dt|` of two that are compatible, a length; default the tolerance.
+    pub max_distance_difference: Option<f64>,
+    /// Share of the correspondences that are seeds; one is at least.
+    pub seed_ratio: f64,
+    /// A seed is the most confident within this length in the source; default the tolerance.
+    pub nms_radius: Option<f64>,
+    /// Members of a consensus set after its first stage.
+    pub k1: usize,
+    /// Members after its second stage.
+    pub k2: usize,
+}
+
+impl Default for Sc2Pcr {
+    fn default() -> Self {
+        Self {
+            tolerance: None,
+            max_distance_difference: None,
+            seed_ratio: 0.2,
+            nms_radius: None,
+            k1: 30,
+            k2: 20,
+        }
+    }
+}
+
+/// The same with all lengths known.
+struct Lengths {
+    tolerance: f64,
+    max_distance_difference: f64,
+    nms_radius: f64,
+}
+
+impl GroupingMethod for Sc2Pcr {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        let (source, target) = correspondences.positions("sc2pcr")?;
+        let lengths = self.check(correspondences)?;
+        let confidence = confidence(source, target, lengths.max_distance_difference, execution)?; // steps 1, 2
+        let kept = most_confident(&confidence, AgreementGraph::most_vertices(execution.max_memory));
+        let poses = match &kept {
+            None => self.hypotheses(source, target, &confidence, &lengths, execution)?,
+            Some(kept) => {
+                let (p, q) = (source.subset(kept), target.subset(kept));
+                let confidence: Vec<f64> = kept.iter().map(|&i| confidence[i]).collect();
+                let poses = self.hypotheses(&p, &q, &confidence, &lengths, execution)?;
+                poses.iter().map(|pose| pose.uncentered(&p, &q)).collect()
+            }
+        };
+        let best = match correspondences.candidates() {
+            None => best_pose(&poses, source, target, lengths.tolerance, Choice::Inliers, execution)?, // step 7
+            Some(points) => {
+                let Lengths { tolerance, max_distance_difference, .. } = lengths;
+                let max_distance_difference = max_distance_difference / 2.0;
+                let candidates = Candidates { source, target, points, tolerance, max_distance_difference };
+                candidates.best_pose(&poses, execution)? // as SC2-PCR++
+            }
+        };
+        let mut grouping = group_of(best, source, target, lengths.tolerance);
+        grouping.scores = Some(confidence);
+        if let Some(kept) = kept {
+            grouping = grouping.with("truncated", 1.0).with("vertices", kept.len() as f64);
+        }
+        Ok(grouping.with("hypotheses", poses.len() as f64))
+    }
+}
+
+impl Sc2Pcr {
+    fn check(&self, correspondences: &Correspondences) -> Result<Lengths> {
+        let tolerance = correspondences.length("tolerance", self.tolerance, 5.0)?;
+        let or_tolerance =
+            |name, given: Option<f64>| correspondences.length(name, Some(given.unwrap_or(tolerance)), 5.0);
+        fraction("seed_ratio", self.seed_ratio)?;
+        at_least_one("k1", self.k1)?;
+        at_least_one("k2", self.k2)?;
+        Ok(Lengths {
+            tolerance,
+            max_distance_difference: or_tolerance("max_distance_difference", self.max_distance_difference)?,
+            nms_radius: or_tolerance("nms_radius", self.nms_radius)?,
+        })
+    }
+
+    /// The poses of the seeds' consensus sets, between the centred points, in the order of the seeds.
+    fn hypotheses(
+        &self,
+        source: &Points,
+        target: &Points,
+        confidence: &[f64],
+        lengths: &Lengths,
+        execution: &Execution,
+    ) -> Result<Vec<Rigid>> {
+        let most = ((source.len() as f64 * self.seed_ratio) as usize).max(1);
+        let seeds = seeds(source, confidence, lengths.nms_radius, most, execution)?; // step 3
+        let limit = lengths.max_distance_difference;
+        let sets = ConsensusSets::new(source, target, limit, [self.k1, self.k2], execution)?;
+        execution.report(seeds.len(), 2 * seeds.len())?;
+        let pose = |working: &mut _, &seed: &usize| {
+            execution.advance()?;
+            Ok(sets.pose(seed, working)) // steps 4, 5, 6
+        };
+        let poses: Vec<Option<Rigid>> =
+            seeds.par_iter().map_init(|| sets.working_space(), pose).collect::<Result<_>>()?;
+        Ok(poses.into_iter().flatten().collect())
+    }
+}
+
+/// Those whose graph fits into memory, ascending; `None` where all do.
+fn most_confident(confidence: &[f64], most: usize) -> Option<Vec<usize>> {
+    (most < confidence.len()).then(|| {
+        let mut kept = largest(confidence, most);
+        kept.sort_unstable();
+        kept
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `right` points moved rigidly, then others that go anywhere.
+    fn problem(n: usize, right: usize) -> Result<Correspondences> {
+        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
+        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
+        let moved = |i: usize, p: &[f64; 3]| if i < right { [7.0 - p[1], p[0], p[2]] } else { place(i, 0.7) };
+        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
+        Correspondences::new(&source, &target)?.with_resolution(1.0)
+    }
+
+    #[test]
+    fn finds_the_moved_points() -> Result<()> {
+        for n in [400, 1_500] {
+            let group = Sc2Pcr::default().group(&problem(n, n / 10)?, &Execution::default())?;
+            assert!(group.mask[..n / 10].iter().all(|&selected| selected) && group.size() < n / 8);
+            let model = group.model.unwrap_or_default();
+            assert!((model[(0, 1)] + 1.0).abs() < 1e-2 && (model[(0, 3)] - 7.0).abs() < 0.5, "{model}");
+            assert!(group.scores.is_some_and(|scores| scores.len() == n));
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn too_few_or_coincident_points_give_no_group() -> Result<()> {
+        let empty = |input: &Correspondences| -> Result<()> {
+            let group = Sc2Pcr::default().group(input, &Execution::default())?;
+            assert_eq!((group.size(), group.model), (0, None));
+            Ok(())
+        };
+        for n in 0..3 {
+            empty(&problem(n, n)?)?;
+        }
+        let line: Vec<[f64; 3]> = (0..50).map(|i| [f64::from(i), 2.0 * f64::from(i), 0.0]).collect();
+        for rows in [vec![[1.0; 3]; 50], line] {
+            empty(&Correspondences::new(&rows, &rows)?.with_resolution(1.0)?)?;
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_graph_that_does_not_fit_has_fewer_vertices() -> Result<()> {
+        let input = problem(400, 100)?;
+        let bytes = 8 * 128 * 2;
+        let group = Sc2Pcr::default().group(&input, &Execution::new(bytes))?;
+        assert!(group.mask[..100].iter().all(|&selected| selected));
+        assert_eq!(group.diagnostics.get("truncated"), Some(&1.0));
+        assert_eq!(group.diagnostics.get("vertices"), Some(&128.0));
+        assert_eq!(Sc2Pcr::default().group(&input, &Execution::new(0))?.size(), 0);
+        Ok(())
+    }
+
+    #[test]
+    fn needs_a_length_and_members() -> Result<()> {
+        let without = Correspondences::new(&[[0.0; 3]; 4], &[[0.0; 3]; 4])?;
+        assert!(Sc2Pcr::default().group(&without, &Execution::default()).is_err());
+        let none = Sc2Pcr { k1: 0, ..Sc2Pcr::default() };
+        assert!(none.group(&problem(9, 9)?, &Execution::default()).is_err());
+        Ok(())
+    }
+}

@@ -1,0 +1,343 @@
+"""The comparison of grouping methods on matches: what is planned, run, recorded, ranked and reported."""
+
+from __future__ import annotations
+
+import sqlite3
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmark_runs import serial
+from cgroup.benchmark import records
+from cgroup.benchmark.config import parse_config, read_config
+from cgroup.benchmark.plan import make_plan
+from cgroup.benchmark.rankings import bootstrap, comparable, holm, mcnemar, rank_methods, signed_rank
+from cgroup.benchmark.records.schema import ADDED
+from cgroup.benchmark.records.store import Store
+from cgroup.benchmark.report import write_report
+from cgroup.benchmark.report.trials import cost_table, describe_set, failure_table, level_table, ranking
+from cgroup.benchmark.run.stages import KILLED
+from cgroup.cli import main
+from cgroup.errors import InputError
+from cgroup.registry import METHODS, PRESETS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+GRID = """
+name = "tiny"
+[trials]
+threads = [1, 0]
+methods = ["gtm", "ransac", "benchmark_fakes:first"]
+[[trials.sets]]
+id = "grid"
+grid = { n = [40, 20], inliers = [0, 0.1, 0.5], frames = ["good", "none"], repeats = 2 }
+"""
+
+MATCHES = """
+name = "tiny"
+[trials]
+methods = [
+  "ss",
+  "ransac",
+  { name = "benchmark_fakes:failing", label = "failing" },
+  { name = "benchmark_fakes:deadly", label = "deadly" },
+  { name = "benchmark_fakes:several", label = "several" },
+]
+[[trials.sets]]
+id = "bare"
+dataset = "benchmark_fakes:Matches"
+pairs = 4
+whole = 8
+"""
+
+CLOUDS = """
+name = "tiny"
+methods = ["ransac"]
+[[trials.sets]]
+id = "views"
+dataset = "benchmark_fakes:Views"
+matches = "C1"
+mirrored = 1
+mixed = 2
+[trials]
+"""
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("trials")
+    serial(GRID, out)
+    return out
+
+
+@pytest.fixture
+def frame(finished: Path) -> pd.DataFrame:
+    return records.load_trials(finished)
+
+
+def test_every_method_is_tried_on_every_problem(frame: pd.DataFrame) -> None:
+    # 10 % of 20 are too few to be worth a problem.
+    assert frame["case"].nunique() == (2 * 3 - 1) * 2 * 2
+    assert len(frame) == frame["case"].nunique() * 3 * 2
+    assert frame["error"].eq("").all()
+    assert frame["skipped"].eq("").all()
+    assert frame["seconds"].gt(0).all()
+    assert (frame["kind"] == "related").eq(frame["inliers"] > 0).all()
+
+
+def test_the_number_of_threads_changes_no_answer(frame: pd.DataFrame) -> None:
+    answers = ["selected", "selected_correct", "rotation_error", "rmse_pr"]
+    one, all_cores = (
+        frame[frame["threads"] == count].set_index(["case", "method"])[answers] for count in (1, 0)
+    )
+    pd.testing.assert_frame_equal(one, all_cores.loc[one.index])
+
+
+def test_groups_and_poses_are_judged(frame: pd.DataFrame) -> None:
+    easy = frame[(frame["inliers"] == 0.5) & (frame["method"] == "gtm")]
+    assert easy["f_score"].mean() > 0.8
+    assert easy["right"].mean() > 0.8
+    assert (easy["right"] <= easy["best_right"]).all()
+    np.testing.assert_array_equal(easy["correct"], (easy["n"] * easy["inlier_ratio"]).round())
+    nothing = frame[frame["inliers"] == 0]
+    assert not nothing[["right", "best_right"]].any(axis=None)
+    assert nothing["rotation_error"].isna().all()
+
+
+def test_the_table_of_levels_spreads_one_over_columns(frame: pd.DataFrame) -> None:
+    table = level_table(comparable(frame))
+    assert table is not None
+    assert table.headers == ("method", "share of right ones", "matches", "good", "none")
+
+
+def test_what_cannot_be_run_is_recorded(tmp_path: Path) -> None:
+    summary = serial(MATCHES, tmp_path)
+    found = records.load_trials(tmp_path)
+    assert summary.counts["try"].wanted == len(found) == 20
+    by_method = found.groupby("method")
+    assert set(by_method.get_group("ss")["skipped"]) == {"needs similarity, which these matches lack"}
+    assert set(by_method.get_group("failing")["error"]) <= {"", "ArithmeticError: too far to the right"}
+    assert set(by_method.get_group("deadly")["error"]) <= {"", KILLED}
+    assert summary.failed == found["error"].ne("").sum() > 0
+    usable = comparable(found)
+    assert "ss" not in set(usable["method"])
+    failed = usable[usable["error"] != ""]
+    assert failed["f_score"].eq(0).all(), "what failed counts as a failure"
+    assert not failed["right"].any()
+
+
+def test_the_best_offered_pose_is_judged_by_the_truth(tmp_path: Path) -> None:
+    serial(MATCHES, tmp_path)
+    rows = records.load_trials(tmp_path)
+    several = rows[rows["method"] == "several"]
+    assert not several["right"].any()
+    assert several["best_right"].all()
+    assert (several["offered"] == 2).all()
+    assert (several["ok"] == True).all()  # noqa: E712 - of three values
+    assert not several["complete"].any()
+    table = failure_table(rows)
+    chosen = next(row for row in table.rows if row[0].text == "SEVERAL")
+    assert [cell.text for cell in chosen[1:4]] == ["0.000", "1.000", "0.000"]
+
+
+def test_a_part_of_a_test_set_is_named_as_one(tmp_path: Path) -> None:
+    serial(MATCHES, tmp_path)
+    label = describe_set(records.load_trials(tmp_path), records.load_machines(tmp_path))
+    assert "4 problems of the 8 of the test set" in label
+    assert "within 5 times the resolution (5 in the data's unit)" in label
+
+
+def test_calls_that_take_too_long_are_given_up_and_tried_again_with_more_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = """
+name = "tiny"
+[trials]
+limit = 1
+methods = ["benchmark_fakes:endless"]
+[[trials.sets]]
+id = "bare"
+dataset = "benchmark_fakes:Matches"
+pairs = 4
+"""
+    serial(text, tmp_path)
+    given_up = records.load_trials(tmp_path)["skipped"].tolist()
+    assert given_up == ["took longer than 1 s"] * 2 + ["not run: took longer than 1 s on 60 matches"] * 2
+    monkeypatch.setenv("FAKES_END", "1")
+    assert serial(text, tmp_path).counts["try"].wanted == 4
+    assert records.load_trials(tmp_path)["skipped"].ne("").sum() == 4, "nothing is tried again as it is"
+    serial(text.replace("limit = 1", "limit = 60"), tmp_path)
+    assert records.load_trials(tmp_path)["skipped"].eq("").all()
+
+
+def test_nothing_is_tried_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "log"
+    monkeypatch.setenv("FAKES_LOG", str(log))
+    text = MATCHES.replace('"ss",', '{ name = "benchmark_fakes:first", options = { count = 3 } },')
+    serial(text, tmp_path / "out")
+    calls = log.read_text().count("first 3")
+    assert calls >= 4
+    serial(text, tmp_path / "out")
+    assert log.read_text().count("first 3") == calls
+
+
+def test_unrelated_clouds_have_no_right_answer(tmp_path: Path) -> None:
+    serial(CLOUDS, tmp_path)
+    rows = records.load_trials(tmp_path)
+    counts = rows.groupby("kind").size().to_dict()
+    assert counts == {"related": 3, "mirrored": 1, "mixed": 2}
+    unrelated = rows[rows["kind"] != "related"]
+    assert unrelated["correct"].eq(0).all()
+    assert not unrelated["right"].any()
+    assert rows[rows["kind"] == "related"]["correct"].gt(0).all()
+
+
+def test_the_report_shows_each_set(finished: Path) -> None:
+    page = write_report(finished).read_text()
+    assert "Methods on matches: grid" in page
+    assert "Ranking by F, with 95% intervals" in page
+    assert (finished / "figures" / "trials-grid.png").exists()
+
+
+def test_rankings_are_printed(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as done:
+        main(["benchmark", "rankings", "--out", str(finished)])
+    assert done.value.code == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("## grid\n\ngenerated-matches: ")
+    assert "| 1 | " in printed
+
+
+def test_registered_pairs_are_counted_by_overlap(tmp_path: Path) -> None:
+    serial(CLOUDS, tmp_path)
+    table = level_table(comparable(records.load_trials(tmp_path)))
+    assert table is not None
+    assert table.headers == ("method", "0.7 to 1 (3)")
+
+
+def test_tables_have_a_row_per_method(frame: pd.DataFrame) -> None:
+    one = frame[frame["threads"] == 1]
+    assert len(ranking(one).rows) == len(cost_table(frame).rows) == len(failure_table(one).rows) == 3
+    assert cost_table(frame).headers[1:3] == ("median ms, 1 thread", "median ms, all cores")
+    assert ranking(one).rows[0][-1].text == "F, registered"
+
+
+def test_files_of_earlier_versions_get_the_tables(tmp_path: Path) -> None:
+    for version in (1, 2):
+        path = tmp_path / f"{version}.sqlite"
+        old = sqlite3.connect(path)
+        for statement in "".join(ADDED[number] for number in range(1, version + 1)).split(";\n"):
+            old.execute(statement)
+        old.execute(f"pragma user_version = {version}")
+        old.close()
+        store = Store(path)
+        assert store.counts()["try"] == (0, 0, 0)
+        store.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('grid = { n = 10 }\ndataset = "corr"', "give one of the two"),
+        ("", "give one of the two"),
+        ('grid = { scene = "mountains" }', "has no pair"),
+        ('dataset = "stanford"\nmatches = "best"', "choose one of C1"),
+        ('dataset = "stanford"\nmatches = "C1"\nvoxel = 1', "only for dense matches"),
+        ('dataset = "stanford"\nmatches = "mutual"\nloose = "rmse<=1pr"', "loose: got"),
+        ('grid = {}\npreset = "mine"', "preset: got"),
+    ],
+)
+def test_what_is_wrong_is_said(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        parse_config(f'name = "x"\n[trials]\n[[trials.sets]]\nid = "a"\n{text}\n')
+
+
+@pytest.mark.parametrize(
+    ("dataset", "matches", "message"),
+    [("Matches", 'matches = "C1"', "comes as correspondences"), ("Clouds", "", "says how they are matched")],
+)
+def test_matches_are_made_of_clouds_only(dataset: str, matches: str, message: str) -> None:
+    text = (
+        f'name = "x"\n[trials]\n[[trials.sets]]\nid = "a"\ndataset = "benchmark_fakes:{dataset}"\n{matches}\n'
+    )
+    with pytest.raises(InputError, match=message):
+        make_plan(parse_config(text), None)
+
+
+def test_presets_give_methods_their_options() -> None:
+    text = GRID.replace("[[trials.sets]]", '[[trials.sets]]\npreset = "legacy_header"')
+    (planned,) = make_plan(parse_config(text), None).trials
+    options = {method.name: method.options for method in planned.methods}
+    assert options["ransac"] == '{"iterations": 5000}'
+    assert options["gtm"] == "{}"
+
+
+@pytest.mark.parametrize("name", ["matches", "3dmatch", "kitti"])
+def test_presets_compare_all_methods(name: str) -> None:
+    preset = read_config(name)
+    assert {method.name for method in preset.methods} == set(METHODS)
+    assert preset.trials is not None
+    assert {each.preset for each in preset.trials.sets} <= set(PRESETS)
+
+
+# --- statistics ----------------------------------------------------------------------------------
+
+
+def test_intervals_hold_the_mean() -> None:
+    values = np.column_stack([np.linspace(0, 1, 50), np.full(50, 0.3)])
+    varying, constant = bootstrap(values)
+    assert varying.low < varying.mean < varying.high
+    # The standard error of the mean of 50 evenly spread values is 0.0417.
+    assert varying.high - varying.low == pytest.approx(2 * 1.96 * 0.0417, rel=0.05)
+    assert constant == pytest.approx((0.3, 0.3, 0.3))
+    assert bootstrap(values) == bootstrap(values)
+
+
+def test_paired_tests() -> None:
+    better = np.linspace(0.1, 0.9, 20)
+    assert signed_rank(better, better) == 1.0
+    assert signed_rank(better, better - 0.05) < 0.001
+    first = np.array([True] * 10 + [False] * 10)
+    assert mcnemar(first, first) == 1.0
+    # 8 successes that the other lacks, none the other way round: two-sided 2 / 2^8.
+    assert mcnemar(first, first & (np.arange(20) >= 8)) == pytest.approx(2 / 2**8)
+
+
+def test_holm() -> None:
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([]) == []
+
+
+def test_ranks_tell_a_difference_from_chance() -> None:
+    rng = np.random.default_rng(0)
+    base = rng.uniform(0.4, 0.6, size=40)
+    scores = {"good": base + 0.2, "as good": base + 0.2 + rng.normal(scale=0.02, size=40), "bad": base}
+    rows = [
+        {
+            "case": str(i),
+            "method": method,
+            "f_score": value,
+            "right": value > 0.5,
+            "kind": "related",
+            "correct": 5,
+            "skipped": "",
+        }
+        for method, values in scores.items()
+        for i, value in enumerate(values)
+    ]
+    ranks = {rank.method: rank for rank in rank_methods(pd.DataFrame(rows))}
+    assert list(ranks)[-1] == "bad"
+    assert ranks["good"].f_tied
+    assert ranks["as good"].f_tied
+    assert not ranks["bad"].f_tied
+    assert not ranks["bad"].registered_tied
+    assert ranks["bad"].p_f_score < 0.001
+
+
+def test_no_answer_no_rank() -> None:
+    columns = ["case", "method", "f_score", "right", "kind", "correct", "skipped"]
+    nothing = pd.DataFrame([["a", "lc", 0.0, False, "mixed", 0, ""]], columns=columns)
+    assert rank_methods(nothing) == []
