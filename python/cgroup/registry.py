@@ -259,6 +259,7 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "kitti": {
         "mac": {"tolerance": 0.6, "max_distance_difference": 0.19, "min_weight": 0.9, "min_clique_size": 4},
         "sc2pcr": {"tolerance": 0.6, "max_distance_difference": 0.1, "nms_radius": 0.6},
+        "turboreg": {"tolerance": 0.6},
     },
 }
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,

@@ -427,9 +427,10 @@ CASES: dict[str, MethodCase] = {
             Trial({"nms_radius": Pr(80.0)}, NARROW),
             Trial({"k1": 5}, NARROW),
             Trial({"k2": 4}, NARROW),
+            Trial({"candidates": CANDIDATES}, NARROW),
             Trial({"resolution": None}, LARGE, shows=False),
         ],
-        field_trials=[Trial({"resolution": Pr(0.3)}), Trial({"candidates": CANDIDATES}, NARROW)],
+        field_trials=[Trial({"resolution": Pr(0.3)})],
         choices={"candidates": (None, CANDIDATES), "resolution": (Field("resolution"),)},
     ),
     "turboreg": MethodCase(

@@ -244,6 +244,16 @@ def test_coincident_and_collinear_points(method, points):
     assert result.scores is None or not np.isnan(result.scores).any()
 
 
+@pytest.mark.parametrize("method", ["sc2pcr", "turboreg"])
+def test_a_search_that_memory_cuts_short_says_so(method):
+    whole, cut = (group(correspondences(), method, max_memory=memory) for memory in (2048, 600))
+    assert whole.complete
+    assert "vertices" not in whole.diagnostics
+    assert not cut.complete
+    assert cut.diagnostics["vertices"] == 64
+    assert cut.mask[PROBLEM.inlier_mask].mean() > 0.9
+
+
 def test_far_from_the_origin():
     near, far = (cgroup.gtm(PROBLEM.source + shift, PROBLEM.target - shift) for shift in (0.0, 1e7))
     np.testing.assert_array_equal(near.mask, far.mask)

@@ -16,6 +16,7 @@ from cgroup.evaluation import score_group
 from cgroup.plots import comparison_figure, keypoints_figure, precision_recall_figure, registration_figure
 from cgroup.plots.shading import face_broadside, overlay, shade
 from cgroup.plots.style import CORRECT, METHOD_STYLES, WRONG, method_style
+from cgroup.registry import METHOD_INFO
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +65,7 @@ def test_comparison_has_a_panel_per_method_and_two_colors(scene: tuple) -> None:
         source, target, matches, correct=correct, masks=masks, T_target_source=POSE, title="two patches"
     )
     panels = [axes for axes in figure.axes if axes.get_title("left")]
-    assert [axes.get_title("left") for axes in panels] == [method.upper() for method in METHODS]
+    assert [axes.get_title("left") for axes in panels] == [info.label for info in METHOD_INFO.values()]
     for axes in panels:
         wrong, right = axes.collections[0], axes.collections[2]
         assert [to_hex(lines.get_color()[0]).upper() for lines in (wrong, right)] == [WRONG, CORRECT]
@@ -115,7 +116,7 @@ def test_precision_recall_figure(rng: np.random.Generator) -> None:
     scores = {method: score_group(rng.uniform(size=100) < 0.5, correct) for method in METHODS}
     figure = precision_recall_figure(scores, title="all nine")
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == [method.upper() for method in METHODS]
+    assert labels == [info.label for info in METHOD_INFO.values()]
     assert drawn(figure)
 
 

@@ -45,7 +45,7 @@ def turboreg(
         Mean nearest-neighbour distance of the clouds.
     tolerance : float, optional
         An inlier's residual is less than this length; default ``5 * resolution``. Published: 0.1 m in rooms
-        thinned to 5 cm (preset ``3dmatch``).
+        thinned to 5 cm (preset ``3dmatch``); for streets nothing but 0.6 m is (preset ``kitti``).
     max_distance_difference : float, optional
         Bound on ``|ds - dt|`` of two that are compatible, a length; default ``0.12 * tolerance``.
     nms_radius : float, optional

@@ -84,4 +84,5 @@ def take_matches(matches: Correspondences, chosen: BoolArray) -> Correspondences
         target_lrf=rows(matches.target_lrf),
         resolution=matches.resolution,
         source_centroid=matches.source_centroid,
+        candidates=rows(matches.candidates),
     )

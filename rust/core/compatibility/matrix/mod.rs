@@ -228,6 +228,19 @@ mod tests {
         Ok(())
     }
 
+    #[test]
+    fn hand_computed_squared_differences() -> Result<()> {
+        let (source, target) = sides()?;
+        let execution = Execution::default();
+        let score = PairScore::SquaredDistanceDifference { tolerance: 4.0 };
+        let matrix = PairMatrix::new(&source, &target, score, Some(vec![1.0; 4]), &execution)?;
+        // The edges 0-1 and 2-3 have the lengths 2 and 4, and 0 and 1.
+        assert!((matrix.row(0)[1] - 0.75).abs() < 1e-15);
+        assert!((matrix.row(2)[3] - 0.9375).abs() < 1e-15);
+        assert!((matrix.row(2)[2] - 1.0).abs() < 1e-15);
+        Ok(())
+    }
+
     fn turning(n: usize, k: f64) -> Result<Points> {
         let place = |i: usize| [(i as f64 * k).sin(), (i as f64 * 1.7).cos(), (i as f64 * k).cos()];
         Points::from_rows("points", &(0..n).map(place).collect::<Vec<_>>())
