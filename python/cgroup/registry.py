@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup.methods import cv, gc, gtm, hough3d, lc, nnsr, ransac, si, ss, st
+from cgroup.methods import clipper, cv, gc, gtm, hough3d, lc, nnsr, ransac, si, ss, st, teaser
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -184,6 +184,30 @@ _TABLE = (
         in_paper=False,
         citation="this library",
     ),
+    MethodInfo(
+        name="teaser",
+        function=teaser,
+        label="TEASER++",
+        fields=_POINTS,
+        optional_fields=("resolution",),
+        complexity="n²",
+        color="#E8601C",
+        marker="p",
+        in_paper=False,
+        citation="Yang, Shi, Carlone, T-RO 2021",
+    ),
+    MethodInfo(
+        name="clipper",
+        function=clipper,
+        label="CLIPPER",
+        fields=_POINTS,
+        optional_fields=("resolution",),
+        complexity="n², pairs that agree per step",
+        color="#4EB265",
+        marker="d",
+        in_paper=False,
+        citation="Lusk, Fathian, How, ICRA 2021",
+    ),
 )
 
 METHOD_INFO: Mapping[str, MethodInfo] = {info.name: info for info in _TABLE}
@@ -215,7 +239,16 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
         "cv": {"voters": 20},
         "ransac": {"iterations": 5000},
     },
+    "3dmatch": {
+        "teaser": {"tolerance": 0.05},
+        "clipper": {"max_distance_difference": 0.1, "deviation": 0.05},
+    },
+    "kitti": {
+        "teaser": {"tolerance": 0.3},
+        "clipper": {"max_distance_difference": 0.6, "deviation": 0.3},
+    },
 }
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
 the options with which each method's own author differs, PCL's variants (3DHV's needs a ``bin_size`` as
-well), and the evaluation group's later constants."""
+well), the evaluation group's later constants, and the constants in metres that were published for rooms
+thinned to 5 cm (3DMatch) and streets thinned to 30 cm (KITTI)."""

@@ -1,9 +1,12 @@
 //! Hypotheses of a rigid motion from samples, and how many correspondences agree with each.
 
 pub mod cliques;
+pub mod coloring;
+pub mod cores;
 pub mod counter_rng;
 mod inlier_counter;
 pub mod likelihood;
+pub mod maximum_clique;
 pub mod modes;
 pub mod reweighting;
 pub mod sample_consensus;

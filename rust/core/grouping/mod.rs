@@ -1,5 +1,6 @@
 //! The grouping methods, one file each; the files know nothing of each other.
 
+pub mod clipper;
 pub mod consistency_voting;
 pub mod game_theory;
 pub mod geometric_consistency;
@@ -10,7 +11,9 @@ pub mod ransac;
 pub mod search_of_inliers;
 pub mod similarity_score;
 pub mod spectral;
+pub mod teaser;
 
+use clipper::Clipper;
 use consistency_voting::ConsistencyVoting;
 use game_theory::GameTheory;
 use geometric_consistency::GeometricConsistency;
@@ -21,6 +24,7 @@ use ransac::Ransac;
 use search_of_inliers::SearchOfInliers;
 use similarity_score::SimilarityScore;
 use spectral::Spectral;
+use teaser::Teaser;
 
 use crate::{Correspondences, Execution, Grouping, Result};
 
@@ -40,6 +44,8 @@ pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
         ("3dhv", Box::new(HoughVoting::default())),
         ("gtm", Box::new(GameTheory::default())),
         ("lc", Box::new(LikelihoodConsensus::default())),
+        ("teaser", Box::new(Teaser::default())),
+        ("clipper", Box::new(Clipper::default())),
     ]
 }
 

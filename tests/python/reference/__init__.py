@@ -6,6 +6,7 @@ Matching", TPAMI 2019). Nothing here uses the compiled package.
 Equation numbers count the paper's displayed equations: (1) is SS, (21) is recall.
 """
 
+from .clipper import clipper
 from .consistency_voting import cv
 from .game_theory import gtm
 from .geometric_consistency import gc
@@ -19,10 +20,12 @@ from .result import ReferenceGrouping
 from .search_of_inliers import si
 from .similarity_score import ss
 from .spectral import st
+from .teaser import teaser
 
 __all__ = [
     "Quality",
     "ReferenceGrouping",
+    "clipper",
     "correct_correspondences",
     "cv",
     "gc",
@@ -36,4 +39,5 @@ __all__ = [
     "si",
     "ss",
     "st",
+    "teaser",
 ]
