@@ -9,7 +9,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup.methods import cv, gc, gtm, hough3d, lc, mac, nnsr, ransac, sc2pcr, si, ss, st, turboreg
+from cgroup.methods import (
+    clipper,
+    cv,
+    gc,
+    gtm,
+    hough3d,
+    lc,
+    mac,
+    nnsr,
+    ransac,
+    sc2pcr,
+    si,
+    ss,
+    st,
+    teaser,
+    turboreg,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -220,6 +236,30 @@ _TABLE = (
         in_paper=False,
         citation="Yan et al., ICCV 2025",
     ),
+    MethodInfo(
+        name="teaser",
+        function=teaser,
+        label="TEASER++",
+        fields=_POINTS,
+        optional_fields=("resolution",),
+        complexity="n²",
+        color="#E8601C",
+        marker="p",
+        in_paper=False,
+        citation="Yang, Shi, Carlone, T-RO 2021",
+    ),
+    MethodInfo(
+        name="clipper",
+        function=clipper,
+        label="CLIPPER",
+        fields=_POINTS,
+        optional_fields=("resolution",),
+        complexity="n², pairs that agree per step",
+        color="#4EB265",
+        marker="d",
+        in_paper=False,
+        citation="Lusk, Fathian, How, ICRA 2021",
+    ),
 )
 
 METHOD_INFO: Mapping[str, MethodInfo] = {info.name: info for info in _TABLE}
@@ -255,11 +295,15 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
         "mac": {"tolerance": 0.1, "max_distance_difference": 0.01},
         "sc2pcr": {"tolerance": 0.1, "max_distance_difference": 0.1, "nms_radius": 0.1},
         "turboreg": {"tolerance": 0.1, "max_distance_difference": 0.012, "nms_radius": 0.15},
+        "teaser": {"tolerance": 0.05},
+        "clipper": {"max_distance_difference": 0.1, "deviation": 0.05},
     },
     "kitti": {
         "mac": {"tolerance": 0.6, "max_distance_difference": 0.19, "min_weight": 0.9, "min_clique_size": 4},
         "sc2pcr": {"tolerance": 0.6, "max_distance_difference": 0.1, "nms_radius": 0.6},
         "turboreg": {"tolerance": 0.6},
+        "teaser": {"tolerance": 0.3},
+        "clipper": {"max_distance_difference": 0.6, "deviation": 0.3},
     },
 }
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,

@@ -107,6 +107,19 @@ impl Points {
         Self::centered::<f64>(&indices.iter().map(|&i| self.get(i).into()).collect::<Vec<_>>()).0
     }
 
+    /// All points and their mean multiplied by a positive factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let axis = |values: &[f64]| values.iter().map(|value| value * factor).collect();
+        Self {
+            x: axis(&self.x),
+            y: axis(&self.y),
+            z: axis(&self.z),
+            center: self.center * factor,
+            diagonal: self.diagonal * factor,
+        }
+    }
+
     /// Centred rows, for spatial indices.
     pub fn rows(&self) -> Vec<[f64; 3]> {
         (0..self.len()).map(|i| [self.x[i], self.y[i], self.z[i]]).collect()

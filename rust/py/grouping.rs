@@ -3,6 +3,7 @@
 use cgroup::consensus::choice::Choice;
 use cgroup::geometry::rigid::fit_group;
 use cgroup::grouping::BoxedMethod;
+use cgroup::grouping::clipper::{self, Clipper};
 use cgroup::grouping::consistency_voting::ConsistencyVoting;
 use cgroup::grouping::game_theory::{Dynamics, GameTheory, Payoff};
 use cgroup::grouping::geometric_consistency::{self as gc, GeometricConsistency, Ties};
@@ -15,6 +16,7 @@ use cgroup::grouping::sc2pcr::Sc2Pcr;
 use cgroup::grouping::search_of_inliers::{GlobalRank, SearchOfInliers};
 use cgroup::grouping::similarity_score::SimilarityScore;
 use cgroup::grouping::spectral::{Affinity, Conflict, Diagonal, Spectral};
+use cgroup::grouping::teaser::{Freedom, Prune, Scale, Teaser};
 use cgroup::grouping::turboreg::TurboReg;
 use cgroup::selection::eigenvector::Eigensolver;
 use numpy::PyArray2;
@@ -177,8 +179,34 @@ fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<BoxedMethod> {
                 &[("inliers", Choice::Inliers), ("mae", Choice::Mae), ("mse", Choice::Mse)],
             )?,
         }),
+        "teaser" => Box::new(Teaser {
+            tolerance: options.optional("tolerance")?,
+            max_distance_difference: options.optional("max_distance_difference")?,
+            prune: options.choice("prune", &[("core", Prune::Core), ("clique", Prune::Clique)])?,
+            freedom: freedom(options.count("dof", 0)?)?,
+            scale: options.choice("scale", &[("known", Scale::Known), ("estimate", Scale::Estimate)])?,
+            max_steps: options.count("max_steps", 0)?,
+        }),
+        "clipper" => Box::new(Clipper {
+            max_distance_difference: options.optional("max_distance_difference")?,
+            deviation: options.optional("deviation")?,
+            min_distance: options.number("min_distance")?,
+            variant: options.choice(
+                "variant",
+                &[("densest", clipper::Variant::Densest), ("maximum", clipper::Variant::Maximum)],
+            )?,
+            seed: options.seed("seed")?,
+        }),
         _ => return Err(InputError::new_err(format!("method: got {name:?}, which the core does not have"))),
     })
+}
+
+fn freedom(degrees: usize) -> PyResult<Freedom> {
+    match degrees {
+        4 => Ok(Freedom::Four),
+        6 => Ok(Freedom::Six),
+        _ => Err(InputError::new_err(format!("dof: got {degrees}; choose 4 or 6"))),
+    }
 }
 
 fn neighborhood(bins: usize) -> PyResult<Neighborhood> {

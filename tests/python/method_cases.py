@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import cgroup
+from reference.clipper import clipper
 from reference.consistency_voting import cv
 from reference.game_theory import gtm
 from reference.geometric_consistency import gc
@@ -25,6 +26,7 @@ from reference.sc2pcr import sc2pcr
 from reference.search_of_inliers import si
 from reference.similarity_score import ss
 from reference.spectral import st
+from reference.teaser import teaser
 from reference.turboreg import turboreg
 
 if TYPE_CHECKING:
@@ -158,6 +160,7 @@ SHORT_CLIQUE = {"variant": "clique", "iterations": 8}
 PCL = {"variant": "pcl", "bin_size": Pr(20.0), "iterations": 100}
 WEIGHTED = {**PCL, "distance_weight": True, "similarity": SIMILARITY}
 CLOSE = {"payoff": "distance_difference", "resolution": Field("resolution")}
+WIDE = {"max_distance_difference": Pr(20.0)}
 INFECTION = {"dynamics": "infection_immunisation"}
 
 CASES: dict[str, MethodCase] = {
@@ -447,6 +450,45 @@ CASES: dict[str, MethodCase] = {
             Trial({"resolution": None}, LARGE, shows=False),
         ],
         field_trials=[Trial({"resolution": Pr(0.3)})],
+    ),
+    "teaser": MethodCase(
+        teaser,
+        fields=("resolution",),
+        trials=[
+            Trial({"tolerance": Pr(6.0)}),
+            Trial({"resolution": None}, LARGE, shows=False),
+            Trial({"max_distance_difference": Pr(2.0)}),
+            Trial({"prune": "core"}),
+            Trial({"prune": "core", "tolerance": Pr(6.0)}),
+            Trial(WIDE),
+            Trial({"max_steps": 0}, WIDE),
+            Trial({"max_steps": 300}, WIDE, shows=False),
+            Trial({"dof": 4}),
+            Trial({"scale": "estimate"}),
+            Trial({"scale": "estimate"}, {"prune": "core"}, shows=False),
+            Trial({"scale": "estimate"}, {"dof": 4}, shows=False),
+        ],
+        field_trials=[Trial({"resolution": Pr(2.0)})],
+        choices={"prune": ("core", "clique"), "dof": (6, 4), "scale": ("known", "estimate")},
+    ),
+    "clipper": MethodCase(
+        clipper,
+        fields=("resolution",),
+        score_tolerance=1e-4,
+        large_score_tolerance=1e-4,
+        trials=[
+            Trial({"max_distance_difference": Pr(2.0)}),
+            Trial({"resolution": None}, {"max_distance_difference": Pr(9.0)}, shows=False),
+            Trial({"deviation": Pr(4.0)}),
+            Trial({"deviation": Pr(0.5)}),
+            Trial({"min_distance": Pr(40.0)}),
+            Trial({"variant": "maximum"}),
+            Trial({"variant": "maximum"}, {"max_distance_difference": Pr(12.0)}),
+            Trial({"min_distance": Pr(40.0)}, {"variant": "maximum"}),
+            Trial({"seed": 3}),
+        ],
+        field_trials=[Trial({"resolution": Pr(2.0)})],
+        choices={"variant": ("densest", "maximum")},
     ),
 }
 """By the name of the function, in cgroup and in the reference."""

@@ -7,6 +7,7 @@ A length (``tolerance`` and the like) is in the data's unit; without one it is t
 ``resolution``. Each function hands its arguments on by their names; the compiled core reads its options.
 """
 
+from cgroup.methods.clipper import clipper
 from cgroup.methods.consistency_voting import cv
 from cgroup.methods.game_theory import gtm
 from cgroup.methods.geometric_consistency import gc
@@ -19,9 +20,11 @@ from cgroup.methods.sc2pcr import sc2pcr
 from cgroup.methods.search_of_inliers import si
 from cgroup.methods.similarity_score import ss
 from cgroup.methods.spectral import st
+from cgroup.methods.teaser import teaser
 from cgroup.methods.turboreg import turboreg
 
 __all__ = [
+    "clipper",
     "cv",
     "gc",
     "gtm",
@@ -34,5 +37,6 @@ __all__ = [
     "si",
     "ss",
     "st",
+    "teaser",
     "turboreg",
 ]

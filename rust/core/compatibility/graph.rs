@@ -109,9 +109,48 @@ impl AgreementGraph {
         full + (max_memory / 8 / (words + 1)).saturating_sub(full).min(WORD)
     }
 
+    /// The graph of some vertices alone: the k-th of them is vertex k of the result.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] where both graphs take more than `execution.max_memory` bytes; [`Error::Interrupted`].
+    pub fn induced(&self, vertices: &[u32], execution: &Execution) -> Result<Self> {
+        let (len, words) = (vertices.len(), vertices.len().div_ceil(WORD));
+        let bytes = 8 * (self.bits.len() + len * words);
+        if bytes > execution.max_memory {
+            let remedy = format!(
+                "the graph of {} correspondences and that of {len} of them take {bytes} bytes; allow that many, \
+                 or give fewer correspondences",
+                self.len
+            );
+            return Err(Error::invalid("max_memory", execution.max_memory, remedy));
+        }
+        let mut places = vec![0; self.len];
+        let mut kept = vec![0_u64; self.words];
+        for (place, &vertex) in (0_u32..).zip(vertices) {
+            places[vertex as usize] = place;
+            kept[vertex as usize / WORD] |= 1 << (vertex as usize % WORD);
+        }
+        let mut bits = vec![0; len * words];
+        let rows = bits.par_chunks_mut(words.max(1)).zip(vertices).with_min_len(8);
+        rows.try_for_each(|(row, &vertex)| {
+            let joined = self.row(vertex as usize).iter().zip(&kept).map(|(a, b)| a & b).enumerate();
+            for neighbor in joined.flat_map(|(word, bits)| ones(word, bits)) {
+                let place = places[neighbor as usize] as usize;
+                row[place / WORD] |= 1 << (place % WORD);
+            }
+            execution.check()
+        })?;
+        Ok(Self { len, words, bits })
+    }
+
     /// Number of correspondences.
     pub fn len(&self) -> usize {
         self.len
+    }
+
+    /// Memory that the bits take.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.bits.as_slice())
     }
 
     /// Whether there are none.
@@ -122,6 +161,11 @@ impl AgreementGraph {
     /// The neighbours of a correspondence, one bit each.
     pub fn row(&self, i: usize) -> &[u64] {
         &self.bits[i * self.words..(i + 1) * self.words]
+    }
+
+    /// With how many others a correspondence is joined.
+    pub fn degree(&self, i: usize) -> u32 {
+        count(self.row(i))
     }
 
     /// Whether two correspondences are joined.
@@ -232,7 +276,7 @@ fn below(word: usize, j: usize) -> u64 {
 }
 
 /// The indices that a word of a row stands for.
-fn ones(word: usize, mut bits: u64) -> impl Iterator<Item = u32> {
+pub(crate) fn ones(word: usize, mut bits: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
         let bit = bits.trailing_zeros();
         bits &= bits.wrapping_sub(1);
@@ -333,6 +377,20 @@ mod tests {
             let bytes = |len: usize| 8 * len * len.div_ceil(WORD);
             assert!(bytes(most) <= max_memory && bytes(most + 1) > max_memory, "{max_memory} {most}");
         }
+    }
+
+    #[test]
+    fn an_induced_graph_joins_the_same_vertices() -> Result<()> {
+        let graph = graph(150)?;
+        let vertices: Vec<u32> = (0..150).rev().filter(|i| i % 7 != 3).collect();
+        let induced = graph.induced(&vertices, &Execution::default())?;
+        assert_eq!(induced.len(), vertices.len());
+        for (i, &a) in vertices.iter().enumerate() {
+            for (j, &b) in vertices.iter().enumerate() {
+                assert_eq!(induced.joined(i, j), graph.joined(a as usize, b as usize));
+            }
+        }
+        Ok(())
     }
 
     #[test]

@@ -2,9 +2,12 @@
 
 pub mod choice;
 pub mod cliques;
+pub mod coloring;
+pub mod cores;
 pub mod counter_rng;
 mod inlier_counter;
 pub mod likelihood;
+pub mod maximum_clique;
 pub mod modes;
 pub mod reweighting;
 pub mod sample_consensus;

@@ -131,7 +131,8 @@ pub fn fixes_rotation(source: &[Point3<f64>], target: &[Point3<f64>]) -> bool {
     source.len() >= 3 && !is_collinear(source) && !is_collinear(target)
 }
 
-fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64> {
+/// The rotation R that is nearest to `H^T`, `H = sum a b^T`, so that `R a` is nearest to b.
+pub(crate) fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64> {
     let scale = covariance.amax();
     if scale == 0.0 {
         return Matrix3::identity();

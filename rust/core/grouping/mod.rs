@@ -1,5 +1,6 @@
 //! The grouping methods, one file each; the files know nothing of each other.
 
+pub mod clipper;
 pub mod consistency_voting;
 pub mod game_theory;
 pub mod geometric_consistency;
@@ -12,8 +13,10 @@ pub mod sc2pcr;
 pub mod search_of_inliers;
 pub mod similarity_score;
 pub mod spectral;
+pub mod teaser;
 pub mod turboreg;
 
+use clipper::Clipper;
 use consistency_voting::ConsistencyVoting;
 use game_theory::GameTheory;
 use geometric_consistency::GeometricConsistency;
@@ -26,6 +29,7 @@ use sc2pcr::Sc2Pcr;
 use search_of_inliers::SearchOfInliers;
 use similarity_score::SimilarityScore;
 use spectral::Spectral;
+use teaser::Teaser;
 use turboreg::TurboReg;
 
 use crate::{Correspondences, Execution, Grouping, Result};
@@ -49,6 +53,8 @@ pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
         ("mac", Box::new(MaximalCliques::default())),
         ("sc2pcr", Box::new(Sc2Pcr::default())),
         ("turboreg", Box::new(TurboReg::default())),
+        ("teaser", Box::new(Teaser::default())),
+        ("clipper", Box::new(Clipper::default())),
     ]
 }
 

@@ -6,6 +6,7 @@ Matching", TPAMI 2019). Nothing here uses the compiled package.
 Equation numbers count the paper's displayed equations: (1) is SS, (21) is recall.
 """
 
+from .clipper import clipper
 from .consistency_voting import cv
 from .game_theory import gtm
 from .geometric_consistency import gc
@@ -20,11 +21,13 @@ from .sc2pcr import sc2pcr
 from .search_of_inliers import si
 from .similarity_score import ss
 from .spectral import st
+from .teaser import teaser
 from .turboreg import turboreg
 
 __all__ = [
     "Quality",
     "ReferenceGrouping",
+    "clipper",
     "correct_correspondences",
     "cv",
     "gc",
@@ -39,5 +42,6 @@ __all__ = [
     "si",
     "ss",
     "st",
+    "teaser",
     "turboreg",
 ]

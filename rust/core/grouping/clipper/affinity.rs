@@ -1,0 +1,263 @@
+//! The matrices of affinities and of agreement, and their products with a vector.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
+
+use rayon::prelude::*;
+
+use crate::compatibility::graph::{AgreementGraph, ones};
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::points::Points;
+use crate::simd::arithmetic::exp_of_negative;
+use crate::simd::{self, Kernel, Lanes};
+
+/// Correspondences in a word.
+const WORD: usize = u64::BITS as usize;
+
+/// Sums that go side by side.
+const SUMS: usize = 4;
+
+/// M and C of the pairs that a graph joins; both have 1 on the diagonal.
+#[derive(Debug)]
+pub struct Affinity<'a> {
+    graph: &'a AgreementGraph,
+    weights: Weights<'a>,
+}
+
+/// The entries of M.
+#[derive(Debug)]
+enum Weights<'a> {
+    /// 1 throughout.
+    Binary,
+    /// Row after row, in the order of the bits; row i starts at `starts[i]`.
+    Kept { starts: Vec<usize>, entries: Vec<f32> },
+    /// The same, computed anew for each product.
+    Computed(Gauss<'a>),
+}
+
+/// `exp(-delta^2 / (2 sigma^2))`.
+#[derive(Debug, Clone, Copy)]
+struct Gauss<'a> {
+    source: &'a Points,
+    target: &'a Points,
+    factor: f64,
+}
+
+/// `M u`, and how much of u each row excludes: `(1 1' - C) u`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Product {
+    /// `M u`.
+    pub affinity: Vec<f64>,
+    /// `(1 1' - C) u`.
+    pub conflict: Vec<f64>,
+}
+
+impl<'a> Affinity<'a> {
+    /// M is C.
+    pub fn binary(graph: &'a AgreementGraph) -> Self {
+        Self { graph, weights: Weights::Binary }
+    }
+
+    /// M is a Gaussian of the distance difference; kept where it fits `execution.max_memory` beside the graph.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn weighted(
+        graph: &'a AgreementGraph,
+        source: &'a Points,
+        target: &'a Points,
+        deviation: f64,
+        execution: &Execution,
+    ) -> Result<Self> {
+        let n = graph.len();
+        let gauss = Gauss { source, target, factor: -0.5 / (deviation * deviation) };
+        let degrees: Vec<usize> = (0..n).into_par_iter().map(|i| graph.degree(i) as usize).collect();
+        let total: usize = degrees.iter().sum();
+        if graph.bytes() + size_of::<f32>() * total > execution.max_memory {
+            return Ok(Self { graph, weights: Weights::Computed(gauss) });
+        }
+        let mut entries = vec![0.0; total];
+        let mut starts = Vec::with_capacity(n);
+        let mut rows = Vec::with_capacity(n);
+        let mut rest = entries.as_mut_slice();
+        for &degree in &degrees {
+            starts.push(total - rest.len());
+            let (row, after) = rest.split_at_mut(degree);
+            rows.push(row);
+            rest = after;
+        }
+        let rows = rows.into_par_iter().enumerate().with_min_len(8);
+        rows.try_for_each_init(Scratch::default, |scratch, (i, row)| {
+            gauss.fill(i, graph.row(i), scratch);
+            row.copy_from_slice(&scratch.weights);
+            execution.check()
+        })?;
+        Ok(Self { graph, weights: Weights::Kept { starts, entries } })
+    }
+
+    /// Products with a vector that is nowhere negative.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn product(&self, u: &[f64], execution: &Execution) -> Result<Product> {
+        let total: f64 = u.iter().sum();
+        let mut blocks = vec![[0.0; WORD]; u.len().div_ceil(WORD)];
+        for (block, entries) in blocks.iter_mut().zip(u.chunks(WORD)) {
+            block[..entries.len()].copy_from_slice(entries);
+        }
+        let rows = (0..u.len()).into_par_iter().with_min_len(64).map_init(Scratch::default, |scratch, i| {
+            execution.check()?;
+            let row = self.graph.row(i);
+            let [affinity, agreement] = match &self.weights {
+                Weights::Binary => simd::run(
+                    #[inline(always)]
+                    || [plain_sum(row, &blocks); 2],
+                ),
+                Weights::Kept { starts, entries } => sums(row, &entries[starts[i]..], &blocks),
+                Weights::Computed(gauss) => {
+                    gauss.fill(i, row, scratch);
+                    sums(row, &scratch.weights, &blocks)
+                }
+            };
+            Ok((affinity + u[i], total - agreement - u[i]))
+        });
+        let (affinity, conflict) = rows.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        Ok(Product { affinity, conflict })
+    }
+}
+
+/// Weighted and plain sum of the entries that a row has bits for.
+fn sums(row: &[u64], weights: &[f32], blocks: &[[f64; WORD]]) -> [f64; 2] {
+    simd::run(
+        #[inline(always)]
+        || {
+            let mut weighted = [0.0; SUMS];
+            let mut plain = [0.0; SUMS];
+            let mut weights = weights;
+            for (&word, block) in row.iter().zip(blocks) {
+                let mut bits = word;
+                let (here, rest) = weights.split_at((word.count_ones() as usize).min(weights.len()));
+                weights = rest;
+                let mut groups = here.chunks_exact(SUMS);
+                for group in &mut groups {
+                    for k in 0..SUMS {
+                        let value = block[bits.trailing_zeros() as usize % WORD];
+                        bits &= bits.wrapping_sub(1);
+                        weighted[k] += f64::from(group[k]) * value;
+                        plain[k] += value;
+                    }
+                }
+                for (k, &weight) in groups.remainder().iter().enumerate() {
+                    let value = block[bits.trailing_zeros() as usize % WORD];
+                    bits &= bits.wrapping_sub(1);
+                    weighted[k] += f64::from(weight) * value;
+                    plain[k] += value;
+                }
+            }
+            [weighted, plain].map(
+                #[inline(always)]
+                |parts: [f64; SUMS]| (parts[0] + parts[1]) + (parts[2] + parts[3]),
+            )
+        },
+    )
+}
+
+/// Sum of the entries that a row has bits for.
+#[inline(always)]
+fn plain_sum(row: &[u64], blocks: &[[f64; WORD]]) -> f64 {
+    let mut parts = [0.0; SUMS];
+    for (&word, block) in row.iter().zip(blocks) {
+        let mut bits = word;
+        let mut k = 0;
+        while bits != 0 {
+            parts[k % SUMS] += block[bits.trailing_zeros() as usize % WORD];
+            bits &= bits.wrapping_sub(1);
+            k += 1;
+        }
+    }
+    (parts[0] + parts[1]) + (parts[2] + parts[3])
+}
+
+/// What the weights of a row are computed in: squared lengths on both sides.
+#[derive(Debug, Default)]
+struct Scratch {
+    squares: [Vec<f64>; 2],
+    weights: Vec<f32>,
+}
+
+impl Gauss<'_> {
+    /// The weights of the neighbours of a row; rounded, so that one that is kept takes half as much.
+    fn fill(&self, i: usize, row: &[u64], scratch: &mut Scratch) {
+        for (points, squares) in [self.source, self.target].into_iter().zip(&mut scratch.squares) {
+            squares.clear();
+            let from = points.get(i);
+            let neighbors = row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits));
+            squares.extend(neighbors.map(|j| (points.get(j as usize) - from).norm_squared()));
+        }
+        scratch.weights.clear();
+        scratch.weights.resize(scratch.squares[0].len(), 0.0);
+        let [source, target] = &scratch.squares;
+        simd::run(FillWeights { source, target, factor: self.factor, weights: &mut scratch.weights });
+    }
+}
+
+struct FillWeights<'a> {
+    source: &'a [f64],
+    target: &'a [f64],
+    factor: f64,
+    weights: &'a mut [f32],
+}
+
+impl Kernel for FillWeights<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        for ((weight, source), target) in self.weights.iter_mut().zip(self.source).zip(self.target) {
+            let delta = source.sqrt() - target.sqrt();
+            *weight = exp_of_negative(lanes, self.factor * delta * delta) as f32;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(n: usize, k: f64) -> Result<Points> {
+        let place = |i: usize| [(i as f64 * k).sin(), (i as f64 * 1.7 * k).cos(), (i as f64).cos()];
+        Points::from_rows("points", &(0..n).map(place).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn products_are_those_of_the_dense_matrices() -> Result<()> {
+        for n in [0, 1, 64, 65, 200] {
+            let (source, target) = (points(n, 0.37)?, points(n, 0.4)?);
+            let execution = Execution::default();
+            let graph = AgreementGraph::new(&source, &target, 0.3, 0.1, &execution)?;
+            let u: Vec<f64> = (0..n).map(|i| (i as f64 * 2.3).sin().max(0.0)).collect();
+            let entry = |i: usize, j: usize| {
+                let delta = source.distance(i, j) - target.distance(i, j);
+                if i == j {
+                    1.0
+                } else {
+                    f64::from(u8::from(graph.joined(i, j))) * (-delta * delta / 0.02).exp()
+                }
+            };
+            let weighted = Affinity::weighted(&graph, &source, &target, 0.1, &execution)?;
+            let product = weighted.product(&u, &execution)?;
+            let binary = Affinity::binary(&graph).product(&u, &execution)?;
+            assert_eq!(product.conflict, binary.conflict);
+            for i in 0..n {
+                let sum: f64 = (0..n).map(|j| entry(i, j) * u[j]).sum();
+                assert!((product.affinity[i] - sum).abs() < 1e-5, "{n} {i}");
+                let excluded: f64 = (0..n).filter(|&j| j != i && !graph.joined(i, j)).map(|j| u[j]).sum();
+                assert!((product.conflict[i] - excluded).abs() < 1e-12);
+            }
+            let little = Execution::new(graph.bytes());
+            let computed = Affinity::weighted(&graph, &source, &target, 0.1, &little)?;
+            assert_eq!(computed.product(&u, &execution)?, product);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,250 @@
+//! CLIPPER: the densest set of correspondences that all agree with each other, by projected gradient ascent.
+//!
+//! Lusk, Fathian, How, *CLIPPER: A graph-theoretic framework for robust data association*, ICRA 2021; with a certificate
+//! after Fathian, Summers, *CLIPPER+*, RA-L 2024. With `delta = |ds - dt|`:
+//!
+//! 1. Affinity `M_ij = exp(-delta^2 / (2 sigma^2))` where `delta < epsilon` and both lengths exceed a least one, and where that
+//!    is above 1e-4; else 0. `M_ii = 1`. Two with `M_ij = 0` exclude each other.
+//! 2. u is to make `u' M u` greatest with `u >= 0`, `|u| = 1`, and `u_i u_j = 0` for two that exclude each other: ascent on `u' (M - d Z) u`,
+//!    Z marking those that do, with a penalty d that grows until none of them is left.
+//! 3. The group: the `round(u' M u)` correspondences of the greatest `u_i`.
+//! 4. The certificate: the group is a clique, and as large as the greatest core number plus one or as the number of colours,
+//!    so that no clique is larger.
+//!
+//! CLIPPER+ seeks the largest clique: M is 1 wherever it is not 0; a greedy clique comes first, and the ascent goes over
+//! what may be in a larger one. Cost O(n^2) tests of pairs, and O(pairs that agree) a step.
+
+mod affinity;
+mod ascent;
+
+use super::GroupingMethod;
+use crate::compatibility::graph::AgreementGraph;
+use crate::consensus::coloring::count_colors;
+use crate::consensus::cores::Cores;
+use crate::consensus::counter_rng::random_words;
+use crate::consensus::maximum_clique::greedy_clique;
+use crate::error::{Error, Result, positive};
+use crate::geometry::rigid::fit_group;
+use crate::grouping_result::mask_of;
+use crate::selection::top_k::largest;
+use crate::{Correspondences, Execution, Grouping, Points};
+use affinity::Affinity;
+use ascent::{Ascent, ascend};
+
+/// Affinities up to this one count as none.
+const LEAST_AFFINITY: f64 = 1e-4;
+
+/// Greatest random part of a start that is 1 else.
+const CHANCE: f64 = 0.01;
+
+/// What is sought.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Variant {
+    /// The set with the greatest sum of affinities per member (CLIPPER).
+    #[default]
+    Densest,
+    /// The set with the most members (CLIPPER+).
+    Maximum,
+}
+
+/// Parameters of CLIPPER.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Clipper {
+    /// epsilon, bound on the distance difference of two that agree, a length; default 5 resolutions.
+    pub max_distance_difference: Option<f64>,
+    /// sigma, the deviation of distance differences, a length; default a third of that bound.
+    pub deviation: Option<f64>,
+    /// Two that are no farther apart exclude each other.
+    pub min_distance: f64,
+    /// What is sought.
+    pub variant: Variant,
+    /// Key of the random numbers that the ascent starts from.
+    pub seed: u64,
+}
+
+impl Default for Clipper {
+    fn default() -> Self {
+        Self {
+            max_distance_difference: None,
+            deviation: None,
+            min_distance: 0.0,
+            variant: Variant::default(),
+            seed: 0,
+        }
+    }
+}
+
+impl GroupingMethod for Clipper {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        let (source, target) = correspondences.positions("clipper")?;
+        let bound = correspondences.length("max_distance_difference", self.max_distance_difference, 5.0)?;
+        let deviation = positive("deviation", self.deviation.unwrap_or(bound / 3.0))?;
+        if !self.min_distance.is_finite() || self.min_distance < 0.0 {
+            let remedy = "give a finite length of at least 0";
+            return Err(Error::invalid("min_distance", self.min_distance, remedy));
+        }
+        // Where the affinity falls to the least one.
+        let reach = bound.min(deviation * (-2.0 * LEAST_AFFINITY.ln()).sqrt());
+        let graph = AgreementGraph::new(source, target, reach, self.min_distance, execution)?;
+        let cores = Cores::of(&graph, execution)?;
+        let found = match self.variant {
+            Variant::Densest => densest(&graph, source, target, deviation, self.seed, execution)?,
+            Variant::Maximum => maximum(&graph, &cores, self.seed, execution)?,
+        };
+        let certified = is_largest(&found.members, &graph, &cores, execution)?;
+        Ok(report(found, certified, source, target))
+    }
+}
+
+/// What a search has found.
+struct Found {
+    members: Vec<usize>,
+    scores: Vec<f64>,
+    objective: f64,
+    rounds: usize,
+    complete: bool,
+}
+
+/// The densest clique.
+fn densest(
+    graph: &AgreementGraph,
+    source: &Points,
+    target: &Points,
+    deviation: f64,
+    seed: u64,
+    execution: &Execution,
+) -> Result<Found> {
+    let affinity = Affinity::weighted(graph, source, target, deviation, execution)?;
+    let start: Vec<f64> = (0..graph.len()).map(|i| random(seed, i)).collect();
+    // One power step, after which one random start is much like another.
+    let Ascent { u, objective, rounds, complete } =
+        ascend(&affinity, affinity.product(&start, execution)?.affinity, execution)?;
+    let members = largest(&u, objective.round() as usize);
+    Ok(Found { members, scores: u, objective, rounds, complete })
+}
+
+/// In 0..1, by row.
+fn random(seed: u64, i: usize) -> f64 {
+    (random_words(seed, i as u64)[0] >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// The largest clique: the greedy one, or that of the ascent over what may be in a larger one.
+fn maximum(graph: &AgreementGraph, cores: &Cores, seed: u64, execution: &Execution) -> Result<Found> {
+    let greedy = greedy_clique(graph, &cores.from_last(0));
+    let kept = cores.from_last(greedy.len() as u32);
+    let mut found = of_clique(graph.len(), greedy.iter().map(|&i| i as usize).collect());
+    if kept.is_empty() {
+        return Ok(found);
+    }
+    let inner = graph.induced(&kept, execution)?;
+    // Away from the greedy clique; with a little of chance, or two that exclude each other and are alike stay so.
+    let start =
+        (0..).zip(&kept).map(|(k, i)| f64::from(!greedy.contains(i)) + CHANCE * random(seed, k)).collect();
+    let Ascent { u, objective, rounds, complete } = ascend(&Affinity::binary(&inner), start, execution)?;
+    let members = largest(&u, objective.round() as usize);
+    if is_clique(&members, &inner) && members.len() > found.members.len() {
+        found = of_clique(graph.len(), members.iter().map(|&k| kept[k] as usize).collect());
+    }
+    Ok(Found { rounds, complete, ..found })
+}
+
+/// A clique, whose members share u.
+fn of_clique(n: usize, members: Vec<usize>) -> Found {
+    let share = 1.0 / (members.len().max(1) as f64).sqrt();
+    let scores =
+        mask_of(n, members.iter().copied()).iter().map(|&member| if member { share } else { 0.0 }).collect();
+    Found { objective: members.len() as f64, members, scores, rounds: 0, complete: true }
+}
+
+fn is_clique(members: &[usize], graph: &AgreementGraph) -> bool {
+    let joined_before = |k: usize| members[..k].iter().all(|&i| graph.joined(i, members[k]));
+    (0..members.len()).all(joined_before)
+}
+
+/// Whether the members are a clique that is shown to be as large as any (CLIPPER+, section IV).
+fn is_largest(
+    members: &[usize],
+    graph: &AgreementGraph,
+    cores: &Cores,
+    execution: &Execution,
+) -> Result<bool> {
+    if members.is_empty() || !is_clique(members, graph) {
+        return Ok(false);
+    }
+    if members.len() == cores.greatest() as usize + 1 {
+        return Ok(true);
+    }
+    // A larger clique is among these.
+    let kept = graph.induced(&cores.from_last(members.len() as u32), execution)?;
+    Ok(count_colors(&kept, execution)? as usize <= members.len())
+}
+
+fn report(found: Found, certified: bool, source: &Points, target: &Points) -> Grouping {
+    let n = source.len();
+    let mut members = found.members;
+    members.sort_unstable();
+    // Fewer than three, or those on a line, are no group.
+    let pose = fit_group(source, target, &members).ok();
+    let mask = if pose.is_some() { mask_of(n, members) } else { vec![false; n] };
+    let model = pose.map(|pose| pose.to_matrix());
+    let grouping = Grouping { mask, scores: Some(found.scores), model, ..Grouping::default() }
+        .with("objective", found.objective)
+        .with("rounds", found.rounds as f64)
+        .with("certified", f64::from(certified));
+    if found.complete { grouping } else { grouping.with("truncated", 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `right` points moved rigidly, then others that go anywhere.
+    fn problem(n: usize, right: usize) -> Result<Correspondences> {
+        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
+        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
+        let moved = |i: usize, p: &[f64; 3]| if i < right { [7.0 - p[1], p[0], p[2]] } else { place(i, 0.7) };
+        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
+        Correspondences::new(&source, &target)?.with_resolution(1.0)
+    }
+
+    #[test]
+    fn finds_and_certifies_the_moved_points() -> Result<()> {
+        for variant in [Variant::Densest, Variant::Maximum] {
+            let method = Clipper { variant, max_distance_difference: Some(1.0), ..Clipper::default() };
+            let group = method.group(&problem(300, 60)?, &Execution::default())?;
+            let expected: Vec<usize> = (0..60).collect();
+            let selected: Vec<usize> = (0..300).filter(|&i| group.mask[i]).collect();
+            assert_eq!(selected, expected, "{variant:?}");
+            assert_eq!(group.diagnostics.get("certified"), Some(&1.0), "{variant:?}");
+            let model = group.model.unwrap_or_default();
+            assert!((model[(0, 1)] + 1.0).abs() < 1e-9 && (model[(0, 3)] - 7.0).abs() < 1e-9, "{model}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn too_few_or_coincident_points_give_no_group() -> Result<()> {
+        for variant in [Variant::Densest, Variant::Maximum] {
+            let method = Clipper { variant, ..Clipper::default() };
+            for n in 0..3 {
+                let group = method.group(&problem(n, n)?, &Execution::default())?;
+                assert_eq!((group.size(), group.model), (0, None));
+            }
+            let rows = [[1.0; 3]; 50];
+            let input = Correspondences::new(&rows, &rows)?.with_resolution(1.0)?;
+            assert_eq!(method.group(&input, &Execution::default())?.size(), 0);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn options_are_checked() -> Result<()> {
+        for min_distance in [-1.0, f64::NAN, f64::INFINITY] {
+            let method = Clipper { min_distance, ..Clipper::default() };
+            assert!(method.group(&problem(9, 9)?, &Execution::default()).is_err());
+        }
+        let method = Clipper { deviation: Some(0.0), ..Clipper::default() };
+        assert!(method.group(&problem(9, 9)?, &Execution::default()).is_err());
+        Ok(())
+    }
+}

@@ -1,0 +1,235 @@
+//! TEASER++: truncated least squares for scale, rotation and translation one after the other, among the correspondences
+//! that a graph of pairwise agreement leaves.
+//!
+//! Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021. With noise of at most the
+//! tolerance beta on each point:
+//!
+//! 1. Unknown scale: s is the truncated mean of the ratios `dt / ds` of pairs, each within `2 beta / ds` (section V-A); the source is scaled.
+//! 2. Pairs are joined where `|ds - dt| < 2 beta` (section IV). What is kept is the maximum clique, or the vertices of the
+//!    greatest core number (Shi, Yang, Carlone, *ROBIN*, ICRA 2021; Lim et al., *KISS-Matcher*, ICRA 2025).
+//! 3. Rotation, from the differences of each kept point to the next, the last to the first: graduated non-convexity on
+//!    truncated least squares, bound `2 beta` (section VII).
+//! 4. Translation: the truncated mean of `p' - R p`, axis by axis, bound beta (section V-B).
+//! 5. The group: residuals below beta.
+//!
+//! Cost O(n^2) tests of pairs; the clique's search is exponential at worst, and bounded. Memory `n^2 / 8` bytes.
+
+mod rotation;
+mod scale;
+mod truncated_mean;
+
+use nalgebra::{Matrix4, Point3, Vector3};
+
+use super::GroupingMethod;
+use crate::compatibility::graph::AgreementGraph;
+use crate::consensus::cores::Cores;
+use crate::consensus::maximum_clique::{Found, maximum_clique};
+use crate::error::positive;
+use crate::geometry::rigid::{Rigid, fixes_rotation};
+use crate::{Correspondences, Execution, Grouping, Points, Result};
+use rotation::truncated_rotation;
+use scale::{leaves_out, truncated_scale};
+use truncated_mean::truncated_mean;
+
+pub use rotation::Freedom;
+
+/// What is kept of the graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Prune {
+    /// A maximum clique.
+    #[default]
+    Clique,
+    /// The vertices of the greatest core number.
+    Core,
+}
+
+/// What is known of the scale.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Scale {
+    /// It is 1.
+    #[default]
+    Known,
+    /// Nothing.
+    Estimate,
+}
+
+/// Parameters of TEASER++.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Teaser {
+    /// beta, the greatest error of a right correspondence, a length; default 2.5 resolutions.
+    pub tolerance: Option<f64>,
+    /// Bound on the distance difference of two that agree, a length; default twice the tolerance.
+    pub max_distance_difference: Option<f64>,
+    /// What is kept of the graph.
+    pub prune: Prune,
+    /// Of which kind the rotation is.
+    pub freedom: Freedom,
+    /// What is known of the scale.
+    pub scale: Scale,
+    /// Vertices that the clique's search may colour.
+    pub max_steps: usize,
+}
+
+impl Default for Teaser {
+    fn default() -> Self {
+        Self {
+            tolerance: None,
+            max_distance_difference: None,
+            prune: Prune::default(),
+            freedom: Freedom::default(),
+            scale: Scale::default(),
+            max_steps: 1_000_000,
+        }
+    }
+}
+
+impl GroupingMethod for Teaser {
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        let (source, target) = correspondences.positions("teaser")?;
+        let bound = correspondences.length("tolerance", self.tolerance, 2.5)?;
+        let difference = self.max_distance_difference.unwrap_or(2.0 * bound);
+        positive("max_distance_difference", difference)?;
+        let scale = match self.scale {
+            Scale::Known => Some(1.0),
+            Scale::Estimate => truncated_scale(source, target, 2.0 * bound, execution)?,
+        };
+        let Some(scale) = scale else {
+            return Ok(Grouping::empty(source.len())); // no two source points are apart
+        };
+        let scaled = source.scaled(scale);
+        let graph = AgreementGraph::new(&scaled, target, difference, 0.0, execution)?;
+        let kept = self.keep(&graph, execution)?;
+        let pose = pose_of(&kept.clique, &scaled, target, bound, self.freedom);
+        let grouping = report(pose, scale, source, &scaled, target, bound);
+        let mut grouping = grouping.with("kept", kept.clique.len() as f64).with("steps", kept.steps as f64);
+        let mut complete = kept.complete;
+        if self.scale == Scale::Estimate {
+            grouping = grouping.with("scale", scale);
+            complete &= !leaves_out(source.len());
+        }
+        Ok(if complete { grouping } else { grouping.with("truncated", 1.0) })
+    }
+}
+
+impl Teaser {
+    /// Section IV: what is left of the graph.
+    fn keep(&self, graph: &AgreementGraph, execution: &Execution) -> Result<Found> {
+        let cores = Cores::of(graph, execution)?;
+        if self.prune == Prune::Clique {
+            return maximum_clique(graph, &cores, self.max_steps, execution);
+        }
+        let greatest = cores.greatest();
+        let clique = (0..graph.len() as u32).filter(|&i| cores.numbers[i as usize] == greatest).collect();
+        Ok(Found { clique, complete: true, steps: 0 })
+    }
+}
+
+/// Rotation and translation of those kept, between the centred points.
+fn pose_of(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Freedom) -> Option<Rigid> {
+    let of = |points: &Points| kept.iter().map(|&i| points.get(i as usize)).collect::<Vec<_>>();
+    let (p, q) = (of(source), of(target));
+    if kept.len() < 3 || freedom == Freedom::Six && !fixes_rotation(&p, &q) {
+        return None;
+    }
+    let rotation = truncated_rotation(&steps(&p), &steps(&q), 2.0 * bound, freedom)?;
+    let moved: Vec<Vector3<f64>> = p.iter().zip(&q).map(|(p, q)| q.coords - rotation * p.coords).collect();
+    let along = |axis: usize| {
+        let values: Vec<f64> = moved.iter().map(|shift| shift[axis]).collect();
+        truncated_mean(&values, &vec![bound; values.len()])
+    };
+    Some(Rigid { rotation, translation: Vector3::new(along(0)?, along(1)?, along(2)?) })
+}
+
+/// From each point to the next, and from the last to the first: what no translation changes.
+fn steps(points: &[Point3<f64>]) -> Vec<Vector3<f64>> {
+    let next = points.iter().cycle().skip(1);
+    points.iter().zip(next).map(|(point, next)| next - point).collect()
+}
+
+/// The group of a pose of the scaled source.
+fn report(
+    pose: Option<Rigid>,
+    scale: f64,
+    source: &Points,
+    scaled: &Points,
+    target: &Points,
+    bound: f64,
+) -> Grouping {
+    let n = source.len();
+    let Some(pose) = pose else {
+        return Grouping::empty(n);
+    };
+    let mask = (0..n).map(|i| (pose.apply(&scaled.get(i)) - target.get(i)).norm() < bound).collect();
+    let mut model = Matrix4::identity();
+    let linear = pose.rotation * scale;
+    model.fixed_view_mut::<3, 3>(0, 0).copy_from(&linear);
+    let shift = pose.translation + target.center() - linear * source.center();
+    model.fixed_view_mut::<3, 1>(0, 3).copy_from(&shift);
+    Grouping { mask, model: Some(model), ..Grouping::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `right` points turned about z, scaled and shifted, then others that go anywhere.
+    fn problem(n: usize, right: usize, scale: f64) -> Result<Correspondences> {
+        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
+        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
+        let moved = |i: usize, p: &[f64; 3]| {
+            if i < right { [7.0 - scale * p[1], scale * p[0], scale * p[2] - 5.0] } else { place(i, 0.7) }
+        };
+        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
+        Correspondences::new(&source, &target)?.with_resolution(1.0)
+    }
+
+    #[test]
+    fn finds_the_moved_points_in_every_variant() -> Result<()> {
+        for prune in [Prune::Core, Prune::Clique] {
+            for (freedom, scale, factor) in [
+                (Freedom::Six, Scale::Known, 1.0),
+                (Freedom::Four, Scale::Known, 1.0),
+                (Freedom::Six, Scale::Estimate, 3.0),
+            ] {
+                let method = Teaser { prune, freedom, scale, ..Teaser::default() };
+                let group = method.group(&problem(300, 60, factor)?, &Execution::default())?;
+                assert!(group.mask[..60].iter().all(|&selected| selected) && group.size() < 63, "{method:?}");
+                let model = group.model.unwrap_or_default();
+                assert!(
+                    (model[(0, 1)] + factor).abs() < 1e-3 && (model[(0, 3)] - 7.0).abs() < 0.1,
+                    "{model}"
+                );
+                assert!(!group.diagnostics.contains_key("truncated"));
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_search_cut_short_is_reported() -> Result<()> {
+        let wide = Teaser {
+            prune: Prune::Clique,
+            max_distance_difference: Some(40.0),
+            max_steps: 0,
+            ..Teaser::default()
+        };
+        let group = wide.group(&problem(200, 40, 1.0)?, &Execution::default())?;
+        assert_eq!(group.diagnostics.get("truncated"), Some(&1.0));
+        Ok(())
+    }
+
+    #[test]
+    fn too_few_or_coincident_points_give_no_group() -> Result<()> {
+        for scale in [Scale::Known, Scale::Estimate] {
+            let method = Teaser { scale, ..Teaser::default() };
+            for n in 0..3 {
+                let group = method.group(&problem(n, n, 1.0)?, &Execution::default())?;
+                assert_eq!((group.size(), group.model), (0, None));
+            }
+            let rows = [[1.0; 3]; 50];
+            let input = Correspondences::new(&rows, &rows)?.with_resolution(1.0)?;
+            assert_eq!(method.group(&input, &Execution::default())?.model, None);
+        }
+        Ok(())
+    }
+}
