@@ -144,6 +144,7 @@ fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<BoxedMethod> {
         "lc" => Box::new(LikelihoodConsensus {
             tolerance: options.optional("tolerance")?,
             modes: options.count("modes", 1)?,
+            instances: options.count("instances", 1)?,
         }),
         _ => return Err(InputError::new_err(format!("method: got {name:?}, which the core does not have"))),
     })
