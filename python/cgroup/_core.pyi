@@ -17,7 +17,10 @@ _Grouping: TypeAlias = tuple[
     dict[str, float],
     FloatArray | None,
     FloatArray | None,
-]  # mask, scores, threshold, model, diagnostics, alternatives, their scores
+    bool | None,
+    float | None,
+    BoolArray | None,
+]  # mask, scores, threshold, model, diagnostics, alternatives, their scores, ok, false_alarms, instances
 
 _Resistance: TypeAlias = tuple[FloatArray, FloatArray | None]  # information, open_motion
 _Overlap: TypeAlias = tuple[float, float, _Resistance]  # fitness, inlier_rmse

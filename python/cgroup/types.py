@@ -130,6 +130,15 @@ class Grouping:
         Transforms that the correspondences speak for, `model` first, for methods that find several (LC).
     alternative_scores : (k,) array of float64 or None
         The method's score of each, descending.
+    ok : bool or None
+        Whether the group can be trusted: `false_alarms` below 0.01, for methods that can tell (LC). False
+        says that chance could have made such a group, not that the group is wrong.
+    false_alarms : float or None
+        How many groups as good as this one are to be expected where no correspondence is right; for methods
+        that can tell (LC).
+    instances : (m,n) array of bool or None
+        Groups of different rigid motions, each of which is `ok`, the best first: row 0 is `mask`. None unless
+        several were asked for; no row unless the group is `ok`.
     """
 
     mask: BoolArray
@@ -139,6 +148,9 @@ class Grouping:
     diagnostics: dict[str, float]
     alternatives: FloatArray | None = None
     alternative_scores: FloatArray | None = None
+    ok: bool | None = None
+    false_alarms: float | None = None
+    instances: BoolArray | None = None
     _positions: tuple[RealArray, RealArray] | None = field(default=None, repr=False)
 
     @property

@@ -17,6 +17,12 @@ pub struct Grouping {
     pub model: Option<Matrix4<f64>>,
     /// Poses that the correspondences speak for, the model first, for methods that find several.
     pub alternatives: Option<Vec<Alternative>>,
+    /// Whether fewer than one wrong group in a hundred inputs is expected, for methods that can tell.
+    pub ok: Option<bool>,
+    /// Groups as good as this one to be expected in an input in which no correspondence is right.
+    pub false_alarms: Option<f64>,
+    /// A mask for each rigid motion that is `ok`, the group's first, where several were asked for.
+    pub instances: Option<Vec<Vec<bool>>>,
     /// Facts about the run: iterations, cluster seed, eigenvalue, ...
     pub diagnostics: BTreeMap<&'static str, f64>,
 }

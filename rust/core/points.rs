@@ -64,6 +64,12 @@ impl Points {
         (points, extremes.iter().fold(0.0, |most: f64, (low, high)| most.max(-low).max(*high)))
     }
 
+    /// The points mirrored at the plane x = 0 through their centre.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        Self { x: self.x.iter().map(|x| -x).collect(), ..self.clone() }
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.x.len()

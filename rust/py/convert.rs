@@ -3,7 +3,7 @@
 use cgroup::frames::Frames;
 use cgroup::{Alternative, Correspondences, Error, Grouping, Points};
 use nalgebra::Matrix4;
-use numpy::ndarray::{Array3, Dimension, Ix1, Ix2, Ix3, arr2};
+use numpy::ndarray::{Array2, Array3, Dimension, Ix1, Ix2, Ix3, arr2};
 use numpy::{PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -144,7 +144,13 @@ fn models<'py>(py: Python<'py>, found: &[Alternative]) -> Bound<'py, PyArray3<f6
     PyArray3::from_owned_array(py, Array3::from_shape_fn((found.len(), 4, 4), entry))
 }
 
-/// What Python gets of a grouping: mask, scores, threshold, model, diagnostics, alternatives and their scores.
+/// An array (m,n).
+fn masks<'py>(py: Python<'py>, found: &[Vec<bool>], n: usize) -> Bound<'py, PyArray2<bool>> {
+    PyArray2::from_owned_array(py, Array2::from_shape_fn((found.len(), n), |(k, i)| found[k][i]))
+}
+
+/// What Python gets of a grouping: mask, scores, threshold, model, diagnostics, alternatives and their scores,
+/// whether it is sure, its number of false alarms, and instances.
 pub type PyGrouping<'py> = (
     Bound<'py, PyArray1<bool>>,
     Option<Bound<'py, PyArray1<f64>>>,
@@ -153,6 +159,9 @@ pub type PyGrouping<'py> = (
     Bound<'py, PyDict>,
     Option<Bound<'py, PyArray3<f64>>>,
     Option<Bound<'py, PyArray1<f64>>>,
+    Option<bool>,
+    Option<f64>,
+    Option<Bound<'py, PyArray2<bool>>>,
 );
 
 /// Converts a grouping.
@@ -161,6 +170,7 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyGrouping<'_>> {
     for (name, value) in &result.diagnostics {
         diagnostics.set_item(name, value)?;
     }
+    let instances = result.instances.as_ref().map(|found| masks(py, found, result.mask.len()));
     Ok((
         PyArray1::from_vec(py, result.mask),
         result.scores.map(|scores| PyArray1::from_vec(py, scores)),
@@ -169,6 +179,9 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyGrouping<'_>> {
         diagnostics,
         result.alternatives.as_ref().map(|found| models(py, found)),
         result.alternatives.map(|found| PyArray1::from_iter(py, found.iter().map(|one| one.score))),
+        result.ok,
+        result.false_alarms,
+        instances,
     ))
 }
 

@@ -150,6 +150,7 @@ fn method_of(name: &str, options: &mut Options<'_>) -> PyResult<BoxedMethod> {
         "lc" => Box::new(LikelihoodConsensus {
             tolerance: options.optional("tolerance")?,
             modes: options.count("modes", 1)?,
+            instances: options.count("instances", 1)?,
         }),
         "mac" => Box::new(MaximalCliques {
             tolerance: options.optional("tolerance")?,

@@ -143,6 +143,8 @@ OTHER_SIMILARITY = Field("similarity", backwards)
 OTHER_RATIO = Field("ratio", backwards)
 OTHER_FRAMES = [{name: Field(name, rolled)} for name in ("source_lrf", "target_lrf")]
 FRAMES = ("source_lrf", "target_lrf")
+FEW = {"tolerance": Pr(0.5)}
+FRAMED = {name: Field(name) for name in FRAMES}
 
 
 def rivals(points: FloatArray) -> FloatArray:
@@ -392,10 +394,15 @@ CASES: dict[str, MethodCase] = {
             Trial({"resolution": None}, LARGE, shows=False),
             Trial({"modes": 1}, {"tolerance": Pr(0.5)}),
             Trial({"modes": 3}, {"tolerance": Pr(0.5), "ratio": Field("ratio")}),
+            Trial(FRAMED, shows=False),  # frames that are no better than the positions don't count
+            Trial(FRAMED, FEW),
+            Trial({"ratio": Field("ratio"), "instances": 2}, FRAMED),
+            Trial({"instances": 3}),
         ],
         field_trials=[
             Trial({"ratio": OTHER_RATIO}, {"ratio": Field("ratio")}),
             Trial({"resolution": Pr(2.0)}),
+            *(Trial(change, FEW | FRAMED) for change in OTHER_FRAMES),
         ],
     ),
     "mac": MethodCase(

@@ -55,6 +55,7 @@ def compare(oracle: OracleReport, method: str, problem: Problem, options: Option
     masks_equal = assert_same_group(got, expected, ambiguous)
     assert_same_threshold(got, expected, ambiguous)
     assert_same_alternatives(got, expected, nudged, problem)
+    assert_same_confidence(got, expected, nudged, problem)
     assert_mask_follows_scores(method, got, expected, nudged, options)
     oracle.record(
         method,
@@ -222,6 +223,27 @@ def assert_same_alternatives(
     if any(not same_motions(other, reference, problem) for other in nudged):
         return
     assert same_motions(rust, reference, problem)
+
+
+def assert_same_confidence(
+    rust: Any, reference: ReferenceGrouping, nudged: list[ReferenceGrouping], problem: Problem
+) -> None:
+    """Compare the number of false alarms and the instances, unless rounding may have changed what they count."""
+    if reference.false_alarms is None:
+        assert (rust.ok, rust.false_alarms, rust.instances) == (None, None, None)
+        return
+    sides = [other for other in nudged if not same_confidence(other, reference)]
+    if not sides and all(same_motions(other, reference, problem) for other in nudged):
+        assert same_confidence(rust, reference)
+
+
+def same_confidence(found: Any, reference: ReferenceGrouping) -> bool:
+    """Return True for the same number of false alarms, up to rounding, and the same instances."""
+    if (found.instances is None) != (reference.instances is None):
+        return False
+    same_rows = reference.instances is None or np.array_equal(found.instances, reference.instances)
+    same_number = np.isclose(found.false_alarms, reference.false_alarms, rtol=1e-6, atol=0.0)
+    return bool(found.ok == reference.ok and same_number and same_rows)
 
 
 def same_motions(found: Any, reference: ReferenceGrouping, problem: Problem) -> bool:

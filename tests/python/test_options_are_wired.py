@@ -51,7 +51,7 @@ TRIALS = [
 
 def outcome(group: Any) -> tuple[list[Any] | float | None, ...]:
     """Return all that a caller can observe."""
-    arrays = (group.mask, group.scores, group.alternatives, group.alternative_scores)
+    arrays = (group.mask, group.scores, group.alternatives, group.alternative_scores, group.instances)
     return (*(None if array is None else np.asarray(array).tolist() for array in arrays), group.threshold)
 
 

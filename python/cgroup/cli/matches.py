@@ -62,6 +62,9 @@ def group_command(
     path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     io.write_mask(path, grouping.mask)
     print_line(f"{grouping.size} of {len(given)} selected by {method.upper()} in {1e3 * seconds:.0f} ms")
+    if grouping.false_alarms is not None:
+        trust = "can be trusted" if grouping.ok else "may be chance"
+        print_line(f"the group {trust}: {grouping.false_alarms:.2g} false alarms expected")
     _print_pose(given, grouping)
     print_line(f"wrote {path}")
 

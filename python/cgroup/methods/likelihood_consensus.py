@@ -18,9 +18,12 @@ def lc(
     target: ArrayLike,
     *,
     ratio: ArrayLike | None = None,
+    source_lrf: ArrayLike | None = None,
+    target_lrf: ArrayLike | None = None,
     resolution: float | None = None,
     tolerance: float | None = None,
     modes: int = 40,
+    instances: int = 1,
     threads: int | None = None,
     max_memory: int | None = None,
     progress: Progress | None = None,
@@ -28,13 +31,20 @@ def lc(
     """Likelihood consensus (LC): the pose under which the correspondences are likelier than by chance.
 
     Not of the paper; for few right matches among many. Cliques of matches that keep their distances
-    (``|ds - dt| < tolerance``) give poses. A pose scores the sum of ``max(0, L_i - r_i^2 / (2 sigma^2))``
-    over residuals r_i below ``2 * tolerance``, with ``sigma = 0.9 * tolerance`` and the chance level
+    (``|ds - dt| < tolerance``) give poses. The support of a pose is the sum of
+    ``max(0, L_i - r_i^2 / (2 sigma^2))`` over residuals r_i below ``2 * tolerance``, with
+    ``sigma = 0.9 * tolerance`` and the chance level
     ``L_i = ln(s n / D_i) + clip(8 (0.87 - ratio_i), -0.8, 3)``: D_i counts the matches that start or end
     within ``5/3 * tolerance`` of match i, and ``s = max(1/100, 10/n)`` is the share that is right where
-    nothing is known. The best pose is refined, its supporters are taken out, and so on. Of more than 2,500
+    nothing is known. The best pose is refined, its supporters are taken out, and so on; the score of each is
+    its support times the share of source points that it lays near a target. Of more than 2,500
     correspondences, cliques are sought among the 2,500 that keep their distance to the most others (the
     diagnostics say how many under ``vertices``). Cost O(n^2) tests of pairs, memory O(n).
+
+    Frames make further poses and count in the support, where they are good: where most of the supporters of
+    poses that are no chance have frames that agree, or where position alone finds no such pose
+    (``by_frames`` in the diagnostics). ``docs/methods/likelihood-consensus.md`` has every step, and what
+    each is worth.
 
     Parameters
     ----------
@@ -42,6 +52,8 @@ def lc(
         Matched points.
     ratio : (n,) array_like of float, optional
         Nearest / second-nearest descriptor distance; without it, all matches are alike beforehand.
+    source_lrf, target_lrf : (n,3,3) array_like of float, optional
+        Local reference frames, rows are axes; NaN for none. A match without them is judged by its position.
     resolution : float, optional
         Mean nearest-neighbour distance of the clouds.
     tolerance : float, optional
@@ -49,6 +61,10 @@ def lc(
         matches of clouds thinned to voxels of side v, ``1.2 * v``.
     modes : int
         Most poses in `Grouping.alternatives`, the best among them.
+    instances : int
+        Most groups in `Grouping.instances`, which is None for 1: groups of different rigid motions, each of
+        them sure by the matches that better ones leave, any two with less than 0.3 in common (intersection
+        over union). Row 0 is the mask; there is no row where the best is not `Grouping.ok`.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     max_memory : int, optional
@@ -61,8 +77,11 @@ def lc(
     -------
     Grouping
         The correspondences with a residual of at most ``5/3 * tolerance`` under `Grouping.model`, the best
-        pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the other
-        poses too. Without a pose that three correspondences support, the group is empty.
+        pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the
+        other poses too. `Grouping.false_alarms` is ``n^3/6 P(Poisson(lambda) >= k - 3)`` for k supporters
+        that lie ``7/3 * tolerance`` apart, of which chance gives lambda where the targets lie as they do;
+        infinite where a mirror image fits better. Without a pose that three correspondences support, the
+        group is empty.
 
     Raises
     ------
@@ -80,5 +99,7 @@ def lc(
     >>> result = lc(source, target, resolution=1.0)
     >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
     (True, array([5., 5., 5.]))
+    >>> result.ok, result.false_alarms < 1e-6
+    (True, True)
     """
     return call("lc", locals())

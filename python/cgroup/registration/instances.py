@@ -11,7 +11,7 @@ from cgroup.features import DescribedCloud
 from cgroup.group import group
 from cgroup.registration.checks import LEAST_VOXELS
 from cgroup.registration.judgement import ACCEPTED
-from cgroup.registration.matching import match_both_ways, take_matches
+from cgroup.registration.matching import match_both_ways, take_matches, without_frames
 from cgroup.registration.objects import Sighting, look_at
 from cgroup.registration.poses import frame_poses, group_poses
 from cgroup.registration.report import registration_of
@@ -143,7 +143,9 @@ class InstanceSearch:
         matches, is_mutual = match_both_ways(model.described, free, 1, self.threads)
         mutual = take_matches(matches, is_mutual)
         self.clock.start("grouping")
-        poses = group_poses(group(matches if thoroughly else mutual, "lc", threads=self.threads))
+        poses = group_poses(
+            group(without_frames(matches if thoroughly else mutual), "lc", threads=self.threads)
+        )
         self.clock.start("verification")
         poses = np.concatenate([poses, frame_poses(mutual)])
         return self._verify(name, poses, mutual, matches) if len(poses) else []

@@ -69,6 +69,11 @@ def _correspondences(source: DescribedCloud, target: DescribedCloud, matches: Ma
     )
 
 
+def without_frames(matches: Correspondences) -> Correspondences:
+    """Return the matches by position: for a method that would use frames, where they are not to be used."""
+    return Correspondences(matches.source, matches.target, ratio=matches.ratio, resolution=matches.resolution)
+
+
 def take_matches(matches: Correspondences, chosen: BoolArray) -> Correspondences:
     """Return some of the matches."""
 

@@ -12,6 +12,7 @@ from cgroup.errors import InputError, NoConsensusError
 from cgroup.features import ORIGIN
 from cgroup.group import group
 from cgroup.registration.correspond import PaperFront, correspond
+from cgroup.registration.matching import without_frames
 from cgroup.registration.pair import prepare_pair
 from cgroup.registration.poses import as_axis, group_poses
 from cgroup.registration.prepared import DenseFront
@@ -141,7 +142,8 @@ def _search_keypoints(
         progress=search.clock.start,
     )
     search.clock.start("grouping")
-    poses = group_poses(group(matches, search.method, threads=search.threads, **search.options))
+    chosen = without_frames(matches) if search.method == "lc" else matches
+    poses = group_poses(group(chosen, search.method, threads=search.threads, **search.options))
     return search.confirm(*scans, matches, poses)
 
 

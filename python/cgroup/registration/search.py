@@ -9,7 +9,7 @@ import numpy as np
 
 from cgroup.group import group
 from cgroup.registration.judgement import ACCEPTED, SURE, probability, rank
-from cgroup.registration.matching import match_both_ways, take_matches
+from cgroup.registration.matching import match_both_ways, take_matches, without_frames
 from cgroup.registration.poses import frame_poses, group_poses, is_upright, keep_upright
 from cgroup.registration.prepared import fine_surfaces
 from cgroup.verification import align, verify
@@ -113,7 +113,8 @@ class Search:
 
     def _propose(self, matches: Correspondences) -> FloatArray:
         self.clock.start("grouping")
-        return group_poses(group(matches, self.method, threads=self.threads, **self.options))
+        chosen = without_frames(matches) if self.method == "lc" else matches
+        return group_poses(group(chosen, self.method, threads=self.threads, **self.options))
 
     def _verify(
         self, source: PreparedScan, target: PreparedScan, mutual: Correspondences, poses: FloatArray

@@ -5,11 +5,14 @@ pub mod cliques;
 pub mod coloring;
 pub mod cores;
 pub mod counter_rng;
+pub mod false_alarms;
 mod inlier_counter;
+pub mod landing;
 pub mod likelihood;
 pub mod maximum_clique;
 pub mod modes;
 pub mod reweighting;
 pub mod sample_consensus;
+pub mod stars;
 
 pub use sample_consensus::{Consensus, SampleConsensus};

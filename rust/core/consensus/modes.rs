@@ -154,7 +154,7 @@ fn mean_square(a: &Rigid, b: &Rigid, scatter: &Matrix3<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::consensus::likelihood::levels;
+    use crate::consensus::likelihood::levels::levels;
     use crate::geometry::rigid::fit_rigid;
 
     /// Points of which the first 40 stay, the next 25 move, and the rest go anywhere.

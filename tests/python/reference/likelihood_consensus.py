@@ -1,4 +1,4 @@
-"""LC: likelihood consensus by position (not of the paper).
+"""LC: likelihood consensus (not of the paper).
 
 With u = tolerance / 3, which is 1 pr by default, p_i and q_i the points of match i:
 
@@ -12,6 +12,32 @@ candidate that keeps most candidates comes next. The Kabsch motion of a clique i
 is refined by 4 rounds of weighted least squares, its supporters (r_i < 6 u) are taken out, the next one is the best
 of what is left, up to `modes`. Then each is refined by 10 rounds among all matches with sigma from 1.6 times that
 down to it.
+
+The score of a pose is that sum times the share of 1,000 source points (rows floor(k n / 1000)) that it lays within 5 u
+of any target; the best wins.
+
+Frames, with R_i = L'_i^T L_i. They agree with a pose if the angle to its rotation is below 30 degrees. pi is the
+share of the supporters (r_i <= 5 u), of the poses above with less than 0.01 false alarms, whose frames agree. Where there is
+such a pose, frames count if pi >= 3/4; else they are tried with pi = 1/2, and the best pose by position stays if it has
+at most 1/100 of the false alarms of the best with frames. With frames
+
+    term  = max(0, L_i + a_i - r_i^2 / (2 sigma^2)) / c_i,  at most pi = 0.9 in a_i:
+    a_i   = max(ln(1 - pi), ln(1 - pi + 40 pi) - (1 - cos theta_i) / (10 degrees)^2), theta_i between R and R_i
+    c_i   = matches within 15 u of i at both ends with |ds - dt| < 3 u, itself among them
+
+and stars are hypotheses too: j is in the star of i if the angle between R_i and R_j is below 30 degrees, |ds - dt| < 3 u,
+both lengths exceed 6 u, and the pose of either one's frames lays the other within 3 u + 2 sin(15 degrees) ds. Of the 600
+largest stars the motion of all, and of the centre with each of the first 6 members: least squares of points and frames,
+the latter with weight (sigma / 10 degrees)^2.
+
+False alarms of a pose: n^3 / 6 P(Poisson(lambda k' / k) >= k' - 3), k the supporters, k' those left when, by ascending residual,
+one is dropped that has a kept one within 7 u on either side (until 200 are kept; k counts those looked at), lambda the mean
+number of targets within 5 u of the 1,000 source points as the pose lays them, at least k / n. Where frames count: twice the
+less of that and of the same for the supporters whose frames agree, with lambda / 6. Infinite where the mirror image of
+one of the ten best poses (target mirrored at x = 0, supporters fitted, 5 rounds refined) has a larger k' than the best.
+
+Instances: in order of score the poses with less than 0.01 false alarms among the matches that no earlier one's group
+has, whose group shares less than 0.3 (intersection over union) with each of theirs; none unless the best is sure.
 
 Decisions where the description is open
 ---------------------------------------
@@ -33,9 +59,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.stats import poisson
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, as_vector, length
+from .result import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    ReferenceGrouping,
+    as_frames,
+    as_points,
+    as_vector,
+    has_frame,
+    length,
+)
 from .rigid import apply, homogeneous
 
 if TYPE_CHECKING:
@@ -49,6 +86,14 @@ SIGMA = 2.7
 FIRST_ROUNDS = [SIGMA] * 4
 LAST_ROUNDS = [SIGMA * (1.6 + (1.0 - 1.6) * k / 9) for k in range(10)]
 FLAT = 1e-7
+SAMPLES = 1000
+FRAME_SIGMA = np.deg2rad(10.0)
+LEAST_SHARE = 0.75
+STARS = 600
+PAIRS = 6
+ENOUGH = 200
+REFLECTIONS = 10
+MOST_ALARMS = 0.01
 
 
 class Pose(NamedTuple):
@@ -59,24 +104,62 @@ class Pose(NamedTuple):
 
 
 class Model(NamedTuple):
-    """Centred points in units of u, and the levels L."""
+    """Centred points in units of u, the levels L, and the weights and frames of the matches, where these count."""
 
     p: FloatArray
     q: FloatArray
     level: FloatArray
+    weight: FloatArray | None = None
+    turns: FloatArray | None = None
+    share: float = 0.0
 
     def squares(self, pose: Pose) -> FloatArray:
         """r_i^2."""
         return ((apply(pose.rotation, pose.translation, self.p) - self.q) ** 2).sum(axis=1)
 
+    def levels(self, pose: Pose) -> FloatArray:
+        """L_i + a_i."""
+        if self.turns is None:
+            return self.level
+        loss, gain = np.log(1.0 - self.share), np.log(1.0 - self.share + 40.0 * self.share)
+        cosine = (np.einsum("nij,ij->n", self.turns, pose.rotation) - 1.0) / 2.0
+        said = np.maximum(loss, gain - (1.0 - cosine) / FRAME_SIGMA**2)
+        return self.level + np.where(np.isfinite(cosine), said, 0.0)
+
+    def log_odds(self, pose: Pose) -> FloatArray:
+        """Logarithm of the odds of each match."""
+        return self.levels(pose) - self.squares(pose) / (2.0 * SIGMA**2)
+
+    def positive(self, pose: Pose) -> BoolArray:
+        """Tell which matches support a pose."""
+        return (self.squares(pose) < 6.0**2) & (self.log_odds(pose) > 0.0)
+
     def terms(self, pose: Pose) -> FloatArray:
-        """Return what each match adds to the score."""
-        squares = self.squares(pose)
-        return np.where(squares < 6.0**2, np.maximum(0.0, self.level - squares / (2.0 * SIGMA**2)), 0.0)
+        """Return what each match adds to the support."""
+        terms = np.where(self.positive(pose), self.log_odds(pose), 0.0)
+        return terms if self.weight is None else self.weight * terms
 
     def subset(self, rows: BoolArray) -> Model:
         """Return the given matches alone."""
-        return Model(self.p[rows], self.q[rows], self.level[rows])
+        weight = None if self.weight is None else self.weight[rows]
+        turns = None if self.turns is None else self.turns[rows]
+        return Model(self.p[rows], self.q[rows], self.level[rows], weight, turns, self.share)
+
+
+class Ranked(NamedTuple):
+    """A mode, its score, and how many targets are near where it lays a source point, in the mean."""
+
+    pose: Pose
+    score: float
+    chance: float
+
+
+class Answer(NamedTuple):
+    """The modes, the best first, and what they are of."""
+
+    model: Model
+    ranked: list[Ranked]
+    by_frames: bool
 
 
 def lc(
@@ -84,9 +167,12 @@ def lc(
     target: ArrayLike,
     *,
     ratio: ArrayLike | None = None,
+    source_lrf: ArrayLike | None = None,
+    target_lrf: ArrayLike | None = None,
     resolution: float | None = None,
     tolerance: float | None = None,
     modes: int = 40,
+    instances: int = 1,
 ) -> ReferenceGrouping:
     """Group the correspondences near the pose under which they are likeliest."""
     p_raw, q_raw = as_points(source), as_points(target)
@@ -99,19 +185,180 @@ def lc(
     joined = agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
     found = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)])]
     hypotheses = [kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes(p[c], q[c])]
-    poses = finish(peel(hypotheses, model, modes), model)
+    turns = proposed(n, source_lrf, target_lrf)
+    answer = Answer(model, rank(model, hypotheses, modes), by_frames=False)
+    if np.isfinite(turns).any():
+        answer = with_frames(answer, turns, hypotheses, kept, modes)
     mask, scores = np.zeros(n, dtype=bool), np.zeros(n)
-    if poses:
-        squares = model.squares(poses[0])
-        mask, scores = squares <= 5.0**2, posterior(model.level - squares / (2.0 * SIGMA**2))
+    expected = np.inf
+    if answer.ranked:
+        best = answer.ranked[0]
+        mask, scores = model.squares(best.pose) <= 5.0**2, posterior(answer.model.log_odds(best.pose))
+        if not outdone(model, answer.ranked):
+            expected = alarms(model, best, turns if answer.by_frames else None, np.zeros(n, dtype=bool))
+    ok = bool(expected < MOST_ALARMS)
     return ReferenceGrouping(
         mask,
         scores,
         None,
-        {"hypotheses": len(hypotheses)},
-        np.array([in_data(pose, p_raw, q_raw, unit) for pose in poses]).reshape(-1, 4, 4),
-        np.array([model.terms(pose).sum() for pose in poses]),
+        {"hypotheses": len(hypotheses), "by_frames": answer.by_frames},
+        np.array([in_data(one.pose, p_raw, q_raw, unit) for one in answer.ranked]).reshape(-1, 4, 4),
+        np.array([one.score for one in answer.ranked]),
+        ok=ok,
+        false_alarms=float(expected),
+        instances=find_instances(model, answer, turns, instances if ok else 0) if instances > 1 else None,
     )
+
+
+def proposed(n: int, source_lrf: ArrayLike | None, target_lrf: ArrayLike | None) -> FloatArray:
+    """(n,3,3) the rotations that frames propose, NaN for none."""
+    if source_lrf is None or target_lrf is None:
+        return np.full((n, 3, 3), np.nan)
+    source, target = as_frames(source_lrf), as_frames(target_lrf)
+    turns = target.transpose(0, 2, 1) @ source
+    turns[~has_frame(source, target)] = np.nan
+    return turns
+
+
+def rank(model: Model, hypotheses: list[Pose], modes: int) -> list[Ranked]:
+    """Modes with their scores, the best first."""
+    found: list[Ranked] = []
+    n = len(model.p)
+    rows = np.arange(min(n, SAMPLES)) * n // max(1, min(n, SAMPLES))
+    for pose in finish(peel(hypotheses, model, modes), model):
+        moved = apply(pose.rotation, pose.translation, model.p[rows])
+        near = (((moved[:, None] - model.q) ** 2).sum(axis=2) < 5.0**2).sum(axis=1)
+        score = model.terms(pose).sum() * np.mean(near > 0)
+        found.append(Ranked(pose, float(score), float(near.mean())))
+    return sorted(found, key=lambda one: -one.score)
+
+
+def with_frames(
+    answer: Answer, turns: FloatArray, cliques: list[Pose], vertices: IntArray, modes: int
+) -> Answer:
+    """Return the answer with frames, where they count."""
+    model = answer.model
+    nothing = np.zeros(len(turns), dtype=bool)
+    agree: list[BoolArray] = []
+    for one in answer.ranked:
+        if alarms(model, one, None, nothing) < MOST_ALARMS:
+            group = (model.squares(one.pose) <= 5.0**2) & np.isfinite(turns[:, 0, 0])
+            agree.append(agreeing(turns[group], one.pose.rotation))
+    agrees = np.concatenate(agree) if agree else np.zeros(0)
+    if agrees.size and agrees.mean() < LEAST_SHARE:
+        return answer
+    share = min(float(agrees.mean()), 0.9) if agrees.size else 0.5
+    framed = model._replace(weight=1.0 / cluster_sizes(model.p, model.q), turns=turns, share=share)
+    ranked = rank(framed, cliques + stars(model.p, model.q, turns, vertices), modes)
+    after = Answer(framed, ranked, by_frames=True)
+    if not agrees.size and answer.ranked:
+        before = alarms(model, answer.ranked[0], None, nothing)
+        if not ranked or 100.0 * before <= alarms(model, ranked[0], turns, nothing):
+            return answer
+    return after
+
+
+def agreeing(turns: FloatArray, rotation: FloatArray) -> BoolArray:
+    """Tell which proposed rotations are within 30 degrees of another."""
+    return np.einsum("nij,ij->n", turns, rotation) > 1.0 + 2.0 * np.cos(np.pi / 6.0)
+
+
+def cluster_sizes(p: FloatArray, q: FloatArray) -> FloatArray:
+    """(n,) c_i."""
+    ds, dt = edge_lengths(p), edge_lengths(q)
+    return ((ds < 15.0) & (dt < 15.0) & (np.abs(ds - dt) < 3.0)).sum(axis=1).astype(np.float64)
+
+
+def stars(p: FloatArray, q: FloatArray, turns: FloatArray, vertices: IntArray) -> list[Pose]:
+    """Motions of the largest stars, each followed by those of its pairs."""
+    p, q, turns = p[vertices], q[vertices], turns[vertices]
+    ds, dt = edge_lengths(p), edge_lengths(q)
+    a, b = p[None] - p[:, None], q[None] - q[:, None]  # [i, j] from i to j
+    laid = np.linalg.norm(np.einsum("iab,ijb->ija", turns, a) - b, axis=2)  # by the frames of i
+    reach = 3.0 + 2.0 * np.sin(np.pi / 12.0) * ds
+    joined = (np.einsum("iab,jab->ij", turns, turns) > 1.0 + 2.0 * np.cos(np.pi / 6.0)) & (laid < reach)
+    joined &= (reach > laid.T) & (np.abs(ds - dt) < 3.0) & (np.minimum(ds, dt) > 6.0)
+    poses: list[Pose] = []
+    for i in np.argsort(-joined.sum(axis=1), kind="stable")[:STARS]:
+        members = np.flatnonzero(joined[i])
+        if len(members):
+            sets = [np.concatenate([[i], members]), *(np.array([i, j]) for j in members[:PAIRS])]
+            poses += [fit_posed(p[rows], q[rows], turns[rows].sum(axis=0)) for rows in sets]
+    return poses
+
+
+def fit_posed(p: FloatArray, q: FloatArray, turns: FloatArray) -> Pose:
+    """Least squares of points, and of frames given as the sum of the rotations they propose."""
+    p_mean, q_mean = p.mean(axis=0), q.mean(axis=0)
+    rotation = nearest_rotation((p - p_mean).T @ (q - q_mean) + (SIGMA / FRAME_SIGMA) ** 2 * turns.T)
+    return Pose(rotation, q_mean - rotation @ p_mean)
+
+
+def independent(p: FloatArray, q: FloatArray, squares: FloatArray, rows: IntArray) -> tuple[int, int]:
+    """Number of supporters that lie apart, and of those looked at."""
+    kept: list[int] = []
+    looked = 0
+    for i in rows[np.argsort(squares[rows], kind="stable")]:
+        looked += 1
+        if all(((x[i] - x[kept]) ** 2).sum(axis=1).min(initial=np.inf) > 7.0**2 for x in (p, q)):
+            kept.append(int(i))
+            if len(kept) == ENOUGH:
+                break
+    return len(kept), looked
+
+
+def alarms(model: Model, one: Ranked, turns: FloatArray | None, taken: BoolArray) -> float:
+    """Number of false alarms among the matches that are not taken."""
+    squares = model.squares(one.pose)
+    n = int(np.count_nonzero(~taken))
+    supporters = np.flatnonzero((squares <= 5.0**2) & ~taken)
+    chance = max(one.chance, len(supporters) / max(1, n))
+
+    def expected(rows: IntArray, mean: float) -> float:
+        kept, looked = independent(model.p, model.q, squares, rows)
+        mean *= kept / max(1, looked)
+        least = max(0, kept - 3)
+        tail = 1.0 if least <= mean else float(poisson.sf(least - 1, mean))
+        return n**3 / 6.0 * tail
+
+    by_position = expected(supporters, chance)
+    if turns is None:
+        return by_position
+    agree = agreeing(turns[supporters], one.pose.rotation)
+    return 2.0 * min(by_position, expected(supporters[agree], chance / 6.0))
+
+
+def outdone(model: Model, ranked: list[Ranked]) -> bool:
+    """Whether a mirror image of one of the best poses has more supporters than the best."""
+    mirrored = model._replace(q=model.q * [-1.0, 1.0, 1.0])
+
+    def count(some: Model, pose: Pose) -> int:
+        squares = some.squares(pose)
+        return independent(some.p, some.q, squares, np.flatnonzero(squares <= 5.0**2))[0]
+
+    own = count(model, ranked[0].pose)
+    for one in ranked[:REFLECTIONS]:
+        rows = model.squares(one.pose) <= 5.0**2
+        start = kabsch(mirrored.p[rows], mirrored.q[rows], np.ones(np.count_nonzero(rows)))
+        if count(mirrored, refine(start, mirrored, [SIGMA] * 5)) > own:
+            return True
+    return False
+
+
+def find_instances(model: Model, answer: Answer, turns: FloatArray, most: int) -> BoolArray:
+    """(m,n) groups of the poses that are sure by what earlier ones leave."""
+    n = len(model.p)
+    masks: list[BoolArray] = []
+    taken = np.zeros(n, dtype=bool)
+    for one in answer.ranked:
+        if len(masks) == most:
+            break
+        mask = model.squares(one.pose) <= 5.0**2
+        new = all(np.count_nonzero(mask & x) < 0.3 * np.count_nonzero(mask | x) for x in masks)
+        if new and alarms(model, one, turns if answer.by_frames else None, taken) < MOST_ALARMS:
+            masks.append(mask)
+            taken |= mask
+    return np.array(masks, dtype=bool).reshape(len(masks), n)
 
 
 def levels(p: FloatArray, q: FloatArray, ratio: FloatArray | None) -> FloatArray:
@@ -160,10 +407,15 @@ def fixes(p: FloatArray, q: FloatArray) -> bool:
 def kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> Pose:
     """Weighted least-squares motion."""
     p_mean, q_mean = np.average(p, axis=0, weights=weight), np.average(q, axis=0, weights=weight)
-    u, _, vt = np.linalg.svd(((p - p_mean) * weight[:, None]).T @ (q - q_mean))
-    turn = np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)])
-    rotation = vt.T @ turn @ u.T
+    rotation = nearest_rotation(((p - p_mean) * weight[:, None]).T @ (q - q_mean))
     return Pose(rotation, q_mean - rotation @ p_mean)
+
+
+def nearest_rotation(covariance: FloatArray) -> FloatArray:
+    """Kabsch's rotation for H = sum p q^T."""
+    u, _, vt = np.linalg.svd(covariance)
+    turn = np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)])
+    return vt.T @ turn @ u.T
 
 
 def posterior(log_odds: FloatArray) -> FloatArray:
@@ -179,7 +431,8 @@ def refine(pose: Pose, model: Model, deviations: list[float]) -> Pose:
         near = squares < (3.0 * sigma) ** 2
         if not fixes(model.p[near], model.q[near]):
             break
-        weight = posterior(model.level[near] - squares[near] / (2.0 * sigma**2))
+        weight = posterior(model.levels(pose)[near] - squares[near] / (2.0 * sigma**2))
+        weight *= 1.0 if model.weight is None else model.weight[near]
         pose = kabsch(model.p[near], model.q[near], weight)
     return pose
 
@@ -192,7 +445,7 @@ def peel(hypotheses: list[Pose], model: Model, most: int) -> list[Pose]:
         best = int(scores.argmax())
         scores[best] = 0.0
         pose = refine(hypotheses[best], model, FIRST_ROUNDS)
-        if np.count_nonzero(model.terms(pose)) < 3:
+        if np.count_nonzero(model.positive(pose)) < 3:
             continue
         found.append(pose)
         model = model.subset(model.squares(pose) >= 6.0**2)
@@ -208,7 +461,7 @@ def finish(poses: list[Pose], model: Model) -> list[Pose]:
     kept: list[Pose] = []
     for k in np.argsort(-scores, kind="stable"):
         pose = refined[k]
-        if np.count_nonzero(model.terms(pose)) >= 3 and all(apart(pose, x, model.p) >= 3.0 for x in kept):
+        if np.count_nonzero(model.positive(pose)) >= 3 and all(apart(pose, x, model.p) >= 3.0 for x in kept):
             kept.append(pose)
     return kept
 

@@ -32,6 +32,8 @@ class ReferenceGrouping:
         (k,4,4) possible motions, the best first, or None for methods that find one or none.
     alternative_scores
         (k,) the score of each.
+    ok, false_alarms, instances
+        As in `cgroup.Grouping`, or None for methods that have none.
     """
 
     mask: BoolArray
@@ -40,6 +42,9 @@ class ReferenceGrouping:
     details: dict[str, Any] = field(default_factory=dict)
     alternatives: FloatArray | None = None
     alternative_scores: FloatArray | None = None
+    ok: bool | None = None
+    false_alarms: float | None = None
+    instances: BoolArray | None = None
 
 
 def as_points(points: ArrayLike) -> FloatArray:

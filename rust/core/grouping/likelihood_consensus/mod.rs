@@ -1,6 +1,6 @@
 //! LC: the pose under which the correspondences are likeliest, beside chance.
 //!
-//! Likelihood consensus by position, a method of this library. With lengths in units of a third of the tolerance:
+//! Likelihood consensus, a method of this library. With lengths in units u of a third of the tolerance:
 //!
 //! 1. The level of a correspondence: `L_i = ln(s n / D_i) + clip(8 (0.87 - ratio_i), -0.8, 3)`, where `s = max(1 / 100, 10 / n)`
 //!    is the share that is right where nothing is known, and `D_i` the greater of the sums over k of
@@ -9,22 +9,34 @@
 //!    the most common neighbours grows a clique of up to 12 members, whose least-squares motion is a hypothesis.
 //!    Of more than 2,500 correspondences only those are joined for which `|ds - dt| < 3` holds with the most others,
 //!    ties to the lower index: right ones are among them, be they few or many.
-//! 3. The score of a pose: the sum of `max(0, L_i - r_i^2 / (2 2.7^2))` over residuals `r_i` below 6.
+//! 3. The support of a pose: the sum of `max(0, L_i - r_i^2 / (2 2.7^2))` over residuals `r_i` below 6.
 //! 4. The best pose is refined by weighted least squares, its supporters are taken out, and so on; then each is
 //!    refined among all correspondences, with a deviation that falls from 1.6 times 2.7 to 2.7.
-//! 5. The group: residuals of at most 5 under the best.
+//! 5. Frames, where there are any: whether they count is asked of the poses found so far ([`frames`]). If they do, stars of
+//!    frames propose poses too, each term gets what its frames say and is divided by how many go wrong together
+//!    ([`weigh`]), and step 4 is done again.
+//! 6. The score of a pose is its support times the share of source points that it lays within 5 of any target; the best wins.
+//! 7. The group: residuals of at most 5 under it.
+//! 8. The number of false alarms, and further instances ([`confidence`]).
 //!
 //! Cost O(n^2) tests of pairs, and O(n) a hypothesis.
+
+mod confidence;
+mod frames;
+
+use confidence::Judge;
 
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::graph::AgreementGraph;
 use crate::consensus::cliques::clique_poses;
-use crate::consensus::likelihood::{Likelihood, levels};
+use crate::consensus::landing::{Landing, landings};
+use crate::consensus::likelihood::Likelihood;
+use crate::consensus::likelihood::levels::levels;
 use crate::consensus::modes::{Mode, find_modes};
 use crate::error::at_least_one;
 use crate::geometry::rigid::Rigid;
-use crate::grouping_result::Alternative;
+use crate::grouping_result::{Alternative, mask_of};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
@@ -49,27 +61,116 @@ pub struct LikelihoodConsensus {
     pub tolerance: Option<f64>,
     /// Most poses that are returned, the best among them.
     pub modes: usize,
+    /// Most rigid motions whose groups are returned.
+    pub instances: usize,
 }
 
 impl Default for LikelihoodConsensus {
     fn default() -> Self {
-        Self { tolerance: None, modes: 40 }
+        Self { tolerance: None, modes: 40, instances: 1 }
     }
+}
+
+/// Matched points and what all steps share.
+struct Problem<'a> {
+    source: &'a Points,
+    target: &'a Points,
+    tolerance: f64,
+    modes: usize,
+    execution: &'a Execution,
+}
+
+/// A mode, how it lays the source, and its score.
+#[derive(Debug, Clone, Copy)]
+struct Ranked {
+    mode: Mode,
+    landing: Landing,
+    score: f64,
+}
+
+/// What the matches say, with frames or without.
+struct Answer {
+    likelihood: Likelihood,
+    /// The modes, the best first.
+    ranked: Vec<Ranked>,
+    /// Whether frames count in it.
+    by_frames: bool,
 }
 
 impl GroupingMethod for LikelihoodConsensus {
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("lc")?;
         let tolerance = correspondences.length("tolerance", self.tolerance, 3.0)?;
-        let most = at_least_one("modes", self.modes)?;
+        let modes = at_least_one("modes", self.modes)?;
+        let instances = at_least_one("instances", self.instances)?;
+        let problem = Problem { source, target, tolerance, modes, execution };
         let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
         let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance);
         let vertices = vertices(source, target, tolerance, execution)?;
-        let hypotheses = hypotheses(&vertices, source, target, tolerance, execution)?;
-        let modes = find_modes(&likelihood, &hypotheses, most, source, tolerance, execution)?;
-        let grouping = report(&modes, &likelihood, source, target, GROUP * tolerance);
-        let grouping = grouping.with("hypotheses", hypotheses.len() as f64);
+        let cliques = hypotheses(&vertices, source, target, tolerance, execution)?;
+        let ranked = problem.rank(&likelihood, &cliques)?;
+        let rotations = frames::proposed_rotations(correspondences);
+        let judge = Judge { problem: &problem, likelihood: &likelihood, rotations: rotations.as_deref() };
+        let mut answer = Answer { likelihood: likelihood.clone(), ranked, by_frames: false };
+        if let Some(rotations) = &rotations {
+            answer = frames::with_frames(&judge, answer, rotations, &vertices, &cliques)?;
+        }
+        let grouping = judge.judged(problem.report(&answer), &answer, instances)?;
+        let grouping = grouping.with("hypotheses", cliques.len() as f64);
+        let grouping = grouping.with("by_frames", f64::from(u8::from(answer.by_frames)));
         Ok(grouping.with("vertices", vertices.len() as f64))
+    }
+}
+
+impl Problem<'_> {
+    /// The modes among hypotheses, the best first.
+    fn rank(&self, likelihood: &Likelihood, hypotheses: &[Rigid]) -> Result<Vec<Ranked>> {
+        let modes =
+            find_modes(likelihood, hypotheses, self.modes, self.source, self.tolerance, self.execution)?;
+        let poses: Vec<Rigid> = modes.iter().map(|mode| mode.pose).collect();
+        let landings = landings(&poses, self.source, self.target, self.group_radius(), self.execution)?;
+        let rank = |(mode, landing): (Mode, Landing)| Ranked {
+            mode,
+            landing,
+            score: mode.support.score * landing.coverage,
+        };
+        let mut ranked: Vec<Ranked> = modes.into_iter().zip(landings).map(rank).collect();
+        ranked.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Ok(ranked)
+    }
+
+    /// Greatest residual in a group.
+    fn group_radius(&self) -> f64 {
+        GROUP * self.tolerance
+    }
+
+    /// The rows with a residual in the group.
+    fn group(&self, squares: &[f64]) -> Vec<usize> {
+        let limit = self.group_radius().powi(2);
+        (0..squares.len()).filter(|&i| squares[i] <= limit).collect()
+    }
+
+    fn report(&self, answer: &Answer) -> Grouping {
+        let n = self.source.len();
+        let alternative = |one: &Ranked| Alternative {
+            model: one.mode.pose.uncentered(self.source, self.target).to_matrix(),
+            score: one.score,
+        };
+        let alternatives: Vec<Alternative> = answer.ranked.iter().map(alternative).collect();
+        let Some(best) = answer.ranked.first() else {
+            let scores = Some(vec![0.0; n]);
+            return Grouping { scores, alternatives: Some(alternatives), ..Grouping::empty(n) };
+        };
+        let pose = &best.mode.pose;
+        Grouping {
+            mask: mask_of(n, self.group(&answer.likelihood.squared_residuals(pose))),
+            scores: Some(answer.likelihood.posteriors(pose)),
+            model: alternatives.first().map(|best| best.model),
+            alternatives: Some(alternatives),
+            ..Grouping::default()
+        }
+        .with("score", best.score)
+        .with("supporters", best.mode.support.supporters as f64)
     }
 }
 
@@ -101,34 +202,6 @@ fn hypotheses(
     let graph = AgreementGraph::new(&p, &q, tolerance, SHORTEST * tolerance, execution)?;
     let poses = clique_poses(&graph, &p, &q, SEEDS, execution)?;
     Ok(poses.iter().map(|pose| pose.uncentered(&p, &q)).collect())
-}
-
-fn report(
-    modes: &[Mode],
-    likelihood: &Likelihood,
-    source: &Points,
-    target: &Points,
-    within: f64,
-) -> Grouping {
-    let alternative = |mode: &Mode| Alternative {
-        model: mode.pose.uncentered(source, target).to_matrix(),
-        score: mode.support.score,
-    };
-    let alternatives = modes.iter().map(alternative).collect();
-    let Some(best) = modes.first() else {
-        let scores = Some(vec![0.0; source.len()]);
-        return Grouping { scores, alternatives: Some(alternatives), ..Grouping::empty(source.len()) };
-    };
-    let limit = within * within;
-    Grouping {
-        mask: likelihood.squared_residuals(&best.pose).into_iter().map(|square| square <= limit).collect(),
-        scores: Some(likelihood.posteriors(&best.pose)),
-        model: Some(best.pose.uncentered(source, target).to_matrix()),
-        alternatives: Some(alternatives),
-        ..Grouping::default()
-    }
-    .with("score", best.support.score)
-    .with("supporters", best.support.supporters as f64)
 }
 
 #[cfg(test)]
@@ -175,6 +248,30 @@ mod tests {
         let group = LikelihoodConsensus::default().group(&problem(3_000, 100)?, &Execution::default())?;
         assert!(group.mask[..100].iter().all(|&selected| selected));
         assert_eq!(group.diagnostics.get("vertices"), Some(&2_500.0));
+        Ok(())
+    }
+
+    #[test]
+    fn many_right_ones_are_no_false_alarm_and_none_are() -> Result<()> {
+        let lc = LikelihoodConsensus { instances: 3, ..LikelihoodConsensus::default() };
+        let sure = lc.group(&problem(400, 30)?, &Execution::default())?;
+        assert!(sure.ok == Some(true) && sure.false_alarms < Some(1e-6));
+        assert_eq!(sure.instances, Some(vec![sure.mask]));
+        let chance = lc.group(&problem(400, 0)?, &Execution::default())?;
+        assert!(chance.ok == Some(false) && chance.false_alarms > Some(1.0));
+        assert_eq!(chance.instances, Some(Vec::new()));
+        Ok(())
+    }
+
+    #[test]
+    fn mirrored_points_are_no_motion() -> Result<()> {
+        let rows: Vec<[f64; 3]> =
+            (0..300).map(|i| [1.1, 2.3, 3.7].map(|f| 40.0 * (f64::from(i) * f).sin())).collect();
+        let flat: Vec<[f64; 3]> = rows.iter().map(|&[x, y, z]| [x, y, 0.1 * z]).collect();
+        let mirror: Vec<[f64; 3]> = flat.iter().map(|&[x, y, z]| [-x, y, z]).collect();
+        let input = Correspondences::new(&flat, &mirror)?.with_resolution(1.0)?;
+        let group = LikelihoodConsensus::default().group(&input, &Execution::default())?;
+        assert!(group.size() > 200 && group.ok == Some(false));
         Ok(())
     }
 

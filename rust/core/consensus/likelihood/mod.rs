@@ -1,41 +1,53 @@
 //! How much likelier correspondences are under a pose than by chance.
 //!
-//! A wrong match ends near a given place as often as others do; a right one ends where the pose lays it, up to noise.
-//! The logarithm of the ratio of both, cut off at 0, adds up to the score of the pose.
+//! A wrong match ends near a given place as often as others do; a right one ends where the pose lays it, up to noise,
+//! and its frames turn as the pose does. The logarithm of the ratio of both, cut off at 0, adds up to the score of the pose.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
 
-use nalgebra::Point3;
+mod groups;
+pub mod levels;
 
-use crate::error::Result;
-use crate::execution::Execution;
-use crate::geometry::ball_search::BallSearch;
+use nalgebra::{Matrix3, Point3};
+
 use crate::geometry::rigid::{Rigid, fit_weighted, fixes_rotation};
 use crate::points::Points;
 use crate::simd::{self, DOUBLES};
-
-/// Share of correspondences that is right where nothing is known: one in a hundred, but ten at least.
-const RIGHT_SHARE: f64 = 0.01;
-const RIGHT_COUNT: f64 = 10.0;
-
-/// A ratio's logarithm of the likelihood ratio: slope, where it is 0, least and greatest.
-const RATIO_SLOPE: f64 = 8.0;
-const RATIO_EVEN: f64 = 0.87;
-const RATIO_TERM: (f64, f64) = (-0.8, 3.0);
+use groups::{Detail, Group, by_rows, cosines, details_in_groups, in_groups, squared_residuals};
 
 /// Residuals of more deviations don't move a pose.
 const REFINED: f64 = 3.0;
 
-/// Source x, y, z, then target x, y, z, then the level of correspondences; what is left of the last group has a level
-/// of -infinity.
-type Group = [[f64; DOUBLES]; TERMS];
-const TERMS: usize = 7;
+/// What frames say of a correspondence: `max(loss, gain - 2 (1 - cos a) / (2 deviation^2))` for the angle a between the
+/// pose and the rotation that they propose; nothing where there are none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameTerm {
+    /// Logarithm of the likelihood ratio of frames that agree fully.
+    pub gain: f64,
+    /// The same, at most 0, of frames that don't agree.
+    pub loss: f64,
+    /// Standard deviation of the angle between right ones, in radians.
+    pub deviation: f64,
+}
+
+impl FrameTerm {
+    /// Frames that say nothing.
+    pub const SILENT: Self = Self { gain: 0.0, loss: 0.0, deviation: 1.0 };
+
+    /// What frames add to the loss where they propose the pose, and how fast it falls with `1 - cos a`.
+    fn bonus(&self) -> (f64, f64) {
+        (self.gain - self.loss, 1.0 / (self.deviation * self.deviation))
+    }
+}
 
 /// What the score of a pose adds up.
 #[derive(Debug, Clone)]
 pub struct Likelihood {
     groups: Vec<Group>,
+    /// One beside each group where correspondences have weights or frames, else none.
+    details: Vec<Detail>,
+    frame_term: FrameTerm,
     len: usize,
     /// Standard deviation of a right match, a length.
     deviation: f64,
@@ -52,45 +64,55 @@ pub struct Support {
     pub supporters: usize,
 }
 
-/// The level of each correspondence: `ln(share) + ln(n / D_i)`, and what its ratio adds, where `D_i` is how
-/// many correspondences start or end within `radius` of it, the nearer the more.
-///
-/// # Errors
-/// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`].
-pub fn levels(
-    source: &Points,
-    target: &Points,
-    ratio: Option<&[f64]>,
-    radius: f64,
-    execution: &Execution,
-) -> Result<Vec<f64>> {
-    let n = source.len() as f64;
-    let share = RIGHT_SHARE.max(RIGHT_COUNT / n);
-    let (starts, ends) = (density(source, radius, execution)?, density(target, radius, execution)?);
-    let level = |i: usize| {
-        let term = ratio
-            .map_or(0.0, |ratio| (RATIO_SLOPE * (RATIO_EVEN - ratio[i])).clamp(RATIO_TERM.0, RATIO_TERM.1));
-        (share * n / starts[i].max(ends[i])).ln() + term
-    };
-    Ok((0..source.len()).map(level).collect())
-}
-
-/// `sum over k of max(0, 1 - d_ik^2 / radius^2)` at each point.
-fn density(points: &Points, radius: f64, execution: &Execution) -> Result<Vec<f64>> {
-    let limit = radius * radius;
-    BallSearch::new(points, radius)?.map_points(execution, |_, ball| {
-        ball.squared_distances().iter().map(|square| 1.0 - square / limit).sum()
-    })
-}
-
 impl Likelihood {
-    /// Of matched points and their [`levels`].
+    /// Of matched points and their levels.
     pub fn new(source: &Points, target: &Points, levels: &[f64], deviation: f64, reach: f64) -> Self {
         let terms = |i: usize| {
             let (p, q) = (source.get(i), target.get(i));
             [p.x, p.y, p.z, q.x, q.y, q.z, levels[i]]
         };
-        Self { groups: in_groups((0..levels.len()).map(terms)), len: levels.len(), deviation, reach }
+        let groups = in_groups((0..levels.len()).map(terms));
+        let (details, frame_term) = (Vec::new(), FrameTerm::SILENT);
+        Self { groups, details, frame_term, len: levels.len(), deviation, reach }
+    }
+
+    /// The same where each correspondence counts by its weight, and its frames propose a rotation or none.
+    #[must_use]
+    pub fn with_frames(
+        mut self,
+        rotations: &[Option<Matrix3<f64>>],
+        weights: &[f64],
+        term: FrameTerm,
+    ) -> Self {
+        for (i, _) in rotations.iter().enumerate().filter(|(_, rotation)| rotation.is_some()) {
+            self.groups[i / DOUBLES][6][i % DOUBLES] += term.loss;
+        }
+        self.details = details_in_groups(rotations, weights);
+        self.frame_term = term;
+        self
+    }
+
+    /// The same levels between other points, by position alone.
+    #[must_use]
+    pub fn between(&self, source: &Points, target: &Points) -> Self {
+        let levels: Vec<f64> = (0..self.len).map(|i| groups::terms(&self.groups, i)[6]).collect();
+        Self::new(source, target, &levels, self.deviation, self.reach)
+    }
+
+    /// Number of correspondences.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The points of one.
+    pub fn points(&self, i: usize) -> (Point3<f64>, Point3<f64>) {
+        let [x, y, z, u, v, w, _] = groups::terms(&self.groups, i);
+        (Point3::new(x, y, z), Point3::new(u, v, w))
     }
 
     /// Standard deviation of a right match.
@@ -104,29 +126,41 @@ impl Likelihood {
         let squares = self.squared_residuals(pose);
         let limit = self.reach * self.reach;
         let kept: Vec<usize> = (0..self.len).filter(|&i| squares[i] >= limit).collect();
-        let terms = kept.iter().map(|&i| self.terms(i));
-        Self { groups: in_groups(terms), len: kept.len(), ..*self }
+        let groups = groups::take(&self.groups, &kept, f64::NEG_INFINITY);
+        let details =
+            if self.details.is_empty() { Vec::new() } else { groups::take(&self.details, &kept, 0.0) };
+        Self { groups, details, len: kept.len(), ..*self }
     }
 
-    fn terms(&self, i: usize) -> [f64; TERMS] {
-        let group = &self.groups[i / DOUBLES];
-        std::array::from_fn(|k| group[k][i % DOUBLES])
-    }
-
-    /// The score of a pose: sum of `max(0, level - r^2 / (2 deviation^2))` over residuals r below the reach.
+    /// The score of a pose: sum of `max(0, level - r^2 / (2 deviation^2))` over residuals r below the reach; where there are
+    /// frames, what they say is added to the level, and each term counts by its weight.
     pub fn support(&self, pose: &Rigid) -> Support {
         let (limit, factor) = (self.reach * self.reach, 0.5 / (self.deviation * self.deviation));
         let transform = by_rows(pose);
+        let (most, slope) = self.frame_term.bonus();
         let (sums, counts) = simd::run(
             #[inline(always)]
             || {
                 let (mut sums, mut counts) = ([0.0; DOUBLES], [0.0; DOUBLES]);
-                for group in &self.groups {
+                if self.details.is_empty() {
+                    for group in &self.groups {
+                        let squares = squared_residuals(&transform, group);
+                        for lane in 0..DOUBLES {
+                            let term = group[6][lane] - factor * squares[lane];
+                            let counts_here = (squares[lane] < limit) & (term > 0.0);
+                            sums[lane] += if counts_here { term } else { 0.0 };
+                            counts[lane] += if counts_here { 1.0 } else { 0.0 };
+                        }
+                    }
+                }
+                for (group, detail) in self.groups.iter().zip(&self.details) {
                     let squares = squared_residuals(&transform, group);
+                    let cosines = cosines(&transform, detail);
                     for lane in 0..DOUBLES {
-                        let term = group[6][lane] - factor * squares[lane];
+                        let bonus = (most - slope * (1.0 - cosines[lane])).max(0.0);
+                        let term = group[6][lane] + bonus - factor * squares[lane];
                         let counts_here = (squares[lane] < limit) & (term > 0.0);
-                        sums[lane] += if counts_here { term } else { 0.0 };
+                        sums[lane] += if counts_here { detail[0][lane] * term } else { 0.0 };
                         counts[lane] += if counts_here { 1.0 } else { 0.0 };
                     }
                 }
@@ -139,12 +173,28 @@ impl Likelihood {
     /// The probability of each correspondence to be right, given the pose.
     pub fn posteriors(&self, pose: &Rigid) -> Vec<f64> {
         let factor = 0.5 / (self.deviation * self.deviation);
-        let squares = self.squared_residuals(pose).into_iter().enumerate();
-        squares.map(|(i, square)| posterior(self.level(i) - factor * square)).collect()
+        let (levels, squares) = (self.levels_under(pose), self.squared_residuals(pose));
+        levels.iter().zip(squares).map(|(level, square)| posterior(level - factor * square)).collect()
     }
 
-    fn level(&self, i: usize) -> f64 {
-        self.groups[i / DOUBLES][6][i % DOUBLES]
+    /// The level of each correspondence, with what its frames say of the pose.
+    fn levels_under(&self, pose: &Rigid) -> Vec<f64> {
+        let (most, slope) = self.frame_term.bonus();
+        let mut levels: Vec<f64> = self.groups.iter().flat_map(|group| group[6]).collect();
+        levels.truncate(self.len);
+        if !self.details.is_empty() {
+            let transform = by_rows(pose);
+            let cosines = self.details.iter().flat_map(|detail| cosines(&transform, detail));
+            levels
+                .iter_mut()
+                .zip(cosines)
+                .for_each(|(level, cos)| *level += (most - slope * (1.0 - cos)).max(0.0));
+        }
+        levels
+    }
+
+    fn weight(&self, i: usize) -> f64 {
+        self.details.get(i / DOUBLES).map_or(1.0, |detail| detail[0][i % DOUBLES])
     }
 
     /// The pose after one round of weighted least squares for each of the given deviations, in turn; where
@@ -162,12 +212,13 @@ impl Likelihood {
     fn refit(&self, pose: &Rigid, deviation: f64) -> Option<Rigid> {
         let (limit, factor) = ((REFINED * deviation).powi(2), 0.5 / (deviation * deviation));
         let (mut p, mut q, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+        let levels = self.levels_under(pose);
         for (i, square) in self.squared_residuals(pose).into_iter().enumerate() {
             if square < limit {
-                let [x, y, z, u, v, w, level] = self.terms(i);
-                p.push(Point3::new(x, y, z));
-                q.push(Point3::new(u, v, w));
-                weights.push(posterior(level - factor * square));
+                let (start, end) = self.points(i);
+                p.push(start);
+                q.push(end);
+                weights.push(self.weight(i) * posterior(levels[i] - factor * square));
             }
         }
         fixes_rotation(&p, &q).then(|| fit_weighted(&p, &q, &weights))
@@ -196,44 +247,12 @@ fn posterior(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
 
-fn in_groups(terms: impl ExactSizeIterator<Item = [f64; TERMS]>) -> Vec<Group> {
-    let mut empty = [[0.0; DOUBLES]; TERMS];
-    empty[6] = [f64::NEG_INFINITY; DOUBLES];
-    let mut groups = vec![empty; terms.len().div_ceil(DOUBLES)];
-    for (i, terms) in terms.enumerate() {
-        let group = &mut groups[i / DOUBLES];
-        (0..TERMS).for_each(|k| group[k][i % DOUBLES] = terms[k]);
-    }
-    groups
-}
-
-/// R by rows, then t.
-fn by_rows(pose: &Rigid) -> [f64; 12] {
-    let mut transform = [0.0; 12];
-    transform[..9].copy_from_slice(pose.rotation.transpose().as_slice());
-    transform[9..].copy_from_slice(pose.translation.as_slice());
-    transform
-}
-
-#[inline(always)]
-fn squared_residuals(transform: &[f64; 12], group: &Group) -> [f64; DOUBLES] {
-    let [r0, r1, r2, r3, r4, r5, r6, r7, r8, t0, t1, t2] = *transform;
-    let mut squares = [0.0; DOUBLES];
-    for lane in 0..DOUBLES {
-        let [x, y, z] = [group[0][lane], group[1][lane], group[2][lane]];
-        let dx = r0 * x + r1 * y + r2 * z + t0 - group[3][lane];
-        let dy = r3 * x + r4 * y + r5 * z + t1 - group[4][lane];
-        let dz = r6 * x + r7 * y + r8 * z + t2 - group[5][lane];
-        squares[lane] = dx * dx + dy * dy + dz * dz;
-    }
-    squares
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Result;
     use crate::geometry::rigid::fit_rigid;
-    use nalgebra::{Matrix3, Vector3};
+    use nalgebra::{Rotation3, Vector3};
 
     const STILL: fn() -> Rigid = || Rigid { rotation: Matrix3::identity(), translation: Vector3::zeros() };
 
@@ -247,24 +266,6 @@ mod tests {
         let rows = points.rows().into_iter().enumerate();
         let rows: Vec<[f64; 3]> = rows.map(|(i, [x, y, z])| [x, y + 0.1 * i as f64, z]).collect();
         Points::from_rows("target", &rows)
-    }
-
-    #[test]
-    fn levels_of_points_far_from_each_other_and_of_points_in_one_place() -> Result<()> {
-        let far: Vec<[f64; 3]> = (0..2000).map(|i| [10.0 * f64::from(i), 0.0, 0.0]).collect();
-        let far = Points::from_rows("source", &far)?;
-        let close = Points::from_rows("target", &vec![[1.0; 3]; 2000])?;
-        let execution = Execution::default();
-        let alone = levels(&far, &far, None, 5.0, &execution)?;
-        assert!(alone.iter().all(|level| (level - 20.0_f64.ln()).abs() < 1e-12));
-        let crowded = levels(&far, &close, None, 5.0, &execution)?;
-        assert!(crowded.iter().all(|level| (level - 0.01_f64.ln()).abs() < 1e-12));
-        let ratio = [0.0, 0.87, 0.9, 1.0].repeat(500);
-        let told = levels(&far, &far, Some(&ratio), 5.0, &execution)?;
-        for (level, term) in told.iter().zip([3.0, 0.0, -0.24, -0.8]) {
-            assert!((level - alone[0] - term).abs() < 1e-12);
-        }
-        Ok(())
     }
 
     #[test]
@@ -286,6 +287,30 @@ mod tests {
             assert_eq!(rest.len, squares.iter().filter(|&&square| square >= 9.0).count());
             assert_eq!(rest.support(&STILL()), Support::default());
         }
+        Ok(())
+    }
+
+    #[test]
+    fn frames_add_what_their_angle_says_and_weights_divide() -> Result<()> {
+        let source = points(30)?;
+        let term = FrameTerm { gain: 3.0, loss: -0.7, deviation: 0.2 };
+        let turn =
+            |i: usize| (i % 3 != 2).then(|| Rotation3::new(Vector3::x() * 0.1 * i as f64).into_inner());
+        let rotations: Vec<_> = (0..30).map(turn).collect();
+        let weights: Vec<f64> = (1..=30).map(|i| 1.0 / f64::from(i)).collect();
+        let plain = Likelihood::new(&source, &source, &[1.0; 30], 1.5, 3.0);
+        let framed = plain.clone().with_frames(&rotations, &weights, term);
+        let said = |i: usize| {
+            let angle = 0.1 * i as f64;
+            if i % 3 == 2 { 0.0 } else { (3.0 - (1.0 - angle.cos()) / 0.04).max(-0.7) }
+        };
+        let expected: f64 = (0..30).map(|i| weights[i] * (1.0 + said(i))).sum();
+        assert!((framed.support(&STILL()).score - expected).abs() < 1e-9);
+        assert_eq!(framed.support(&STILL()).supporters, 30);
+        let posteriors = framed.posteriors(&STILL());
+        assert!((0..30).all(|i| (posteriors[i] - posterior(1.0 + said(i))).abs() < 1e-12));
+        assert_eq!(framed.between(&source, &source).len(), 30);
+        assert!(framed.without_supporters(&STILL()).is_empty());
         Ok(())
     }
 

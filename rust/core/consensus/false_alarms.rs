@@ -1,0 +1,106 @@
+//! How many poses that nothing but chance speaks for would have as much support as one.
+//!
+//! Three matches make a pose, and every three of n could; the others support it by chance, independently of each
+//! other, about `chance` of them. So `n^3 / 6 P(Poisson(chance) >= k - 3)` poses with k supporters are to be expected where
+//! no match is right (Moisan, Moulon, Monasse: Automatic homographic registration of a pair of images, with a
+//! contrario elimination of outliers, IPOL 2012, for a pose of three matches).
+
+use crate::points::Points;
+
+/// More supporters make no difference.
+const ENOUGH: usize = 200;
+
+/// Matches that fix a pose.
+const MINIMAL: usize = 3;
+
+/// Supporters that speak for a pose each on its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Independent {
+    /// How many there are.
+    pub count: usize,
+    /// The share that they are of the supporters that were looked at.
+    pub share: f64,
+}
+
+/// Takes supporters by their residuals, the least first, and of those that lie within `apart` of each other on either
+/// side only the first: wrong matches of neighbouring points often go wrong together.
+pub fn independent(
+    source: &Points,
+    target: &Points,
+    squares: &[f64],
+    supporters: &[usize],
+    apart: f64,
+) -> Independent {
+    let mut order = supporters.to_vec();
+    order.sort_by(|&a, &b| squares[a].total_cmp(&squares[b]).then(a.cmp(&b)));
+    let mut kept: Vec<usize> = Vec::new();
+    let mut seen = 0_u32;
+    for i in order {
+        seen += 1;
+        let far = |points: &Points, j: usize| (points.get(i) - points.get(j)).norm_squared() > apart * apart;
+        if kept.iter().all(|&j| far(source, j) && far(target, j)) {
+            kept.push(i);
+            if kept.len() == ENOUGH {
+                break;
+            }
+        }
+    }
+    Independent { count: kept.len(), share: kept.len() as f64 / f64::from(seen.max(1)) }
+}
+
+/// Number of false alarms of a pose with `supporters` of `n` matches, of which `chance` are to be expected.
+pub fn false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
+    (n as f64).powi(3) / 6.0 * poisson_tail(supporters.saturating_sub(MINIMAL), chance)
+}
+
+/// `P(Poisson(mean) >= least)`, or 1 where the mean is no less.
+fn poisson_tail(least: usize, mean: f64) -> f64 {
+    if least as f64 <= mean {
+        return 1.0;
+    }
+    if mean <= 0.0 {
+        return 0.0;
+    }
+    let logarithm: f64 = -mean + (1..=least).map(|k| (mean / k as f64).ln()).sum::<f64>();
+    let (mut term, mut sum, mut k) = (1.0, 0.0, least as f64);
+    while term > f64::EPSILON * sum {
+        sum += term;
+        k += 1.0;
+        term *= mean / k;
+    }
+    logarithm.exp() * sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Result;
+
+    #[test]
+    fn tail_is_the_plain_sum() {
+        for (least, mean) in [(1, 0.3), (4, 1.5), (9, 8.2), (30, 2.0)] {
+            let mut term = (-mean).exp();
+            let mut below = 0.0;
+            for k in 0..least {
+                below += term;
+                term *= mean / (k + 1) as f64;
+            }
+            let tail = poisson_tail(least, mean);
+            assert!((tail - (1.0 - below)).abs() < 1e-14, "{least} {mean} {tail}");
+        }
+        assert!(poisson_tail(30, 2.0) > 0.0 && poisson_tail(30, 2.0) < 1e-20);
+        assert_eq!((poisson_tail(0, 0.0), poisson_tail(1, 0.0), poisson_tail(3, 4.0)), (1.0, 0.0, 1.0));
+    }
+
+    #[test]
+    fn neighbours_count_once() -> Result<()> {
+        let rows: Vec<[f64; 3]> =
+            (0..9).map(|i| [f64::from(i / 3) * 10.0 + f64::from(i % 3), 0.0, 0.0]).collect();
+        let points = Points::from_rows("points", &rows)?;
+        let squares: Vec<f64> = (0..9).map(|i| f64::from(8 - i)).collect();
+        let found = independent(&points, &points, &squares, &[0, 1, 2, 3, 4, 5, 6, 7, 8], 5.0);
+        assert_eq!((found.count, found.share), (3, 1.0 / 3.0));
+        assert_eq!(independent(&points, &points, &squares, &[], 5.0).count, 0);
+        Ok(())
+    }
+}

@@ -1,0 +1,52 @@
+//! Where a pose lays the source points: near targets of matches, their own or another's.
+
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::ball_search::{Ball, BallSearch};
+use crate::geometry::rigid::Rigid;
+use crate::points::Points;
+
+/// Source points that are looked at, evenly spread over the input.
+const SAMPLES: usize = 1_000;
+
+/// Where the source points come to lie.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Landing {
+    /// Share of them that come near any target.
+    pub coverage: f64,
+    /// Targets near each, in the mean: of matches that end at random on the targets' places, so many would support
+    /// the pose.
+    pub chance: f64,
+}
+
+/// How the poses lay the source points within `radius` of targets.
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`].
+pub fn landings(
+    poses: &[Rigid],
+    source: &Points,
+    target: &Points,
+    radius: f64,
+    execution: &Execution,
+) -> Result<Vec<Landing>> {
+    let n = source.len();
+    let count = n.min(SAMPLES);
+    let samples: Vec<Point3<f64>> = (0..count).map(|k| source.get(k * n / count)).collect();
+    let search = BallSearch::new(target, radius)?;
+    let land = |pose: &Rigid| {
+        execution.check()?;
+        let (mut ball, mut covered, mut near) = (Ball::default(), 0, 0);
+        for sample in &samples {
+            search.within(&pose.apply(sample), &mut ball);
+            covered += usize::from(!ball.is_empty());
+            near += ball.len();
+        }
+        let share = |total: usize| total as f64 / count.max(1) as f64;
+        Ok(Landing { coverage: share(covered), chance: share(near) })
+    };
+    poses.par_iter().map(land).collect()
+}

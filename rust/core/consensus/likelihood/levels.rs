@@ -1,0 +1,94 @@
+//! What is known of each correspondence before any pose: how likely it is right, and how much it counts.
+
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::ball_search::BallSearch;
+use crate::points::Points;
+
+/// Share of correspondences that is right where nothing is known: one in a hundred, but ten at least.
+const RIGHT_SHARE: f64 = 0.01;
+const RIGHT_COUNT: f64 = 10.0;
+
+/// A ratio's logarithm of the likelihood ratio: slope, where it is 0, least and greatest.
+const RATIO_SLOPE: f64 = 8.0;
+const RATIO_EVEN: f64 = 0.87;
+const RATIO_TERM: (f64, f64) = (-0.8, 3.0);
+
+/// The level of each correspondence: `ln(share) + ln(n / D_i)`, and what its ratio adds, where `D_i` is how
+/// many correspondences start or end within `radius` of it, the nearer the more.
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`].
+pub fn levels(
+    source: &Points,
+    target: &Points,
+    ratio: Option<&[f64]>,
+    radius: f64,
+    execution: &Execution,
+) -> Result<Vec<f64>> {
+    let n = source.len() as f64;
+    let share = RIGHT_SHARE.max(RIGHT_COUNT / n);
+    let (starts, ends) = (density(source, radius, execution)?, density(target, radius, execution)?);
+    let level = |i: usize| {
+        let term = ratio
+            .map_or(0.0, |ratio| (RATIO_SLOPE * (RATIO_EVEN - ratio[i])).clamp(RATIO_TERM.0, RATIO_TERM.1));
+        (share * n / starts[i].max(ends[i])).ln() + term
+    };
+    Ok((0..source.len()).map(level).collect())
+}
+
+/// `sum over k of max(0, 1 - d_ik^2 / radius^2)` at each point.
+fn density(points: &Points, radius: f64, execution: &Execution) -> Result<Vec<f64>> {
+    let limit = radius * radius;
+    BallSearch::new(points, radius)?.map_points(execution, |_, ball| {
+        ball.squared_distances().iter().map(|square| 1.0 - square / limit).sum()
+    })
+}
+
+/// How many correspondences lie within `radius` of each at both ends and keep their distance to it within
+/// `tolerance`, itself among them: right or wrong, they are so together.
+///
+/// # Errors
+/// As for [`levels`].
+pub fn cluster_sizes(
+    source: &Points,
+    target: &Points,
+    radius: f64,
+    tolerance: f64,
+    execution: &Execution,
+) -> Result<Vec<f64>> {
+    let search = BallSearch::new(source, radius)?;
+    let limit = radius * radius;
+    let partners = search.reorder(&(0..target.len()).map(|j| target.get(j)).collect::<Vec<_>>());
+    search.map_points(execution, |position, ball| {
+        let center = partners[position as usize];
+        let near = ball.positions().iter().zip(ball.squared_distances()).filter(|&(&place, square)| {
+            let other = (partners[place as usize] - center).norm_squared();
+            other < limit && (other.sqrt() - square.sqrt()).abs() < tolerance
+        });
+        near.count().max(1) as f64
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_of_points_far_from_each_other_and_of_points_in_one_place() -> Result<()> {
+        let far: Vec<[f64; 3]> = (0..2000).map(|i| [10.0 * f64::from(i), 0.0, 0.0]).collect();
+        let far = Points::from_rows("source", &far)?;
+        let close = Points::from_rows("target", &vec![[1.0; 3]; 2000])?;
+        let execution = Execution::default();
+        let alone = levels(&far, &far, None, 5.0, &execution)?;
+        assert!(alone.iter().all(|level| (level - 20.0_f64.ln()).abs() < 1e-12));
+        let crowded = levels(&far, &close, None, 5.0, &execution)?;
+        assert!(crowded.iter().all(|level| (level - 0.01_f64.ln()).abs() < 1e-12));
+        let ratio = [0.0, 0.87, 0.9, 1.0].repeat(500);
+        let told = levels(&far, &far, Some(&ratio), 5.0, &execution)?;
+        for (level, term) in told.iter().zip([3.0, 0.0, -0.24, -0.8]) {
+            assert!((level - alone[0] - term).abs() < 1e-12);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,124 @@
+//! Poses from correspondences whose frames propose nearly the same one.
+//!
+//! A star is a correspondence with those that the pose of its own frames lays where they end; the motion that fits
+//! their points and their frames is a hypothesis.
+
+use nalgebra::{Matrix3, Point3};
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::rigid::{Rigid, fit_posed};
+use crate::points::Points;
+
+/// Greatest angle between what two frames propose.
+pub const FRAME_ANGLE: f64 = std::f64::consts::PI / 6.0;
+
+/// Heaviest stars that make hypotheses, and members of each that make one with its centre alone.
+const MOST_STARS: usize = 600;
+const MOST_PAIRS: usize = 6;
+
+/// Standard deviation of a right frame's angle: 10 degrees.
+pub const FRAME_DEVIATION: f64 = std::f64::consts::PI / 18.0;
+
+/// What stars are made of, between centred points.
+#[derive(Debug, Clone, Copy)]
+pub struct Stars<'a> {
+    /// Matched points.
+    pub source: &'a Points,
+    /// Their partners.
+    pub target: &'a Points,
+    /// The rotation that the frames of each correspondence propose.
+    pub rotations: &'a [Option<Matrix3<f64>>],
+    /// Greatest distance difference of two that agree.
+    pub tolerance: f64,
+    /// Least distance of two.
+    pub shortest: f64,
+    /// Standard deviation of a right match.
+    pub deviation: f64,
+}
+
+impl Stars<'_> {
+    /// The motions of the heaviest stars among `vertices`, and of their pairs.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn poses(&self, vertices: &[usize], execution: &Execution) -> Result<Vec<Rigid>> {
+        let stars: Vec<Vec<usize>> = vertices
+            .par_iter()
+            .map(|&i| {
+                execution.check()?;
+                Ok(self.members(i, vertices))
+            })
+            .collect::<Result<_>>()?;
+        let sizes: Vec<f64> = stars.iter().map(|star| star.len() as f64).collect();
+        let heaviest = crate::selection::top_k::largest(&sizes, MOST_STARS);
+        let poses = |&k: &usize| self.poses_of(vertices[k], &stars[k]);
+        let poses: Vec<Vec<Rigid>> =
+            heaviest.par_iter().filter(|&&k| !stars[k].is_empty()).map(poses).collect();
+        Ok(poses.concat())
+    }
+
+    fn members(&self, i: usize, vertices: &[usize]) -> Vec<usize> {
+        let Some(rotation) = self.rotations[i] else { return Vec::new() };
+        let (p, q) = (self.source.get(i), self.target.get(i));
+        let slack = 2.0 * (0.5 * FRAME_ANGLE).sin();
+        let least_trace = 1.0 + 2.0 * FRAME_ANGLE.cos();
+        let joins = |&j: &usize| {
+            let Some(other) = self.rotations[j] else { return false };
+            let (a, b) = (self.source.get(j) - p, self.target.get(j) - q);
+            let (ds, dt) = (a.norm(), b.norm());
+            ds > self.shortest
+                && dt > self.shortest
+                && (ds - dt).abs() < self.tolerance
+                && rotation.dot(&other) > least_trace
+                && (rotation * a - b).norm() < self.tolerance + slack * ds
+                && (other * a - b).norm() < self.tolerance + slack * ds
+        };
+        vertices.iter().copied().filter(joins).collect()
+    }
+
+    fn poses_of(&self, center: usize, members: &[usize]) -> Vec<Rigid> {
+        let mut poses = vec![self.fit(std::iter::once(center).chain(members.iter().copied()))];
+        poses.extend(members.iter().take(MOST_PAIRS).map(|&j| self.fit([center, j].into_iter())));
+        poses
+    }
+
+    fn fit(&self, members: impl Iterator<Item = usize>) -> Rigid {
+        let (mut p, mut q, mut turns) = (Vec::<Point3<f64>>::new(), Vec::new(), Matrix3::zeros());
+        for i in members {
+            p.push(self.source.get(i));
+            q.push(self.target.get(i));
+            turns += self.rotations[i].unwrap_or_else(Matrix3::zeros);
+        }
+        fit_posed(&p, &q, &(turns * (self.deviation / FRAME_DEVIATION).powi(2)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    #[test]
+    fn the_largest_star_moves_as_its_matches_do() -> Result<()> {
+        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 50.0 * (i as f64 * f * k + k).sin());
+        let rows: Vec<[f64; 3]> = (0..60).map(|i| place(i, 1.0)).collect();
+        let moved = |(i, p): (usize, &[f64; 3])| if i < 5 { [-p[1], p[0], p[2]] } else { place(i, 0.7) };
+        let target: Vec<_> = rows.iter().enumerate().map(moved).collect();
+        let (source, target) = (Points::from_rows("source", &rows)?, Points::from_rows("target", &target)?);
+        let quarter = Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
+        let turn = |i: usize| match i {
+            0..5 => Some(quarter.into_inner()),
+            5 => None,
+            _ => Some(Rotation3::new(nalgebra::Vector3::new(i as f64, 0.7 * i as f64, 1.0)).into_inner()),
+        };
+        let rotations: Vec<_> = (0..60).map(turn).collect();
+        let (source, target, rotations) = (&source, &target, &rotations[..]);
+        let stars = Stars { source, target, rotations, tolerance: 1.0, shortest: 2.0, deviation: 0.9 };
+        let poses = stars.poses(&(0..60).collect::<Vec<_>>(), &Execution::default())?;
+        let best = poses.first().map_or_else(Matrix3::zeros, |pose| pose.rotation);
+        assert!((best - quarter.into_inner()).norm() < 1e-9, "{best}");
+        Ok(())
+    }
+}

@@ -1,0 +1,140 @@
+//! How sure a group is, and which further poses are as sure.
+//!
+//! The number of false alarms of a pose counts the supporters that lie apart from each other, for they speak for it
+//! independently, and takes for chance how many targets lie near the source points as the pose lays them: a pose that lays
+//! surface on surface has more of both. Where frames count, it is the less of that and of the same among the supporters whose
+//! frames agree, twice. And no reflection is a motion: where the mirror image of one of the best poses has more
+//! independent supporters than the best, the matches are of mirrored shapes, or of nothing.
+
+use nalgebra::Matrix3;
+
+use super::frames::agrees;
+use super::{Answer, Problem, Ranked};
+use crate::consensus::false_alarms::{Independent, false_alarms, independent};
+use crate::consensus::likelihood::Likelihood;
+use crate::geometry::rigid::{Rigid, fit_rigid};
+use crate::grouping_result::mask_of;
+use crate::{Grouping, Result};
+
+/// A group is sure below this.
+pub const MOST_FALSE_ALARMS: f64 = 0.01;
+
+/// Distance, in units of the tolerance, of supporters that count each on their own.
+const APART: f64 = 7.0 / 3.0;
+
+/// The share of wrong frames that agree with a pose that lays surface on surface: their z axes are normals and agree,
+/// the angle about them is any.
+const AGREEING_BY_CHANCE: f64 = 1.0 / 6.0;
+
+/// Poses whose mirror images are looked at, and the rounds of their refinement.
+const REFLECTIONS: usize = 10;
+const ROUNDS: usize = 5;
+
+/// Greatest share that two instances may have in common, of what is in either.
+const MOST_SHARED: f64 = 0.3;
+
+/// What poses are judged by.
+pub struct Judge<'a> {
+    pub problem: &'a Problem<'a>,
+    /// By position alone.
+    pub likelihood: &'a Likelihood,
+    /// What frames propose, where there are any.
+    pub rotations: Option<&'a [Option<Matrix3<f64>>]>,
+}
+
+impl Judge<'_> {
+    /// The grouping with its number of false alarms, and the masks of up to `instances` motions that are sure.
+    pub fn judged(&self, grouping: Grouping, answer: &Answer, instances: usize) -> Result<Grouping> {
+        let expected = match answer.ranked.first() {
+            Some(best) if !self.is_outdone_by_a_reflection(&answer.ranked)? => {
+                self.false_alarms(best, answer.by_frames, &[])
+            }
+            _ => f64::INFINITY,
+        };
+        let ok = expected < MOST_FALSE_ALARMS;
+        let masks = if instances == 1 {
+            None
+        } else if ok {
+            Some(self.instances(answer, instances)?)
+        } else {
+            Some(Vec::new())
+        };
+        Ok(Grouping { ok: Some(ok), false_alarms: Some(expected), instances: masks, ..grouping })
+    }
+
+    /// The masks of the motions that are sure by the matches that better ones leave.
+    fn instances(&self, answer: &Answer, most: usize) -> Result<Vec<Vec<bool>>> {
+        let (mut masks, mut taken): (Vec<Vec<bool>>, Vec<bool>) =
+            (Vec::new(), vec![false; answer.likelihood.len()]);
+        for one in &answer.ranked {
+            self.problem.execution.check()?;
+            if masks.len() == most {
+                break;
+            }
+            let squares = self.likelihood.squared_residuals(&one.mode.pose);
+            let mask = mask_of(squares.len(), self.problem.group(&squares));
+            let is_new = masks.iter().all(|other| is_other(&mask, other));
+            if is_new && self.false_alarms(one, answer.by_frames, &taken) < MOST_FALSE_ALARMS {
+                taken.iter_mut().zip(&mask).for_each(|(taken, &here)| *taken |= here);
+                masks.push(mask);
+            }
+        }
+        Ok(masks)
+    }
+
+    /// Number of false alarms of a pose among the matches that are not `taken` (none of them where that is empty).
+    pub fn false_alarms(&self, one: &Ranked, by_frames: bool, taken: &[bool]) -> f64 {
+        let pose = &one.mode.pose;
+        let squares = self.likelihood.squared_residuals(pose);
+        let mut supporters = self.problem.group(&squares);
+        supporters.retain(|&i| taken.get(i) != Some(&true));
+        let n = squares.len() - taken.iter().filter(|&&taken| taken).count();
+        // Where the source lands is known of a sample; supporters surely land on a target.
+        let chance = one.landing.chance.max(supporters.len() as f64 / n.max(1) as f64);
+        let alarms = |supporters: &[usize], chance: f64| {
+            let Independent { count, share } = self.independent(&squares, supporters);
+            false_alarms(n, count, chance * share)
+        };
+        let by_position = alarms(&supporters, chance);
+        let Some(rotations) = self.rotations.filter(|_| by_frames) else { return by_position };
+        supporters.retain(|&i| rotations[i].as_ref().is_some_and(|rotation| agrees(rotation, pose)));
+        2.0 * by_position.min(alarms(&supporters, chance * AGREEING_BY_CHANCE))
+    }
+
+    fn independent(&self, squares: &[f64], supporters: &[usize]) -> Independent {
+        let Problem { source, target, tolerance, .. } = *self.problem;
+        independent(source, target, squares, supporters, APART * tolerance)
+    }
+
+    /// Whether the mirror image of one of the best poses has more independent supporters than the best.
+    fn is_outdone_by_a_reflection(&self, ranked: &[Ranked]) -> Result<bool> {
+        let Problem { source, target, execution, .. } = *self.problem;
+        let mirrored = target.mirrored();
+        let likelihood = self.likelihood.between(source, &mirrored);
+        let count = |squares: &[f64]| self.independent(squares, &self.problem.group(squares)).count;
+        let mut own = None;
+        for one in ranked.iter().take(REFLECTIONS) {
+            execution.check()?;
+            let squares = self.likelihood.squared_residuals(&one.mode.pose);
+            let own = *own.get_or_insert_with(|| count(&squares));
+            let image = self.reflection(&squares, &likelihood);
+            if count(&likelihood.squared_residuals(&image)) > own {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The motion onto the mirrored target that fits the group of a pose, refined.
+    fn reflection(&self, squares: &[f64], mirrored: &Likelihood) -> Rigid {
+        let group = self.problem.group(squares);
+        let (p, q): (Vec<_>, Vec<_>) = group.iter().map(|&i| mirrored.points(i)).unzip();
+        mirrored.refined(&fit_rigid(&p, &q), std::iter::repeat_n(mirrored.deviation(), ROUNDS))
+    }
+}
+
+/// Whether two masks have little in common.
+fn is_other(a: &[bool], b: &[bool]) -> bool {
+    let count = |counts: fn(bool, bool) -> bool| a.iter().zip(b).filter(|&(&a, &b)| counts(a, b)).count();
+    (count(|a, b| a && b) as f64) < MOST_SHARED * count(|a, b| a || b) as f64
+}

@@ -1,0 +1,119 @@
+//! What frames add: poses of stars, terms of the score, and whether they are to count at all.
+//!
+//! A frame is never a veto: wrong ones cost a match little. But where most frames of right matches are wrong, those that
+//! agree lead astray. So the poses that are no chance by position alone are asked: of their supporters, three in
+//! four must have frames that agree with them. Where position finds no such pose, frames are tried, and their best pose is
+//! taken unless the best by position is far less likely to be chance.
+
+use nalgebra::Matrix3;
+
+use super::confidence::{Judge, MOST_FALSE_ALARMS};
+use super::{Answer, DEVIATION, Problem, Ranked, SHORTEST};
+use crate::consensus::likelihood::levels::cluster_sizes;
+use crate::consensus::likelihood::{FrameTerm, Likelihood};
+use crate::consensus::stars::{FRAME_ANGLE, FRAME_DEVIATION, Stars};
+use crate::geometry::rigid::Rigid;
+use crate::{Correspondences, Result};
+
+/// Frames count where those of as many of the supporters agree with the pose.
+const LEAST_SHARE: f64 = 0.75;
+
+/// The share of right frames where no pose tells, and the greatest: some are always wrong.
+const UNKNOWN_SHARE: f64 = 0.5;
+const GREATEST_SHARE: f64 = 0.9;
+
+/// How many times fewer false alarms the best pose by position needs, where frames are only tried, to be taken.
+const ADVANTAGE: f64 = 100.0;
+
+/// How much likelier right frames agree than those of wrong matches, under a pose that lays surface on surface.
+const LIKELIHOOD_RATIO: f64 = 40.0;
+
+/// Radius, in units of the tolerance, within which matches go wrong together.
+const CLUSTER: f64 = 5.0;
+
+/// `L'^T L` of each match that has both frames; `None` where no match has.
+pub fn proposed_rotations(correspondences: &Correspondences) -> Option<Vec<Option<Matrix3<f64>>>> {
+    let (source, target) = correspondences.frames("lc").ok()?;
+    let rotation = |i: usize| Some(target.get(i)?.transpose() * source.get(i)?);
+    let rotations: Vec<_> = (0..source.len()).map(rotation).collect();
+    rotations.iter().any(Option::is_some).then_some(rotations)
+}
+
+/// Whether frames propose the rotation of a pose, up to 30 degrees.
+pub fn agrees(rotation: &Matrix3<f64>, pose: &Rigid) -> bool {
+    rotation.dot(&pose.rotation) > 1.0 + 2.0 * FRAME_ANGLE.cos()
+}
+
+/// The answer where frames count, or else the one by position.
+pub fn with_frames(
+    judge: &Judge,
+    by_position: Answer,
+    rotations: &[Option<Matrix3<f64>>],
+    vertices: &[usize],
+    cliques: &[Rigid],
+) -> Result<Answer> {
+    let share = share(judge, &by_position.ranked, rotations);
+    if share.is_some_and(|share| share < LEAST_SHARE) {
+        return Ok(by_position);
+    }
+    let problem = judge.problem;
+    let hypotheses = [cliques, &star_poses(problem, rotations, vertices)?].concat();
+    let likelihood = weigh(problem, &by_position.likelihood, rotations, share.unwrap_or(UNKNOWN_SHARE))?;
+    let by_frames = Answer { ranked: problem.rank(&likelihood, &hypotheses)?, likelihood, by_frames: true };
+    let alarms =
+        |answer: &Answer| answer.ranked.first().map(|best| judge.false_alarms(best, answer.by_frames, &[]));
+    let is_worse = match (alarms(&by_position), alarms(&by_frames)) {
+        (Some(before), Some(after)) => ADVANTAGE * before <= after,
+        (before, _) => before.is_some(),
+    };
+    Ok(if share.is_none() && is_worse { by_position } else { by_frames })
+}
+
+/// The share of the supporters, of the poses that are no chance, whose frames agree; `None` without such a pose.
+fn share(judge: &Judge, ranked: &[Ranked], rotations: &[Option<Matrix3<f64>>]) -> Option<f64> {
+    let (mut agreeing, mut framed) = (0_u32, 0_u32);
+    for one in ranked.iter().filter(|one| judge.false_alarms(one, false, &[]) < MOST_FALSE_ALARMS) {
+        let supporters = judge.problem.group(&judge.likelihood.squared_residuals(&one.mode.pose));
+        for rotation in supporters.iter().filter_map(|&i| rotations[i].as_ref()) {
+            agreeing += u32::from(agrees(rotation, &one.mode.pose));
+            framed += 1;
+        }
+    }
+    (framed > 0).then(|| f64::from(agreeing) / f64::from(framed))
+}
+
+/// The motions of stars of frames among the vertices.
+fn star_poses(
+    problem: &Problem,
+    rotations: &[Option<Matrix3<f64>>],
+    vertices: &[usize],
+) -> Result<Vec<Rigid>> {
+    let stars = Stars {
+        source: problem.source,
+        target: problem.target,
+        rotations,
+        tolerance: problem.tolerance,
+        shortest: SHORTEST * problem.tolerance,
+        deviation: DEVIATION * problem.tolerance,
+    };
+    stars.poses(vertices, problem.execution)
+}
+
+/// The likelihood with frames, of which a share is right, and with weights 1 / c for the sizes c of clusters.
+fn weigh(
+    problem: &Problem,
+    likelihood: &Likelihood,
+    rotations: &[Option<Matrix3<f64>>],
+    share: f64,
+) -> Result<Likelihood> {
+    let share = share.min(GREATEST_SHARE);
+    let term = FrameTerm {
+        gain: (1.0 - share + share * LIKELIHOOD_RATIO).ln(),
+        loss: (1.0 - share).ln(),
+        deviation: FRAME_DEVIATION,
+    };
+    let Problem { source, target, tolerance, execution, .. } = *problem;
+    let sizes = cluster_sizes(source, target, CLUSTER * tolerance, tolerance, execution)?;
+    let weights: Vec<f64> = sizes.into_iter().map(f64::recip).collect();
+    Ok(likelihood.clone().with_frames(rotations, &weights, term))
+}
