@@ -11,7 +11,7 @@ from cgroup.registry import METHOD_INFO
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-Program: TypeAlias = Literal["cgroup", "numpy", "library", "pcl"]
+Program: TypeAlias = Literal["cgroup", "numpy", "library", "modern", "pcl"]
 
 OURS = "cgroup_"
 """Names of our own peers start so; the method's name follows."""
@@ -32,7 +32,7 @@ class Peer:
         What tables and figures call it.
     method : str
         Our method that does the same job.
-    program : {"cgroup", "numpy", "library", "pcl"}
+    program : {"cgroup", "numpy", "library", "modern", "pcl"}
         Who runs it.
     module : str
         What it needs to import, for libraries.
@@ -66,6 +66,10 @@ BINS = "metric bins with interpolation, filtered by RANSAC, instead of 15 bins p
 POSE = "it answers with a pose; what lies within 5 pr of it counts as its group"
 SAMPLES = f"other random samples; {POSE}"
 
+SINGLE = f"in single precision; {POSE}"
+START = "it starts from other random numbers"
+CAPPED = f"it ends after 200,000 cliques in no order of weight; {POSE}"
+
 OURS_PEERS = tuple(
     Peer(f"{OURS}{name}", f"cgroup {info.label}", name, "cgroup", largest=1_000_000)
     for name, info in METHOD_INFO.items()
@@ -73,13 +77,14 @@ OURS_PEERS = tuple(
 SLOW = {"largest": 5000, "common_share_only": True}
 OPEN3D = ("ransac", "library", "open3d")
 GC_RANSAC = ("ransac", "library", "pygcransac")
+TEASER = ("teaser", "modern", "_teaserpp")
+TORCH = ("modern", "torch")
 
 OTHERS = (
     Peer("pcl_gc", "PCL GC, threshold 3", "gc", "pcl", threaded=False, note=CLIQUES),
     Peer("pcl_gc10", "PCL GC, threshold 10", "gc", "pcl", threaded=False, note=CLIQUES),
     Peer("np_gc", "NumPy GC, n x n", "gc", "numpy", threaded=False, bytes_per_pair=17),
     Peer("np_gc_rows", "NumPy GC, row by row", "gc", "numpy", threaded=False),
-    Peer("kiss", "KISS-Matcher", "gc", "library", "kiss_matcher", note=POSE),
     Peer("pcl_ransac", "PCL RANSAC", "ransac", "pcl", threaded=False, note="other random samples"),
     Peer("np_ransac_10k", "NumPy RANSAC", "ransac", "numpy"),
     Peer("o3d_ransac_10k", "Open3D RANSAC", *OPEN3D, note=SAMPLES, **SLOW),
@@ -96,6 +101,13 @@ OTHERS = (
     Peer("np_cv", "NumPy CV", "cv", "numpy"),
     Peer("pcl_hough", "PCL Hough", "3dhv", "pcl", threaded=False, note=BINS),
     Peer("np_hough", "NumPy 3DHV", "3dhv", "numpy", threaded=False),
+    Peer("teaserpp_clique", "TEASER++, clique", *TEASER, note=POSE),
+    Peer("teaserpp_core", "TEASER++, core", *TEASER, note=POSE),
+    Peer("kiss", "KISS-Matcher", "teaser", "library", "kiss_matcher", note=POSE),
+    Peer("clipper", "CLIPPER", "clipper", "modern", "clipperpy", bytes_per_pair=40, note=START),
+    Peer("torch_sc2pcr", "PyTorch SC2-PCR", "sc2pcr", *TORCH, bytes_per_pair=30, note=SINGLE),
+    Peer("torch_turboreg", "PyTorch TurboReg", "turboreg", *TORCH, bytes_per_pair=40, note=SINGLE),
+    Peer("networkx_mac", "networkx MAC", "mac", "modern", "networkx", bytes_per_pair=90, note=CAPPED, **SLOW),
 )
 
 PEERS = {

@@ -23,8 +23,17 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).resolve().parent
 BENCHES = HERE.parent
-PACKAGES = {"open3d": "open3d", "pygcransac": "pygcransac", "kiss_matcher": "kiss-matcher"}
+PACKAGES = {
+    "open3d": "open3d",
+    "pygcransac": "pygcransac",
+    "kiss_matcher": "kiss-matcher",
+    "torch": "torch",
+    "networkx": "networkx",
+}
 """What the libraries are called on PyPI."""
+
+BUILT = {"_teaserpp": "TEASER++", "clipperpy": "CLIPPER"}
+"""What has to be built, with its Python bindings."""
 
 PCL_PACKAGES = "apt-get install libpcl-dev cmake"
 WITHOUT_PCL = 'Could not find a package configuration file provided by "PCL"'
@@ -84,7 +93,7 @@ def prepare(peers: Iterable[Peer], *, venv: Path, build: Path, say: Callable[[st
 
 def _add(environment: Environment, name: str, venv: Path, build: Path, say: Callable[[str], object]) -> None:
     """Set up PCL or a library, or note why it can't be had."""
-    title = PACKAGES.get(name, "PCL")
+    title = {**PACKAGES, **BUILT}.get(name, "PCL")
     try:
         if name == "pcl":
             program = build_pcl(build, say)
@@ -138,6 +147,9 @@ def make_venv(venv: Path, say: Callable[[str], object]) -> Path:
 def install(python: Path, module: str, say: Callable[[str], object]) -> str:
     """Install a library unless it is there; its version."""
     found = _version(python, module)
+    if found.returncode != 0 and module in BUILT:
+        message = "build it from its repository with its Python bindings, and put their folder on PYTHONPATH"
+        raise MissingError(message)
     if found.returncode != 0:
         say(f"Installing {PACKAGES[module]} ...")
         pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
@@ -153,7 +165,12 @@ def install(python: Path, module: str, say: Callable[[str], object]) -> str:
 
 
 def _version(python: Path, module: str) -> subprocess.CompletedProcess[str]:
-    code = f"import {module}; from importlib.metadata import version; print(version({PACKAGES[module]!r}))"
+    if module in BUILT:
+        code = f"import {module}; print(getattr({module}, '__version__', 'of unknown version'))"
+    else:
+        code = (
+            f"import {module}; from importlib.metadata import version; print(version({PACKAGES[module]!r}))"
+        )
     return _run([str(python), "-c", code])
 
 

@@ -26,6 +26,7 @@ MODULES = {
     "cgroup": "peers.cgroup_peers",
     "numpy": "peers.numpy_peers",
     "library": "peers.library_peers",
+    "modern": "peers.modern_peers",
 }
 
 MARK = "@@"

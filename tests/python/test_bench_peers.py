@@ -143,7 +143,7 @@ def test_quality_of_a_peer_without_an_answer(case):
 
 def test_peers_that_compute_something_else_say_what():
     for peer in PEERS.values():
-        assert bool(peer.note) == (peer.program in {"pcl", "library"}), peer.name
+        assert bool(peer.note) == (peer.program in {"pcl", "library", "modern"}), peer.name
 
 
 def test_a_long_call_is_made_once(monkeypatch):
