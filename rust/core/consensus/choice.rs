@@ -13,10 +13,14 @@ use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::Grouping;
 use crate::points::Points;
+use crate::selection::top_k::largest;
 use crate::simd::{self, DOUBLES};
 
 /// Most rounds of the last refinement.
 const ROUNDS: usize = 20;
+
+/// Poses whose residuals are looked at before all others'.
+const FIRST: usize = 16;
 
 /// What the best pose has most of; r is a residual, and those of at least the tolerance t count nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -42,26 +46,49 @@ pub fn best_pose(
     choice: Choice,
     execution: &Execution,
 ) -> Result<Option<Rigid>> {
-    let counter = InlierCounter::new(source, target, tolerance);
-    // Bits of positive numbers are in the numbers' order.
-    let greatest = AtomicU64::new(0.0_f64.to_bits());
-    let score = |near: &mut Vec<u16>, pose: &Rigid| {
-        execution.check()?;
-        // No residual adds more than 1, so whoever has fewer inliers than another's score can't win.
-        let least = f64::from_bits(greatest.load(Ordering::Relaxed)).ceil() as usize;
-        let Some(inliers) = counter.count(pose, least, near) else { return Ok(0.0) };
-        let score = match choice {
-            Choice::Inliers => inliers as f64,
-            Choice::Mae => sum_of_shares(pose, source, target, tolerance, false),
-            Choice::Mse => sum_of_shares(pose, source, target, tolerance, true),
-        };
-        greatest.fetch_max(score.to_bits(), Ordering::Relaxed);
-        Ok(score)
+    let inliers = count_inliers(poses, source, target, tolerance, execution)?;
+    let inliers: Vec<f64> = inliers.into_iter().map(|count| count as f64).collect();
+    let scores = match choice {
+        Choice::Inliers => inliers,
+        Choice::Mae | Choice::Mse => {
+            scores_that_may_win(poses, &inliers, source, target, tolerance, choice, execution)?
+        }
     };
-    let scores: Vec<f64> = poses.par_iter().map_init(Vec::new, score).collect::<Result<_>>()?;
     let most = scores.iter().copied().fold(0.0, f64::max);
     let best = scores.iter().position(|&score| most > 0.0 && score >= most);
     Ok(best.map(|best| poses[best]))
+}
+
+/// The sums over residuals; 0 for poses with fewer inliers than another one's sum, as none adds more than 1.
+fn scores_that_may_win(
+    poses: &[Rigid],
+    inliers: &[f64],
+    source: &Points,
+    target: &Points,
+    tolerance: f64,
+    choice: Choice,
+    execution: &Execution,
+) -> Result<Vec<f64>> {
+    // Bits of positive numbers are in the numbers' order.
+    let greatest = AtomicU64::new(0.0_f64.to_bits());
+    let score = |&k: &usize| {
+        execution.check()?;
+        if inliers[k] < f64::from_bits(greatest.load(Ordering::Relaxed)) {
+            return Ok((k, 0.0));
+        }
+        let score = sum_of_shares(&poses[k], source, target, tolerance, choice == Choice::Mse);
+        greatest.fetch_max(score.to_bits(), Ordering::Relaxed);
+        Ok((k, score))
+    };
+    // Those with the most first, so that most of the others can be left out.
+    let order = largest(inliers, poses.len());
+    let first = order.len().min(FIRST);
+    let mut scores = vec![0.0; poses.len()];
+    for part in [&order[..first], &order[first..]] {
+        let found: Vec<(usize, f64)> = part.par_iter().map(score).collect::<Result<_>>()?;
+        found.into_iter().for_each(|(k, score)| scores[k] = score);
+    }
+    Ok(scores)
 }
 
 /// The number of inliers of each pose between the centred points.
@@ -84,28 +111,39 @@ pub fn count_inliers(
 
 /// The sum of `max(0, 1 - r / tolerance)`, or of its squares.
 fn sum_of_shares(pose: &Rigid, source: &Points, target: &Points, tolerance: f64, squared: bool) -> f64 {
-    let (r, t) = (&pose.rotation, &pose.translation);
+    let (r, t, inverse) = (&pose.rotation, &pose.translation, 1.0 / tolerance);
     let rows = [0, 1, 2].map(|row| [r[(row, 0)], r[(row, 1)], r[(row, 2)], t[row]]);
-    let mut sums = [0.0; DOUBLES];
     simd::run(
         #[inline(always)]
         || {
-            let n = source.len();
-            let (x, y, z) = (&source.x[..n], &source.y[..n], &source.z[..n]);
-            let (u, v, w) = (&target.x[..n], &target.y[..n], &target.z[..n]);
-            for first in (0..n).step_by(DOUBLES) {
-                for (sum, i) in sums.iter_mut().zip(first..n) {
-                    let p = [x[i], y[i], z[i]];
-                    let (a, b, c) =
-                        (offset(rows[0], p, u[i]), offset(rows[1], p, v[i]), offset(rows[2], p, w[i]));
-                    let share = 1.0 - (a * a + b * b + c * c).sqrt() / tolerance;
-                    let share = if share > 0.0 { share } else { 0.0 };
-                    *sum += if squared { share * share } else { share };
+            let axes = [&source.x, &source.y, &source.z, &target.x, &target.y, &target.z];
+            let [(x, xs), (y, ys), (z, zs), (u, us), (v, vs), (w, ws)] = axes.map(
+                #[inline(always)]
+                |axis| axis.as_chunks::<DOUBLES>(),
+            );
+            let mut sums = [0.0; DOUBLES];
+            for (((((x, y), z), u), v), w) in x.iter().zip(y).zip(z).zip(u).zip(v).zip(w) {
+                for lane in 0..DOUBLES {
+                    let (p, q) = ([x[lane], y[lane], z[lane]], [u[lane], v[lane], w[lane]]);
+                    let share = share(&rows, p, q, inverse);
+                    sums[lane] += if squared { share * share } else { share };
                 }
             }
+            for i in 0..xs.len() {
+                let share = share(&rows, [xs[i], ys[i], zs[i]], [us[i], vs[i], ws[i]], inverse);
+                sums[i] += if squared { share * share } else { share };
+            }
+            sums.iter().sum()
         },
-    );
-    sums.iter().sum()
+    )
+}
+
+/// `max(0, 1 - r / tolerance)` of one pair, for rows of a rotation and a translation.
+#[inline(always)]
+fn share(rows: &[[f64; 4]; 3], p: [f64; 3], q: [f64; 3], inverse: f64) -> f64 {
+    let (a, b, c) = (offset(rows[0], p, q[0]), offset(rows[1], p, q[1]), offset(rows[2], p, q[2]));
+    let share = 1.0 - (a * a + b * b + c * c).sqrt() * inverse;
+    if share > 0.0 { share } else { 0.0 }
 }
 
 /// A coordinate of the moved point, less that of its partner.
