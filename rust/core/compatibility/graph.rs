@@ -100,6 +100,11 @@ impl AgreementGraph {
         &self.bits[i * self.words..(i + 1) * self.words]
     }
 
+    /// The neighbours of a correspondence, ascending.
+    pub fn neighbors(&self, i: usize) -> impl Iterator<Item = usize> {
+        self.row(i).iter().enumerate().flat_map(|(word, &bits)| ones(word, bits)).map(|j| j as usize)
+    }
+
     /// Whether two correspondences are joined.
     #[inline]
     pub fn joined(&self, i: usize, j: usize) -> bool {
