@@ -168,6 +168,11 @@ impl AgreementGraph {
         count(self.row(i))
     }
 
+    /// The neighbours of a correspondence, ascending.
+    pub fn neighbors(&self, i: usize) -> impl Iterator<Item = usize> {
+        indices(self.row(i)).map(|j| j as usize)
+    }
+
     /// Whether two correspondences are joined.
     #[inline]
     pub fn joined(&self, i: usize, j: usize) -> bool {

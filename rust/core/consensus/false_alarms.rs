@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn tail_is_the_plain_sum() {
-        for (least, mean) in [(1, 0.3), (4, 1.5), (9, 8.2), (30, 2.0)] {
+        for (least, mean) in [(1, 0.3_f64), (4, 1.5), (9, 8.2), (30, 2.0)] {
             let mut term = f64::exp(-mean);
             let mut below = 0.0;
             for k in 0..least {

@@ -6,10 +6,12 @@
 use nalgebra::{Matrix3, Point3};
 use rayon::prelude::*;
 
+use crate::compatibility::graph::AgreementGraph;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::{Rigid, fit_posed};
 use crate::points::Points;
+use crate::selection::top_k::largest;
 
 /// Greatest angle between what two frames propose.
 pub const FRAME_ANGLE: f64 = std::f64::consts::PI / 6.0;
@@ -30,55 +32,55 @@ pub struct Stars<'a> {
     pub target: &'a Points,
     /// The rotation that the frames of each correspondence propose.
     pub rotations: &'a [Option<Matrix3<f64>>],
+    /// Those that keep their distance to each other; its indices are those of `vertices`.
+    pub graph: &'a AgreementGraph,
+    /// The rows that the graph is made of.
+    pub vertices: &'a [usize],
     /// Greatest distance difference of two that agree.
     pub tolerance: f64,
-    /// Least distance of two.
-    pub shortest: f64,
     /// Standard deviation of a right match.
     pub deviation: f64,
 }
 
 impl Stars<'_> {
-    /// The motions of the heaviest stars among `vertices`, and of their pairs.
+    /// The motions of the largest stars, each followed by those of its centre with some members.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
-    pub fn poses(&self, vertices: &[usize], execution: &Execution) -> Result<Vec<Rigid>> {
-        let stars: Vec<Vec<usize>> = vertices
-            .par_iter()
-            .map(|&i| {
-                execution.check()?;
-                Ok(self.members(i, vertices))
-            })
-            .collect::<Result<_>>()?;
-        let sizes: Vec<f64> = stars.iter().map(|star| star.len() as f64).collect();
-        let heaviest = crate::selection::top_k::largest(&sizes, MOST_STARS);
-        let poses = |&k: &usize| self.poses_of(vertices[k], &stars[k]);
-        let poses: Vec<Vec<Rigid>> =
-            heaviest.par_iter().filter(|&&k| !stars[k].is_empty()).map(poses).collect();
-        Ok(poses.concat())
+    pub fn poses(&self, execution: &Execution) -> Result<Vec<Rigid>> {
+        let size = |center: usize| execution.check().map(|()| self.members(center).count() as f64);
+        let sizes: Vec<f64> = (0..self.vertices.len()).into_par_iter().map(size).collect::<Result<_>>()?;
+        let largest = largest(&sizes, MOST_STARS);
+        let poses = |&center: &usize| execution.check().map(|()| self.poses_of(center));
+        Ok(largest.par_iter().map(poses).collect::<Result<Vec<_>>>()?.concat())
     }
 
-    fn members(&self, i: usize, vertices: &[usize]) -> Vec<usize> {
-        let Some(rotation) = self.rotations[i] else { return Vec::new() };
+    /// The rows in the star of a vertex: the pose of either one's frames lays the other where it ends, but for the angle
+    /// by which frames may be off.
+    fn members(&self, center: usize) -> impl Iterator<Item = usize> {
+        let i = self.vertices[center];
         let (p, q) = (self.source.get(i), self.target.get(i));
-        let slack = 2.0 * (0.5 * FRAME_ANGLE).sin();
-        let least_trace = 1.0 + 2.0 * FRAME_ANGLE.cos();
-        let joins = |&j: &usize| {
-            let Some(other) = self.rotations[j] else { return false };
-            let (a, b) = (self.source.get(j) - p, self.target.get(j) - q);
-            let (ds, dt) = (a.norm(), b.norm());
-            ds > self.shortest
-                && dt > self.shortest
-                && (ds - dt).abs() < self.tolerance
-                && rotation.dot(&other) > least_trace
-                && (rotation * a - b).norm() < self.tolerance + slack * ds
-                && (other * a - b).norm() < self.tolerance + slack * ds
-        };
-        vertices.iter().copied().filter(joins).collect()
+        let (least_trace, slack) = (1.0 + 2.0 * FRAME_ANGLE.cos(), 2.0 * (0.5 * FRAME_ANGLE).sin());
+        let neighbors = self.rotations[i].map(|rotation| (rotation, self.graph.neighbors(center)));
+        neighbors.into_iter().flat_map(move |(rotation, neighbors)| {
+            neighbors.map(|k| self.vertices[k]).filter(move |&j| {
+                let (a, b) = (self.source.get(j) - p, self.target.get(j) - q);
+                let reach = self.tolerance + slack * a.norm();
+                self.rotations[j].is_some_and(|other| {
+                    rotation.dot(&other) > least_trace
+                        && (rotation * a - b).norm() < reach
+                        && (other * a - b).norm() < reach
+                })
+            })
+        })
     }
 
-    fn poses_of(&self, center: usize, members: &[usize]) -> Vec<Rigid> {
+    fn poses_of(&self, center: usize) -> Vec<Rigid> {
+        let members: Vec<usize> = self.members(center).collect();
+        if members.is_empty() {
+            return Vec::new();
+        }
+        let center = self.vertices[center];
         let mut poses = vec![self.fit(std::iter::once(center).chain(members.iter().copied()))];
         poses.extend(members.iter().take(MOST_PAIRS).map(|&j| self.fit([center, j].into_iter())));
         poses
@@ -115,8 +117,18 @@ mod tests {
         };
         let rotations: Vec<_> = (0..60).map(turn).collect();
         let (source, target, rotations) = (&source, &target, &rotations[..]);
-        let stars = Stars { source, target, rotations, tolerance: 1.0, shortest: 2.0, deviation: 0.9 };
-        let poses = stars.poses(&(0..60).collect::<Vec<_>>(), &Execution::default())?;
+        let graph = AgreementGraph::new(source, target, 1.0, 2.0, &Execution::default())?;
+        let vertices: Vec<usize> = (0..60).collect();
+        let stars = Stars {
+            source,
+            target,
+            rotations,
+            graph: &graph,
+            vertices: &vertices,
+            tolerance: 1.0,
+            deviation: 0.9,
+        };
+        let poses = stars.poses(&Execution::default())?;
         let best = poses.first().map_or_else(Matrix3::zeros, |pose| pose.rotation);
         assert!((best - quarter.into_inner()).norm() < 1e-9, "{best}");
         Ok(())

@@ -32,9 +32,9 @@ the latter with weight (sigma / 10 degrees)^2.
 
 False alarms of a pose: n^3 / 6 P(Poisson(lambda k' / k) >= k' - 3), k the supporters, k' those left when, by ascending residual,
 one is dropped that has a kept one within 7 u on either side (until 200 are kept; k counts those looked at), lambda the mean
-number of targets within 5 u of the 1,000 source points as the pose lays them, at least k / n. Where frames count: twice the
-less of that and of the same for the supporters whose frames agree, with lambda / 6. Infinite where the mirror image of
-one of the ten best poses (target mirrored at x = 0, supporters fitted, 5 rounds refined) has a larger k' than the best.
+number of targets within 5 u of the 1,000 source points as the pose lays them, at least k / n. Infinite where the mirror image of
+one of the ten best poses (target mirrored at x = 0, supporters fitted, 5 rounds refined) has more than 0.9 times the k' of
+the best.
 
 Instances: in order of score the poses with less than 0.01 false alarms among the matches that no earlier one's group
 has, whose group shares less than 0.3 (intersection over union) with each of theirs; none unless the best is sure.
@@ -194,8 +194,8 @@ def lc(
     if answer.ranked:
         best = answer.ranked[0]
         mask, scores = model.squares(best.pose) <= 5.0**2, posterior(answer.model.log_odds(best.pose))
-        if not outdone(model, answer.ranked):
-            expected = alarms(model, best, turns if answer.by_frames else None, np.zeros(n, dtype=bool))
+        if not equalled(model, answer.ranked):
+            expected = alarms(model, best, np.zeros(n, dtype=bool))
     ok = bool(expected < MOST_ALARMS)
     return ReferenceGrouping(
         mask,
@@ -206,7 +206,7 @@ def lc(
         np.array([one.score for one in answer.ranked]),
         ok=ok,
         false_alarms=float(expected),
-        instances=find_instances(model, answer, turns, instances if ok else 0) if instances > 1 else None,
+        instances=find_instances(model, answer.ranked, instances if ok else 0) if instances > 1 else None,
     )
 
 
@@ -241,7 +241,7 @@ def with_frames(
     nothing = np.zeros(len(turns), dtype=bool)
     agree: list[BoolArray] = []
     for one in answer.ranked:
-        if alarms(model, one, None, nothing) < MOST_ALARMS:
+        if alarms(model, one, nothing) < MOST_ALARMS:
             group = (model.squares(one.pose) <= 5.0**2) & np.isfinite(turns[:, 0, 0])
             agree.append(agreeing(turns[group], one.pose.rotation))
     agrees = np.concatenate(agree) if agree else np.zeros(0)
@@ -252,8 +252,8 @@ def with_frames(
     ranked = rank(framed, cliques + stars(model.p, model.q, turns, vertices), modes)
     after = Answer(framed, ranked, by_frames=True)
     if not agrees.size and answer.ranked:
-        before = alarms(model, answer.ranked[0], None, nothing)
-        if not ranked or 100.0 * before <= alarms(model, ranked[0], turns, nothing):
+        before = alarms(model, answer.ranked[0], nothing)
+        if not ranked or 100.0 * before <= alarms(model, ranked[0], nothing):
             return answer
     return after
 
@@ -307,29 +307,20 @@ def independent(p: FloatArray, q: FloatArray, squares: FloatArray, rows: IntArra
     return len(kept), looked
 
 
-def alarms(model: Model, one: Ranked, turns: FloatArray | None, taken: BoolArray) -> float:
+def alarms(model: Model, one: Ranked, taken: BoolArray) -> float:
     """Number of false alarms among the matches that are not taken."""
     squares = model.squares(one.pose)
     n = int(np.count_nonzero(~taken))
     supporters = np.flatnonzero((squares <= 5.0**2) & ~taken)
-    chance = max(one.chance, len(supporters) / max(1, n))
-
-    def expected(rows: IntArray, mean: float) -> float:
-        kept, looked = independent(model.p, model.q, squares, rows)
-        mean *= kept / max(1, looked)
-        least = max(0, kept - 3)
-        tail = 1.0 if least <= mean else float(poisson.sf(least - 1, mean))
-        return n**3 / 6.0 * tail
-
-    by_position = expected(supporters, chance)
-    if turns is None:
-        return by_position
-    agree = agreeing(turns[supporters], one.pose.rotation)
-    return 2.0 * min(by_position, expected(supporters[agree], chance / 6.0))
+    kept, looked = independent(model.p, model.q, squares, supporters)
+    chance = max(one.chance, len(supporters) / max(1, n)) * kept / max(1, looked)
+    least = max(0, kept - 3)
+    tail = 1.0 if least <= chance else float(poisson.sf(least - 1, chance))
+    return n**3 / 6.0 * tail
 
 
-def outdone(model: Model, ranked: list[Ranked]) -> bool:
-    """Whether a mirror image of one of the best poses has more supporters than the best."""
+def equalled(model: Model, ranked: list[Ranked]) -> bool:
+    """Whether a mirror image of one of the best poses has about as many supporters as the best."""
     mirrored = model._replace(q=model.q * [-1.0, 1.0, 1.0])
 
     def count(some: Model, pose: Pose) -> int:
@@ -340,22 +331,22 @@ def outdone(model: Model, ranked: list[Ranked]) -> bool:
     for one in ranked[:REFLECTIONS]:
         rows = model.squares(one.pose) <= 5.0**2
         start = kabsch(mirrored.p[rows], mirrored.q[rows], np.ones(np.count_nonzero(rows)))
-        if count(mirrored, refine(start, mirrored, [SIGMA] * 5)) > own:
+        if count(mirrored, refine(start, mirrored, [SIGMA] * 5)) > 0.9 * own:
             return True
     return False
 
 
-def find_instances(model: Model, answer: Answer, turns: FloatArray, most: int) -> BoolArray:
+def find_instances(model: Model, ranked: list[Ranked], most: int) -> BoolArray:
     """(m,n) groups of the poses that are sure by what earlier ones leave."""
     n = len(model.p)
     masks: list[BoolArray] = []
     taken = np.zeros(n, dtype=bool)
-    for one in answer.ranked:
+    for one in ranked:
         if len(masks) == most:
             break
         mask = model.squares(one.pose) <= 5.0**2
         new = all(np.count_nonzero(mask & x) < 0.3 * np.count_nonzero(mask | x) for x in masks)
-        if new and alarms(model, one, turns if answer.by_frames else None, taken) < MOST_ALARMS:
+        if new and alarms(model, one, taken) < MOST_ALARMS:
             masks.append(mask)
             taken |= mask
     return np.array(masks, dtype=bool).reshape(len(masks), n)

@@ -2,13 +2,9 @@
 //!
 //! The number of false alarms of a pose counts the supporters that lie apart from each other, for they speak for it
 //! independently, and takes for chance how many targets lie near the source points as the pose lays them: a pose that lays
-//! surface on surface has more of both. Where frames count, it is the less of that and of the same among the supporters whose
-//! frames agree, twice. And no reflection is a motion: where the mirror image of one of the best poses has more
-//! independent supporters than the best, the matches are of mirrored shapes, or of nothing.
+//! surface on surface has more of both. And no reflection is a motion: where the mirror image of one of the best poses has
+//! about as many independent supporters as the best, the matches are of mirrored shapes, of one plane, or of nothing.
 
-use nalgebra::Matrix3;
-
-use super::frames::agrees;
 use super::{Answer, Problem, Ranked};
 use crate::consensus::false_alarms::{Independent, false_alarms, independent};
 use crate::consensus::likelihood::Likelihood;
@@ -22,13 +18,12 @@ pub const MOST_FALSE_ALARMS: f64 = 0.01;
 /// Distance, in units of the tolerance, of supporters that count each on their own.
 const APART: f64 = 7.0 / 3.0;
 
-/// The share of wrong frames that agree with a pose that lays surface on surface: their z axes are normals and agree,
-/// the angle about them is any.
-const AGREEING_BY_CHANCE: f64 = 1.0 / 6.0;
-
 /// Poses whose mirror images are looked at, and the rounds of their refinement.
 const REFLECTIONS: usize = 10;
 const ROUNDS: usize = 5;
+
+/// A mirror image has about as many supporters as a pose with more than this share of them.
+const AS_MANY: f64 = 0.9;
 
 /// Greatest share that two instances may have in common, of what is in either.
 const MOST_SHARED: f64 = 0.3;
@@ -36,19 +31,15 @@ const MOST_SHARED: f64 = 0.3;
 /// What poses are judged by.
 pub struct Judge<'a> {
     pub problem: &'a Problem<'a>,
-    /// By position alone.
+    /// By position alone: frames made the poses that they agree with.
     pub likelihood: &'a Likelihood,
-    /// What frames propose, where there are any.
-    pub rotations: Option<&'a [Option<Matrix3<f64>>]>,
 }
 
 impl Judge<'_> {
     /// The grouping with its number of false alarms, and the masks of up to `instances` motions that are sure.
     pub fn judged(&self, grouping: Grouping, answer: &Answer, instances: usize) -> Result<Grouping> {
         let expected = match answer.ranked.first() {
-            Some(best) if !self.is_outdone_by_a_reflection(&answer.ranked)? => {
-                self.false_alarms(best, answer.by_frames, &[])
-            }
+            Some(best) if !self.is_equalled_by_a_reflection(&answer.ranked)? => self.false_alarms(best, &[]),
             _ => f64::INFINITY,
         };
         let ok = expected < MOST_FALSE_ALARMS;
@@ -74,7 +65,7 @@ impl Judge<'_> {
             let squares = self.likelihood.squared_residuals(&one.mode.pose);
             let mask = mask_of(squares.len(), self.problem.group(&squares));
             let is_new = masks.iter().all(|other| is_other(&mask, other));
-            if is_new && self.false_alarms(one, answer.by_frames, &taken) < MOST_FALSE_ALARMS {
+            if is_new && self.false_alarms(one, &taken) < MOST_FALSE_ALARMS {
                 taken.iter_mut().zip(&mask).for_each(|(taken, &here)| *taken |= here);
                 masks.push(mask);
             }
@@ -83,7 +74,7 @@ impl Judge<'_> {
     }
 
     /// Number of false alarms of a pose among the matches that are not `taken` (none of them where that is empty).
-    pub fn false_alarms(&self, one: &Ranked, by_frames: bool, taken: &[bool]) -> f64 {
+    pub fn false_alarms(&self, one: &Ranked, taken: &[bool]) -> f64 {
         let pose = &one.mode.pose;
         let squares = self.likelihood.squared_residuals(pose);
         let mut supporters = self.problem.group(&squares);
@@ -91,14 +82,8 @@ impl Judge<'_> {
         let n = squares.len() - taken.iter().filter(|&&taken| taken).count();
         // Where the source lands is known of a sample; supporters surely land on a target.
         let chance = one.landing.chance.max(supporters.len() as f64 / n.max(1) as f64);
-        let alarms = |supporters: &[usize], chance: f64| {
-            let Independent { count, share } = self.independent(&squares, supporters);
-            false_alarms(n, count, chance * share)
-        };
-        let by_position = alarms(&supporters, chance);
-        let Some(rotations) = self.rotations.filter(|_| by_frames) else { return by_position };
-        supporters.retain(|&i| rotations[i].as_ref().is_some_and(|rotation| agrees(rotation, pose)));
-        2.0 * by_position.min(alarms(&supporters, chance * AGREEING_BY_CHANCE))
+        let Independent { count, share } = self.independent(&squares, &supporters);
+        false_alarms(n, count, chance * share)
     }
 
     fn independent(&self, squares: &[f64], supporters: &[usize]) -> Independent {
@@ -106,8 +91,8 @@ impl Judge<'_> {
         independent(source, target, squares, supporters, APART * tolerance)
     }
 
-    /// Whether the mirror image of one of the best poses has more independent supporters than the best.
-    fn is_outdone_by_a_reflection(&self, ranked: &[Ranked]) -> Result<bool> {
+    /// Whether the mirror image of one of the best poses has about as many independent supporters as the best.
+    fn is_equalled_by_a_reflection(&self, ranked: &[Ranked]) -> Result<bool> {
         let Problem { source, target, execution, .. } = *self.problem;
         let mirrored = target.mirrored();
         let likelihood = self.likelihood.between(source, &mirrored);
@@ -118,7 +103,7 @@ impl Judge<'_> {
             let squares = self.likelihood.squared_residuals(&one.mode.pose);
             let own = *own.get_or_insert_with(|| count(&squares));
             let image = self.reflection(&squares, &likelihood);
-            if count(&likelihood.squared_residuals(&image)) > own {
+            if count(&likelihood.squared_residuals(&image)) as f64 > AS_MANY * own as f64 {
                 return Ok(true);
             }
         }

@@ -8,7 +8,7 @@
 use nalgebra::Matrix3;
 
 use super::confidence::{Judge, MOST_FALSE_ALARMS};
-use super::{Answer, DEVIATION, Problem, Ranked, SHORTEST};
+use super::{Answer, DEVIATION, Joined, Problem, Ranked};
 use crate::consensus::likelihood::levels::cluster_sizes;
 use crate::consensus::likelihood::{FrameTerm, Likelihood};
 use crate::consensus::stars::{FRAME_ANGLE, FRAME_DEVIATION, Stars};
@@ -40,7 +40,7 @@ pub fn proposed_rotations(correspondences: &Correspondences) -> Option<Vec<Optio
 }
 
 /// Whether frames propose the rotation of a pose, up to 30 degrees.
-pub fn agrees(rotation: &Matrix3<f64>, pose: &Rigid) -> bool {
+fn agrees(rotation: &Matrix3<f64>, pose: &Rigid) -> bool {
     rotation.dot(&pose.rotation) > 1.0 + 2.0 * FRAME_ANGLE.cos()
 }
 
@@ -49,7 +49,7 @@ pub fn with_frames(
     judge: &Judge,
     by_position: Answer,
     rotations: &[Option<Matrix3<f64>>],
-    vertices: &[usize],
+    joined: &Joined,
     cliques: &[Rigid],
 ) -> Result<Answer> {
     let share = share(judge, &by_position.ranked, rotations);
@@ -57,11 +57,10 @@ pub fn with_frames(
         return Ok(by_position);
     }
     let problem = judge.problem;
-    let hypotheses = [cliques, &star_poses(problem, rotations, vertices)?].concat();
+    let hypotheses = [cliques, &star_poses(problem, rotations, joined)?].concat();
     let likelihood = weigh(problem, &by_position.likelihood, rotations, share.unwrap_or(UNKNOWN_SHARE))?;
     let by_frames = Answer { ranked: problem.rank(&likelihood, &hypotheses)?, likelihood, by_frames: true };
-    let alarms =
-        |answer: &Answer| answer.ranked.first().map(|best| judge.false_alarms(best, answer.by_frames, &[]));
+    let alarms = |answer: &Answer| answer.ranked.first().map(|best| judge.false_alarms(best, &[]));
     let is_worse = match (alarms(&by_position), alarms(&by_frames)) {
         (Some(before), Some(after)) => ADVANTAGE * before <= after,
         (before, _) => before.is_some(),
@@ -72,7 +71,7 @@ pub fn with_frames(
 /// The share of the supporters, of the poses that are no chance, whose frames agree; `None` without such a pose.
 fn share(judge: &Judge, ranked: &[Ranked], rotations: &[Option<Matrix3<f64>>]) -> Option<f64> {
     let (mut agreeing, mut framed) = (0_u32, 0_u32);
-    for one in ranked.iter().filter(|one| judge.false_alarms(one, false, &[]) < MOST_FALSE_ALARMS) {
+    for one in ranked.iter().filter(|one| judge.false_alarms(one, &[]) < MOST_FALSE_ALARMS) {
         let supporters = judge.problem.group(&judge.likelihood.squared_residuals(&one.mode.pose));
         for rotation in supporters.iter().filter_map(|&i| rotations[i].as_ref()) {
             agreeing += u32::from(agrees(rotation, &one.mode.pose));
@@ -82,21 +81,18 @@ fn share(judge: &Judge, ranked: &[Ranked], rotations: &[Option<Matrix3<f64>>]) -
     (framed > 0).then(|| f64::from(agreeing) / f64::from(framed))
 }
 
-/// The motions of stars of frames among the vertices.
-fn star_poses(
-    problem: &Problem,
-    rotations: &[Option<Matrix3<f64>>],
-    vertices: &[usize],
-) -> Result<Vec<Rigid>> {
+/// The motions of stars of frames.
+fn star_poses(problem: &Problem, rotations: &[Option<Matrix3<f64>>], joined: &Joined) -> Result<Vec<Rigid>> {
     let stars = Stars {
         source: problem.source,
         target: problem.target,
         rotations,
+        graph: &joined.graph,
+        vertices: &joined.vertices,
         tolerance: problem.tolerance,
-        shortest: SHORTEST * problem.tolerance,
         deviation: DEVIATION * problem.tolerance,
     };
-    stars.poses(vertices, problem.execution)
+    stars.poses(problem.execution)
 }
 
 /// The likelihood with frames, of which a share is right, and with weights 1 / c for the sizes c of clusters.

@@ -106,19 +106,19 @@ impl GroupingMethod for LikelihoodConsensus {
         let problem = Problem { source, target, tolerance, modes, execution };
         let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
         let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance);
-        let vertices = vertices(source, target, tolerance, execution)?;
-        let cliques = hypotheses(&vertices, source, target, tolerance, execution)?;
+        let joined = problem.join()?;
+        let cliques = problem.cliques(&joined)?;
         let ranked = problem.rank(&likelihood, &cliques)?;
         let rotations = frames::proposed_rotations(correspondences);
-        let judge = Judge { problem: &problem, likelihood: &likelihood, rotations: rotations.as_deref() };
+        let judge = Judge { problem: &problem, likelihood: &likelihood };
         let mut answer = Answer { likelihood: likelihood.clone(), ranked, by_frames: false };
         if let Some(rotations) = &rotations {
-            answer = frames::with_frames(&judge, answer, rotations, &vertices, &cliques)?;
+            answer = frames::with_frames(&judge, answer, rotations, &joined, &cliques)?;
         }
         let grouping = judge.judged(problem.report(&answer), &answer, instances)?;
         let grouping = grouping.with("hypotheses", cliques.len() as f64);
         let grouping = grouping.with("by_frames", f64::from(u8::from(answer.by_frames)));
-        Ok(grouping.with("vertices", vertices.len() as f64))
+        Ok(grouping.with("vertices", joined.vertices.len() as f64))
     }
 }
 
@@ -174,34 +174,40 @@ impl Problem<'_> {
     }
 }
 
-/// Those that the graph is made of: all, or those that agree with the most others.
-fn vertices(source: &Points, target: &Points, tolerance: f64, execution: &Execution) -> Result<Vec<usize>> {
-    if source.len() <= MOST_VERTICES {
-        return Ok((0..source.len()).collect());
-    }
-    let degrees = DistanceAgreement::new(source, target, tolerance).counts(execution)?;
-    let degrees: Vec<f64> = degrees.into_iter().map(f64::from).collect();
-    let mut vertices = largest(&degrees, MOST_VERTICES);
-    vertices.sort_unstable();
-    Ok(vertices)
+/// The graph of those that keep their distances, and the rows that it is made of.
+struct Joined {
+    vertices: Vec<usize>,
+    graph: AgreementGraph,
 }
 
-/// The motions of cliques among the vertices, between the centred points.
-fn hypotheses(
-    vertices: &[usize],
-    source: &Points,
-    target: &Points,
-    tolerance: f64,
-    execution: &Execution,
-) -> Result<Vec<Rigid>> {
-    if vertices.len() == source.len() {
-        let graph = AgreementGraph::new(source, target, tolerance, SHORTEST * tolerance, execution)?;
-        return clique_poses(&graph, source, target, SEEDS, execution);
+impl Problem<'_> {
+    /// Joins all, or those that agree with the most others.
+    fn join(&self) -> Result<Joined> {
+        let Problem { source, target, tolerance, execution, .. } = *self;
+        let shortest = SHORTEST * tolerance;
+        if source.len() <= MOST_VERTICES {
+            let graph = AgreementGraph::new(source, target, tolerance, shortest, execution)?;
+            return Ok(Joined { vertices: (0..source.len()).collect(), graph });
+        }
+        let degrees = DistanceAgreement::new(source, target, tolerance).counts(execution)?;
+        let degrees: Vec<f64> = degrees.into_iter().map(f64::from).collect();
+        let mut vertices = largest(&degrees, MOST_VERTICES);
+        vertices.sort_unstable();
+        let (p, q) = (source.subset(&vertices), target.subset(&vertices));
+        let graph = AgreementGraph::new(&p, &q, tolerance, shortest, execution)?;
+        Ok(Joined { vertices, graph })
     }
-    let (p, q) = (source.subset(vertices), target.subset(vertices));
-    let graph = AgreementGraph::new(&p, &q, tolerance, SHORTEST * tolerance, execution)?;
-    let poses = clique_poses(&graph, &p, &q, SEEDS, execution)?;
-    Ok(poses.iter().map(|pose| pose.uncentered(&p, &q)).collect())
+
+    /// The motions of cliques, between the centred points.
+    fn cliques(&self, joined: &Joined) -> Result<Vec<Rigid>> {
+        let Problem { source, target, execution, .. } = *self;
+        if joined.vertices.len() == source.len() {
+            return clique_poses(&joined.graph, source, target, SEEDS, execution);
+        }
+        let (p, q) = (source.subset(&joined.vertices), target.subset(&joined.vertices));
+        let poses = clique_poses(&joined.graph, &p, &q, SEEDS, execution)?;
+        Ok(poses.iter().map(|pose| pose.uncentered(&p, &q)).collect())
+    }
 }
 
 #[cfg(test)]
