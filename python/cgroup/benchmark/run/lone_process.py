@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 
+ALL_CORES = 0
+"""A number of threads."""
+
+
 class ProcessDiedError(Exception):
     """The process died of the call."""
 
@@ -29,7 +33,7 @@ class LoneProcess:
     ----------
     threads : int
         Told to its libraries before any loads, and where the system allows the process is kept to so many
-        cores; 0 for all.
+        cores; `ALL_CORES` for all.
     """
 
     def __init__(self, threads: int) -> None:
@@ -101,7 +105,7 @@ def _work(pipe: Connection[Any, Any], threads: int) -> None:
 def _prepare_process(threads: int) -> None:
     """Limit the threads of libraries that can't be told otherwise, and leave Ctrl-C to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if threads == 0:
+    if threads == ALL_CORES:
         return
     os.environ["OMP_NUM_THREADS"] = str(threads)
     if hasattr(os, "sched_setaffinity"):  # on Linux; what TBB goes by

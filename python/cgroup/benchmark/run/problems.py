@@ -9,7 +9,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup.benchmark.cases import COMBINATIONS
-from cgroup.benchmark.run.stages import load_pair, overlap_sample
+from cgroup.benchmark.run.stages import describe_error, load_pair, overlap_sample
 from cgroup.datasets import CorrespondencePair, mirror, mix
 from cgroup.errors import InputError
 from cgroup.evaluation import match_errors
@@ -59,6 +59,14 @@ class PreparedProblem:
     resolution: float
     pr: float
     overlap: float | None = None
+
+
+def try_to_prepare(case: Problem, root: str | None) -> PreparedProblem | str:
+    """Call `prepare_problem`; return the error where there is one."""
+    try:
+        return prepare_problem(case, root)
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem alone
+        return describe_error(error)
 
 
 def prepare_problem(case: Problem, root: str | None) -> PreparedProblem:

@@ -7,9 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.records.types import TrialRecord
-from cgroup.benchmark.run.lone_process import LoneProcess, OutOfTimeError, ProcessDiedError
+from cgroup.benchmark.run.lone_process import ALL_CORES, LoneProcess, OutOfTimeError, ProcessDiedError
+from cgroup.benchmark.run.problems import PreparedProblem, try_to_prepare
 from cgroup.benchmark.run.stages import KILLED
-from cgroup.benchmark.run.try_method import Facts, describe_problem, try_method
+from cgroup.benchmark.run.try_method import make_ready, try_method
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,8 +29,9 @@ def try_methods(
 ) -> None:
     """Run methods on problems.
 
-    The work is done in one other process. It may die of a method, or be ended when its time is up: that is
-    recorded, and the rest goes on in a new one.
+    Problems are made in one other process and methods run in another, which thereby holds nothing but the
+    matches. It may die of a method, or be ended when its time is up: that is recorded, and the rest goes on
+    in a new one.
 
     Parameters
     ----------
@@ -43,45 +45,55 @@ def try_methods(
         Called with the number of new records.
     """
     folder = None if root is None else str(root)
-    for threads in sorted({each.threads for each in pending}):
-        with closing(LoneProcess(threads)) as process:
-            trials = _Trials(process, folder)
-            for each in pending:
-                if each.threads == threads:
-                    for method in each.methods:
-                        records.add(trials.run(each, method))
-                        tell(1)
+    with closing(LoneProcess(ALL_CORES)) as maker:
+        for threads in sorted({each.threads for each in pending}):
+            with closing(LoneProcess(threads)) as process:
+                trials = _Trials(process)
+                for each in pending:
+                    if each.threads == threads:
+                        problem = _prepare(maker, each, folder)
+                        for method in each.methods:
+                            records.add(trials.run(each, problem, method))
+                            tell(1)
+
+
+def _prepare(maker: LoneProcess, pending: PendingProblem, root: str | None) -> PreparedProblem | str:
+    try:
+        return maker.call(try_to_prepare, pending.case, root)
+    except ProcessDiedError:
+        return KILLED
 
 
 class _Trials:
     """Runs methods, and remembers which ran out of time on how many matches."""
 
-    def __init__(self, process: LoneProcess, root: str | None) -> None:
+    def __init__(self, process: LoneProcess) -> None:
         self._process = process
-        self._root = root
         self._given_up: dict[tuple[int, str], list[int]] = {}
 
-    def run(self, problem: PendingProblem, method: Candidate) -> TrialRecord:
-        """Run a method, or say why not."""
-        facts = self._describe(problem)
-        record = TrialRecord(problem.case, method.key, problem.threads, problem.limit, *facts[:-1])
-        if facts.error:
-            return replace(record, error=facts.error)
-        slow = self._given_up.setdefault((problem.entry, method.key), [])
-        if sum(n <= facts.n for n in slow) >= GIVEN_UP:
-            reason = f"not run: took longer than {problem.limit:g} s on {min(slow):,} matches"
+    def run(self, pending: PendingProblem, problem: PreparedProblem | str, method: Candidate) -> TrialRecord:
+        """Run a method, or say why not; a problem that couldn't be made is the error."""
+        record = TrialRecord(pending.case, method.key, pending.threads, pending.limit)
+        if isinstance(problem, str):
+            return replace(record, error=problem)
+        n = len(problem.matches)
+        record = replace(
+            record,
+            n=n,
+            correct=int(problem.correct.sum()),
+            resolution=problem.resolution,
+            pr=problem.pr,
+            overlap=problem.overlap,
+        )
+        slow = self._given_up.setdefault((pending.entry, method.key), [])
+        if sum(fewer <= n for fewer in slow) >= GIVEN_UP:
+            reason = f"not run: took longer than {pending.limit:g} s on {min(slow):,} matches"
             return replace(record, skipped=reason)
         try:
-            return self._process.call(try_method, record, method, self._root, limit=problem.limit)
+            self._process.call(make_ready)
+            return self._process.call(try_method, record, method, problem, limit=pending.limit)
         except OutOfTimeError:
-            slow.append(facts.n)
-            return replace(record, skipped=f"took longer than {problem.limit:g} s")
+            slow.append(n)
+            return replace(record, skipped=f"took longer than {pending.limit:g} s")
         except ProcessDiedError:
             return replace(record, error=KILLED)
-
-    def _describe(self, problem: PendingProblem) -> Facts:
-        """Have the problem ready there: a new process has to make it again."""
-        try:
-            return self._process.call(describe_problem, problem.case, self._root)
-        except ProcessDiedError:
-            return Facts(error=KILLED)

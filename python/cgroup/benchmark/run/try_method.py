@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-import functools
 import gc
 import json
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cgroup.benchmark.records.types import PoseErrors, TrialRecord
-from cgroup.benchmark.run.problems import prepare_problem
 from cgroup.benchmark.run.scoring import measure_pose, none_unless_finite
 from cgroup.benchmark.run.stages import describe_error
 from cgroup.evaluation import score_group
@@ -23,7 +21,6 @@ from cgroup.registry import ALIASES, METHOD_INFO
 
 if TYPE_CHECKING:
     from cgroup.benchmark.candidates import Candidate
-    from cgroup.benchmark.cases import Problem
     from cgroup.benchmark.run.problems import PreparedProblem
     from cgroup.types import Correspondences, FloatArray, Grouping
 
@@ -32,35 +29,14 @@ REPEATS, REPEATED_FOR = 5, 0.2
 
 _STATUS, _CLEAR_REFS = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 _RESET_PEAK = "5"
+_MMAP_THRESHOLD, _LARGE_BLOCK = -3, 1 << 17  # glibc's name of the option; bytes
 
 
-class Facts(NamedTuple):
-    """What is known of a problem before any method has seen it; `error` says why it couldn't be made."""
-
-    n: int = 0
-    correct: int = 0
-    resolution: float = float("nan")
-    pr: float = float("nan")
-    overlap: float | None = None
-    error: str = ""
+def make_ready() -> None:
+    """Do nothing: once it is called, the process runs and has imported what methods need."""
 
 
-@functools.lru_cache(maxsize=1)
-def _prepare(case: Problem, root: str | None) -> PreparedProblem:
-    return prepare_problem(case, root)
-
-
-def describe_problem(case: Problem, root: str | None) -> Facts:
-    """Make a problem ready for `try_method`, unless it is, and say what it is like."""
-    try:
-        problem = _prepare(case, root)
-    except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem alone
-        return Facts(error=describe_error(error))
-    counts = len(problem.matches), int(problem.correct.sum())
-    return Facts(*counts, problem.resolution, problem.pr, problem.overlap)
-
-
-def try_method(record: TrialRecord, method: Candidate, root: str | None) -> TrialRecord:
+def try_method(record: TrialRecord, method: Candidate, problem: PreparedProblem) -> TrialRecord:
     """Run a method on a problem.
 
     Parameters
@@ -69,15 +45,14 @@ def try_method(record: TrialRecord, method: Candidate, root: str | None) -> Tria
         Says which problem, on how many threads, and what the problem is like.
     method : Candidate
         Which method.
-    root : str, optional
-        Folder with the data; the environment says by default.
+    problem : PreparedProblem
+        The problem itself.
 
     Returns
     -------
     TrialRecord
         With all that came of it, or the error.
     """
-    problem = _prepare(record.case, root)
     lacking = _find_lacking(method, problem.matches)
     if lacking:
         return _filled(record, skipped=f"needs {lacking}, which these matches lack")
@@ -157,7 +132,10 @@ def _reset_peak() -> float | None:
     """Hand freed memory back, forget the peak so far, and return what is in use, in MiB."""
     gc.collect()
     with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
+        library = ctypes.CDLL(None)
+        # Else glibc keeps larger and larger blocks for the next call, which then seems to take none.
+        library.mallopt(_MMAP_THRESHOLD, _LARGE_BLOCK)
+        library.malloc_trim(0)
     try:
         _CLEAR_REFS.write_text(_RESET_PEAK, encoding="ascii")
     except OSError:
