@@ -61,7 +61,7 @@ def mac(
         Least members of a clique, 3 or more.
     max_cliques : int
         Most ends of the search: maximal cliques, and dead ends. Every vertex from which it starts gets an
-        equal share, one at least, and where that does not suffice, a share of what others left.
+        equal share, one at least, of what those before it left.
     max_hypotheses : int, optional
         Take only so many cliques, the heaviest; by default all.
     refine : bool

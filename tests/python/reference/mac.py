@@ -18,11 +18,11 @@ Decisions where the paper is open
   Kept are c_i >= f max(Otsu, pooled) with the first f of 10, 9.95, 9.9, ... that 50 vertices reach. Cube roots
   and c are in single precision. Where all c are equal, Otsu's cut is that number.
 * Of cliques of equal weight the one with the lower indices is the heavier one. Equal MAE: the heavier clique.
-* Order of the search, which only shows where it is cut short: vertices by degeneracy (fewest neighbours left first, ties to
+* Order of the search, which only shows where it is cut short: vertices by degree (ties to
   the lowest index), each with its later neighbours as candidates, if those and itself can make a clique; pivot: the
   neighbour of all members with the most candidates, those later in that order first, then by index; first the pivot's branch,
-  then by index. Every start gets max_cliques / starts ends, maximal cliques (of any size) or dead ends,
-  and at least one; those that do not suffice for get an equal share of what is left, if it is a larger one.
+  then by index. The starts of each block of 32 get an equal share, one at least, of the max_cliques / starts ends that are left
+  to all, maximal cliques (of any size) or dead ends.
 * A clique on a line on either side proposes nothing. Choice and refinement: see `refinement`.
 """
 
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 LEAST_VERTICES = 50
+BLOCK = 32
 
 Clique = tuple[int, ...]
 
@@ -125,24 +126,20 @@ def search(second: IntArray, kept: IntArray, min_size: int, most: int) -> tuple[
     """Maximal cliques among the vertices, and whether these are all."""
     inside = np.isin(np.arange(len(second)), kept)
     joined = [set(np.flatnonzero((row > 0) & inside).tolist()) for row in second]
-    rank = degeneracy_ranks(joined, kept)
-    left = [int(i) for i in kept if sum(rank[j] > rank[i] for j in joined[i]) + 1 >= min_size]
-    share, found = 0, dict[int, list[Clique]]()
-    for _ in range(2):
-        larger = max(1, most // max(1, len(left)))
-        if not left or larger <= share:
-            break
-        share, unfinished = larger, []
-        for i in left:
-            walk = from_vertex(int(i), joined, rank)
+    order = sorted(kept.tolist(), key=lambda i: (len(joined[i]), i))
+    rank = {i: place for place, i in enumerate(order)}
+    starts = [i for i in order if sum(rank[j] > rank[i] for j in joined[i]) + 1 >= min_size]
+    found: list[Clique] = []
+    complete = True
+    for first in range(0, len(starts), BLOCK):
+        share = max(1, most // (len(starts) - first))
+        for i in starts[first : first + BLOCK]:
+            walk = from_vertex(i, joined, rank)
             ends = list(itertools.islice(walk, share))
-            found[i] = [clique for clique in ends if len(clique) >= min_size]
-            if next(walk, None) is None:
-                most = max(0, most - len(ends))
-            else:
-                unfinished.append(i)
-        left = unfinished
-    return [clique for cliques in found.values() for clique in cliques], not left
+            complete &= next(walk, None) is None
+            most = max(0, most - len(ends))
+            found += [clique for clique in ends if len(clique) >= min_size]
+    return found, complete
 
 
 def from_vertex(start: int, joined: list[set[int]], rank: dict[int, int]) -> Iterator[Clique]:
@@ -162,16 +159,3 @@ def from_vertex(start: int, joined: list[set[int]], rank: dict[int, int]) -> Ite
             candidates, done = candidates - {u}, done | {u}
 
     return extend([start], later, joined[start] - later)
-
-
-def degeneracy_ranks(joined: list[set[int]], kept: IntArray) -> dict[int, int]:
-    """Place of each vertex when that with the fewest neighbours left goes first."""
-    degree = {int(i): len(joined[i]) for i in kept}
-    rank: dict[int, int] = {}
-    while degree:
-        first = min(degree, key=lambda i: (degree[i], i))
-        rank[first] = len(rank)
-        del degree[first]
-        for j in joined[first] & degree.keys():
-            degree[j] -= 1
-    return rank

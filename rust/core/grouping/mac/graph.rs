@@ -22,7 +22,7 @@ const PRODUCT_SHIFT: u32 = 3 * 15 - SECOND_ORDER_BITS;
 pub const SECOND_ORDER_BITS: u32 = 16;
 
 /// Bytes that the graph takes for each neighbour of each vertex: its number, the weights of both orders, and the cube root.
-pub const BYTES_PER_NEIGHBOR: u64 = 4 + 2 + 4 + 4;
+pub const BYTES_PER_NEIGHBOR: f64 = 4.0 + 2.0 + 4.0 + 4.0;
 
 /// Which pairs agree, and how well.
 #[derive(Debug, Clone, Copy)]

@@ -34,7 +34,7 @@ use graph::{BYTES_PER_NEIGHBOR, Kernel, SecondOrderGraph};
 use search::{Clique, Search};
 
 /// Most paths of two edges: W takes as many steps. Where there are more, the vertices of the least degree are left out.
-const MOST_PATHS: u64 = 1 << 30;
+const MOST_PATHS: f64 = (1_u64 << 30) as f64;
 
 /// Parameters of MAC.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,16 +127,16 @@ impl MaximalCliques {
 /// The vertices of the highest degrees, ties to the lowest index, as many as there are time and memory for; ascending.
 fn affordable(source: &Points, target: &Points, bound: f64, execution: &Execution) -> Result<Vec<usize>> {
     let degrees = DistanceAgreement::new(source, target, bound.next_up()).counts(execution)?;
-    let keys: Vec<f64> = degrees.iter().copied().map(f64::from).collect();
-    let (mut paths, mut bytes) = (0, 0);
-    let mut vertices = largest(&keys, keys.len());
-    let affordable = vertices.iter().take_while(|&&i| {
-        let degree = u64::from(degrees[i]);
-        paths += degree * degree;
-        bytes += degree * BYTES_PER_NEIGHBOR;
-        paths <= MOST_PATHS && bytes <= execution.max_memory as u64
-    });
-    let most = affordable.count();
+    let degrees: Vec<f64> = degrees.into_iter().map(f64::from).collect();
+    let mut vertices = largest(&degrees, degrees.len());
+    let fits = |&most: &usize| {
+        // Among so many no degree is greater.
+        let left = vertices[..most].iter().map(|&i| degrees[i].min(most as f64));
+        let (neighbors, paths) = left.fold((0.0, 0.0), |(sum, squares), d| (sum + d, squares + d * d));
+        paths <= MOST_PATHS && neighbors * BYTES_PER_NEIGHBOR <= execution.max_memory as f64
+    };
+    let sizes: Vec<usize> = (1..=vertices.len()).collect();
+    let most = sizes.partition_point(fits);
     vertices.truncate(most);
     vertices.sort_unstable();
     Ok(vertices)

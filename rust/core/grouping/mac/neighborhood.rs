@@ -64,9 +64,10 @@ impl Neighborhood {
             later: Vec::new(),
         };
         for (a, &i) in later.iter().enumerate() {
-            let around = neighbors(graph, ranks, i).map(|(j, weight)| (numbers[j as usize], weight));
+            let (around, weights) = graph.row(i as usize);
+            let around = around.iter().zip(weights).map(|(&j, &weight)| (numbers[j as usize], weight));
             around
-                .filter(|&(b, _)| b != NOWHERE)
+                .filter(|&(b, weight)| b != NOWHERE && weight > 0)
                 .for_each(|(b, weight)| hood.join(a, b as usize, weight, later.len()));
         }
         all().for_each(|&j| numbers[j as usize] = NOWHERE);

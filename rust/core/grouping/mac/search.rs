@@ -1,11 +1,12 @@
 //! The heaviest maximal clique of each vertex, by the search for all of them.
 //!
-//! Bron and Kerbosch's search (CACM 1973) with pivots (Tomita et al., 2006) from each vertex in degeneracy order (Eppstein
-//! et al., 2010): cliques of the vertex and of later ones that no earlier one would extend. The search from a vertex
+//! Bron and Kerbosch's search (CACM 1973) with pivots (Tomita et al., 2006) from each vertex: the cliques of it and of vertices
+//! later in an order, which no earlier one would extend (Eppstein et al., 2010). The order is that of degrees: no vertex of E
+//! pairs has more than sqrt(2 E) later neighbours, and it costs less than degeneracy order. The search from a vertex
 //! knows nothing of the others, and so the result is the same on any number of threads, also where it is cut short.
 
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashSet};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -77,14 +78,8 @@ impl Heaviest {
     }
 }
 
-/// Vertices that are searched from before what they found is put together.
-const BLOCK: usize = 256;
-
-/// The rank of a vertex that is not taken away yet.
-const LEFT: u32 = NOWHERE - 1;
-
-/// Shares of the ends that each search gets: the first the same for all, the second of what is left.
-const ROUNDS: usize = 2;
+/// Vertices that are searched from with the same share of the ends. Those of low degrees, which come first, leave most of theirs.
+const BLOCK: usize = 32;
 
 impl Search {
     /// Of each vertex the heaviest of the maximal cliques among `vertices`, which ascend.
@@ -97,69 +92,43 @@ impl Search {
         vertices: &[u32],
         execution: &Execution,
     ) -> Result<Heaviest> {
-        let ranks = degeneracy_ranks(graph, vertices);
+        let ranks = ranks_by_degree(graph, vertices);
         let ranks = &ranks;
         let later =
             |i: u32| neighbors(graph, ranks, i).filter(move |&(j, _)| ranks[j as usize] > ranks[i as usize]);
         let starts = vertices.iter().copied().filter(|&i| later(i).count() + 1 >= self.min_size);
-        let mut left: Vec<u32> = starts.collect();
+        let mut starts: Vec<u32> = starts.collect();
+        starts.sort_unstable_by_key(|&i| ranks[i as usize]);
         let mut found = Heaviest { of_vertices: vec![None; graph.len()], cliques: 0, cut_short: false };
-        let (mut ends, mut share, mut of_unfinished) = (self.max_ends, 0, 0);
-        for _ in 0..ROUNDS {
-            let larger = (ends / left.len().max(1)).max(1);
-            if left.is_empty() || larger <= share || execution.is_stopped() {
-                break;
+        let (mut ends, mut left) = (self.max_ends, starts.len());
+        execution.report(0, left)?;
+        for block in starts.chunks(BLOCK) {
+            let share = (ends / left).max(1);
+            let search = |hood: &mut Scratch, &start: &u32| {
+                execution.advance()?;
+                Walk::new(Neighborhood::new(graph, ranks, start, hood), self.min_size, share, execution).run()
+            };
+            let walks: Vec<Walked> =
+                block.par_iter().map_init(Scratch::default, search).collect::<Result<_>>()?;
+            for walked in walks {
+                ends = ends.saturating_sub(walked.ends);
+                found.cliques += walked.cliques;
+                found.cut_short |= !walked.finished;
+                walked.heaviest.into_iter().for_each(|(i, clique)| found.keep(i, clique));
             }
-            share = larger;
-            let mut unfinished = Vec::new();
-            execution.report(0, left.len())?;
-            for block in left.chunks(BLOCK) {
-                let search = |hood: &mut Scratch, &start: &u32| {
-                    execution.advance()?;
-                    Walk::new(Neighborhood::new(graph, ranks, start, hood), self.min_size, share, execution)
-                        .run()
-                };
-                let walks: Vec<Walked> =
-                    block.par_iter().map_init(Scratch::default, search).collect::<Result<_>>()?;
-                for (&start, walked) in block.iter().zip(walks) {
-                    if walked.finished {
-                        ends = ends.saturating_sub(walked.ends);
-                        found.cliques += walked.cliques;
-                    } else {
-                        unfinished.push((start, walked.cliques));
-                    }
-                    walked.heaviest.into_iter().for_each(|(i, clique)| found.keep(i, clique));
-                }
-            }
-            let (starts, cliques): (Vec<u32>, Vec<usize>) = unfinished.into_iter().unzip();
-            (left, of_unfinished) = (starts, cliques.iter().sum());
+            left -= block.len();
         }
-        found.cliques += of_unfinished;
-        found.cut_short = !left.is_empty();
         Ok(found)
     }
 }
 
-/// The place of each vertex in the order that takes away, again and again, the one with the fewest neighbours left, ties
-/// to the lowest index; `NOWHERE` for others than `vertices`.
-fn degeneracy_ranks(graph: &SecondOrderGraph, vertices: &[u32]) -> Vec<u32> {
+/// The place of each of the vertices among them by degree, ties to the lowest index; `NOWHERE` for others.
+fn ranks_by_degree(graph: &SecondOrderGraph, vertices: &[u32]) -> Vec<u32> {
     let mut ranks = vec![NOWHERE; graph.len()];
-    vertices.iter().for_each(|&i| ranks[i as usize] = LEFT);
-    let mut degrees = vec![0; graph.len()];
-    vertices.iter().for_each(|&i| degrees[i as usize] = neighbors(graph, &ranks, i).count());
-    let mut queue: BinaryHeap<_> = vertices.iter().map(|&i| Reverse((degrees[i as usize], i))).collect();
-    let mut next = 0;
-    while let Some(Reverse((degree, i))) = queue.pop() {
-        if ranks[i as usize] != LEFT || degree != degrees[i as usize] {
-            continue; // taken already, or it stands in the queue with the degree of now as well
-        }
-        ranks[i as usize] = next;
-        next += 1;
-        for (j, _) in neighbors(graph, &ranks, i).filter(|&(j, _)| ranks[j as usize] == LEFT) {
-            degrees[j as usize] -= 1;
-            queue.push(Reverse((degrees[j as usize], j)));
-        }
-    }
+    vertices.iter().for_each(|&i| ranks[i as usize] = 0);
+    let mut order = vertices.to_vec();
+    order.sort_by_cached_key(|&i| neighbors(graph, &ranks, i).count());
+    order.into_iter().zip(0..).for_each(|(i, rank)| ranks[i as usize] = rank);
     ranks
 }
 
