@@ -7,7 +7,7 @@
 
     d    = mean of (M u)_i / (Z u)_i over u_i > 1e-9 and (Z u)_i > 1e-9, added up from round to round
     step u <- max(0, u + a g) / |..|, g = (M - d Z) u, a = 1, 1/4, 1/16, ... until F falls by at most 1e-9
-    end  of a round: |du| < 1e-8, |dF| < 1e-9 F or 200 steps; of all: no such i, or 1000 rounds
+    end  of a round: |du| < 1e-8, |dF| < 1e-9 F or 200 steps; of all: no such i, 1000 rounds, or a d of 1e9
     group: the round(F) largest u_i
 
 Decisions where the sources are open
@@ -96,6 +96,8 @@ def ascend(affinity: FloatArray, excluded: BoolArray, start: FloatArray) -> Asce
     u = start / norm if norm else start
     penalty, objective = ratio(affinity, excluded, u) or 0.0, 0.0
     for _ in range(1000):
+        if penalty >= 1e9:
+            break
         matrix = affinity - penalty * excluded
         gradient = matrix @ u
         objective = float(u @ gradient)
