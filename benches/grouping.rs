@@ -1,11 +1,15 @@
-//! Every method with its default parameters on seeded problems: one inlier in ten, and LC's with as few as it is made for, and with many.
+//! Every method with its default parameters on seeded problems: one inlier in ten, and LC's with as few as it is made for, and with many;
+//! cliques of few, many and noisy ones.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use std::hint::black_box;
 
+use cgroup::grouping::BoxedMethod;
+use cgroup::grouping::clipper::{Clipper, Variant};
 use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
+use cgroup::grouping::teaser::{Prune, Teaser};
 use cgroup::{Execution, GroupingMethod, Result};
 use common::{methods, problem};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
@@ -40,8 +44,36 @@ fn likelihood_consensus(criterion: &mut Criterion) -> Result<()> {
     Ok(())
 }
 
+/// What pruning and the two kinds of cliques take, with few right ones, many, and many that are noisy.
+fn cliques(criterion: &mut Criterion) -> Result<()> {
+    let mut group = criterion.benchmark_group("cliques");
+    group.sample_size(10);
+    let core = Teaser { prune: Prune::Core, ..Teaser::default() };
+    let maximum = Clipper { variant: Variant::Maximum, ..Clipper::default() };
+    let methods: [(&str, BoxedMethod); 4] = [
+        ("teaser/core", Box::new(core)),
+        ("teaser/clique", Box::new(Teaser::default())),
+        ("clipper/densest", Box::new(Clipper::default())),
+        ("clipper/maximum", Box::new(maximum)),
+    ];
+    for (share, noise) in [(0.02, 0.5), (0.5, 0.5), (0.1, 1.5)] {
+        let input = problem(1, 5_000, share, noise).correspondences()?;
+        for (name, method) in &methods {
+            let id = BenchmarkId::new(format!("{name}/{share}/{noise}"), input.len());
+            group.bench_with_input(id, &input, |bencher, input| {
+                bencher.iter(|| method.group(black_box(input), &Execution::default()));
+            });
+        }
+    }
+    group.finish();
+    Ok(())
+}
+
 fn benches(criterion: &mut Criterion) {
-    if let Err(error) = all_methods(criterion).and_then(|()| likelihood_consensus(criterion)) {
+    if let Err(error) = all_methods(criterion)
+        .and_then(|()| likelihood_consensus(criterion))
+        .and_then(|()| cliques(criterion))
+    {
         criterion.bench_function(&format!("skipped: {error}"), |bencher| bencher.iter(|| ()));
     }
 }

@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup.methods import clipper, cv, gc, gtm, hough3d, lc, nnsr, ransac, si, ss, st, teaser
+from cgroup.methods import cv, gc, gtm, hough3d, lc, nnsr, ransac, si, ss, st
+from cgroup.methods.clipper import clipper
+from cgroup.methods.teaser import teaser
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -117,7 +117,7 @@ def ambiguous_scores(
     expected: ReferenceGrouping, nudged: list[ReferenceGrouping], margin: FloatArray
 ) -> BoolArray:
     """(n,) True where the deformation moves the score itself by more than rounding."""
-    shaky = np.zeros(len(expected.mask), dtype=bool)
+    shaky = np.full(len(expected.mask), bool(expected.details.get("unsettled", False)))
     if expected.scores is None:
         return shaky
     finite = np.isfinite(expected.scores)
@@ -134,7 +134,7 @@ def ambiguous_rows(
     shaky: BoolArray,
 ) -> BoolArray:
     """(n,) True where rounding may decide whether the row is selected."""
-    ambiguous = np.zeros(len(expected.mask), dtype=bool)
+    ambiguous = np.full(len(expected.mask), bool(expected.details.get("unsettled", False)))
     for other in nudged:
         ambiguous |= other.mask != expected.mask
     if method in {"si", "cv", "gtm"}:
