@@ -285,7 +285,8 @@ def test_random_problems(oracle: OracleReport, method: str, options: Options, da
 
 def largest(method: str, options: Options) -> int:
     """Return the size up to which the reference is quick enough."""
-    if options.get("recompute") or (method == "ransac" and "iterations" not in options):
+    slow = options.get("recompute") or options.get("scale") == "estimate"
+    if slow or (method == "ransac" and "iterations" not in options):
         return 50
     return 150
 
