@@ -1,13 +1,17 @@
-//! Every method with its default parameters on seeded problems: one inlier in ten, and LC's with as few as it is made for, and with many.
+//! Every method with its default parameters on seeded problems: one inlier in ten, and LC's with as few as it is made for, and with many;
+//! cliques of few, many and noisy ones.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use std::hint::black_box;
 
-use cgroup::grouping::geometric_consistency::{GeometricConsistency, Variant};
+use cgroup::grouping::BoxedMethod;
+use cgroup::grouping::clipper::{self, Clipper};
+use cgroup::grouping::geometric_consistency::{self as gc, GeometricConsistency};
 use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
 use cgroup::grouping::mac::MaximalCliques;
+use cgroup::grouping::teaser::{Prune, Teaser};
 use cgroup::{Execution, GroupingMethod, Result};
 use common::{methods, problem};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
@@ -42,19 +46,28 @@ fn likelihood_consensus(criterion: &mut Criterion) -> Result<()> {
     Ok(())
 }
 
-/// Cliques: few among many, and many.
+/// What pruning and the kinds of cliques take, with few right ones, many, and many that are noisy.
 fn cliques(criterion: &mut Criterion) -> Result<()> {
     let mut group = criterion.benchmark_group("cliques");
     group.sample_size(10);
-    let clique = GeometricConsistency { variant: Variant::Clique, ..GeometricConsistency::default() };
-    for (n, share) in [(5_000, 0.01), (5_000, 0.5), (20_000, 0.01)] {
-        let input = problem(1, n, share, 0.5).correspondences()?;
-        group.bench_with_input(BenchmarkId::new(format!("mac/{share}"), n), &input, |bencher, input| {
-            bencher.iter(|| MaximalCliques::default().group(black_box(input), &Execution::default()));
-        });
-        group.bench_with_input(BenchmarkId::new(format!("gc/{share}"), n), &input, |bencher, input| {
-            bencher.iter(|| clique.group(black_box(input), &Execution::default()));
-        });
+    let clique = GeometricConsistency { variant: gc::Variant::Clique, ..GeometricConsistency::default() };
+    let maximum = Clipper { variant: clipper::Variant::Maximum, ..Clipper::default() };
+    let methods: [(&str, BoxedMethod); 6] = [
+        ("gc/clique", Box::new(clique)),
+        ("mac", Box::new(MaximalCliques::default())),
+        ("teaser/core", Box::new(Teaser { prune: Prune::Core, ..Teaser::default() })),
+        ("teaser/clique", Box::new(Teaser::default())),
+        ("clipper/densest", Box::new(Clipper::default())),
+        ("clipper/maximum", Box::new(maximum)),
+    ];
+    for (n, share, noise) in [(5_000, 0.02, 0.5), (5_000, 0.5, 0.5), (5_000, 0.1, 1.5), (20_000, 0.01, 0.5)] {
+        let input = problem(1, n, share, noise).correspondences()?;
+        for (name, method) in &methods {
+            let id = BenchmarkId::new(format!("{name}/{share}/{noise}"), n);
+            group.bench_with_input(id, &input, |bencher, input| {
+                bencher.iter(|| method.group(black_box(input), &Execution::default()));
+            });
+        }
     }
     group.finish();
     Ok(())

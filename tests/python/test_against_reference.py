@@ -118,7 +118,7 @@ def ambiguous_scores(
     expected: ReferenceGrouping, nudged: list[ReferenceGrouping], margin: FloatArray
 ) -> BoolArray:
     """(n,) True where the deformation moves the score itself by more than rounding."""
-    shaky = np.zeros(len(expected.mask), dtype=bool)
+    shaky = np.full(len(expected.mask), bool(expected.details.get("unsettled", False)))
     if expected.scores is None:
         return shaky
     finite = np.isfinite(expected.scores)
@@ -135,7 +135,7 @@ def ambiguous_rows(
     shaky: BoolArray,
 ) -> BoolArray:
     """(n,) True where rounding may decide whether the row is selected."""
-    ambiguous = np.zeros(len(expected.mask), dtype=bool)
+    ambiguous = np.full(len(expected.mask), bool(expected.details.get("unsettled", False)))
     for other in nudged:
         ambiguous |= other.mask != expected.mask
     if method in {"si", "cv", "gtm"}:
@@ -307,7 +307,8 @@ def test_random_problems(oracle: OracleReport, method: str, options: Options, da
 
 def largest(method: str, options: Options) -> int:
     """Return the size up to which the reference is quick enough."""
-    if options.get("recompute") or (method == "ransac" and "iterations" not in options):
+    slow = options.get("recompute") or options.get("scale") == "estimate"
+    if slow or (method == "ransac" and "iterations" not in options):
         return 50
     return 150
 

@@ -69,7 +69,7 @@ def clipper(
         line, are no group. The scores are u. `diagnostics`: ``objective`` is ``u' M u``, ``rounds`` the
         number of penalties, and ``certified`` 1 where the set is proved to be a clique that no other exceeds
         in size: it has as many members as the greatest core number plus one, or as a colouring has colours.
-        Where 1,000 rounds were not enough, ``truncated`` is 1.
+        Where 1,000 rounds, or a penalty of 1e9, were not enough, ``truncated`` is 1.
 
     Raises
     ------

@@ -7,7 +7,7 @@
 
     d    = mean of (M u)_i / (Z u)_i over u_i > 1e-9 and (Z u)_i > 1e-9, added up from round to round
     step u <- max(0, u + a g) / |..|, g = (M - d Z) u, a = 1, 1/4, 1/16, ... until F falls by at most 1e-9
-    end  of a round: |du| < 1e-8, |dF| < 1e-9 F or 200 steps; of all: no such i, or 1000 rounds
+    end  of a round: |du| < 1e-8, |dF| < 1e-9 F or 200 steps; of all: no such i, 1000 rounds, or a d of 1e9
     group: the round(F) largest u_i
 
 Decisions where the sources are open
@@ -39,15 +39,18 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 ZERO = 1e-9
+NUDGES = (1e-13, 1e-11, 1e-9, 1e-7)
+SETTLED = 1e-3
 LEAST_AFFINITY = 1e-4
 FLAT = 1e-7
 
 
 class Ascent(NamedTuple):
-    """Where an ascent ended."""
+    """Where an ascent ended, and whether one whose affinities differ by rounding ends elsewhere."""
 
     u: FloatArray
     objective: float
+    unsettled: bool = False
 
 
 def clipper(
@@ -70,13 +73,14 @@ def clipper(
     joined = (delta < epsilon) & (np.minimum(edge_lengths(p), edge_lengths(q)) > min_distance)
     joined &= np.exp(-(delta**2) / (2.0 * sigma**2)) > LEAST_AFFINITY
     if variant == "maximum":
-        chosen, scores = maximum(joined, seed)
+        chosen, scores, unsettled = maximum(joined, seed)
     else:
         affinity = np.exp(-(delta**2) / (2.0 * sigma**2)).astype(np.float32) * joined + np.eye(len(p))
-        found = ascend(affinity, ~joined & ~np.eye(len(p), dtype=bool), affinity @ random_start(len(p), seed))
-        chosen, scores = largest(found), found.u
+        excluded = ~joined & ~np.eye(len(p), dtype=bool)
+        found = ascend_surely(affinity, excluded, affinity @ random_start(len(p), seed))
+        chosen, scores, unsettled = largest(found), found.u, found.unsettled
     chosen = np.sort(chosen)
-    details: dict[str, object] = {"certified": is_largest(chosen, joined)}
+    details: dict[str, object] = {"certified": is_largest(chosen, joined), "unsettled": unsettled}
     mask = np.zeros(len(p), dtype=bool)
     if len(chosen) >= 3 and all(spreads(x[chosen]) for x in (p, q)):
         mask[chosen] = True
@@ -90,12 +94,29 @@ def random_start(n: int, seed: int) -> FloatArray:
     return np.array([(word >> 11) * 2.0**-53 for word in words])
 
 
+def ascend_surely(affinity: FloatArray, excluded: BoolArray, start: FloatArray) -> Ascent:
+    """Ascend, also by affinities that differ a little: where cliques are alike, rounding decides between them."""
+    found = ascend(affinity, excluded, start)
+    nudged = []
+    for seed, nudge in enumerate(NUDGES):
+        noise = np.random.default_rng(seed).uniform(-1.0, 1.0, size=affinity.shape)
+        nudged.append(ascend(affinity * (1.0 + nudge * (noise + noise.T)), excluded, start))
+    unsettled = any(
+        abs(other.objective - found.objective) > SETTLED
+        or (abs(other.u - found.u) > SETTLED * found.u.max(initial=0.0)).any()
+        for other in nudged
+    )
+    return found._replace(unsettled=unsettled)
+
+
 def ascend(affinity: FloatArray, excluded: BoolArray, start: FloatArray) -> Ascent:
     """Projected gradient ascent with a penalty on excluded pairs that grows."""
     norm = np.linalg.norm(start)
     u = start / norm if norm else start
     penalty, objective = ratio(affinity, excluded, u) or 0.0, 0.0
     for _ in range(1000):
+        if penalty >= 1e9:
+            break
         matrix = affinity - penalty * excluded
         gradient = matrix @ u
         objective = float(u @ gradient)
@@ -140,23 +161,25 @@ def largest(found: Ascent) -> IntArray:
     return np.argsort(-found.u, kind="stable")[: int(np.floor(found.objective + 0.5))]
 
 
-def maximum(joined: BoolArray, seed: int) -> tuple[IntArray, FloatArray]:
-    """Rows of a large clique, and u."""
+def maximum(joined: BoolArray, seed: int) -> tuple[IntArray, FloatArray, bool]:
+    """Rows of a large clique, u, and whether rounding may decide which."""
     numbers, order = cores(joined)
     order = order[::-1]
     clique = greedy_clique(joined, order)
     kept = np.array([k for k in order if numbers[k] >= len(clique)], dtype=np.int64)
+    unsettled = False
     if len(kept):
         inner = joined[np.ix_(kept, kept)]
         one = np.eye(len(kept), dtype=bool)
         start = ~np.isin(kept, clique) + 0.01 * random_start(len(kept), seed)
-        found = ascend((inner | one) * 1.0, ~inner & ~one, start)
+        found = ascend_surely((inner | one) * 1.0, ~inner & ~one, start)
+        unsettled = found.unsettled
         rows = kept[largest(found)]
         if is_clique(rows, joined) and len(rows) > len(clique):
             clique = rows.tolist()
     scores = np.zeros(len(joined))
     scores[clique] = 1.0 / np.sqrt(max(len(clique), 1))
-    return np.array(clique, dtype=np.int64), scores
+    return np.array(clique, dtype=np.int64), scores, unsettled
 
 
 def is_clique(rows: IntArray, joined: BoolArray) -> bool:

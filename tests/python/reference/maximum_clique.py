@@ -45,13 +45,18 @@ def greedy_clique(joined: BoolArray, order: list[int]) -> list[int]:
 
 def color_classes(joined: BoolArray, vertices: list[int]) -> list[list[int]]:
     """Classes without an edge: the first vertex left, the first after it that is joined with none of its class, ..."""
-    left, classes = list(vertices), []
-    while left:
+    rows = np.array(vertices, dtype=np.int64)
+    among = joined[np.ix_(rows, rows)]
+    left = np.ones(len(vertices), dtype=bool)
+    classes: list[list[int]] = []
+    while left.any():
         members: list[int] = []
-        for vertex in left:
-            if not joined[vertex, members].any():
-                members.append(vertex)
-        left = [vertex for vertex in left if vertex not in members]
+        free = left.copy()
+        while free.any():
+            first = int(free.argmax())
+            members.append(vertices[first])
+            left[first] = free[first] = False
+            free &= ~among[first]
         classes.append(members)
     return classes
 

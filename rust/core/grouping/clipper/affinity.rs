@@ -43,14 +43,8 @@ struct Gauss<'a> {
     factor: f64,
 }
 
-/// `M u`, and how much of u each row excludes: `(1 1' - C) u`.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Product {
-    /// `M u`.
-    pub affinity: Vec<f64>,
-    /// `(1 1' - C) u`.
-    pub conflict: Vec<f64>,
-}
+/// Of a row i: `(M u)_i`, and how much of u it excludes, `((1 1' - C) u)_i`.
+pub type Terms = [f64; 2];
 
 impl<'a> Affinity<'a> {
     /// M is C.
@@ -95,49 +89,54 @@ impl<'a> Affinity<'a> {
         Ok(Self { graph, weights: Weights::Kept { starts, entries } })
     }
 
-    /// Products with a vector that is nowhere negative.
+    /// The terms of some rows of a vector that is nowhere negative.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
-    pub fn product(&self, u: &[f64], execution: &Execution) -> Result<Product> {
+    pub fn terms(&self, u: &[f64], rows: &[usize], execution: &Execution) -> Result<Vec<Terms>> {
         let total: f64 = u.iter().sum();
         let mut blocks = vec![[0.0; WORD]; u.len().div_ceil(WORD)];
-        for (block, entries) in blocks.iter_mut().zip(u.chunks(WORD)) {
+        let mut support = vec![0_u64; blocks.len()];
+        for ((block, bits), entries) in blocks.iter_mut().zip(&mut support).zip(u.chunks(WORD)) {
             block[..entries.len()].copy_from_slice(entries);
+            *bits =
+                entries.iter().enumerate().fold(0, |bits, (k, &entry)| bits | u64::from(entry > 0.0) << k);
         }
-        let rows = (0..u.len()).into_par_iter().with_min_len(64).map_init(Scratch::default, |scratch, i| {
+        let terms = rows.par_iter().with_min_len(32).map_init(Scratch::default, |scratch, &i| {
             execution.check()?;
             let row = self.graph.row(i);
             let [affinity, agreement] = match &self.weights {
                 Weights::Binary => simd::run(
                     #[inline(always)]
-                    || [plain_sum(row, &blocks); 2],
+                    || [plain_sum(row, &support, &blocks); 2],
                 ),
-                Weights::Kept { starts, entries } => sums(row, &entries[starts[i]..], &blocks),
+                Weights::Kept { starts, entries } => sums(row, &entries[starts[i]..], &support, &blocks),
                 Weights::Computed(gauss) => {
                     gauss.fill(i, row, scratch);
-                    sums(row, &scratch.weights, &blocks)
+                    sums(row, &scratch.weights, &support, &blocks)
                 }
             };
-            Ok((affinity + u[i], total - agreement - u[i]))
+            Ok([affinity + u[i], total - agreement - u[i]])
         });
-        let (affinity, conflict) = rows.collect::<Result<Vec<_>>>()?.into_iter().unzip();
-        Ok(Product { affinity, conflict })
+        terms.collect()
     }
 }
 
 /// Weighted and plain sum of the entries that a row has bits for.
-fn sums(row: &[u64], weights: &[f32], blocks: &[[f64; WORD]]) -> [f64; 2] {
+fn sums(row: &[u64], weights: &[f32], support: &[u64], blocks: &[[f64; WORD]]) -> [f64; 2] {
     simd::run(
         #[inline(always)]
         || {
             let mut weighted = [0.0; SUMS];
             let mut plain = [0.0; SUMS];
             let mut weights = weights;
-            for (&word, block) in row.iter().zip(blocks) {
+            for ((&word, &support), block) in row.iter().zip(support).zip(blocks) {
                 let mut bits = word;
                 let (here, rest) = weights.split_at((word.count_ones() as usize).min(weights.len()));
                 weights = rest;
+                if word & support == 0 {
+                    continue;
+                }
                 let mut groups = here.chunks_exact(SUMS);
                 for group in &mut groups {
                     for k in 0..SUMS {
@@ -164,10 +163,10 @@ fn sums(row: &[u64], weights: &[f32], blocks: &[[f64; WORD]]) -> [f64; 2] {
 
 /// Sum of the entries that a row has bits for.
 #[inline(always)]
-fn plain_sum(row: &[u64], blocks: &[[f64; WORD]]) -> f64 {
+fn plain_sum(row: &[u64], support: &[u64], blocks: &[[f64; WORD]]) -> f64 {
     let mut parts = [0.0; SUMS];
-    for (&word, block) in row.iter().zip(blocks) {
-        let mut bits = word;
+    for ((&word, &support), block) in row.iter().zip(support).zip(blocks) {
+        let mut bits = word & support;
         let mut k = 0;
         while bits != 0 {
             parts[k % SUMS] += block[bits.trailing_zeros() as usize % WORD];
@@ -245,18 +244,18 @@ mod tests {
                 }
             };
             let weighted = Affinity::weighted(&graph, &source, &target, 0.1, &execution)?;
-            let product = weighted.product(&u, &execution)?;
-            let binary = Affinity::binary(&graph).product(&u, &execution)?;
-            assert_eq!(product.conflict, binary.conflict);
-            for i in 0..n {
+            let rows: Vec<usize> = (0..n).rev().collect();
+            let terms = weighted.terms(&u, &rows, &execution)?;
+            let binary = Affinity::binary(&graph).terms(&u, &rows, &execution)?;
+            for (&i, (weighted, binary)) in rows.iter().zip(terms.iter().zip(&binary)) {
                 let sum: f64 = (0..n).map(|j| entry(i, j) * u[j]).sum();
-                assert!((product.affinity[i] - sum).abs() < 1e-5, "{n} {i}");
+                assert!((weighted[0] - sum).abs() < 1e-5, "{n} {i}");
                 let excluded: f64 = (0..n).filter(|&j| j != i && !graph.joined(i, j)).map(|j| u[j]).sum();
-                assert!((product.conflict[i] - excluded).abs() < 1e-12);
+                assert!((weighted[1] - excluded).abs() < 1e-12 && (binary[1] - excluded).abs() < 1e-12);
             }
             let little = Execution::new(graph.bytes());
             let computed = Affinity::weighted(&graph, &source, &target, 0.1, &little)?;
-            assert_eq!(computed.product(&u, &execution)?, product);
+            assert_eq!(computed.terms(&u, &rows, &execution)?, terms);
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! Projected gradient ascent with a penalty that grows (CLIPPER, Algorithm 1).
 
-use super::affinity::{Affinity, Product};
+use super::affinity::{Affinity, Terms};
 use crate::error::Result;
 use crate::execution::Execution;
 
@@ -16,6 +16,9 @@ const MOST_STEPS: usize = 200;
 const MOST_ROUNDS: usize = 1000;
 const MOST_TRIALS: usize = 99;
 const BACKTRACK: f64 = 0.25;
+
+/// A greater penalty leaves no digits of the objective: what it does not part, none does.
+const MOST_PENALTY: f64 = 1e9;
 
 /// Where an ascent ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,81 +38,100 @@ pub struct Ascent {
 /// # Errors
 /// [`crate::Error::Interrupted`].
 pub fn ascend(affinity: &Affinity, start: Vec<f64>, execution: &Execution) -> Result<Ascent> {
-    let mut place = Place::at(affinity, start, execution)?;
+    let mut place = Place::from(Trial::new(affinity, start, execution)?, affinity, execution)?;
     let mut penalty = place.penalty().unwrap_or(0.0);
-    let mut objective = 0.0;
-    for round in 0..MOST_ROUNDS {
+    let (mut objective, mut rounds) = (0.0, 0);
+    while rounds < MOST_ROUNDS && penalty < MOST_PENALTY {
         objective = place.climb(affinity, penalty, execution)?;
+        rounds += 1;
         let Some(more) = place.penalty() else {
-            return Ok(Ascent { u: place.u, objective, rounds: round + 1, complete: true });
+            return Ok(Ascent { u: place.u, objective, rounds, complete: true });
         };
         penalty += more;
     }
-    Ok(Ascent { u: place.u, objective, rounds: MOST_ROUNDS, complete: false })
+    Ok(Ascent { u: place.u, objective, rounds, complete: false })
 }
 
-/// A vector of length 1, and its products.
-struct Place {
+/// A vector of length 1, and the terms of the rows in which it is not 0.
+struct Trial {
     u: Vec<f64>,
-    product: Product,
+    support: Vec<usize>,
+    terms: Vec<Terms>,
 }
 
-impl Place {
-    fn at(affinity: &Affinity, mut u: Vec<f64>, execution: &Execution) -> Result<Self> {
-        let length = dot(&u, &u).sqrt();
+impl Trial {
+    fn new(affinity: &Affinity, mut u: Vec<f64>, execution: &Execution) -> Result<Self> {
+        let length = u.iter().map(|entry| entry * entry).sum::<f64>().sqrt();
         if length > 0.0 {
             u.iter_mut().for_each(|entry| *entry /= length);
         }
-        let product = affinity.product(&u, execution)?;
-        Ok(Self { u, product })
+        let support: Vec<usize> = (0..u.len()).filter(|&i| u[i] > 0.0).collect();
+        let terms = affinity.terms(&u, &support, execution)?;
+        Ok(Self { u, support, terms })
     }
 
-    /// `(M - d Z) u`.
-    fn gradient(&self, penalty: f64) -> Vec<f64> {
-        let terms = self.product.affinity.iter().zip(&self.product.conflict);
-        terms.map(|(affinity, conflict)| affinity - penalty * conflict).collect()
+    /// `u' (M - d Z) u`, to which the other rows add nothing.
+    fn objective(&self, penalty: f64) -> f64 {
+        let rows = self.support.iter().zip(&self.terms);
+        rows.map(|(&i, [affinity, conflict])| self.u[i] * (affinity - penalty * conflict)).sum()
+    }
+}
+
+/// A vector of length 1, and the terms of all rows.
+struct Place {
+    u: Vec<f64>,
+    terms: Vec<Terms>,
+}
+
+impl Place {
+    fn from(trial: Trial, affinity: &Affinity, execution: &Execution) -> Result<Self> {
+        let rest: Vec<usize> = (0..trial.u.len()).filter(|&i| trial.u[i] <= 0.0).collect();
+        let mut terms = vec![[0.0; 2]; trial.u.len()];
+        let others = affinity.terms(&trial.u, &rest, execution)?;
+        for (i, row) in trial.support.into_iter().zip(trial.terms).chain(rest.into_iter().zip(others)) {
+            terms[i] = row;
+        }
+        Ok(Self { u: trial.u, terms })
     }
 
     /// The mean of `(M u)_i / (Z u)_i` where both `u_i` and `(Z u)_i` are above 0; nothing where that is nowhere.
     fn penalty(&self) -> Option<f64> {
-        let terms = self.u.iter().zip(self.product.affinity.iter().zip(&self.product.conflict));
-        let active = terms.filter(|&(&u, (_, &conflict))| u > ZERO && conflict > ZERO);
+        let rows = self.u.iter().zip(&self.terms);
+        let active = rows.filter(|&(&u, &[_, conflict])| u > ZERO && conflict > ZERO);
         let (sum, count) = active
-            .fold((0.0, 0), |(sum, count), (_, (affinity, conflict))| (sum + affinity / conflict, count + 1));
+            .fold((0.0, 0), |(sum, count), (_, [affinity, conflict])| (sum + affinity / conflict, count + 1));
         (count > 0).then(|| sum / f64::from(count))
+    }
+
+    /// `max(0, u + size g)`, `g = (M - d Z) u`.
+    fn moved(&self, size: f64, penalty: f64) -> Vec<f64> {
+        let rows = self.u.iter().zip(&self.terms);
+        rows.map(|(u, [affinity, conflict])| (u + size * (affinity - penalty * conflict)).max(0.0)).collect()
     }
 
     /// Steps uphill at one penalty; returns the objective.
     fn climb(&mut self, affinity: &Affinity, penalty: f64, execution: &Execution) -> Result<f64> {
-        let mut gradient = self.gradient(penalty);
-        let mut objective = dot(&self.u, &gradient);
+        let rows = self.u.iter().zip(&self.terms);
+        let mut objective: f64 =
+            rows.map(|(u, [affinity, conflict])| u * (affinity - penalty * conflict)).sum();
         for _ in 0..MOST_STEPS {
             let mut size = 1.0;
-            let mut next = None;
-            for _ in 0..MOST_TRIALS {
-                let trial: Vec<f64> =
-                    self.u.iter().zip(&gradient).map(|(u, slope)| (u + size * slope).max(0.0)).collect();
-                let trial = Self::at(affinity, trial, execution)?;
-                let slope = trial.gradient(penalty);
-                let value = dot(&trial.u, &slope);
-                next = Some((trial, slope, value));
-                if value - objective >= -ZERO {
+            let mut trial = Trial::new(affinity, self.moved(size, penalty), execution)?;
+            for _ in 1..MOST_TRIALS {
+                if trial.objective(penalty) - objective >= -ZERO {
                     break;
                 }
                 size *= BACKTRACK;
+                trial = Trial::new(affinity, self.moved(size, penalty), execution)?;
             }
-            let Some((trial, slope, value)) = next else { break };
+            let before = objective;
+            objective = trial.objective(penalty);
             let change: f64 = trial.u.iter().zip(&self.u).map(|(new, old)| (new - old).powi(2)).sum();
-            let gain = value - objective;
-            (*self, gradient, objective) = (trial, slope, value);
-            if change.sqrt() < SETTLED_U || gain.abs() < SETTLED_OBJECTIVE * objective.abs() {
+            *self = Self::from(trial, affinity, execution)?;
+            if change.sqrt() < SETTLED_U || (objective - before).abs() < SETTLED_OBJECTIVE * objective.abs() {
                 break;
             }
         }
         Ok(objective)
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

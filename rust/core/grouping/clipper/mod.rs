@@ -117,8 +117,9 @@ fn densest(
     let affinity = Affinity::weighted(graph, source, target, deviation, execution)?;
     let start: Vec<f64> = (0..graph.len()).map(|i| random(seed, i)).collect();
     // One power step, after which one random start is much like another.
-    let Ascent { u, objective, rounds, complete } =
-        ascend(&affinity, affinity.product(&start, execution)?.affinity, execution)?;
+    let all: Vec<usize> = (0..graph.len()).collect();
+    let start = affinity.terms(&start, &all, execution)?.iter().map(|terms| terms[0]).collect();
+    let Ascent { u, objective, rounds, complete } = ascend(&affinity, start, execution)?;
     let members = largest(&u, objective.round() as usize);
     Ok(Found { members, scores: u, objective, rounds, complete })
 }
