@@ -12,7 +12,7 @@ use cgroup::grouping::geometric_consistency::{self as gc, GeometricConsistency};
 use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
 use cgroup::grouping::mac::MaximalCliques;
 use cgroup::grouping::teaser::{Prune, Teaser};
-use cgroup::{Execution, GroupingMethod, Result};
+use cgroup::{Correspondences, Execution, GroupingMethod, Result};
 use common::{methods, problem};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 
@@ -37,10 +37,23 @@ fn likelihood_consensus(criterion: &mut Criterion) -> Result<()> {
     for (n, share) in
         [(1_000, 0.01), (1_000, 0.5), (5_000, 0.005), (5_000, 0.5), (20_000, 0.005), (100_000, 0.005)]
     {
-        let input = problem(1, n, share, 2.0).correspondences()?;
-        group.bench_with_input(BenchmarkId::new(format!("lc/{share}"), n), &input, |bencher, input| {
-            bencher.iter(|| LikelihoodConsensus::default().group(black_box(input), &Execution::default()));
-        });
+        let drawn = problem(1, n, share, 2.0);
+        let framed = drawn.correspondences()?;
+        let (source, target) = framed.positions("lc")?;
+        let by_position = Correspondences::between(source.clone(), target.clone())?
+            .with_ratio(drawn.ratio.clone())?
+            .with_resolution(drawn.resolution)?;
+        for (name, input) in [("lc", &by_position), ("lc with frames", &framed)] {
+            group.bench_with_input(
+                BenchmarkId::new(format!("{name}/{share}"), n),
+                input,
+                |bencher, input| {
+                    bencher.iter(|| {
+                        LikelihoodConsensus::default().group(black_box(input), &Execution::default())
+                    });
+                },
+            );
+        }
     }
     group.finish();
     Ok(())

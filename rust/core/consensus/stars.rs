@@ -17,8 +17,8 @@ use crate::selection::top_k::largest;
 pub const FRAME_ANGLE: f64 = std::f64::consts::PI / 6.0;
 
 /// Heaviest stars that make hypotheses, and members of each that make one with its centre alone.
-const MOST_STARS: usize = 600;
-const MOST_PAIRS: usize = 6;
+const MOST_STARS: usize = 300;
+const MOST_PAIRS: usize = 3;
 
 /// Standard deviation of a right frame's angle: 10 degrees.
 pub const FRAME_DEVIATION: f64 = std::f64::consts::PI / 18.0;

@@ -26,8 +26,8 @@ at most 1/100 of the false alarms of the best with frames. With frames
     c_i   = matches within 15 u of i at both ends with |ds - dt| < 3 u, itself among them
 
 and stars are hypotheses too: j is in the star of i if the angle between R_i and R_j is below 30 degrees, |ds - dt| < 3 u,
-both lengths exceed 6 u, and the pose of either one's frames lays the other within 3 u + 2 sin(15 degrees) ds. Of the 600
-largest stars the motion of all, and of the centre with each of the first 6 members: least squares of points and frames,
+both lengths exceed 6 u, and the pose of either one's frames lays the other within 3 u + 2 sin(15 degrees) ds. Of the 300
+largest stars the motion of all, and of the centre with each of the first 3 members: least squares of points and frames,
 the latter with weight (sigma / 10 degrees)^2.
 
 False alarms of a pose: n^3 / 6 P(Poisson(lambda k' / k) >= k' - 3), k the supporters, k' those left when, by ascending residual,
@@ -89,8 +89,8 @@ FLAT = 1e-7
 SAMPLES = 1000
 FRAME_SIGMA = np.deg2rad(10.0)
 LEAST_SHARE = 0.75
-STARS = 600
-PAIRS = 6
+STARS = 300
+PAIRS = 3
 ENOUGH = 200
 REFLECTIONS = 10
 MOST_ALARMS = 0.01
