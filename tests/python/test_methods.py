@@ -321,6 +321,10 @@ def test_first_bad_row_is_named(name):
         ("gtm", {"tolerance": 1.0}, "tolerance.*distance_difference"),
         ("gtm", {"convergence_tolerance": 0.0}, "convergence_tolerance"),
         ("gtm", {"iteration": 5}, "gtm has no 'iteration'.*iterations"),
+        ("mac", {"min_weight": 1.0}, "min_weight.*less than 1"),
+        ("mac", {"min_clique_size": 2}, "min_clique_size.*at least 3"),
+        ("mac", {"max_hypotheses": 1.5}, "max_hypotheses.*at least 1, or None"),
+        ("mac", {"max_seconds": 0.0}, "max_seconds.*greater than 0"),
         ("gmt", {}, "method.*'gmt'.*gtm"),
     ],
 )
@@ -506,6 +510,15 @@ def test_memory_bound_changes_nothing(method):
     np.testing.assert_array_equal(plain.scores, tight.scores)
 
 
+def test_memory_bound_changes_no_clique_of_gc():
+    options = {"variant": "clique", "tolerance": 3.0}
+    plain, tight = (
+        cgroup.gc(PROBLEM.source, PROBLEM.target, max_memory=bound, **options) for bound in (1 << 30, 0)
+    )
+    np.testing.assert_array_equal(plain.mask, tight.mask)
+    assert plain.diagnostics == tight.diagnostics
+
+
 def outcome(result: cgroup.Grouping) -> tuple:
     scores = None if result.scores is None else result.scores.tolist()
     return result.mask.tolist(), scores, result.threshold, result.diagnostics
@@ -580,6 +593,13 @@ def test_other_threads_run_meanwhile():
     finally:
         sys.setswitchinterval(interval)
         thread.join()
+
+
+def test_a_search_ends_at_its_time():
+    found = cgroup.mac(*big_problem(5000), tolerance=0.1, max_seconds=1e-9)
+    assert not found.complete
+    assert found.diagnostics["cliques"] == 0
+    assert cgroup.mac(*big_problem(500), tolerance=0.1, max_seconds=1e300).complete
 
 
 @pytest.mark.parametrize(

@@ -231,6 +231,11 @@ fn below(word: usize, j: usize) -> u64 {
     }
 }
 
+/// The indices that a row stands for, ascending.
+pub fn indices(row: &[u64]) -> impl Iterator<Item = u32> + '_ {
+    row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits))
+}
+
 /// The indices that a word of a row stands for.
 fn ones(word: usize, mut bits: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {

@@ -183,3 +183,34 @@ fn parts<'a, T>(values: &'a mut [T], starts: &[usize]) -> Vec<&'a mut [T]> {
     }
     parts
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_are_those_of_the_equations() -> Result<()> {
+        let place = |i: usize, k: f64| [(i as f64 * k).sin(), (i as f64 * 1.7 * k).cos(), (i as f64).cos()];
+        let rows = |k: f64| (0..80).map(|i| place(i, k)).collect::<Vec<_>>();
+        let (p, q) = (Points::from_rows("source", &rows(0.37))?, Points::from_rows("target", &rows(0.4))?);
+        let kernel = Kernel { bound: 0.3, min_weight: 0.5 };
+        let graph = SecondOrderGraph::new(&p, &q, kernel, &Execution::default())?;
+        let difference = |i: usize, j: usize| (p.distance(i, j) - q.distance(i, j)).abs();
+        let weight = |i: usize, j: usize| match difference(i, j) {
+            d if i != j && d <= 0.3 => 1.0 - 0.5 * (d / 0.3).powi(2),
+            _ => 0.0,
+        };
+        assert_eq!(graph.len(), 80);
+        for i in 0..80 {
+            let (neighbors, weights) = graph.row(i);
+            let expected: Vec<usize> = (0..80).filter(|&j| weight(i, j) > 0.0).collect();
+            assert!(neighbors.iter().map(|&j| j as usize).eq(expected));
+            for (&j, &found) in neighbors.iter().zip(weights) {
+                let j = j as usize;
+                let second: f64 = weight(i, j) * (0..80).map(|k| weight(i, k) * weight(j, k)).sum::<f64>();
+                assert!((f64::from(found) / f64::from(1 << SECOND_ORDER_BITS) - second).abs() < 0.01);
+            }
+        }
+        Ok(())
+    }
+}

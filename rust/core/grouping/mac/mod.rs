@@ -154,3 +154,60 @@ fn pose_of(clique: &Clique, vertices: &[usize], source: &Points, target: &Points
     let (p, q) = (of(source), of(target));
     fixes_rotation(&p, &q).then(|| fit_rigid(&p, &q))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `right` points moved rigidly, then others that go anywhere.
+    fn problem(n: usize, right: usize) -> Result<Correspondences> {
+        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
+        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
+        let moved = |i: usize, p: &[f64; 3]| if i < right { [7.0 - p[1], p[0], p[2]] } else { place(i, 0.7) };
+        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
+        Correspondences::new(&source, &target)?.with_resolution(1.0)
+    }
+
+    #[test]
+    fn finds_the_moved_points() -> Result<()> {
+        let group = MaximalCliques::default().group(&problem(400, 30)?, &Execution::default())?;
+        assert!(group.mask[..30].iter().all(|&selected| selected) && group.size() < 35);
+        assert!(group.model.is_some_and(|model| (model[(0, 3)] - 7.0).abs() < 1e-6));
+        assert!(!group.diagnostics.contains_key("truncated"));
+        Ok(())
+    }
+
+    #[test]
+    fn little_memory_leaves_the_highest_degrees_and_says_so() -> Result<()> {
+        let group = MaximalCliques::default().group(&problem(400, 30)?, &Execution::new(8_000))?;
+        assert!(group.diagnostics["vertices"] < 40.0 && group.diagnostics["truncated"] > 0.0);
+        assert!(group.mask[..30].iter().all(|&selected| selected) && group.size() < 35);
+        Ok(())
+    }
+
+    #[test]
+    fn many_that_agree_are_more_than_there_is_time_for() -> Result<()> {
+        let group = MaximalCliques::default().group(&problem(1_500, 1_500)?, &Execution::default())?;
+        assert!(group.diagnostics["vertices"] < 1_100.0 && group.diagnostics["truncated"] > 0.0);
+        assert_eq!(group.size(), 1_500);
+        Ok(())
+    }
+
+    #[test]
+    fn options_out_of_range_are_refused() -> Result<()> {
+        let input = problem(20, 20)?;
+        let default = MaximalCliques::default();
+        for method in [
+            MaximalCliques { min_weight: 1.0, ..default },
+            MaximalCliques { min_weight: f64::NAN, ..default },
+            MaximalCliques { min_clique_size: 2, ..default },
+            MaximalCliques { max_cliques: 0, ..default },
+            MaximalCliques { max_hypotheses: Some(0), ..default },
+            MaximalCliques { max_distance_difference: Some(0.0), ..default },
+        ] {
+            let refused = method.group(&input, &Execution::default());
+            assert!(matches!(refused, Err(Error::InvalidInput { .. })), "{method:?}");
+        }
+        Ok(())
+    }
+}

@@ -81,3 +81,47 @@ fn coefficients(graph: &SecondOrderGraph, execution: &Execution) -> Result<Coeff
 fn mean(sum: f64, count: f64) -> f64 {
     if count > 0.0 { f64::from((sum / count) as f32) } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grouping::mac::graph::Kernel;
+    use crate::points::Points;
+
+    /// `right` points move by one motion; the others go anywhere.
+    fn graph(n: usize, right: usize) -> Result<SecondOrderGraph> {
+        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 50.0 * (i as f64 * f * k + k).sin());
+        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
+        let moved = |(i, p): (usize, &[f64; 3])| if i < right { [p[1], p[2], p[0]] } else { place(i, 0.7) };
+        let target: Vec<_> = source.iter().enumerate().map(moved).collect();
+        let (source, target) = (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
+        SecondOrderGraph::new(
+            &source,
+            &target,
+            Kernel { bound: 0.1, min_weight: 0.99 },
+            &Execution::default(),
+        )
+    }
+
+    #[test]
+    fn a_dense_graph_keeps_those_that_move_together() -> Result<()> {
+        let kept = dense_part(&graph(1000, 100)?, &Execution::default())?;
+        assert!((LEAST_VERTICES..=100).contains(&kept.len()), "{}", kept.len());
+        assert!(kept.iter().all(|&i| i < 100));
+        Ok(())
+    }
+
+    #[test]
+    fn a_sparse_and_a_small_graph_stay_whole() -> Result<()> {
+        assert_eq!(dense_part(&graph(1000, 5)?, &Execution::default())?.len(), 1000);
+        assert_eq!(dense_part(&graph(50, 50)?, &Execution::default())?.len(), 50);
+        Ok(())
+    }
+
+    #[test]
+    fn the_limit_is_the_first_that_enough_reach() {
+        let coefficients: Vec<f64> = (0..100).map(f64::from).collect();
+        assert!((limit(&coefficients, 20.0) - 50.0).abs() < 1e-12); // 2.5 cuts, and the fiftieth is 50
+        assert!(limit(&[0.0; 60], 20.0) <= 0.0);
+    }
+}

@@ -162,3 +162,90 @@ fn degeneracy_ranks(graph: &SecondOrderGraph, vertices: &[u32]) -> Vec<u32> {
     }
     ranks
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grouping::mac::graph::Kernel;
+    use crate::points::Points;
+
+    /// Points that move by one motion, by another one, and anywhere, a third each.
+    fn graph(n: usize) -> Result<SecondOrderGraph> {
+        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 3.0 * (i as f64 * f * k + k).sin());
+        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
+        let moved = |(i, p): (usize, &[f64; 3])| match i % 3 {
+            0 => [p[1] + 0.1 * place(i, 0.9)[0], p[2], p[0]],
+            1 => [9.0 - p[1], p[0], p[2] + 0.1 * place(i, 0.9)[0]],
+            _ => place(i, 0.7),
+        };
+        let target: Vec<_> = source.iter().enumerate().map(moved).collect();
+        let (source, target) = (Points::from_rows("source", &source)?, Points::from_rows("target", &target)?);
+        let kernel = Kernel { bound: 0.2, min_weight: 0.9 };
+        SecondOrderGraph::new(&source, &target, kernel, &Execution::default())
+    }
+
+    fn search(graph: &SecondOrderGraph, max_ends: usize, execution: &Execution) -> Result<Heaviest> {
+        let vertices: Vec<u32> = (0..graph.len() as u32).collect();
+        Search { min_size: 3, max_ends }.heaviest_cliques(graph, &vertices, execution)
+    }
+
+    /// The weight of a pair, 0 where it doesn't agree.
+    fn weight(graph: &SecondOrderGraph, i: u32, j: u32) -> u64 {
+        let (neighbors, weights) = graph.row(i as usize);
+        neighbors.binary_search(&j).map_or(0, |at| u64::from(weights[at]))
+    }
+
+    /// All maximal cliques, by growing each by each vertex in turn.
+    fn all_cliques(graph: &SecondOrderGraph) -> Vec<Vec<u32>> {
+        let joins = |clique: &[u32], k: u32| clique.iter().all(|&i| weight(graph, i, k) > 0);
+        let vertices = 0..graph.len() as u32;
+        let mut cliques = vec![Vec::new()];
+        for k in vertices.clone() {
+            for at in 0..cliques.len() {
+                if joins(&cliques[at], k) {
+                    let mut larger = cliques[at].clone();
+                    larger.push(k);
+                    cliques.push(larger);
+                }
+            }
+        }
+        let open = |clique: &Vec<u32>| vertices.clone().any(|k| !clique.contains(&k) && joins(clique, k));
+        cliques.retain(|clique| clique.len() >= 3 && !open(clique));
+        cliques
+    }
+
+    #[test]
+    fn each_vertex_has_the_heaviest_of_all_cliques() -> Result<()> {
+        let graph = graph(45)?;
+        let found = search(&graph, usize::MAX, &Execution::default())?;
+        let cliques = all_cliques(&graph);
+        assert!(cliques.len() > 9);
+        assert_eq!((found.cliques, found.cut_short), (cliques.len(), false));
+        let pairs = |clique: &[u32]| -> u64 {
+            let ordered = clique.iter().flat_map(|&i| clique.iter().map(move |&j| (i, j)));
+            ordered.filter(|(i, j)| i < j).map(|(i, j)| weight(&graph, i, j)).sum()
+        };
+        for (i, kept) in found.of_vertices.iter().enumerate() {
+            let with = cliques.iter().filter(|clique| clique.contains(&(i as u32)));
+            let expected = with.map(|clique| (Reverse(pairs(clique)), clique.as_slice())).min();
+            assert_eq!(kept.as_ref().map(|clique| clique.rank()), expected);
+        }
+        let distinct = found.distinct(usize::MAX);
+        assert!(distinct.is_sorted_by(|a, b| a.rank() < b.rank()));
+        assert_eq!(found.distinct(1), distinct[..1]);
+        Ok(())
+    }
+
+    #[test]
+    fn a_search_that_is_cut_short_says_so() -> Result<()> {
+        let graph = graph(300)?;
+        let all = search(&graph, usize::MAX, &Execution::default())?;
+        let few = search(&graph, all.cliques / 4, &Execution::default())?;
+        assert!(few.cut_short && !all.cut_short && few.cliques < all.cliques);
+        let stopped = Execution::default();
+        stopped.stop();
+        let none = search(&graph, usize::MAX, &stopped)?;
+        assert_eq!((none.cut_short, none.cliques), (true, 0));
+        Ok(())
+    }
+}
