@@ -17,7 +17,14 @@ from cgroup.benchmark.rankings import bootstrap, comparable, holm, mcnemar, rank
 from cgroup.benchmark.records.schema import ADDED
 from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.report import write_report
-from cgroup.benchmark.report.trials import cost_table, describe_set, failure_table, level_table, ranking
+from cgroup.benchmark.report.trial_tables import (
+    cost_table,
+    failure_table,
+    level_table,
+    overview_table,
+    ranking,
+)
+from cgroup.benchmark.report.trials import describe_set
 from cgroup.benchmark.run.stages import KILLED
 from cgroup.cli import main
 from cgroup.errors import InputError
@@ -207,7 +214,8 @@ def test_rankings_are_printed(finished: Path, capsys: pytest.CaptureFixture[str]
         main(["benchmark", "rankings", "--out", str(finished)])
     assert done.value.code == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("## grid\n\ngenerated-matches: ")
+    assert printed.startswith("## All sets\n")
+    assert "\n## grid\n\ngenerated-matches: " in printed
     assert "| 1 | " in printed
 
 
@@ -221,6 +229,7 @@ def test_registered_pairs_are_counted_by_overlap(tmp_path: Path) -> None:
 def test_tables_have_a_row_per_method(frame: pd.DataFrame) -> None:
     one = frame[frame["threads"] == 1]
     assert len(ranking(one).rows) == len(cost_table(frame).rows) == len(failure_table(one).rows) == 3
+    assert overview_table(frame).headers == ("method", "grid")
     assert cost_table(frame).headers[1:3] == ("median ms, 1 thread", "median ms, all cores")
     assert ranking(one).rows[0][-1].text == "F, registered"
 

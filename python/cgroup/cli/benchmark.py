@@ -163,13 +163,15 @@ def rankings_command(out: OutOption = DEFAULT_OUT) -> None:
     """Print how grouping methods rank on matches, as Markdown: see `[trials]` of a configuration."""
     with _needs_extra():
         from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.report.trial_tables import overview_table  # noqa: PLC0415
         from cgroup.benchmark.report.trials import as_markdown, make_trial_sections  # noqa: PLC0415
 
-        sections = make_trial_sections(records.load_trials(out), records.load_machines(out), None)
-    if not sections:
+        trials = records.load_trials(out)
+    if trials.empty:
         message = f"{out}: no trials there; make some with: cgroup benchmark run matches --out {out}"
         raise InputError(message)
-    print_line(as_markdown(sections).rstrip())
+    sections = make_trial_sections(trials, records.load_machines(out), None)
+    print_line(as_markdown(overview_table(trials), sections).rstrip())
 
 
 # --- the terminal --------------------------------------------------------------------------------

@@ -27,6 +27,7 @@ from cgroup.benchmark.report.sections import (
     make_sections,
 )
 from cgroup.benchmark.report.tables import dataset_table, failure_table, plain_table, score_table
+from cgroup.benchmark.report.trial_tables import overview_table
 from cgroup.benchmark.report.trials import make_trial_sections
 from cgroup.io import write_file
 
@@ -132,6 +133,7 @@ def write_report(
         selections=draw_selections(out, evidence, root, pictures),
         registration=make_registration_section(data.registrations, pictures),
         trials=make_trial_sections(data.trials, data.machines, pictures),
+        overview=overview_table(data.trials) if len(data.trials) else None,
         scores=[score_table(evidence.samples(), how) for how in ("macro", "pooled", "median")],
     )
     write_file(out / REPORT, page.encode())

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from cgroup.benchmark.run.problems import PreparedProblem
     from cgroup.types import Correspondences, FloatArray, Grouping
 
-REPEATS, REPEATED_FOR = 5, 0.2
+REPEATS, REPEATED_FOR = 3, 0.1
 """A call is repeated so often at most, and only while all together take fewer seconds."""
 
 _STATUS, _CLEAR_REFS = Path("/proc/self/status"), Path("/proc/self/clear_refs")
