@@ -346,6 +346,14 @@ def test_ranks_tell_a_difference_from_chance() -> None:
     assert ranks["bad"].p_f_score < 0.001
 
 
+def test_a_pair_without_right_matches_counts_as_not_registered() -> None:
+    columns = ["case", "method", "f_score", "right", "kind", "correct", "skipped"]
+    rows = [["a", "lc", 0.9, True, "related", 9, ""], ["b", "lc", 0.0, False, "related", 0, ""]]
+    (rank,) = rank_methods(pd.DataFrame(rows, columns=columns))
+    assert rank.registered.mean == 0.5
+    assert rank.f_score.mean == 0.45
+
+
 def test_no_answer_no_rank() -> None:
     columns = ["case", "method", "f_score", "right", "kind", "correct", "skipped"]
     nothing = pd.DataFrame([["a", "lc", 0.0, False, "mixed", 0, ""]], columns=columns)

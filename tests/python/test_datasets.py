@@ -814,6 +814,15 @@ def test_generated_matches_are_what_their_names_say(scene: str, frames: str) -> 
     assert repeats == (3 if scene == "one-to-three" else 1)
 
 
+def test_frames_change_nothing_else() -> None:
+    dataset = open_dataset("generated-matches")
+    pairs = [dataset.load(f"planes/n50/inliers0.2/noise1/{frames}-frames/0") for frames in FRAMES]
+    assert all(isinstance(pair, CorrespondencePair) for pair in pairs)
+    targets = [pair.correspondences.target for pair in pairs if isinstance(pair, CorrespondencePair)]
+    np.testing.assert_array_equal(targets[0], targets[1])
+    np.testing.assert_array_equal(targets[0], targets[2])
+
+
 @pytest.mark.parametrize("scene", ["second-pose", "mirror"])
 def test_rivals_keep_distances_among_themselves(scene: str) -> None:
     problem = make_scene(np.random.default_rng(1), 1000, inliers=0.3, noise=0, scene=scene, frames="good")

@@ -101,8 +101,12 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
 
 
 def comparable(trials: pd.DataFrame) -> pd.DataFrame:
-    """Keep the problems that have an answer, and the methods that could be run on at least one."""
-    related = trials[(trials["kind"] == "related") & (trials["correct"] > 0)]
+    """Keep the problems that have an answer, and the methods that could be run on at least one.
+
+    A pair without a single right match stays: its matches are what the front end left of it, and no
+    method registers it.
+    """
+    related = trials[trials["kind"] == "related"]
     lacking = related["skipped"].str.startswith("needs ")
     return related[~related["method"].isin(set(related["method"]) - set(related.loc[~lacking, "method"]))]
 

@@ -77,7 +77,9 @@ class GeneratedMatches(Dataset):
     def load(self, name: str) -> CorrespondencePair:
         """Draw the problem."""
         recipe = read_recipe(name)
-        seed = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
+        # Of scene and frames only what they are about differs.
+        key = repr((recipe.n, recipe.inliers, recipe.noise, recipe.number))
+        seed = np.frombuffer(hashlib.sha256(key.encode()).digest(), dtype="<u4")
         drawn = make_scene(
             np.random.default_rng(seed),
             recipe.n,

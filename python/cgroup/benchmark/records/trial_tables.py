@@ -55,8 +55,8 @@ def load_trials(path: Path) -> pd.DataFrame:
     -------
     DataFrame
         `set, dataset, pair, origin, kind, other, matches, voxel, epsilon, case`: the problem, see `Problem`;
-        `loose, strict, preset, whole`: of its set, see `TrialSetEntry`; `scene, inliers, noise, frames,
-        number`: of generated ones, see `Recipe`; `method, threads`: how; `n, correct, inlier_ratio,
+        `loose, strict, preset, whole`: of its set, see `TrialSetEntry`; `scene, size, inliers, noise,
+        frames, number`: of generated ones, see `Recipe`; `method, threads`: how; `n, correct, inlier_ratio,
         resolution, pr, overlap`: the matches; `selected, selected_correct, precision, recall, f_score`: the
         group;
         `posed, ok, complete`: what the method says of its answer (`ok` is None where it doesn't);
@@ -109,7 +109,8 @@ def _add_recipes(frame: pd.DataFrame) -> pd.DataFrame:
     recipes = pd.DataFrame(
         [asdict(read_recipe(pair)) for pair in frame.loc[generated, "pair"]], index=frame.index[generated]
     )
-    for name in ("scene", "inliers", "noise", "frames", "number"):
+    recipes = recipes.rename(columns={"n": "size"})
+    for name in ("scene", "size", "inliers", "noise", "frames", "number"):
         frame[name] = recipes.get(name, np.nan)
     return frame
 

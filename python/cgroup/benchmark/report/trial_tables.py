@@ -24,7 +24,7 @@ _VARIED = {
     "frames": "frames",
     "noise": "noise (pr)",
     "inliers": "share of right ones",
-    "n": "matches",
+    "size": "matches",
 }
 """What a grid may vary, with names for people; the first that does is spread over columns."""
 
@@ -207,7 +207,8 @@ def _spread(related: pd.DataFrame, column: str, others: list[str]) -> Table:
     values = dict.fromkeys(related[column])
     levels = list(values) if column in {"scene", "frames"} else sorted(values)
     lines: list[tuple[Cell, ...]] = []
-    for key, mine in related.groupby(["method", *others], sort=False):
+    able = related[~related["skipped"].str.startswith("needs ")]
+    for key, mine in able.groupby(["method", *others], sort=False):
         method, *where = key
         means = mine.groupby(column)["f_score"].mean()
         shares = (number(means.get(level, math.nan), "{:.2f}") for level in levels)
