@@ -163,7 +163,7 @@ PCL = {"variant": "pcl", "bin_size": Pr(20.0), "iterations": 100}
 WEIGHTED = {**PCL, "distance_weight": True, "similarity": SIMILARITY}
 CLOSE = {"payoff": "distance_difference", "resolution": Field("resolution")}
 WIDE = {"max_distance_difference": Pr(20.0)}
-NARROW = {"max_distance_difference": Pr(4.0)}
+STRICT = {"max_distance_difference": Pr(4.0)}
 INFECTION = {"dynamics": "infection_immunisation"}
 
 CASES: dict[str, MethodCase] = {
@@ -469,8 +469,8 @@ CASES: dict[str, MethodCase] = {
             Trial({"prune": "core"}),
             Trial({"prune": "core", "tolerance": Pr(6.0)}),
             Trial(WIDE),
-            Trial({"max_steps": 0}, NARROW),
-            Trial({"max_steps": 300}, NARROW),
+            Trial({"max_steps": 0}, STRICT),
+            Trial({"max_steps": 300}, STRICT),
             Trial({"dof": 4}),
             Trial({"scale": "estimate"}),
             Trial({"scale": "estimate"}, {"prune": "core"}, shows=False),
