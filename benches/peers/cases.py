@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from cgroup.datasets import make_problem
-
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -37,6 +35,8 @@ FIELDS = {"src": (3,), "tgt": (3,), "lrf_src": (3, 3), "lrf_tgt": (3, 3), "sim":
 
 def make_case(n: int, share: float) -> Case:
     """Draw n matches of which a share is right; the same arrays for the same arguments."""
+    from cgroup.datasets import make_problem  # noqa: PLC0415 - the libraries' environment lacks cgroup
+
     rng = np.random.default_rng([SEED, n, round(share * 1e4)])
     problem = make_problem(rng, n, inlier_ratio=share, **PROBLEM)
     case = {

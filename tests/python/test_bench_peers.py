@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -297,6 +298,14 @@ def test_without_cmake(tmp_path, monkeypatch):
     assert found.why_missing(PEERS["pcl_gc"]) == "cmake is missing; apt-get install libpcl-dev cmake"
     assert found.why_missing(PEERS["cgroup_gc"]) == ""
     assert lines == ["PCL is left out: cmake is missing; apt-get install libpcl-dev cmake"]
+
+
+def test_libraries_are_measured_without_cgroup():
+    code = "import sys; sys.modules['cgroup'] = None; import peers.measure, peers.library_peers, peers.modern_peers"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=child_environment(1), capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_without_a_library(tmp_path, monkeypatch):
