@@ -160,7 +160,7 @@ def claims_command(
 
 @app.command("rankings")
 def rankings_command(out: OutOption = DEFAULT_OUT) -> None:
-    """Print how grouping methods rank on matches, as Markdown: see `[trials]` of a configuration."""
+    """Print how grouping methods rank on matches, as Markdown."""
     with _needs_extra():
         from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
         from cgroup.benchmark.report.trial_tables import overview_table  # noqa: PLC0415
