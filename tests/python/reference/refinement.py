@@ -54,6 +54,21 @@ def fixes_rotation(p: FloatArray, q: FloatArray) -> bool:
     return all(s[1] > FLAT * s[0] for s in spread)
 
 
+def triangle_poses(p: FloatArray, q: FloatArray) -> list[Pose]:
+    """Least-squares motions of triangles (m,3,3), of those that lie on a line on neither side."""
+    p_mean, q_mean = p.mean(axis=1, keepdims=True), q.mean(axis=1, keepdims=True)
+    spread = [np.linalg.svd(x, compute_uv=False) for x in (p - p_mean, q - q_mean)]
+    kept = np.logical_and(*(s[:, 1] > FLAT * s[:, 0] for s in spread))
+    p, q, p_mean, q_mean = p[kept], q[kept], p_mean[kept, 0], q_mean[kept, 0]
+    u, _, vt = np.linalg.svd(np.swapaxes(p - p_mean[:, None], 1, 2) @ (q - q_mean[:, None]))
+    vt[:, 2] *= np.linalg.det(u @ vt)[:, None]
+    rotations = np.swapaxes(u @ vt, 1, 2)
+    return [
+        Pose(rotation, end - rotation @ start)
+        for rotation, start, end in zip(rotations, p_mean, q_mean, strict=True)
+    ]
+
+
 def best_pose(
     poses: list[Pose], p: FloatArray, q: FloatArray, tolerance: float, choice: str = "inliers"
 ) -> Pose | None:
@@ -61,9 +76,10 @@ def best_pose(
     scores = np.zeros(len(poses))
     for k, pose in enumerate(poses):
         r = residuals(pose, p, q)
-        share = np.maximum(0.0, 1.0 - r / tolerance)
-        terms = {"inliers": r < tolerance, "mae": share, "mse": share**2}
-        scores[k] = terms[choice].sum()
+        if choice == "inliers":
+            scores[k] = (r < tolerance).sum()
+        else:
+            scores[k] = (np.maximum(0.0, 1.0 - r / tolerance) ** (1 if choice == "mae" else 2)).sum()
     return poses[int(scores.argmax())] if scores.max(initial=0.0) > 0.0 else None
 
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .refinement import best_pose, fixes_rotation, in_data, inliers_of, refine, weighted_kabsch
+from .refinement import best_pose, in_data, inliers_of, refine, triangle_poses
 from .result import BoolArray, FloatArray, ReferenceGrouping, as_points, length
 
 if TYPE_CHECKING:
@@ -50,11 +50,8 @@ def turboreg(
     limit = 0.12 * t if max_distance_difference is None else max_distance_difference
     shortest = 1.5 * t if nms_radius is None else nms_radius
     joined = (distance_difference(p, q) < limit) & (edge_lengths(p) + edge_lengths(q) > shortest)
-    poses = []
-    for triangle in triangles(joined, pivots, cliques_per_pivot):
-        corners = list(triangle)
-        if fixes_rotation(p[corners], q[corners]):
-            poses.append(weighted_kabsch(p[corners], q[corners], np.ones(3)))
+    corners = np.array(triangles(joined, pivots, cliques_per_pivot), dtype=int).reshape(-1, 3)
+    poses = triangle_poses(p[corners], q[corners])
     best = best_pose(poses, p, q, t, choice)
     pose = None if best is None else refine(best, p, q, t)
     details = {
