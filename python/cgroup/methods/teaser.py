@@ -68,8 +68,8 @@ def teaser(
     Returns
     -------
     Grouping
-        The correspondences with a residual below `tolerance` under `Grouping.model`; without three kept that
-        fix a rotation, none. With an estimated scale s the model is a similarity, ``s R`` in its upper left;
+        Those kept by the pruning whose residual under `Grouping.model` is at most `tolerance` along each axis
+        of the target; without three kept that fix a rotation, none. With an estimated scale s the model is a similarity, ``s R`` in its upper left;
         it is in `diagnostics` under ``scale``, and `Grouping.transform` stays a rigid motion, which does not
         know of it. `diagnostics` has ``kept``, how many were left by the pruning, and ``steps``. Where the
         search for a clique ran out of steps, or not all pairs told of the scale, ``truncated`` is 1: the
