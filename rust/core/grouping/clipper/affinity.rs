@@ -89,6 +89,31 @@ impl<'a> Affinity<'a> {
         Ok(Self { graph, weights: Weights::Kept { starts, entries } })
     }
 
+    /// What the graph and the entries take.
+    pub fn bytes(&self) -> usize {
+        let entries = match &self.weights {
+            Weights::Kept { entries, .. } => size_of_val(entries.as_slice()),
+            Weights::Binary | Weights::Computed(_) => 0,
+        };
+        self.graph.bytes() + entries
+    }
+
+    /// Gives the neighbours of a row, ascending, and their entries of M.
+    pub fn for_each(&self, i: usize, scratch: &mut Scratch, mut give: impl FnMut(u32, f32)) {
+        let row = self.graph.row(i);
+        let neighbors = row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits));
+        match &self.weights {
+            Weights::Binary => neighbors.for_each(|j| give(j, 1.0)),
+            Weights::Kept { starts, entries } => {
+                neighbors.zip(&entries[starts[i]..]).for_each(|(j, &weight)| give(j, weight));
+            }
+            Weights::Computed(gauss) => {
+                gauss.fill(i, row, scratch);
+                neighbors.zip(&scratch.weights).for_each(|(j, &weight)| give(j, weight));
+            }
+        }
+    }
+
     /// The terms of some rows of a vector that is nowhere negative.
     ///
     /// # Errors
@@ -179,7 +204,7 @@ fn plain_sum(row: &[u64], support: &[u64], blocks: &[[f64; WORD]]) -> f64 {
 
 /// What the weights of a row are computed in: squared lengths on both sides.
 #[derive(Debug, Default)]
-struct Scratch {
+pub struct Scratch {
     squares: [Vec<f64>; 2],
     weights: Vec<f32>,
 }
