@@ -212,11 +212,17 @@ pub struct Scratch {
 impl Gauss<'_> {
     /// The weights of the neighbours of a row; rounded, so that one that is kept takes half as much.
     fn fill(&self, i: usize, row: &[u64], scratch: &mut Scratch) {
-        for (points, squares) in [self.source, self.target].into_iter().zip(&mut scratch.squares) {
-            squares.clear();
-            let from = points.get(i);
-            let neighbors = row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits));
-            squares.extend(neighbors.map(|j| (points.get(j as usize) - from).norm_squared()));
+        let degree = row.iter().map(|word| word.count_ones() as usize).sum();
+        let [source, target] = &mut scratch.squares;
+        source.resize(degree, 0.0);
+        target.resize(degree, 0.0);
+        let (from, to) = (self.source.get(i), self.target.get(i));
+        let mut squares = source.iter_mut().zip(target);
+        for (word, &bits) in row.iter().enumerate() {
+            for (j, (source, target)) in ones(word, bits).zip(&mut squares) {
+                *source = (self.source.get(j as usize) - from).norm_squared();
+                *target = (self.target.get(j as usize) - to).norm_squared();
+            }
         }
         scratch.weights.clear();
         scratch.weights.resize(scratch.squares[0].len(), 0.0);

@@ -18,9 +18,6 @@ const MOST_ROUNDS: usize = 1000;
 const MOST_TRIALS: usize = 99;
 const BACKTRACK: f64 = 0.25;
 
-/// The matrix is kept anew, dense, once it has so many times fewer rows.
-const FEWER: f64 = 1.4;
-
 /// A greater penalty leaves no digits of the objective: what it does not part, none does.
 const MOST_PENALTY: f64 = 1e9;
 
@@ -211,16 +208,14 @@ impl<'a> Place<'a> {
     fn condense(&mut self, penalty: f64) -> Result<()> {
         let rises = |i: usize| self.terms[i][0] - penalty * self.terms[i][1] > 0.0;
         let rows: Vec<usize> = (0..self.u.len()).filter(|&i| self.u[i] > 0.0 || rises(i)).collect();
-        let covered = self.dense.as_ref().is_some_and(|dense| rows.iter().all(|&row| dense.has(row)));
-        let before = self.dense.as_ref().filter(|_| covered).map_or(self.u.len(), Dense::len);
-        if FEWER * rows.len() as f64 > before as f64 {
-            if !covered {
-                self.dense = None;
-            }
-            return Ok(());
+        self.dense = self.dense.take().filter(|dense| rows.iter().all(|&row| dense.has(row)));
+        let before = self.dense.as_ref().map_or(self.u.len(), Dense::len);
+        if 4 * rows.len() <= 3 * before {
+            self.dense = match &self.dense {
+                Some(dense) => Some(dense.among(rows)),
+                None => Dense::new(self.affinity, self.u.len(), rows, self.execution)?,
+            };
         }
-        self.dense = None; // before the next is made
-        self.dense = Dense::new(self.affinity, self.u.len(), rows, self.execution)?;
         Ok(())
     }
 }

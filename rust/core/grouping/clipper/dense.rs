@@ -1,7 +1,5 @@
 //! M among some rows, zeros and all: where many agree, this is faster than to look bits up.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
-
 use rayon::prelude::*;
 
 use super::affinity::{Affinity, Terms};
@@ -13,7 +11,7 @@ use crate::simd;
 const SUMS: usize = 16;
 
 /// Bytes that the entries may take.
-const MOST_BYTES: usize = 64 << 20;
+const MOST_BYTES: usize = 32 << 20;
 
 /// Where a row of M has no place here.
 const NOWHERE: u32 = u32::MAX;
@@ -61,6 +59,22 @@ impl Dense {
             },
         )?;
         Ok(Some(Self { rows, places, width, entries }))
+    }
+
+    /// Of some of the rows here, ascending.
+    pub fn among(&self, rows: Vec<usize>) -> Self {
+        let width = rows.len().next_multiple_of(SUMS);
+        let kept: Vec<usize> = rows.iter().map(|&row| self.places[row] as usize).collect();
+        let mut places = vec![NOWHERE; self.places.len()];
+        for (place, &row) in (0..).zip(&rows) {
+            places[row] = place;
+        }
+        let mut entries = vec![0.0; width * rows.len()];
+        entries.par_chunks_mut(width.max(1)).zip(&kept).with_min_len(32).for_each(|(entries, &row)| {
+            let from = &self.entries[row * self.width..][..self.width];
+            entries.iter_mut().zip(&kept).for_each(|(entry, &place)| *entry = from[place]);
+        });
+        Self { rows, places, width, entries }
     }
 
     /// How many rows there are.
@@ -129,12 +143,15 @@ mod tests {
         ] {
             let rows: Vec<usize> = (0..200).filter(|i| i % 3 > 0).collect();
             let u: Vec<f64> =
-                (0..200).map(|i| if i % 3 > 0 { (i as f64).sin().max(0.0) } else { 0.0 }).collect();
+                (0..200).map(|i| if i % 3 > 0 { f64::from(i).sin().max(0.0) } else { 0.0 }).collect();
             let expected = affinity.terms(&u, &rows, &execution)?;
             let dense = Dense::new(&affinity, 200, rows.clone(), &execution)?;
             let found =
                 dense.map(|dense| dense.terms(&u, &rows, &execution)).transpose()?.unwrap_or_default();
             assert_eq!(found.len(), rows.len());
+            let all = Dense::new(&affinity, 200, (0..200).collect(), &execution)?;
+            let again = all.map(|all| all.among(rows.clone()).terms(&u, &rows, &execution)).transpose()?;
+            assert_eq!(again.as_ref(), Some(&found));
             for (a, b) in found.as_flattened().iter().zip(expected.as_flattened()) {
                 assert!((a - b).abs() < 1e-12);
             }
