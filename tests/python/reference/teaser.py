@@ -3,7 +3,7 @@
 With beta the tolerance, and c = 1:
 
     scale        s = argmin sum_ij min((s - dt_ij / ds_ij)^2 / (2 beta / ds_ij)^2, 1)
-    i ~ j        |s ds_ij - dt_ij| < 2 beta, neither edge of zero length
+    i ~ j        |s ds_ij - dt_ij| < 2 beta, not both edges of zero length
     kept         a maximum clique, or the vertices of the greatest core number
     rotation     GNC-TLS on a_k = s (p_k+1 - p_k), b_k = q_k+1 - q_k over the kept in a ring, bound 2 beta
     translation  per axis argmin sum_k min((t - (q_k - s R p_k))^2 / beta^2, 1)
@@ -80,9 +80,8 @@ def teaser(
 
 
 def joined_pairs(p: FloatArray, q: FloatArray, difference: float) -> BoolArray:
-    """(n,n) which pairs keep their distance, coincident points aside."""
-    shortest = np.minimum(edge_lengths(p), edge_lengths(q))
-    return (distance_difference(p, q) < difference) & (shortest > 0.0)
+    """(n,n) which pairs keep their distance, equal correspondences aside."""
+    return (distance_difference(p, q) < difference) & (edge_lengths(p) + edge_lengths(q) > 0.0)
 
 
 def keep(joined: BoolArray, prune: str, max_steps: int) -> IntArray:

@@ -22,6 +22,7 @@ use nalgebra::{Matrix4, Point3, Vector3};
 
 use super::GroupingMethod;
 use crate::compatibility::graph::AgreementGraph;
+use crate::compatibility::long_agreement::EdgeLengths;
 use crate::consensus::cores::Cores;
 use crate::consensus::maximum_clique::{Found, maximum_clique};
 use crate::error::positive;
@@ -33,6 +34,9 @@ use scale::{leaves_out, truncated_scale};
 use truncated_mean::truncated_mean;
 
 pub use rotation::Freedom;
+
+/// A correspondence is not joined with itself or its equal, but with others of the same point.
+const JOINED: EdgeLengths = EdgeLengths::SumAbove(0.0);
 
 /// What is kept of the graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -98,7 +102,7 @@ impl GroupingMethod for Teaser {
             return Ok(Grouping::empty(source.len())); // no two source points are apart
         };
         let scaled = source.scaled(scale);
-        let graph = AgreementGraph::new(&scaled, target, difference, 0.0, execution)?;
+        let graph = AgreementGraph::with_edges(&scaled, target, difference, JOINED, execution)?;
         let kept = self.keep(&graph, execution)?;
         let fit = fit(&kept.clique, &scaled, target, bound, self.freedom);
         let grouping = fit.map_or_else(
