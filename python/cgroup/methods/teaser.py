@@ -32,10 +32,12 @@ def teaser(
 
     Not of the paper. Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021,
     with the pruning by core numbers of ROBIN (ICRA 2021) and KISS-Matcher (ICRA 2025). Two correspondences
-    are joined where ``0 < ds``, ``0 < dt`` and ``|ds - dt| < max_distance_difference`` (section IV). The
+    are joined where ``|ds - dt| < max_distance_difference`` and ``0 < ds + dt`` (section IV). The
     rotation is that of graduated non-convexity on the differences of each kept point to the next (section
     VII), the translation that of adaptive voting along each axis (section V). Costs and ranges are in units
-    of the tolerance. Cost O(n^2) tests of pairs, memory n^2 / 8 bytes.
+    of the tolerance, so that an outlier costs 1 in the voting, as in the paper; the published code has the
+    tolerance itself there, and its voting depends on the unit of length. Cost O(n^2) tests of pairs, memory
+    n^2 / 8 bytes.
 
     Parameters
     ----------
@@ -68,12 +70,12 @@ def teaser(
     Returns
     -------
     Grouping
-        The correspondences with a residual below `tolerance` under `Grouping.model`; without three kept that
-        fix a rotation, none. With an estimated scale s the model is a similarity, ``s R`` in its upper left;
-        it is in `diagnostics` under ``scale``, and `Grouping.transform` stays a rigid motion, which does not
-        know of it. `diagnostics` has ``kept``, how many were left by the pruning, and ``steps``. Where the
-        search for a clique ran out of steps, or not all pairs told of the scale, ``truncated`` is 1: the
-        clique is the largest found.
+        Those kept by the pruning whose residual under `Grouping.model` is at most `tolerance` along each
+        axis of the target; without three kept that fix a rotation, none. With an estimated scale s the
+        model is a similarity, ``s R`` in its upper left; s is in `diagnostics` under ``scale``, and
+        `Grouping.transform` stays a rigid motion, which does not know of it. `diagnostics` has ``kept``,
+        how many were left by the pruning, and ``steps``. Where the search for a clique ran out of steps, or
+        not all pairs told of the scale, ``truncated`` is 1: the clique is the largest found.
 
     Raises
     ------

@@ -3,17 +3,17 @@
 With beta the tolerance, and c = 1:
 
     scale        s = argmin sum_ij min((s - dt_ij / ds_ij)^2 / (2 beta / ds_ij)^2, 1)
-    i ~ j        |s ds_ij - dt_ij| < 2 beta, neither edge of zero length
+    i ~ j        |s ds_ij - dt_ij| < 2 beta, not both edges of zero length
     kept         a maximum clique, or the vertices of the greatest core number
     rotation     GNC-TLS on a_k = s (p_k+1 - p_k), b_k = q_k+1 - q_k over the kept in a ring, bound 2 beta
     translation  per axis argmin sum_k min((t - (q_k - s R p_k))^2 / beta^2, 1)
-    group        |s R p + t - q| < beta
+    group        those kept with |s R p + t - q| <= beta along each axis
 
 Decisions where the source is open
 ----------------------------------
 * Both sides are centred on the mean of all points first.
 * GNC: costs in units of (2 beta)^2; it ends where the cost changes by less than 1e-6 of that. Without a measurement of weight
-  0.5 at least there is no group.
+  0.5 at least there is no group, nor where the weighted ones are along one line (dof 6).
 * Adaptive voting: the candidates are the weighted means of the sets that hold between two ends of intervals, an end included.
   Costs that differ by less than 1e-9 are the same, and the lowest such set is taken. (The published code adds the
   range of an outlier where the paper has the constant 1.)
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 MOST_RATIOS = 1_000_000
 SAME_COST = 1e-9
 FLAT = 1e-7
+LINE = 1e-9
 
 
 def teaser(
@@ -56,7 +57,7 @@ def teaser(
     scale: str = "known",
     max_steps: int = 1_000_000,
 ) -> ReferenceGrouping:
-    """Group the correspondences near the pose of truncated least squares."""
+    """Group those kept that the translation of truncated least squares holds for."""
     p_raw, q_raw = as_points(source), as_points(target)
     beta = length(tolerance, resolution, 2.5, "tolerance")
     difference = 2.0 * beta if max_distance_difference is None else max_distance_difference
@@ -71,16 +72,16 @@ def teaser(
     if pose is None:
         return nothing
     rotation, shift = pose
-    mask = np.linalg.norm(p @ rotation.T + shift - q, axis=1) < beta
+    mask = np.zeros(len(p), dtype=bool)
+    mask[kept] = (np.abs(q[kept] - p[kept] @ rotation.T - shift) <= beta).all(axis=1)
     linear = factor * rotation
     shift = shift + q_raw.mean(axis=0) - linear @ p_raw.mean(axis=0)
     return ReferenceGrouping(mask, None, None, {"model": homogeneous(linear, shift), "kept": len(kept)})
 
 
 def joined_pairs(p: FloatArray, q: FloatArray, difference: float) -> BoolArray:
-    """(n,n) which pairs keep their distance, coincident points aside."""
-    shortest = np.minimum(edge_lengths(p), edge_lengths(q))
-    return (distance_difference(p, q) < difference) & (shortest > 0.0)
+    """(n,n) which pairs keep their distance, equal correspondences aside."""
+    return (distance_difference(p, q) < difference) & (edge_lengths(p) + edge_lengths(q) > 0.0)
 
 
 def keep(joined: BoolArray, prune: str, max_steps: int) -> IntArray:
@@ -114,7 +115,11 @@ def truncated_rotation(a: FloatArray, b: FloatArray, bound: float, dof: int) -> 
     weights = np.ones(len(a))
     rotation, mu, cost = np.eye(3), 0.0, np.inf
     for step in range(100):
-        rotation = least_squares(a, b, weights, dof)
+        covariance = (a * weights[:, None]).T @ b
+        spread = np.linalg.svd(covariance, compute_uv=False)
+        if dof == 6 and not spread[1] > LINE * spread[0]:
+            return None
+        rotation = least_squares(covariance, dof)
         residuals = (b - a @ rotation.T)[:, : 3 if dof == 6 else 2]
         squares = (residuals**2).sum(axis=1) / bound**2
         if step == 0:
@@ -134,9 +139,8 @@ def truncated_rotation(a: FloatArray, b: FloatArray, bound: float, dof: int) -> 
     return rotation if (weights >= 0.5).any() else None
 
 
-def least_squares(a: FloatArray, b: FloatArray, weights: FloatArray, dof: int) -> FloatArray:
-    """R that minimises sum w |b - R a|^2."""
-    covariance = (a * weights[:, None]).T @ b
+def least_squares(covariance: FloatArray, dof: int) -> FloatArray:
+    """R that minimises sum w |b - R a|^2, of sum w a b'."""
     if dof == 4:
         angle = np.arctan2(covariance[0, 1] - covariance[1, 0], covariance[0, 0] + covariance[1, 1])
         c, s = np.cos(angle), np.sin(angle)

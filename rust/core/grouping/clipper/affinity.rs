@@ -89,6 +89,31 @@ impl<'a> Affinity<'a> {
         Ok(Self { graph, weights: Weights::Kept { starts, entries } })
     }
 
+    /// What the graph and the entries take.
+    pub fn bytes(&self) -> usize {
+        let entries = match &self.weights {
+            Weights::Kept { entries, .. } => size_of_val(entries.as_slice()),
+            Weights::Binary | Weights::Computed(_) => 0,
+        };
+        self.graph.bytes() + entries
+    }
+
+    /// Gives the neighbours of a row, ascending, and their entries of M.
+    pub fn for_each(&self, i: usize, scratch: &mut Scratch, mut give: impl FnMut(u32, f32)) {
+        let row = self.graph.row(i);
+        let neighbors = row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits));
+        match &self.weights {
+            Weights::Binary => neighbors.for_each(|j| give(j, 1.0)),
+            Weights::Kept { starts, entries } => {
+                neighbors.zip(&entries[starts[i]..]).for_each(|(j, &weight)| give(j, weight));
+            }
+            Weights::Computed(gauss) => {
+                gauss.fill(i, row, scratch);
+                neighbors.zip(&scratch.weights).for_each(|(j, &weight)| give(j, weight));
+            }
+        }
+    }
+
     /// The terms of some rows of a vector that is nowhere negative.
     ///
     /// # Errors
@@ -179,7 +204,7 @@ fn plain_sum(row: &[u64], support: &[u64], blocks: &[[f64; WORD]]) -> f64 {
 
 /// What the weights of a row are computed in: squared lengths on both sides.
 #[derive(Debug, Default)]
-struct Scratch {
+pub struct Scratch {
     squares: [Vec<f64>; 2],
     weights: Vec<f32>,
 }
@@ -187,11 +212,17 @@ struct Scratch {
 impl Gauss<'_> {
     /// The weights of the neighbours of a row; rounded, so that one that is kept takes half as much.
     fn fill(&self, i: usize, row: &[u64], scratch: &mut Scratch) {
-        for (points, squares) in [self.source, self.target].into_iter().zip(&mut scratch.squares) {
-            squares.clear();
-            let from = points.get(i);
-            let neighbors = row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits));
-            squares.extend(neighbors.map(|j| (points.get(j as usize) - from).norm_squared()));
+        let degree = row.iter().map(|word| word.count_ones() as usize).sum();
+        let [source, target] = &mut scratch.squares;
+        source.resize(degree, 0.0);
+        target.resize(degree, 0.0);
+        let (from, to) = (self.source.get(i), self.target.get(i));
+        let mut squares = source.iter_mut().zip(target);
+        for (word, &bits) in row.iter().enumerate() {
+            for (j, (source, target)) in ones(word, bits).zip(&mut squares) {
+                *source = (self.source.get(j as usize) - from).norm_squared();
+                *target = (self.target.get(j as usize) - to).norm_squared();
+            }
         }
         scratch.weights.clear();
         scratch.weights.resize(scratch.squares[0].len(), 0.0);

@@ -1,6 +1,7 @@
 //! Projected gradient ascent with a penalty that grows (CLIPPER, Algorithm 1).
 
 use super::affinity::{Affinity, Terms};
+use super::dense::Dense;
 use crate::error::Result;
 use crate::execution::Execution;
 
@@ -38,11 +39,11 @@ pub struct Ascent {
 /// # Errors
 /// [`crate::Error::Interrupted`].
 pub fn ascend(affinity: &Affinity, start: Vec<f64>, execution: &Execution) -> Result<Ascent> {
-    let mut place = Place::from(Trial::new(affinity, start, execution)?, affinity, execution)?;
+    let mut place = Place::new(affinity, start, execution)?;
     let mut penalty = place.penalty().unwrap_or(0.0);
     let (mut objective, mut rounds) = (0.0, 0);
     while rounds < MOST_ROUNDS && penalty < MOST_PENALTY {
-        objective = place.climb(affinity, penalty, execution)?;
+        objective = place.climb(penalty)?;
         rounds += 1;
         let Some(more) = place.penalty() else {
             return Ok(Ascent { u: place.u, objective, rounds, complete: true });
@@ -60,16 +61,6 @@ struct Trial {
 }
 
 impl Trial {
-    fn new(affinity: &Affinity, mut u: Vec<f64>, execution: &Execution) -> Result<Self> {
-        let length = u.iter().map(|entry| entry * entry).sum::<f64>().sqrt();
-        if length > 0.0 {
-            u.iter_mut().for_each(|entry| *entry /= length);
-        }
-        let support: Vec<usize> = (0..u.len()).filter(|&i| u[i] > 0.0).collect();
-        let terms = affinity.terms(&u, &support, execution)?;
-        Ok(Self { u, support, terms })
-    }
-
     /// `u' (M - d Z) u`, to which the other rows add nothing.
     fn objective(&self, penalty: f64) -> f64 {
         let rows = self.support.iter().zip(&self.terms);
@@ -77,21 +68,65 @@ impl Trial {
     }
 }
 
-/// A vector of length 1, and the terms of all rows.
-struct Place {
+/// A vector of length 1, and the terms of all rows in which it is or may become greater than 0.
+struct Place<'a> {
+    affinity: &'a Affinity<'a>,
+    execution: &'a Execution,
+    /// M among the rows that matter, once these are few.
+    dense: Option<Dense>,
     u: Vec<f64>,
+    /// By row, as they were when `moves` stood at `computed_at`.
     terms: Vec<Terms>,
+    computed_at: Vec<Moves>,
+    moves: Moves,
 }
 
-impl Place {
-    fn from(trial: Trial, affinity: &Affinity, execution: &Execution) -> Result<Self> {
-        let rest: Vec<usize> = (0..trial.u.len()).filter(|&i| trial.u[i] <= 0.0).collect();
-        let mut terms = vec![[0.0; 2]; trial.u.len()];
-        let others = affinity.terms(&trial.u, &rest, execution)?;
-        for (i, row) in trial.support.into_iter().zip(trial.terms).chain(rest.into_iter().zip(others)) {
-            terms[i] = row;
+/// By how much entries have risen, and by how much others have fallen, over all steps.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Moves {
+    up: f64,
+    down: f64,
+}
+
+impl<'a> Place<'a> {
+    fn new(affinity: &'a Affinity<'a>, start: Vec<f64>, execution: &'a Execution) -> Result<Self> {
+        let n = start.len();
+        let (terms, computed_at) = (vec![[0.0; 2]; n], vec![Moves::default(); n]);
+        let (dense, moves) = (None, Moves::default());
+        let mut place = Self { affinity, execution, dense, u: start, terms, computed_at, moves };
+        let Trial { u, .. } = place.trial(place.u.clone())?;
+        place.u = u;
+        place.compute(&(0..n).collect::<Vec<_>>())?;
+        Ok(place)
+    }
+
+    /// The vector at length 1.
+    fn trial(&self, mut u: Vec<f64>) -> Result<Trial> {
+        let length = u.iter().map(|entry| entry * entry).sum::<f64>().sqrt();
+        if length > 0.0 {
+            u.iter_mut().for_each(|entry| *entry /= length);
         }
-        Ok(Self { u: trial.u, terms })
+        let support: Vec<usize> = (0..u.len()).filter(|&i| u[i] > 0.0).collect();
+        let terms = self.products(&u, &support)?;
+        Ok(Trial { u, support, terms })
+    }
+
+    /// The terms of some rows of a vector that is 0 wherever `u` is 0 and can't rise.
+    fn products(&self, u: &[f64], rows: &[usize]) -> Result<Vec<Terms>> {
+        match &self.dense {
+            Some(dense) if rows.iter().all(|&row| dense.has(row)) => dense.terms(u, rows, self.execution),
+            _ => self.affinity.terms(u, rows, self.execution),
+        }
+    }
+
+    /// Computes the terms of some rows.
+    fn compute(&mut self, rows: &[usize]) -> Result<()> {
+        let terms = self.products(&self.u, rows)?;
+        for (&row, terms) in rows.iter().zip(terms) {
+            self.terms[row] = terms;
+            self.computed_at[row] = self.moves;
+        }
+        Ok(())
     }
 
     /// The mean of `(M u)_i / (Z u)_i` where both `u_i` and `(Z u)_i` are above 0; nothing where that is nowhere.
@@ -110,28 +145,77 @@ impl Place {
     }
 
     /// Steps uphill at one penalty; returns the objective.
-    fn climb(&mut self, affinity: &Affinity, penalty: f64, execution: &Execution) -> Result<f64> {
+    fn climb(&mut self, penalty: f64) -> Result<f64> {
+        self.update(penalty)?;
         let rows = self.u.iter().zip(&self.terms);
         let mut objective: f64 =
             rows.map(|(u, [affinity, conflict])| u * (affinity - penalty * conflict)).sum();
         for _ in 0..MOST_STEPS {
             let mut size = 1.0;
-            let mut trial = Trial::new(affinity, self.moved(size, penalty), execution)?;
+            let mut trial = self.trial(self.moved(size, penalty))?;
             for _ in 1..MOST_TRIALS {
                 if trial.objective(penalty) - objective >= -ZERO {
                     break;
                 }
                 size *= BACKTRACK;
-                trial = Trial::new(affinity, self.moved(size, penalty), execution)?;
+                trial = self.trial(self.moved(size, penalty))?;
             }
             let before = objective;
             objective = trial.objective(penalty);
-            let change: f64 = trial.u.iter().zip(&self.u).map(|(new, old)| (new - old).powi(2)).sum();
-            *self = Self::from(trial, affinity, execution)?;
-            if change.sqrt() < SETTLED_U || (objective - before).abs() < SETTLED_OBJECTIVE * objective.abs() {
+            let change = self.step_to(trial, penalty)?;
+            if change < SETTLED_U || (objective - before).abs() < SETTLED_OBJECTIVE * objective.abs() {
                 break;
             }
         }
         Ok(objective)
+    }
+
+    /// Takes a trial; returns by how much u changes.
+    fn step_to(&mut self, trial: Trial, penalty: f64) -> Result<f64> {
+        let mut square = 0.0;
+        for (new, old) in trial.u.iter().zip(&self.u) {
+            let difference = new - old;
+            square += difference * difference;
+            self.moves.up += difference.max(0.0);
+            self.moves.down += (-difference).max(0.0);
+        }
+        self.u = trial.u;
+        for (&row, terms) in trial.support.iter().zip(trial.terms) {
+            self.terms[row] = terms;
+            self.computed_at[row] = self.moves;
+        }
+        self.update(penalty)?;
+        Ok(square.sqrt())
+    }
+
+    /// Computes the terms of the rows that are 0 and may rise: the others stay 0 whatever their terms are.
+    fn update(&mut self, penalty: f64) -> Result<()> {
+        let rows: Vec<usize> = (0..self.u.len()).filter(|&i| self.may_rise(i, penalty)).collect();
+        self.compute(&rows)?;
+        self.condense(penalty)
+    }
+
+    /// Whether a row that is 0, and whose terms are of an earlier u, may have a gradient above 0: `(M u)_i` has grown by no
+    /// more than the entries that rose did, and `(Z u)_i` has lost no more than the others did.
+    fn may_rise(&self, i: usize, penalty: f64) -> bool {
+        let ([affinity, conflict], then) = (self.terms[i], self.computed_at[i]);
+        let most = affinity + (self.moves.up - then.up);
+        let least = (conflict - (self.moves.down - then.down)).max(0.0);
+        self.u[i] <= 0.0 && then != self.moves && most + ZERO > penalty * (least - ZERO)
+    }
+
+    /// Keeps M among the rows that are or may become greater than 0, once they are much fewer than before.
+    fn condense(&mut self, penalty: f64) -> Result<()> {
+        let rises = |i: usize| self.terms[i][0] - penalty * self.terms[i][1] > 0.0;
+        let rows: Vec<usize> = (0..self.u.len()).filter(|&i| self.u[i] > 0.0 || rises(i)).collect();
+        self.dense = self.dense.take().filter(|dense| rows.iter().all(|&row| dense.has(row)));
+        let before = self.dense.as_ref().map_or(self.u.len(), Dense::len);
+        if 4 * rows.len() <= 3 * before {
+            self.dense = match &self.dense {
+                Some(dense) => Some(dense.among(rows)),
+                None => Dense::new(self.affinity, self.u.len(), rows, self.execution)?,
+            };
+        }
+        Ok(())
     }
 }

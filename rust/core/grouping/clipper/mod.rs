@@ -16,6 +16,7 @@
 
 mod affinity;
 mod ascent;
+mod dense;
 
 use super::GroupingMethod;
 use crate::compatibility::graph::AgreementGraph;

@@ -10,7 +10,7 @@
 //! 3. Rotation, from the differences of each kept point to the next, the last to the first: graduated non-convexity on
 //!    truncated least squares, bound `2 beta` (section VII).
 //! 4. Translation: the truncated mean of `p' - R p`, axis by axis, bound beta (section V-B).
-//! 5. The group: residuals below beta.
+//! 5. The group: those kept whose `p' - R p` is within beta of the translation along each axis.
 //!
 //! Cost O(n^2) tests of pairs; the clique's search is exponential at worst, and bounded. Memory `n^2 / 8` bytes.
 
@@ -22,16 +22,21 @@ use nalgebra::{Matrix4, Point3, Vector3};
 
 use super::GroupingMethod;
 use crate::compatibility::graph::AgreementGraph;
+use crate::compatibility::long_agreement::EdgeLengths;
 use crate::consensus::cores::Cores;
 use crate::consensus::maximum_clique::{Found, maximum_clique};
 use crate::error::positive;
 use crate::geometry::rigid::{Rigid, fixes_rotation};
+use crate::grouping_result::mask_of;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 use rotation::truncated_rotation;
 use scale::{leaves_out, truncated_scale};
 use truncated_mean::truncated_mean;
 
 pub use rotation::Freedom;
+
+/// A correspondence is not joined with itself or its equal, but with others of the same point.
+const JOINED: EdgeLengths = EdgeLengths::SumAbove(0.0);
 
 /// What is kept of the graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -97,10 +102,17 @@ impl GroupingMethod for Teaser {
             return Ok(Grouping::empty(source.len())); // no two source points are apart
         };
         let scaled = source.scaled(scale);
-        let graph = AgreementGraph::new(&scaled, target, difference, 0.0, execution)?;
+        let graph = AgreementGraph::with_edges(&scaled, target, difference, JOINED, execution)?;
         let kept = self.keep(&graph, execution)?;
-        let pose = pose_of(&kept.clique, &scaled, target, bound, self.freedom);
-        let grouping = report(pose, scale, source, &scaled, target, bound);
+        let fit = fit(&kept.clique, &scaled, target, bound, self.freedom);
+        let grouping = fit.map_or_else(
+            || Grouping::empty(source.len()),
+            |Fit { pose, members }| Grouping {
+                mask: mask_of(source.len(), members),
+                model: Some(model_of(&pose, scale, source, target)),
+                ..Grouping::default()
+            },
+        );
         let mut grouping = grouping.with("kept", kept.clique.len() as f64).with("steps", kept.steps as f64);
         let mut complete = kept.complete;
         if self.scale == Scale::Estimate {
@@ -124,20 +136,29 @@ impl Teaser {
     }
 }
 
-/// Rotation and translation of those kept, between the centred points.
-fn pose_of(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Freedom) -> Option<Rigid> {
+/// A pose of the scaled source between the centred points, and those kept that hold for its translation.
+struct Fit {
+    pose: Rigid,
+    members: Vec<usize>,
+}
+
+/// Rotation and translation of those kept.
+fn fit(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Freedom) -> Option<Fit> {
     let of = |points: &Points| kept.iter().map(|&i| points.get(i as usize)).collect::<Vec<_>>();
     let (p, q) = (of(source), of(target));
     if kept.len() < 3 || freedom == Freedom::Six && !fixes_rotation(&p, &q) {
         return None;
     }
     let rotation = truncated_rotation(&steps(&p), &steps(&q), 2.0 * bound, freedom)?;
-    let moved: Vec<Vector3<f64>> = p.iter().zip(&q).map(|(p, q)| q.coords - rotation * p.coords).collect();
+    let shifts: Vec<Vector3<f64>> = p.iter().zip(&q).map(|(p, q)| q.coords - rotation * p.coords).collect();
     let along = |axis: usize| {
-        let values: Vec<f64> = moved.iter().map(|shift| shift[axis]).collect();
+        let values: Vec<f64> = shifts.iter().map(|shift| shift[axis]).collect();
         truncated_mean(&values, &vec![bound; values.len()])
     };
-    Some(Rigid { rotation, translation: Vector3::new(along(0)?, along(1)?, along(2)?) })
+    let translation = Vector3::new(along(0)?, along(1)?, along(2)?);
+    let holds = |shift: &Vector3<f64>| (shift - translation).amax() <= bound;
+    let members = kept.iter().zip(&shifts).filter(|(_, shift)| holds(shift)).map(|(&i, _)| i as usize);
+    Some(Fit { pose: Rigid { rotation, translation }, members: members.collect() })
 }
 
 /// From each point to the next, and from the last to the first: what no translation changes.
@@ -146,26 +167,14 @@ fn steps(points: &[Point3<f64>]) -> Vec<Vector3<f64>> {
     points.iter().zip(next).map(|(point, next)| next - point).collect()
 }
 
-/// The group of a pose of the scaled source.
-fn report(
-    pose: Option<Rigid>,
-    scale: f64,
-    source: &Points,
-    scaled: &Points,
-    target: &Points,
-    bound: f64,
-) -> Grouping {
-    let n = source.len();
-    let Some(pose) = pose else {
-        return Grouping::empty(n);
-    };
-    let mask = (0..n).map(|i| (pose.apply(&scaled.get(i)) - target.get(i)).norm() < bound).collect();
-    let mut model = Matrix4::identity();
+/// The pose of the scaled source as a matrix of the source.
+fn model_of(pose: &Rigid, scale: f64, source: &Points, target: &Points) -> Matrix4<f64> {
     let linear = pose.rotation * scale;
-    model.fixed_view_mut::<3, 3>(0, 0).copy_from(&linear);
     let shift = pose.translation + target.center() - linear * source.center();
+    let mut model = Matrix4::identity();
+    model.fixed_view_mut::<3, 3>(0, 0).copy_from(&linear);
     model.fixed_view_mut::<3, 1>(0, 3).copy_from(&shift);
-    Grouping { mask, model: Some(model), ..Grouping::default() }
+    model
 }
 
 #[cfg(test)]

@@ -11,6 +11,9 @@ const FACTOR: f64 = 1.4;
 const SETTLED: f64 = 1e-6;
 const MOST_STEPS: usize = 100;
 
+/// Measurements that spread less across their main direction than this share of their spread along it are on a line.
+const FLAT: f64 = 1e-9;
+
 /// Of which kind a rotation is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Freedom {
@@ -21,7 +24,8 @@ pub enum Freedom {
     Four,
 }
 
-/// The rotation R that most measurements hold for, `|q - R p| < bound`; nothing where none does.
+/// The rotation R that most measurements hold for, `|q - R p| < bound`; nothing where none does, or where those that
+/// do are along one line.
 pub fn truncated_rotation(
     p: &[Vector3<f64>],
     q: &[Vector3<f64>],
@@ -32,7 +36,7 @@ pub fn truncated_rotation(
     let mut rotation = Matrix3::identity();
     let (mut mu, mut cost) = (0.0, f64::INFINITY);
     for step in 0..MOST_STEPS {
-        rotation = least_squares(p, q, &weights, freedom);
+        rotation = least_squares(p, q, &weights, freedom)?;
         let squares: Vec<f64> =
             p.iter().zip(q).map(|(p, q)| freedom.square(q - rotation * p) / (bound * bound)).collect();
         if step == 0 {
@@ -74,17 +78,26 @@ impl Freedom {
     }
 }
 
-fn least_squares(p: &[Vector3<f64>], q: &[Vector3<f64>], weights: &[f64], freedom: Freedom) -> Matrix3<f64> {
+/// Nothing where the measurements do not fix a rotation.
+fn least_squares(
+    p: &[Vector3<f64>],
+    q: &[Vector3<f64>],
+    weights: &[f64],
+    freedom: Freedom,
+) -> Option<Matrix3<f64>> {
     let mut covariance = Matrix3::zeros();
     for ((p, q), &weight) in p.iter().zip(q).zip(weights).filter(|(_, weight)| **weight > 0.0) {
         covariance += p * q.transpose() * weight;
     }
     match freedom {
-        Freedom::Six => rotation_from_covariance(&covariance),
+        Freedom::Six => {
+            let spread = covariance.singular_values();
+            (spread[1] > FLAT * spread[0]).then(|| rotation_from_covariance(&covariance))
+        }
         Freedom::Four => {
             let sine = covariance[(0, 1)] - covariance[(1, 0)];
             let cosine = covariance[(0, 0)] + covariance[(1, 1)];
-            Rotation3::from_axis_angle(&Vector3::z_axis(), sine.atan2(cosine)).into_inner()
+            Some(Rotation3::from_axis_angle(&Vector3::z_axis(), sine.atan2(cosine)).into_inner())
         }
     }
 }
@@ -117,6 +130,13 @@ mod tests {
         assert!((found - Matrix3::identity()).amax() < 1e-12);
         let q: Vec<_> = (0..20).map(|i| vector(i, 0.7)).collect();
         assert_eq!(truncated_rotation(&p, &q, 1e-6, Freedom::Six), None);
+    }
+
+    #[test]
+    fn measurements_along_a_line_fix_no_rotation_but_about_z() {
+        let p: Vec<_> = (1..9).map(|i| Vector3::new(1.0, 2.0, 3.0) * f64::from(i)).collect();
+        assert_eq!(truncated_rotation(&p, &p, 0.1, Freedom::Six), None);
+        assert_eq!(truncated_rotation(&p, &p, 0.1, Freedom::Four), Some(Matrix3::identity()));
     }
 
     #[test]
