@@ -27,7 +27,7 @@ def test_python_blocks_run_one_after_another(capsys):
 
 # These show fragments; what they belong to runs in the tests of the benchmark and of the examples.
 FRAGMENTS = {"benchmark", "extending"}
-PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if page.stem not in FRAGMENTS]
+PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if page.stem not in FRAGMENTS]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
