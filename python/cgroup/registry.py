@@ -276,6 +276,12 @@ ALIASES: Mapping[str, str] = {
 }
 """Function names that differ from the public names."""
 
+
+def label_of(method: str) -> str:
+    """Return what tables and messages call a method, by its name or that of its function."""
+    return METHOD_INFO[ALIASES.get(method, method)].label
+
+
 PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "paper": {},
     "literal": {"nnsr": {"max_ratio": 0.2}},

@@ -27,6 +27,7 @@ from cgroup.io import (
     write_transform,
 )
 from cgroup.registration import describe
+from cgroup.registry import label_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -98,7 +99,7 @@ def test_compare(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     rows = list(csv.DictReader((tmp_path / "out" / "comparison.csv").read_text().splitlines()))
     assert [row["method"] for row in rows] == list(METHODS)
     for row in rows:
-        assert row["method"].upper() in out
+        assert label_of(row["method"]) in out
         assert 0 <= float(row["precision"]) <= 1
         assert float(row["milliseconds"]) > 0
     for name in ("comparison.png", "precision_recall.png"):

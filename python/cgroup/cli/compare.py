@@ -37,6 +37,7 @@ from cgroup.cli.terminal import (
 from cgroup.comparison import MAX_DISPLACEMENT, MAX_ROTATION, compare, find_correct, write_table
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.registration import correspond
+from cgroup.registry import label_of
 from cgroup.rigid import invert
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def _compare_methods(
         correct = find_correct(matches, true_pose)
 
         def begin_method(method: str) -> None:
-            begin(f"grouping by {method.upper()}")
+            begin(f"grouping by {label_of(method)}")
 
         results = compare(
             matches,
@@ -218,7 +219,7 @@ def _make_table(results: list[MethodResult], pr: float) -> Table:
 def _make_row(result: MethodResult, pr: float) -> tuple[str, ...]:
     score, posed = result.score, result.T_target_source is not None
     return (
-        result.method.upper(),
+        label_of(result.method),
         str(score.selected),
         f"{score.precision:.3f}",
         f"{score.recall:.3f}",

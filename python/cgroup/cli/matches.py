@@ -15,6 +15,7 @@ from cgroup.cli.terminal import print_line, print_pose, show_stages
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import group
+from cgroup.registry import label_of
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def group_command(
     tolerance: Annotated[
         float | None,
         typer.Option(
-            help="Inlier distance of RANSAC, SI and GC, in the file's unit.", show_default="the paper's"
+            help="Tolerance of methods that have one, in the file's unit.", show_default="the method's"
         ),
     ] = None,
     out: Annotated[
@@ -56,12 +57,12 @@ def group_command(
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     start = time.perf_counter()
     with show_stages() as begin:
-        begin(f"grouping by {method.upper()}")
+        begin(f"grouping by {label_of(method)}")
         grouping = group(given, method, **options)
     seconds = time.perf_counter() - start
     path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     io.write_mask(path, grouping.mask)
-    print_line(f"{grouping.size} of {len(given)} selected by {method.upper()} in {1e3 * seconds:.0f} ms")
+    print_line(f"{grouping.size} of {len(given)} selected by {label_of(method)} in {1e3 * seconds:.0f} ms")
     if grouping.false_alarms is not None:
         trust = "can be trusted" if grouping.ok else "may be chance"
         print_line(f"the group {trust}: {grouping.false_alarms:.2g} false alarms expected")
