@@ -24,6 +24,9 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 SEEDS = range(4)
 
+ROW_BY_ROW = {"ransac", "hough3d", "teaser"}
+"""Random samples, cells that tie, and TEASER++'s chain of measurements go by the order of the rows."""
+
 
 def frames(problem: Problem) -> dict[str, Any]:
     """Return the frames of a problem as keyword arguments."""
@@ -615,14 +618,15 @@ def test_correct_count_grows_with_the_tolerance(problem: Problem) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("method", sorted(set(CASES) - {"ransac", "hough3d"}))
+@pytest.mark.parametrize("method", sorted(set(CASES) - ROW_BY_ROW))
 def test_permutation_equivariance(method: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem = make_problem(rng, 60, repeated_targets=0.0, missing_frames=0.1)
     order = rng.permutation(60)
     group, permuted = quick(method, problem), quick(method, problem.subset(order))
     if group.scores is not None:
-        assert permuted.scores == pytest.approx(group.scores[order], rel=1e-8, abs=1e-9)
+        accuracy = max(1e-9, CASES[method].score_tolerance)
+        assert permuted.scores == pytest.approx(group.scores[order], rel=1e-8, abs=accuracy)
     assert (permuted.mask == group.mask[order]).all()
 
 
@@ -632,7 +636,10 @@ def test_rigid_motion_invariance(method: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem = make_problem(rng, 60, missing_frames=0.1)
     source_motion, target_motion = random_motion(rng, 500.0), random_motion(rng, 500.0)
-    if method == "hough3d":  # its grid is aligned with the axes of the target
+    if method in {
+        "hough3d",
+        "teaser",
+    }:  # its grid, or its vote for the translation, goes by the target's axes
         target_motion[:3, :3] = np.eye(3)
     group = quick(method, problem)
     moved = quick(method, problem.moved(source_motion, target_motion))
