@@ -12,12 +12,12 @@
 //! 3. The support of a pose: the sum of `max(0, L_i - r_i^2 / (2 2.7^2))` over residuals `r_i` below 6.
 //! 4. The best pose is refined by weighted least squares, its supporters are taken out, and so on; then each is
 //!    refined among all correspondences, with a deviation that falls from 1.6 times 2.7 to 2.7.
-//! 5. Frames, where there are any: whether they count is asked of the poses found so far ([`frames`]). If they do, stars of
+//! 5. Frames, where there are any: whether they count is asked of the poses found so far (`frames.rs`). If they do, stars of
 //!    frames propose poses too, each term gets what its frames say and is divided by how many go wrong together
-//!    ([`weigh`]), and step 4 is done again.
+//!    (`frames.rs`), and step 4 is done again.
 //! 6. The score of a pose is its support times the share of source points that it lays within 5 of any target; the best wins.
 //! 7. The group: residuals of at most 5 under it.
-//! 8. The number of false alarms, and further instances ([`confidence`]).
+//! 8. The number of false alarms, and further instances (`confidence.rs`).
 //!
 //! Cost O(n^2) tests of pairs, and O(n) a hypothesis.
 
