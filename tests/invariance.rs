@@ -40,14 +40,14 @@ proptest! {
     }
 
     #[test]
-    fn order_of_the_input(seed in 0_u64..10_000, n in 1_usize..120) {
+    fn order_of_the_input(seed in 0_u64..10_000, n in 3_usize..120) {
         let plain = problem(seed, n, 0.4, 0.5);
         let mut random = Uniform::new(seed + 3);
         let mut order: Vec<(f64, usize)> = (0..n).map(|i| (random.next(), i)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         let order: Vec<usize> = order.into_iter().map(|(_, i)| i).collect();
         let shuffled = plain.reordered(&order);
-        // RANSAC samples rows by number, of several largest stars GC takes that of the lowest one, TEASER++ goes from row
+        // Two that contradict each other tie, so there are three at least. RANSAC samples rows by number, of several largest stars GC takes that of the lowest one, TEASER++ goes from row
         // to row, and CLIPPER starts from a random number of each row.
         let mut methods = methods();
         methods.retain(|(name, _)| !["ransac", "gc", "teaser", "clipper"].contains(name));
