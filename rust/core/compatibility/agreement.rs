@@ -13,6 +13,7 @@ use super::distance::distance_difference;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::points::Points;
+use crate::selection::top_k::largest_in_order;
 use crate::simd::{self, Kernel, Lanes, SINGLES};
 
 /// Columns that are searched together for pairs that f32 can't decide.
@@ -165,6 +166,15 @@ impl<'a> DistanceAgreement<'a> {
             counts[band.start..].iter_mut().zip(partial).for_each(|(count, more)| *count += more);
         }
         Ok(counts)
+    }
+
+    /// The `most` correspondences that agree with the most others, ascending; ties to the lowest index.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn most_agreeing(&self, most: usize, execution: &Execution) -> Result<Vec<usize>> {
+        let counts: Vec<f64> = self.counts(execution)?.into_iter().map(f64::from).collect();
+        Ok(largest_in_order(&counts, most))
     }
 
     /// What the rows of a band add to their own counts, and to those of all after them.

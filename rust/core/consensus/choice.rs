@@ -34,6 +34,23 @@ pub enum Choice {
     Mse,
 }
 
+/// The poses that are found among some of the correspondences, or among all, between the centred points of all.
+///
+/// # Errors
+/// Those of `find`.
+pub fn poses_among(
+    rows: Option<&[usize]>,
+    source: &Points,
+    target: &Points,
+    find: impl FnOnce(&Points, &Points) -> Result<Vec<Rigid>>,
+) -> Result<Vec<Rigid>> {
+    let Some(rows) = rows else {
+        return find(source, target);
+    };
+    let (p, q) = (source.subset(rows), target.subset(rows));
+    Ok(find(&p, &q)?.iter().map(|pose| pose.uncentered(&p, &q)).collect())
+}
+
 /// The best of some poses between the centred points, the first of equal ones; `None` where none has an inlier.
 ///
 /// # Errors

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::compatibility::graph::{AgreementGraph, Edge};
 use crate::error::Result;
 use crate::execution::Execution;
-use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
+use crate::geometry::rigid::{Rigid, fit_rows};
 use crate::points::Points;
 use crate::simd;
 
@@ -33,7 +33,9 @@ pub fn clique_poses(
     let edges = graph.heaviest_edges(most, execution)?;
     let cliques: Vec<Vec<u32>> =
         edges.par_iter().map(|edge| execution.check().map(|()| grow(graph, *edge))).collect::<Result<_>>()?;
-    let poses = distinct(cliques).into_par_iter().map(|clique| pose_of(&clique, source, target));
+    let poses = distinct(cliques)
+        .into_par_iter()
+        .map(|clique| fit_rows(source, target, clique.iter().map(|&i| i as usize)));
     Ok(poses.collect::<Vec<_>>().into_iter().flatten().collect())
 }
 
@@ -110,13 +112,6 @@ impl Candidates {
 fn distinct(cliques: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
     let mut seen = std::collections::HashSet::new();
     cliques.into_iter().filter(|clique| seen.insert(clique.clone())).collect()
-}
-
-/// `None` where the points leave a rotation open.
-fn pose_of(clique: &[u32], source: &Points, target: &Points) -> Option<Rigid> {
-    let of = |points: &Points| clique.iter().map(|&i| points.get(i as usize)).collect::<Vec<_>>();
-    let (p, q) = (of(source), of(target));
-    fixes_rotation(&p, &q).then(|| fit_rigid(&p, &q))
 }
 
 #[cfg(test)]

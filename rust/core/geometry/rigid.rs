@@ -140,6 +140,12 @@ pub fn fit_group(source: &Points, target: &Points, indices: &[usize]) -> Result<
     Ok(fit_rigid(&p, &q).uncentered(source, target))
 }
 
+/// Least-squares transform between the centred points of some rows; `None` where they leave a rotation open.
+pub fn fit_rows(source: &Points, target: &Points, rows: impl Iterator<Item = usize>) -> Option<Rigid> {
+    let (p, q): (Vec<_>, Vec<_>) = rows.map(|i| (source.get(i), target.get(i))).unzip();
+    fixes_rotation(&p, &q).then(|| fit_rigid(&p, &q))
+}
+
 /// Whether matched points fix a rotation: three or more, not on a line on either side.
 pub fn fixes_rotation(source: &[Point3<f64>], target: &[Point3<f64>]) -> bool {
     source.len() >= 3 && !is_collinear(source) && !is_collinear(target)

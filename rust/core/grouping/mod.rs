@@ -14,6 +14,8 @@ pub mod search_of_inliers;
 pub mod similarity_score;
 pub mod spectral;
 pub mod teaser;
+#[cfg(test)]
+mod test_problem;
 pub mod turboreg;
 
 use clipper::Clipper;

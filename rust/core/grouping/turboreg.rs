@@ -24,10 +24,9 @@ use rayon::prelude::*;
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::graph::{AgreementGraph, Edge, EdgeLengths, count_common};
-use crate::consensus::choice::{Choice, best_pose, group_of};
+use crate::consensus::choice::{Choice, best_pose, group_of, poses_among};
 use crate::error::at_least_one;
 use crate::geometry::rigid::{Rigid, fit_triangle, fixes_rotation};
-use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
 /// Shares of the tolerance that the published constants have.
@@ -76,14 +75,8 @@ impl GroupingMethod for TurboReg {
         let (source, target) = correspondences.positions("turboreg")?;
         let lengths = self.check(correspondences)?;
         let kept = most_compatible(source, target, lengths.max_distance_difference, execution)?;
-        let poses = match &kept {
-            None => self.hypotheses(source, target, &lengths, execution)?,
-            Some(kept) => {
-                let (p, q) = (source.subset(kept), target.subset(kept));
-                let poses = self.hypotheses(&p, &q, &lengths, execution)?;
-                poses.iter().map(|pose| pose.uncentered(&p, &q)).collect()
-            }
-        };
+        let poses =
+            poses_among(kept.as_deref(), source, target, |p, q| self.hypotheses(p, q, &lengths, execution))?;
         let best = best_pose(&poses, source, target, lengths.tolerance, self.choice, execution)?; // step 5
         let grouping = group_of(best, source, target, lengths.tolerance); // step 6
         let grouping = grouping.with("hypotheses", poses.len() as f64);
@@ -150,10 +143,7 @@ fn most_compatible(
     if source.len() <= most {
         return Ok(None);
     }
-    let degrees = DistanceAgreement::new(source, target, max_distance_difference).counts(execution)?;
-    let mut kept = largest(&degrees.into_iter().map(f64::from).collect::<Vec<_>>(), most);
-    kept.sort_unstable();
-    Ok(Some(kept))
+    DistanceAgreement::new(source, target, max_distance_difference).most_agreeing(most, execution).map(Some)
 }
 
 /// The third corners of a pivot's heaviest triangles, the heaviest first, ties to the lowest index.
@@ -178,15 +168,7 @@ fn pose_of(triangle: [usize; 3], source: &Points, target: &Points) -> Option<Rig
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// `right` points moved rigidly, then others that go anywhere.
-    fn problem(n: usize, right: usize) -> Result<Correspondences> {
-        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
-        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
-        let moved = |i: usize, p: &[f64; 3]| if i < right { [7.0 - p[1], p[0], p[2]] } else { place(i, 0.7) };
-        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
-        Correspondences::new(&source, &target)?.with_resolution(1.0)
-    }
+    use crate::grouping::test_problem::problem;
 
     #[test]
     fn finds_the_moved_points() -> Result<()> {

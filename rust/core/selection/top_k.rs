@@ -18,6 +18,13 @@ pub fn largest(keys: &[f64], k: usize) -> Vec<usize> {
     smallest(&negated, k)
 }
 
+/// Indices of the `k` largest keys in their own order, ties to the lowest index.
+pub fn largest_in_order(keys: &[f64], k: usize) -> Vec<usize> {
+    let mut kept = largest(keys, k);
+    kept.sort_unstable();
+    kept
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -28,5 +35,6 @@ mod tests {
         assert_eq!(smallest(&keys, 3), [1, 4, 3]);
         assert_eq!(largest(&keys, 3), [0, 2, 3]);
         assert_eq!(largest(&keys, 9), [0, 2, 3, 1, 4]);
+        assert_eq!(largest_in_order(&keys, 4), [0, 1, 2, 3]);
     }
 }

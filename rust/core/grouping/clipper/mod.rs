@@ -199,15 +199,7 @@ fn report(found: Found, certified: bool, source: &Points, target: &Points) -> Gr
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// `right` points moved rigidly, then others that go anywhere.
-    fn problem(n: usize, right: usize) -> Result<Correspondences> {
-        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
-        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
-        let moved = |i: usize, p: &[f64; 3]| if i < right { [7.0 - p[1], p[0], p[2]] } else { place(i, 0.7) };
-        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
-        Correspondences::new(&source, &target)?.with_resolution(1.0)
-    }
+    use crate::grouping::test_problem::problem;
 
     #[test]
     fn finds_and_certifies_the_moved_points() -> Result<()> {

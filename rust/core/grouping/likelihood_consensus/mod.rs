@@ -29,6 +29,7 @@ use confidence::Judge;
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::graph::AgreementGraph;
+use crate::consensus::choice::poses_among;
 use crate::consensus::cliques::clique_poses;
 use crate::consensus::landing::{Landing, landings};
 use crate::consensus::likelihood::Likelihood;
@@ -37,7 +38,6 @@ use crate::consensus::modes::{Mode, find_modes};
 use crate::error::at_least_one;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::{Alternative, mask_of};
-use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
 /// Lengths in units of the tolerance: standard deviation of a right match, residuals that count in the score, and in
@@ -189,10 +189,8 @@ impl Problem<'_> {
             let graph = AgreementGraph::new(source, target, tolerance, shortest, execution)?;
             return Ok(Joined { vertices: (0..source.len()).collect(), graph });
         }
-        let degrees = DistanceAgreement::new(source, target, tolerance).counts(execution)?;
-        let degrees: Vec<f64> = degrees.into_iter().map(f64::from).collect();
-        let mut vertices = largest(&degrees, MOST_VERTICES);
-        vertices.sort_unstable();
+        let vertices =
+            DistanceAgreement::new(source, target, tolerance).most_agreeing(MOST_VERTICES, execution)?;
         let (p, q) = (source.subset(&vertices), target.subset(&vertices));
         let graph = AgreementGraph::new(&p, &q, tolerance, shortest, execution)?;
         Ok(Joined { vertices, graph })
@@ -201,27 +199,15 @@ impl Problem<'_> {
     /// The motions of cliques, between the centred points.
     fn cliques(&self, joined: &Joined) -> Result<Vec<Rigid>> {
         let Problem { source, target, execution, .. } = *self;
-        if joined.vertices.len() == source.len() {
-            return clique_poses(&joined.graph, source, target, SEEDS, execution);
-        }
-        let (p, q) = (source.subset(&joined.vertices), target.subset(&joined.vertices));
-        let poses = clique_poses(&joined.graph, &p, &q, SEEDS, execution)?;
-        Ok(poses.iter().map(|pose| pose.uncentered(&p, &q)).collect())
+        let some = (joined.vertices.len() < source.len()).then_some(joined.vertices.as_slice());
+        poses_among(some, source, target, |p, q| clique_poses(&joined.graph, p, q, SEEDS, execution))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// `right` points moved rigidly, then others that go anywhere.
-    fn problem(n: usize, right: usize) -> Result<Correspondences> {
-        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
-        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
-        let moved = |i: usize, p: &[f64; 3]| if i < right { [7.0 - p[1], p[0], p[2]] } else { place(i, 0.7) };
-        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
-        Correspondences::new(&source, &target)?.with_resolution(1.0)
-    }
+    use crate::grouping::test_problem::problem;
 
     #[test]
     fn finds_the_moved_points() -> Result<()> {

@@ -27,7 +27,7 @@ use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::consensus::choice::{Choice, best_pose, group_of, inliers_of};
 use crate::error::{Error, at_least_one, positive};
-use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
+use crate::geometry::rigid::{Rigid, fit_rows};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 use graph::{BYTES_PER_NEIGHBOR, Kernel, SecondOrderGraph};
@@ -149,24 +149,13 @@ fn only<'a>(points: &'a Points, vertices: &[usize]) -> Cow<'a, Points> {
 
 /// `None` where the points leave a rotation open.
 fn pose_of(clique: &Clique, vertices: &[usize], source: &Points, target: &Points) -> Option<Rigid> {
-    let members = || clique.members.iter().map(|&i| vertices[i as usize]);
-    let of = |points: &Points| members().map(|i| points.get(i)).collect::<Vec<_>>();
-    let (p, q) = (of(source), of(target));
-    fixes_rotation(&p, &q).then(|| fit_rigid(&p, &q))
+    fit_rows(source, target, clique.members.iter().map(|&i| vertices[i as usize]))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// `right` points moved rigidly, then others that go anywhere.
-    fn problem(n: usize, right: usize) -> Result<Correspondences> {
-        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
-        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
-        let moved = |i: usize, p: &[f64; 3]| if i < right { [7.0 - p[1], p[0], p[2]] } else { place(i, 0.7) };
-        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
-        Correspondences::new(&source, &target)?.with_resolution(1.0)
-    }
+    use crate::grouping::test_problem::problem;
 
     #[test]
     fn finds_the_moved_points() -> Result<()> {

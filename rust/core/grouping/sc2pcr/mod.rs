@@ -35,10 +35,10 @@ use self::consensus_set::ConsensusSets;
 use self::seeds::{confidence, seeds};
 use super::GroupingMethod;
 use crate::compatibility::graph::AgreementGraph;
-use crate::consensus::choice::{Choice, best_pose, group_of};
+use crate::consensus::choice::{Choice, best_pose, group_of, poses_among};
 use crate::error::{at_least_one, fraction};
 use crate::geometry::rigid::Rigid;
-use crate::selection::top_k::largest;
+use crate::selection::top_k::largest_in_order;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 
 /// Parameters of SC2-PCR.
@@ -84,15 +84,11 @@ impl GroupingMethod for Sc2Pcr {
         let lengths = self.check(correspondences)?;
         let confidence = confidence(source, target, lengths.max_distance_difference, execution)?; // steps 1, 2
         let kept = most_confident(&confidence, AgreementGraph::most_vertices(execution.max_memory));
-        let poses = match &kept {
-            None => self.hypotheses(source, target, &confidence, &lengths, execution)?,
-            Some(kept) => {
-                let (p, q) = (source.subset(kept), target.subset(kept));
-                let confidence: Vec<f64> = kept.iter().map(|&i| confidence[i]).collect();
-                let poses = self.hypotheses(&p, &q, &confidence, &lengths, execution)?;
-                poses.iter().map(|pose| pose.uncentered(&p, &q)).collect()
-            }
-        };
+        let of_kept: Option<Vec<f64>> =
+            kept.as_ref().map(|kept| kept.iter().map(|&i| confidence[i]).collect());
+        let poses = poses_among(kept.as_deref(), source, target, |p, q| {
+            self.hypotheses(p, q, of_kept.as_ref().unwrap_or(&confidence), &lengths, execution)
+        })?;
         let best = match correspondences.candidates() {
             None => best_pose(&poses, source, target, lengths.tolerance, Choice::Inliers, execution)?, // step 7
             Some(points) => {
@@ -152,25 +148,13 @@ impl Sc2Pcr {
 
 /// Those whose graph fits into memory, ascending; `None` where all do.
 fn most_confident(confidence: &[f64], most: usize) -> Option<Vec<usize>> {
-    (most < confidence.len()).then(|| {
-        let mut kept = largest(confidence, most);
-        kept.sort_unstable();
-        kept
-    })
+    (most < confidence.len()).then(|| largest_in_order(confidence, most))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// `right` points moved rigidly, then others that go anywhere.
-    fn problem(n: usize, right: usize) -> Result<Correspondences> {
-        let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
-        let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
-        let moved = |i: usize, p: &[f64; 3]| if i < right { [7.0 - p[1], p[0], p[2]] } else { place(i, 0.7) };
-        let target: Vec<_> = source.iter().enumerate().map(|(i, p)| moved(i, p)).collect();
-        Correspondences::new(&source, &target)?.with_resolution(1.0)
-    }
+    use crate::grouping::test_problem::problem;
 
     #[test]
     fn finds_the_moved_points() -> Result<()> {
