@@ -33,7 +33,7 @@ import numpy as np
 from .maximum_clique import color_classes, cores, greedy_clique
 from .pairwise import centred, distance_difference, edge_lengths
 from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
-from .rigid import homogeneous, kabsch
+from .rigid import homogeneous, kabsch, spreads
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -42,7 +42,6 @@ ZERO = 1e-9
 NUDGES = (1e-13, 1e-11, 1e-9, 1e-7)
 SETTLED = 1e-3
 LEAST_AFFINITY = 1e-4
-FLAT = 1e-7
 
 
 class Ascent(NamedTuple):
@@ -196,9 +195,3 @@ def is_largest(rows: IntArray, joined: BoolArray) -> bool:
         return True
     kept = [k for k in order[::-1] if numbers[k] >= len(rows)]
     return len(color_classes(joined, kept)) <= len(rows)
-
-
-def spreads(points: FloatArray) -> bool:
-    """Return True for points that are not on a line."""
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(spread[1] > FLAT * spread[0])

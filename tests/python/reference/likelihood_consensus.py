@@ -73,7 +73,7 @@ from .result import (
     has_frame,
     length,
 )
-from .rigid import apply, homogeneous
+from .rigid import Pose, apply, fixes_rotation, homogeneous, nearest_rotation, weighted_kabsch
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -85,7 +85,6 @@ CANDIDATES = 256
 SIGMA = 2.7
 FIRST_ROUNDS = [SIGMA] * 4
 LAST_ROUNDS = [SIGMA * (1.6 + (1.0 - 1.6) * k / 9) for k in range(10)]
-FLAT = 1e-7
 SAMPLES = 1000
 FRAME_SIGMA = np.deg2rad(10.0)
 LEAST_SHARE = 0.75
@@ -94,13 +93,6 @@ PAIRS = 3
 ENOUGH = 200
 REFLECTIONS = 10
 MOST_ALARMS = 0.01
-
-
-class Pose(NamedTuple):
-    """R p + t between the centred points."""
-
-    rotation: FloatArray
-    translation: FloatArray
 
 
 class Model(NamedTuple):
@@ -184,7 +176,7 @@ def lc(
     kept = np.sort(np.argsort(-agrees.sum(axis=1), kind="stable")[:VERTICES])
     joined = agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
     found = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)])]
-    hypotheses = [kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes(p[c], q[c])]
+    hypotheses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
     turns = proposed(n, source_lrf, target_lrf)
     answer = Answer(model, rank(model, hypotheses, modes), by_frames=False)
     if np.isfinite(turns).any():
@@ -330,7 +322,7 @@ def equalled(model: Model, ranked: list[Ranked]) -> bool:
     own = count(model, ranked[0].pose)
     for one in ranked[:REFLECTIONS]:
         rows = model.squares(one.pose) <= 5.0**2
-        start = kabsch(mirrored.p[rows], mirrored.q[rows], np.ones(np.count_nonzero(rows)))
+        start = weighted_kabsch(mirrored.p[rows], mirrored.q[rows], np.ones(np.count_nonzero(rows)))
         if count(mirrored, refine(start, mirrored, [SIGMA] * 5)) > 0.9 * own:
             return True
     return False
@@ -387,28 +379,6 @@ def heaviest_edges(joined: BoolArray) -> IntArray:
     return np.stack([i[order], j[order]], axis=1)
 
 
-def fixes(p: FloatArray, q: FloatArray) -> bool:
-    """Return True for three points or more that lie on a line on neither side."""
-    if len(p) < 3:
-        return False
-    spread = [np.linalg.svd(x - x.mean(axis=0), compute_uv=False) for x in (p, q)]
-    return all(s[1] > FLAT * s[0] for s in spread)
-
-
-def kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> Pose:
-    """Weighted least-squares motion."""
-    p_mean, q_mean = np.average(p, axis=0, weights=weight), np.average(q, axis=0, weights=weight)
-    rotation = nearest_rotation(((p - p_mean) * weight[:, None]).T @ (q - q_mean))
-    return Pose(rotation, q_mean - rotation @ p_mean)
-
-
-def nearest_rotation(covariance: FloatArray) -> FloatArray:
-    """Kabsch's rotation for H = sum p q^T."""
-    u, _, vt = np.linalg.svd(covariance)
-    turn = np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)])
-    return vt.T @ turn @ u.T
-
-
 def posterior(log_odds: FloatArray) -> FloatArray:
     """Probability from the logarithm of the odds."""
     with np.errstate(over="ignore"):
@@ -420,11 +390,11 @@ def refine(pose: Pose, model: Model, deviations: list[float]) -> Pose:
     for sigma in deviations:
         squares = model.squares(pose)
         near = squares < (3.0 * sigma) ** 2
-        if not fixes(model.p[near], model.q[near]):
+        if not fixes_rotation(model.p[near], model.q[near]):
             break
         weight = posterior(model.levels(pose)[near] - squares[near] / (2.0 * sigma**2))
         weight *= 1.0 if model.weight is None else model.weight[near]
-        pose = kabsch(model.p[near], model.q[near], weight)
+        pose = weighted_kabsch(model.p[near], model.q[near], weight)
     return pose
 
 

@@ -35,9 +35,10 @@ import numpy as np
 
 from .otsu import otsu_split
 from .pairwise import centred, distance_difference
-from .refinement import best_pose, fixes_rotation, residuals, weighted_kabsch
+from .refinement import best_pose, residuals
 from .refinement import refine as refine_pose
 from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .rigid import fixes_rotation, weighted_kabsch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

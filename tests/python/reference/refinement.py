@@ -13,24 +13,16 @@ Decisions where the sources are open
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .rigid import apply, homogeneous
+from .rigid import Pose, apply, fixes_rotation, homogeneous, kabsch, spreads, weighted_kabsch
 
 if TYPE_CHECKING:
     from .result import BoolArray, FloatArray
 
 ROUNDS = 20
-FLAT = 1e-7
-
-
-class Pose(NamedTuple):
-    """R p + t between the centred points."""
-
-    rotation: FloatArray
-    translation: FloatArray
 
 
 def residuals(pose: Pose, p: FloatArray, q: FloatArray) -> FloatArray:
@@ -38,35 +30,10 @@ def residuals(pose: Pose, p: FloatArray, q: FloatArray) -> FloatArray:
     return np.linalg.norm(apply(pose.rotation, pose.translation, p) - q, axis=1)
 
 
-def weighted_kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> Pose:
-    """Weighted least-squares motion."""
-    p_mean, q_mean = np.average(p, axis=0, weights=weight), np.average(q, axis=0, weights=weight)
-    u, _, vt = np.linalg.svd(((p - p_mean) * weight[:, None]).T @ (q - q_mean))
-    rotation = vt.T @ np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)]) @ u.T
-    return Pose(rotation, q_mean - rotation @ p_mean)
-
-
-def fixes_rotation(p: FloatArray, q: FloatArray) -> bool:
-    """Return True for three points or more that lie on a line on neither side."""
-    if len(p) < 3:
-        return False
-    spread = [np.linalg.svd(x - x.mean(axis=0), compute_uv=False) for x in (p, q)]
-    return all(s[1] > FLAT * s[0] for s in spread)
-
-
 def triangle_poses(p: FloatArray, q: FloatArray) -> list[Pose]:
     """Least-squares motions of triangles (m,3,3), of those that lie on a line on neither side."""
-    p_mean, q_mean = p.mean(axis=1, keepdims=True), q.mean(axis=1, keepdims=True)
-    spread = [np.linalg.svd(x, compute_uv=False) for x in (p - p_mean, q - q_mean)]
-    kept = np.logical_and(*(s[:, 1] > FLAT * s[:, 0] for s in spread))
-    p, q, p_mean, q_mean = p[kept], q[kept], p_mean[kept, 0], q_mean[kept, 0]
-    u, _, vt = np.linalg.svd(np.swapaxes(p - p_mean[:, None], 1, 2) @ (q - q_mean[:, None]))
-    vt[:, 2] *= np.linalg.det(u @ vt)[:, None]
-    rotations = np.swapaxes(u @ vt, 1, 2)
-    return [
-        Pose(rotation, end - rotation @ start)
-        for rotation, start, end in zip(rotations, p_mean, q_mean, strict=True)
-    ]
+    kept = spreads(p) & spreads(q)
+    return [Pose(*pose) for pose in zip(*kabsch(p[kept], q[kept]), strict=True)]
 
 
 def best_pose(

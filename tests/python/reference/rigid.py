@@ -8,14 +8,22 @@ Decisions where the paper is open
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from .result import FloatArray
+    from .result import BoolArray, FloatArray
 
 RANK_TOLERANCE = 1e-9
+FLAT = 1e-7
+
+
+class Pose(NamedTuple):
+    """R p + t."""
+
+    rotation: FloatArray
+    translation: FloatArray
 
 
 def cross_covariance(source: FloatArray, target: FloatArray) -> FloatArray:
@@ -37,6 +45,30 @@ def kabsch(source: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArr
     rotation = (v * signs[..., None, :]) @ u_transposed
     moved_mean = np.einsum("...ij,...j->...i", rotation, source.mean(axis=-2))
     return rotation, target.mean(axis=-2) - moved_mean
+
+
+def weighted_kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> Pose:
+    """Weighted least-squares motion."""
+    p_mean, q_mean = np.average(p, axis=0, weights=weight), np.average(q, axis=0, weights=weight)
+    rotation = nearest_rotation(((p - p_mean) * weight[:, None]).T @ (q - q_mean))
+    return Pose(rotation, q_mean - rotation @ p_mean)
+
+
+def nearest_rotation(covariance: FloatArray) -> FloatArray:
+    """Kabsch's rotation for H = sum p q^T."""
+    u, _, vt = np.linalg.svd(covariance)
+    return vt.T @ np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)]) @ u.T
+
+
+def spreads(points: FloatArray) -> BoolArray:
+    """(...) True for points (..., m, 3) that are not on a line: second singular value above 1e-7 of the first."""
+    spread = np.linalg.svd(points - points.mean(axis=-2, keepdims=True), compute_uv=False)
+    return spread[..., 1] > FLAT * spread[..., 0]
+
+
+def fixes_rotation(p: FloatArray, q: FloatArray) -> bool:
+    """Return True for three points or more that lie on a line on neither side."""
+    return len(p) >= 3 and bool(spreads(p) and spreads(q))
 
 
 def determines_rotation(source: FloatArray, target: FloatArray) -> bool:

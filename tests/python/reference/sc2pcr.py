@@ -37,18 +37,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .refinement import (
-    Pose,
-    best_pose,
-    fixes_rotation,
-    in_data,
-    inliers_of,
-    refine,
-    residuals,
-    weighted_kabsch,
-)
+from .refinement import best_pose, in_data, inliers_of, refine, residuals
 from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
-from .rigid import apply
+from .rigid import Pose, apply, fixes_rotation, weighted_kabsch
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

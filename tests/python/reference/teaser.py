@@ -32,7 +32,7 @@ import numpy as np
 from .maximum_clique import cores, maximum_clique
 from .pairwise import bounding_box_diagonal, centred, distance_difference, edge_lengths
 from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
-from .rigid import homogeneous
+from .rigid import homogeneous, spreads
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 MOST_RATIOS = 1_000_000
 SAME_COST = 1e-9
-FLAT = 1e-7
 LINE = 1e-9
 
 
@@ -102,12 +101,6 @@ def pose_of(p: FloatArray, q: FloatArray, beta: float, dof: int) -> tuple[FloatA
     moved = q - p @ rotation.T
     shift = [truncated_mean(moved[:, axis], np.full(len(p), beta)) for axis in range(3)]
     return rotation, np.array(shift)
-
-
-def spreads(points: FloatArray) -> bool:
-    """Return True for points that are not on a line."""
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(spread[1] > FLAT * spread[0])
 
 
 def truncated_rotation(a: FloatArray, b: FloatArray, bound: float, dof: int) -> FloatArray | None:
