@@ -17,7 +17,7 @@ import warnings as _warnings
 
 from cgroup import _core
 from cgroup._core import __version__
-from cgroup.errors import CgroupError, InputError, NoConsensusError
+from cgroup.errors import CgroupError, InputError, NoConsensusError, OutOfMemoryError
 from cgroup.group import group, group_many
 from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
 from cgroup.types import Correspondences, Grouping
@@ -34,6 +34,7 @@ __all__ = [
     "Grouping",
     "InputError",
     "NoConsensusError",
+    "OutOfMemoryError",
     "__version__",
     "group",
     "group_many",

@@ -13,6 +13,10 @@ class InputError(CgroupError, ValueError):
     """An argument that can't be worked with."""
 
 
+class OutOfMemoryError(CgroupError, MemoryError):
+    """The system gave no memory for a block that the computation needs."""
+
+
 class NoConsensusError(CgroupError, ValueError):
     """No pose: the group doesn't fix one, or the surfaces don't confirm any.
 

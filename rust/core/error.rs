@@ -30,6 +30,15 @@ pub enum Error {
         /// How many correspondences there were, and how many are needed.
         reason: String,
     },
+    /// The system gave no memory for a block.
+    #[error(
+        "no memory for a block of {}; give fewer points, a lower max_memory or fewer threads, or allow the process more memory",
+        mebibytes(*bytes)
+    )]
+    OutOfMemory {
+        /// Size of the block.
+        bytes: usize,
+    },
     /// The caller asked to stop.
     #[error("interrupted")]
     Interrupted,
@@ -44,6 +53,12 @@ impl Error {
     pub fn invalid(what: impl Into<String>, got: impl ToString, remedy: impl Into<String>) -> Self {
         Self::InvalidInput { what: what.into(), got: got.to_string(), remedy: remedy.into() }
     }
+}
+
+/// A size in words.
+fn mebibytes(bytes: usize) -> String {
+    let size = bytes as f64 / f64::from(1 << 20);
+    if size < 10.0 { format!("{size:.1} MiB") } else { format!("{size:.0} MiB") }
 }
 
 /// Accepts a finite length greater than zero.

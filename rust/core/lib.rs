@@ -41,6 +41,7 @@ pub mod frames;
 pub mod geometry;
 pub mod grouping;
 pub mod grouping_result;
+pub mod memory;
 pub mod points;
 pub mod selection;
 mod simd;

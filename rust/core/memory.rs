@@ -1,0 +1,155 @@
+//! Blocks of memory whose size grows with the input: reserved so that a failure is an error and not an abort.
+//!
+//! The collections of the standard library end the process where the system refuses memory. Whatever grows with
+//! the number of correspondences or points is therefore reserved here first. Blocks of fixed size are not.
+
+use rayon::iter::{IndexedParallelIterator, ParallelIterator};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+
+/// An empty vector with room for `len` items.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn with_capacity<T>(len: usize) -> Result<Vec<T>> {
+    let mut items = Vec::new();
+    reserve(&mut items, len)?;
+    Ok(items)
+}
+
+/// Room for `more` items behind those that are there.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn reserve<T>(items: &mut Vec<T>, more: usize) -> Result<()> {
+    items.try_reserve(more).map_err(|_| refused::<T>(items.len().saturating_add(more)))
+}
+
+/// `len` copies of a value.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn filled<T: Clone>(value: T, len: usize) -> Result<Vec<T>> {
+    let mut items = with_capacity(len)?;
+    items.resize(len, value);
+    Ok(items)
+}
+
+/// A copy.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn copied<T: Clone>(items: &[T]) -> Result<Vec<T>> {
+    let mut copy = with_capacity(items.len())?;
+    copy.extend_from_slice(items);
+    Ok(copy)
+}
+
+/// Adds an item; room for more is made in steps that double it.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn push<T>(items: &mut Vec<T>, item: T) -> Result<()> {
+    if items.len() == items.capacity() {
+        reserve(items, 1)?;
+    }
+    items.push(item);
+    Ok(())
+}
+
+/// What an iterator yields.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn collect<T>(items: impl IntoIterator<Item = T>) -> Result<Vec<T>> {
+    let items = items.into_iter();
+    let mut collected = with_capacity(items.size_hint().0)?;
+    for item in items {
+        push(&mut collected, item)?;
+    }
+    Ok(collected)
+}
+
+/// What an iterator of results yields, or its first error.
+///
+/// # Errors
+/// The first error of the items, or [`Error::OutOfMemory`].
+pub fn try_collect<T>(items: impl IntoIterator<Item = Result<T>>) -> Result<Vec<T>> {
+    let items = items.into_iter();
+    // The length that an iterator of results may reach is known; that it fails is the exception.
+    let mut collected = with_capacity(items.size_hint().1.unwrap_or(0))?;
+    for item in items {
+        push(&mut collected, item?)?;
+    }
+    Ok(collected)
+}
+
+/// What a parallel iterator yields, in order.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn par_collect<T: Send>(items: impl IndexedParallelIterator<Item = T>) -> Result<Vec<T>> {
+    let mut collected = with_capacity(items.len())?;
+    items.collect_into_vec(&mut collected);
+    Ok(collected)
+}
+
+/// What a parallel iterator of results yields, in order, or one of its errors.
+///
+/// # Errors
+/// An error of the items, or [`Error::OutOfMemory`].
+pub fn par_try_collect<T: Send + Default + Clone>(
+    items: impl IndexedParallelIterator<Item = Result<T>>,
+) -> Result<Vec<T>> {
+    let mut collected = filled(T::default(), items.len())?;
+    collected.par_iter_mut().zip(items).try_for_each(|(slot, item)| {
+        *slot = item?;
+        Ok(())
+    })?;
+    Ok(collected)
+}
+
+/// Whether the system would give `len` items of `T` now: for blocks that a library allocates by itself and where a
+/// refusal would end the process.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn probe<T>(len: usize) -> Result<()> {
+    with_capacity::<T>(len).map(drop)
+}
+
+/// The error of a block of `len` items that the system refused.
+fn refused<T>(len: usize) -> Error {
+    Error::OutOfMemory { bytes: len.saturating_mul(size_of::<T>()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_there_can_be_is_an_error() {
+        let refused = Err(Error::OutOfMemory { bytes: usize::MAX });
+        assert_eq!(filled(0.0_f64, usize::MAX), refused);
+        assert_eq!(probe::<f64>(usize::MAX).map(|()| Vec::new()), refused);
+        let mut items = vec![1.0];
+        assert_eq!(reserve(&mut items, usize::MAX).map(|()| Vec::new()), refused);
+    }
+
+    #[test]
+    fn items_are_collected_in_order() {
+        assert_eq!(collect((0..5).filter(|i| i % 2 == 0)), Ok(vec![0, 2, 4]));
+        assert_eq!(par_collect((0..5).into_par_iter().map(|i| i * i)), Ok(vec![0, 1, 4, 9, 16]));
+        assert_eq!(par_try_collect((0..5).into_par_iter().map(Ok)), Ok(vec![0, 1, 2, 3, 4]));
+        assert_eq!(copied(&[1, 2]), Ok(vec![1, 2]));
+    }
+
+    #[test]
+    fn the_first_failure_ends_a_collection() {
+        let items = || (0..5).map(|i| if i == 3 { Err(Error::Interrupted) } else { Ok(i) });
+        assert_eq!(try_collect(items()), Err(Error::Interrupted));
+        let found = (0..5).into_par_iter().map(|i| if i == 3 { Err(Error::Interrupted) } else { Ok(i) });
+        assert_eq!(par_try_collect(found), Err(Error::Interrupted));
+    }
+}
