@@ -46,6 +46,16 @@ pub fn copied<T: Clone>(items: &[T]) -> Result<Vec<T>> {
     Ok(copy)
 }
 
+/// Cuts items off, or fills up with a value, until there are `len`.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn resize<T: Clone>(items: &mut Vec<T>, len: usize, value: T) -> Result<()> {
+    reserve(items, len.saturating_sub(items.len()))?;
+    items.resize(len, value);
+    Ok(())
+}
+
 /// Adds an item; room for more is made in steps that double it.
 ///
 /// # Errors
@@ -102,7 +112,18 @@ pub fn par_collect<T: Send>(items: impl IndexedParallelIterator<Item = T>) -> Re
 pub fn par_try_collect<T: Send + Default + Clone>(
     items: impl IndexedParallelIterator<Item = Result<T>>,
 ) -> Result<Vec<T>> {
-    let mut collected = filled(T::default(), items.len())?;
+    par_try_fill(T::default(), items)
+}
+
+/// The same where the items are `value` until they are computed.
+///
+/// # Errors
+/// An error of the items, or [`Error::OutOfMemory`].
+pub fn par_try_fill<T: Send + Clone>(
+    value: T,
+    items: impl IndexedParallelIterator<Item = Result<T>>,
+) -> Result<Vec<T>> {
+    let mut collected = filled(value, items.len())?;
     collected.par_iter_mut().zip(items).try_for_each(|(slot, item)| {
         *slot = item?;
         Ok(())
@@ -143,6 +164,8 @@ mod tests {
         assert_eq!(par_collect((0..5).into_par_iter().map(|i| i * i)), Ok(vec![0, 1, 4, 9, 16]));
         assert_eq!(par_try_collect((0..5).into_par_iter().map(Ok)), Ok(vec![0, 1, 2, 3, 4]));
         assert_eq!(copied(&[1, 2]), Ok(vec![1, 2]));
+        let mut items = vec![1, 2];
+        assert_eq!((resize(&mut items, 4, 7), items), (Ok(()), vec![1, 2, 7, 7]));
     }
 
     #[test]

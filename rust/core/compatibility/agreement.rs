@@ -97,7 +97,8 @@ impl<'a> DistanceAgreement<'a> {
     /// Of matched points; the tolerance is a length in their unit.
     pub fn new(source: &'a Points, target: &'a Points, tolerance: f64) -> Self {
         let sides = [source, target];
-        let farthest = sides.map(|points| points.rows().iter().map(squared_norm).fold(0.0, f64::max).sqrt());
+        let farthest =
+            sides.map(|points| points.rows().map(|row| squared_norm(&row)).fold(0.0, f64::max).sqrt());
         let farthest = farthest[0].max(farthest[1]);
         // A power of two, so that scaling is exact.
         let scale = if farthest > 0.0 { (-farthest.log2().ceil()).exp2() } else { 1.0 };

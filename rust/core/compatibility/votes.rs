@@ -16,7 +16,7 @@ pub type PointPair = [f64; 6];
 
 /// Both points of every correspondence.
 pub fn point_pairs(source: &Points, target: &Points) -> Vec<PointPair> {
-    let sides = source.rows().into_iter().zip(target.rows());
+    let sides = source.rows().zip(target.rows());
     sides.map(|([x, y, z], [u, v, w])| [x, y, z, u, v, w]).collect()
 }
 

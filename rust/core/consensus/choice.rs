@@ -47,7 +47,7 @@ pub fn poses_among(
     let Some(rows) = rows else {
         return find(source, target);
     };
-    let (p, q) = (source.subset(rows), target.subset(rows));
+    let (p, q) = (source.subset(rows)?, target.subset(rows)?);
     Ok(find(&p, &q)?.iter().map(|pose| pose.uncentered(&p, &q)).collect())
 }
 

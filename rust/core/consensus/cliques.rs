@@ -36,7 +36,7 @@ pub fn clique_poses(
     let poses = distinct(cliques)
         .into_par_iter()
         .map(|clique| fit_rows(source, target, clique.iter().map(|&i| i as usize)));
-    Ok(poses.collect::<Vec<_>>().into_iter().flatten().collect())
+    Ok(poses.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
 }
 
 /// Adds, to both ends of the edge, the common neighbour that is joined with the most others of them, and so on;

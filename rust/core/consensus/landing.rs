@@ -41,7 +41,7 @@ pub fn landings(
         execution.check()?;
         let (mut ball, mut covered, mut near) = (Ball::default(), 0, 0);
         for sample in &samples {
-            search.within(&pose.apply(sample), &mut ball);
+            search.within(&pose.apply(sample), &mut ball)?;
             covered += usize::from(!ball.is_empty());
             near += ball.len();
         }

@@ -94,7 +94,7 @@ impl SampleConsensus {
         target: &Points,
         execution: &Execution,
     ) -> Result<Vec<usize>> {
-        let (source, target) = (source.subset(members), target.subset(members));
+        let (source, target) = (source.subset(members)?, target.subset(members)?);
         let Some(best) = self.run(&source, &target, execution)? else {
             return Ok(Vec::new());
         };

@@ -138,7 +138,7 @@ impl Ballot<'_> {
     /// Distinctive correspondences among the nearest source keypoints vote by rigidity.
     fn local_votes(&self, distinctive: &[bool], execution: &Execution) -> Result<Vec<Votes>> {
         // C_L: those of the nearest that are in C_Ratio.
-        NearestSets::new(self.source).map(self.neighbors, distinctive, execution, |i, members| {
+        NearestSets::new(self.source, execution)?.map(self.neighbors, distinctive, execution, |i, members| {
             let support = count_rigid(&self.pairs, members, &self.pairs[i], &self.rigidity);
             Votes { support, cast: members.len() }
         })

@@ -59,7 +59,7 @@ pub fn cluster_sizes(
 ) -> Result<Vec<f64>> {
     let search = BallSearch::new(source, radius)?;
     let limit = radius * radius;
-    let partners = search.reorder(&(0..target.len()).map(|j| target.get(j)).collect::<Vec<_>>());
+    let partners = search.reorder(&(0..target.len()).map(|j| target.get(j)).collect::<Vec<_>>())?;
     search.map_points(execution, |position, ball| {
         let center = partners[position as usize];
         let near = ball.positions().iter().zip(ball.squared_distances()).filter(|&(&place, square)| {

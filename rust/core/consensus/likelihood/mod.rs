@@ -263,7 +263,7 @@ mod tests {
 
     /// Target points farther and farther from where they should be.
     fn shifted(points: &Points) -> Result<Points> {
-        let rows = points.rows().into_iter().enumerate();
+        let rows = points.rows().enumerate();
         let rows: Vec<[f64; 3]> = rows.map(|(i, [x, y, z])| [x, y + 0.1 * i as f64, z]).collect();
         Points::from_rows("target", &rows)
     }
@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn refinement_fits_the_near_ones_and_leaves_a_pose_that_nothing_fixes() -> Result<()> {
         let source = points(40)?;
-        let rows = source.rows().into_iter().enumerate();
+        let rows = source.rows().enumerate();
         let moved: Vec<[f64; 3]> =
             rows.map(|(i, [x, y, z])| if i < 30 { [x, y, z] } else { [x + 900.0, y, -z] }).collect();
         let target = Points::from_rows("target", &moved)?;

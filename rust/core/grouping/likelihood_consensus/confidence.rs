@@ -94,7 +94,7 @@ impl Judge<'_> {
     /// Whether the mirror image of one of the best poses has about as many independent supporters as the best.
     fn is_equalled_by_a_reflection(&self, ranked: &[Ranked]) -> Result<bool> {
         let Problem { source, target, execution, .. } = *self.problem;
-        let mirrored = target.mirrored();
+        let mirrored = target.mirrored()?;
         let likelihood = self.likelihood.between(source, &mirrored);
         let count = |squares: &[f64]| self.independent(squares, &self.problem.group(squares)).count;
         let mut own = None;

@@ -191,7 +191,7 @@ impl Problem<'_> {
         }
         let vertices =
             DistanceAgreement::new(source, target, tolerance).most_agreeing(MOST_VERTICES, execution)?;
-        let (p, q) = (source.subset(&vertices), target.subset(&vertices));
+        let (p, q) = (source.subset(&vertices)?, target.subset(&vertices)?);
         let graph = AgreementGraph::new(&p, &q, tolerance, shortest, execution)?;
         Ok(Joined { vertices, graph })
     }

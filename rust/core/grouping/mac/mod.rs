@@ -76,13 +76,13 @@ impl GroupingMethod for MaximalCliques {
         let search = self.search()?;
         let kernel = self.kernel(tolerance)?;
         let vertices = affordable(source, target, kernel.bound, execution)?;
-        let (p, q) = (only(source, &vertices), only(target, &vertices));
+        let (p, q) = (only(source, &vertices)?, only(target, &vertices)?);
         let graph = SecondOrderGraph::new(&p, &q, kernel, execution)?; // w, then W = w o (w w)
         let dense = reduction::dense_part(&graph, execution)?; // clustering coefficients
         let found = search.heaviest_cliques(&graph, &dense, execution)?; // node-guided selection
         let cliques = found.distinct(self.max_hypotheses.unwrap_or(usize::MAX));
-        let poses = cliques.par_iter().filter_map(|clique| pose_of(clique, &vertices, source, target)); // SVD
-        let poses: Vec<Rigid> = poses.collect();
+        let poses = cliques.par_iter().map(|clique| pose_of(clique, &vertices, source, target)); // SVD
+        let poses: Vec<Rigid> = poses.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
         let best = best_pose(&poses, source, target, tolerance, Choice::Mae, execution)?;
         let mut grouping = if self.refine { group_of } else { inliers_of }(best, source, target, tolerance);
         let mut scores = vec![0.0; source.len()];
@@ -143,12 +143,15 @@ fn affordable(source: &Points, target: &Points, bound: f64, execution: &Executio
 }
 
 /// The points of the vertices; where these are all, the same bits.
-fn only<'a>(points: &'a Points, vertices: &[usize]) -> Cow<'a, Points> {
-    if vertices.len() == points.len() { Cow::Borrowed(points) } else { Cow::Owned(points.subset(vertices)) }
+fn only<'a>(points: &'a Points, vertices: &[usize]) -> Result<Cow<'a, Points>> {
+    if vertices.len() == points.len() {
+        return Ok(Cow::Borrowed(points));
+    }
+    points.subset(vertices).map(Cow::Owned)
 }
 
 /// `None` where the points leave a rotation open.
-fn pose_of(clique: &Clique, vertices: &[usize], source: &Points, target: &Points) -> Option<Rigid> {
+fn pose_of(clique: &Clique, vertices: &[usize], source: &Points, target: &Points) -> Result<Option<Rigid>> {
     fit_rows(source, target, clique.members.iter().map(|&i| vertices[i as usize]))
 }
 

@@ -61,7 +61,7 @@ impl Candidates<'_> {
         if rows.len() < greatest.load(Ordering::Relaxed) {
             return Ok(0);
         }
-        let (p, q) = (self.source.subset(&rows), self.points.subset(&partners));
+        let (p, q) = (self.source.subset(&rows)?, self.points.subset(&partners)?);
         let agreement = DistanceAgreement::new(&p, &q, self.max_distance_difference);
         let agreement = LongAgreement::new(agreement, EdgeLengths::Any);
         let mut row = vec![0; rows.len().div_ceil(u64::BITS as usize)];

@@ -46,7 +46,7 @@ pub(super) fn seeds(
     let greatest = confidence.iter().copied().fold(0.0, f64::max);
     let rounded: Vec<f64> = confidence.iter().map(|value| (value / (TIE * greatest)).round()).collect();
     let search = BallSearch::new(source, radius)?;
-    let sorted = search.reorder(&rounded);
+    let sorted = search.reorder(&rounded)?;
     let is_greatest = |position: u32| {
         execution.check()?;
         let own = sorted[position as usize];

@@ -101,7 +101,7 @@ impl GroupingMethod for Teaser {
         let Some(scale) = scale else {
             return Ok(Grouping::empty(source.len())); // no two source points are apart
         };
-        let scaled = source.scaled(scale);
+        let scaled = source.scaled(scale)?;
         let graph = AgreementGraph::with_edges(&scaled, target, difference, JOINED, execution)?;
         let kept = self.keep(&graph, execution)?;
         let fit = fit(&kept.clique, &scaled, target, bound, self.freedom);
