@@ -121,13 +121,12 @@ fn variants() -> Vec<(&'static str, BoxedMethod)> {
         ("st, score", Box::new(Spectral { diagonal: Diagonal::Score, ..Spectral::default() })),
         (
             "st, binary",
-            Box::new(Spectral {
-                affinity: Affinity::Binary,
-                diagonal: Diagonal::One,
-                ..Spectral::default()
-            }),
+            Box::new(Spectral { affinity: Affinity::Binary, diagonal: Diagonal::One, ..Spectral::default() }),
         ),
-        ("gc, union", Box::new(GeometricConsistency { ties: Ties::Union, ..GeometricConsistency::default() })),
+        (
+            "gc, union",
+            Box::new(GeometricConsistency { ties: Ties::Union, ..GeometricConsistency::default() }),
+        ),
         ("3dhv, pcl", Box::new(pcl(false))),
         ("3dhv, interpolated", Box::new(pcl(true))),
         (
@@ -170,10 +169,7 @@ fn modern_variants() -> Vec<(&'static str, BoxedMethod)> {
             "teaser, scale",
             Box::new(Teaser { scale: Scale::Estimate, prune: Prune::Core, ..Teaser::default() }),
         ),
-        (
-            "clipper, maximum",
-            Box::new(Clipper { variant: clipper::Variant::Maximum, ..Clipper::default() }),
-        ),
+        ("clipper, maximum", Box::new(Clipper { variant: clipper::Variant::Maximum, ..Clipper::default() })),
     ]
 }
 

@@ -94,7 +94,7 @@ mod tests {
     fn no_two_of_a_color_are_joined() -> Result<()> {
         for n in [0, 1, 63, 64, 65, 200] {
             let graph = graph(n, 0.3)?;
-            let (mut left, mut colored) = (all(n), Vec::new());
+            let (mut left, mut colored) = (all(n)?, Vec::new());
             let mut class = left.clone();
             let number = color(&graph, &mut left, &mut class, 0, &mut colored)?;
             assert_eq!(number, count_colors(&graph, &Execution::default())?);
@@ -110,7 +110,7 @@ mod tests {
                 };
                 assert!((1..color).all(joined));
             }
-            let mut left = all(n);
+            let mut left = all(n)?;
             let mut high = Vec::new();
             color(&graph, &mut left, &mut class, 2, &mut high)?;
             colored.retain(|&(_, color)| color > 2);

@@ -201,7 +201,7 @@ mod tests {
     fn a_pose_that_two_support_is_no_mode() -> Result<()> {
         let (source, target) = problem()?;
         let (source, target) = (source.subset(&[0, 1, 70, 80])?, target.subset(&[0, 1, 70, 80])?);
-        let likelihood = Likelihood::new(&source, &target, &[2.0; 4], 2.0, 6.0);
+        let likelihood = Likelihood::new(&source, &target, &[2.0; 4], 2.0, 6.0)?;
         let hypotheses = [motion(&source, &target, 0..2)];
         assert!(find_modes(&likelihood, &hypotheses, 9, &source, 3.0, &Execution::default())?.is_empty());
         Ok(())

@@ -331,9 +331,10 @@ mod tests {
     #[test]
     fn extreme_scales_give_votes_of_one_or_zero() -> Result<()> {
         let mut input = clutter(60)?;
-        input = Correspondences::between(input.positions("cv")?.0.copied()?, input.positions("cv")?.0.copied()?)?
-            .with_ratio(vec![0.5; 60])?
-            .with_frames(vec![Some(Matrix3::identity()); 60], vec![Some(Matrix3::identity()); 60])?;
+        input =
+            Correspondences::between(input.positions("cv")?.0.copied()?, input.positions("cv")?.0.copied()?)?
+                .with_ratio(vec![0.5; 60])?
+                .with_frames(vec![Some(Matrix3::identity()); 60], vec![Some(Matrix3::identity()); 60])?;
         for scale in [5e-324, 1e-300, 1e300] {
             let method =
                 ConsistencyVoting { distance_scale: Some(scale), angle_scale: scale, ..Default::default() };

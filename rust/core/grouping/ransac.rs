@@ -83,9 +83,8 @@ fn refit(
     target: &Points,
 ) -> Result<(Rigid, Vec<bool>)> {
     let inliers = engine.inlier_mask(model, source, target)?;
-    let selected = |points: &Points| {
-        memory::collect((0..points.len()).filter(|&i| inliers[i]).map(|i| points.get(i)))
-    };
+    let selected =
+        |points: &Points| memory::collect((0..points.len()).filter(|&i| inliers[i]).map(|i| points.get(i)));
     let (p, q) = (selected(source)?, selected(target)?);
     if !fixes_rotation(&p, &q) {
         return Ok((*model, inliers));

@@ -124,7 +124,11 @@ impl Spectral {
                 let similarity = correspondences.similarity("st with diagonal=\"score\"")?;
                 if let Some(i) = similarity.iter().position(|&s| s > MOST_AFFINITY) {
                     let remedy = "affinities beyond 1e300 can't be summed; scale the similarities down";
-                    return Err(Error::invalid("similarity", format!("{} in row {i}", similarity[i]), remedy));
+                    return Err(Error::invalid(
+                        "similarity",
+                        format!("{} in row {i}", similarity[i]),
+                        remedy,
+                    ));
                 }
                 Some(memory::collect(similarity.iter().map(|s| s.max(0.0)))?)
             }

@@ -258,9 +258,9 @@ mod tests {
 
     #[test]
     fn equal_scores_are_all_or_nothing() -> Result<()> {
-        assert_eq!(otsu(&[2.0; 3], MODE).mask, [true; 3]);
-        assert_eq!(otsu(&[0.0; 3], MODE).mask, [false; 3]);
-        assert_eq!(otsu(&[-1.0; 3], MODE).mask, [false; 3]);
+        assert_eq!(otsu(&[2.0; 3], MODE)?.mask, [true; 3]);
+        assert_eq!(otsu(&[0.0; 3], MODE)?.mask, [false; 3]);
+        assert_eq!(otsu(&[-1.0; 3], MODE)?.mask, [false; 3]);
         assert_eq!(otsu(&[1e-5, 1e-5 * (1.0 + 1e-12)], MODE)?.mask, [true; 2]);
         assert!(otsu(&[], MODE)?.mask.is_empty());
         Ok(())

@@ -234,5 +234,6 @@ mod tests {
         let mut row = vec![0.0; 3];
         f64::fill_ratios(&sides, 0, 0, &mut row);
         assert_eq!(row, [0.0, 0.0, 0.5]);
+        Ok(())
     }
 }

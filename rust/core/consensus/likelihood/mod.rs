@@ -71,13 +71,7 @@ impl Likelihood {
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
-    pub fn new(
-        source: &Points,
-        target: &Points,
-        levels: &[f64],
-        deviation: f64,
-        reach: f64,
-    ) -> Result<Self> {
+    pub fn new(source: &Points, target: &Points, levels: &[f64], deviation: f64, reach: f64) -> Result<Self> {
         let terms = |i: usize| {
             let (p, q) = (source.get(i), target.get(i));
             [p.x, p.y, p.z, q.x, q.y, q.z, levels[i]]
@@ -203,7 +197,10 @@ impl Likelihood {
     pub fn posteriors(&self, pose: &Rigid) -> Result<Vec<f64>> {
         let factor = 0.5 / (self.deviation * self.deviation);
         let (mut levels, squares) = (self.levels_under(pose)?, self.squared_residuals(pose)?);
-        levels.iter_mut().zip(squares).for_each(|(level, square)| *level = posterior(*level - factor * square));
+        levels
+            .iter_mut()
+            .zip(squares)
+            .for_each(|(level, square)| *level = posterior(*level - factor * square));
         Ok(levels)
     }
 
@@ -332,7 +329,7 @@ mod tests {
             |i: usize| (i % 3 != 2).then(|| Rotation3::new(Vector3::x() * 0.1 * i as f64).into_inner());
         let rotations: Vec<_> = (0..30).map(turn).collect();
         let weights: Vec<f64> = (1..=30).map(|i| 1.0 / f64::from(i)).collect();
-        let plain = Likelihood::new(&source, &source, &[1.0; 30], 1.5, 3.0);
+        let plain = Likelihood::new(&source, &source, &[1.0; 30], 1.5, 3.0)?;
         let framed = plain.with_frames(&rotations, &weights, term)?;
         let said = |i: usize| {
             let angle = 0.1 * i as f64;
@@ -355,7 +352,7 @@ mod tests {
         let moved: Vec<[f64; 3]> =
             rows.map(|(i, [x, y, z])| if i < 30 { [x, y, z] } else { [x + 900.0, y, -z] }).collect();
         let target = Points::from_rows("target", &moved)?;
-        let likelihood = Likelihood::new(&source, &target, &[5.0; 40], 1.0, 3.0);
+        let likelihood = Likelihood::new(&source, &target, &[5.0; 40], 1.0, 3.0)?;
         let (p, q): (Vec<_>, Vec<_>) = (0..30).map(|i| (source.get(i), target.get(i))).unzip();
         let mut start = fit_rigid(&p, &q);
         start.translation.x += 0.5;

@@ -103,12 +103,7 @@ impl<'a> Affinity<'a> {
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
-    pub fn for_each(
-        &self,
-        i: usize,
-        scratch: &mut Scratch,
-        mut give: impl FnMut(u32, f32),
-    ) -> Result<()> {
+    pub fn for_each(&self, i: usize, scratch: &mut Scratch, mut give: impl FnMut(u32, f32)) -> Result<()> {
         let row = self.graph.row(i);
         let neighbors = row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits));
         match &self.weights {

@@ -155,7 +155,7 @@ mod tests {
                 dense.map(|dense| dense.terms(&u, &rows, &execution)).transpose()?.unwrap_or_default();
             assert_eq!(found.len(), rows.len());
             let all = Dense::new(&affinity, 200, (0..200).collect(), &execution)?;
-            let again = all.map(|all| all.among(rows.clone()).terms(&u, &rows, &execution)).transpose()?;
+            let again = all.map(|all| all.among(rows.clone())?.terms(&u, &rows, &execution)).transpose()?;
             assert_eq!(again.as_ref(), Some(&found));
             for (a, b) in found.as_flattened().iter().zip(expected.as_flattened()) {
                 assert!((a - b).abs() < 1e-12);

@@ -39,7 +39,9 @@ impl Judge<'_> {
     /// The grouping with its number of false alarms, and the masks of up to `instances` motions that are sure.
     pub fn judged(&self, grouping: Grouping, answer: &Answer, instances: usize) -> Result<Grouping> {
         let expected = match answer.ranked.first() {
-            Some(best) if !self.is_equalled_by_a_reflection(&answer.ranked)? => self.false_alarms(best, &[])?,
+            Some(best) if !self.is_equalled_by_a_reflection(&answer.ranked)? => {
+                self.false_alarms(best, &[])?
+            }
             _ => f64::INFINITY,
         };
         let ok = expected < MOST_FALSE_ALARMS;

@@ -49,12 +49,7 @@ impl Neighborhood {
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
-    pub fn new(
-        graph: &SecondOrderGraph,
-        ranks: &[u32],
-        center: u32,
-        numbers: &mut Scratch,
-    ) -> Result<Self> {
+    pub fn new(graph: &SecondOrderGraph, ranks: &[u32], center: u32, numbers: &mut Scratch) -> Result<Self> {
         memory::resize(numbers, graph.len(), NOWHERE)?;
         let rank = ranks[center as usize];
         let of_rank = |later: bool| {

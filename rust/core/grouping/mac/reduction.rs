@@ -120,9 +120,10 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_is_the_first_that_enough_reach() {
+    fn the_limit_is_the_first_that_enough_reach() -> Result<()> {
         let coefficients: Vec<f64> = (0..100).map(f64::from).collect();
         assert!((limit(&coefficients, 20.0)? - 50.0).abs() < 1e-12); // 2.5 cuts, and the fiftieth is 50
         assert!(limit(&[0.0; 60], 20.0)? <= 0.0);
+        Ok(())
     }
 }

@@ -163,7 +163,8 @@ fn fit(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Free
 /// Axis by axis.
 fn truncated_translation(shifts: &[Vector3<f64>], bound: f64) -> Result<Option<Vector3<f64>>> {
     let bounds = memory::filled(bound, shifts.len())?;
-    let along = |axis: usize| truncated_mean(&memory::collect(shifts.iter().map(|shift| shift[axis]))?, &bounds);
+    let along =
+        |axis: usize| truncated_mean(&memory::collect(shifts.iter().map(|shift| shift[axis]))?, &bounds);
     let (x, y, z) = (along(0)?, along(1)?, along(2)?);
     Ok(x.zip(y).zip(z).map(|((x, y), z)| Vector3::new(x, y, z)))
 }
