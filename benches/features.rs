@@ -67,7 +67,7 @@ fn scene() -> Result<Scene> {
 
 /// kiddo's tree over the points, and the rows in its order, so that its queries too share what is in the cache.
 fn kiddo_tree(points: &Points) -> Option<(Tree, Vec<[f64; 3]>)> {
-    let rows = points.rows();
+    let rows: Vec<_> = points.rows().collect();
     let tree = Tree::new_from_slice(&rows).ok()?;
     let order: Vec<u32> = tree.iter().map(|(index, _)| index).collect();
     Some((tree, order.iter().map(|&index| rows[index as usize]).collect()))
@@ -85,17 +85,21 @@ fn neighbors(criterion: &mut Criterion) {
 }
 
 fn build(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
-    group.bench_function("build/kiddo", |b| b.iter(|| Tree::new_from_slice(&points.rows())));
-    group.bench_function("build/tree", |b| b.iter(|| NearestNeighbors::new(points)));
+    let execution = Execution::default();
+    group.bench_function("build/kiddo", |b| {
+        b.iter(|| Tree::new_from_slice(&points.rows().collect::<Vec<_>>()));
+    });
+    group.bench_function("build/tree", |b| b.iter(|| NearestNeighbors::new(points, &execution)));
     for radius in [DETECTOR_RADIUS, SUPPORT_RADIUS] {
         group.bench_function(format!("build/grid_{radius}"), |b| b.iter(|| BallSearch::new(points, radius)));
     }
-    group.bench_function("build/sets", |b| b.iter(|| NearestSets::new(points)));
+    group.bench_function("build/sets", |b| b.iter(|| NearestSets::new(points, &execution)));
 }
 
 /// One nearest other point, as the resolution needs, and 19 of them, as normals do. kiddo finds the point itself too.
 fn nearest(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
-    let (tree, execution) = (NearestNeighbors::new(points), Execution::default());
+    let execution = Execution::default();
+    let Ok(tree) = NearestNeighbors::new(points, &execution) else { return };
     let Some((kiddo, rows)) = kiddo_tree(points) else { return };
     for others in [1, 19] {
         group.bench_function(format!("nearest_{others}/tree"), |b| {
@@ -120,7 +124,7 @@ fn nearest(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
 fn within(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
     let execution = Execution::default();
     let Some((kiddo, rows)) = kiddo_tree(points) else { return };
-    let coordinates = points.rows();
+    let coordinates: Vec<_> = points.rows().collect();
     for radius in [DETECTOR_RADIUS, NORMAL_RADIUS, SUPPORT_RADIUS] {
         let Ok(search) = BallSearch::new(points, radius) else { return };
         group.bench_function(format!("within_{radius}/grid"), |b| {
@@ -149,7 +153,9 @@ fn nearest_sets(group: &mut BenchmarkGroup<'_, WallTime>) {
     let Ok(points) = Points::from_rows("points", &rows) else { return };
     let (keep, execution) = (vec![true; rows.len()], Execution::default());
     group.bench_function("nearest_250_of_5000/sets", |b| {
-        b.iter(|| NearestSets::new(&points).map(250, &keep, &execution, |_, members| members.len()));
+        b.iter(|| {
+            NearestSets::new(&points, &execution)?.map(250, &keep, &execution, |_, members| members.len())
+        });
     });
     let count = NonZero::new(251).unwrap_or(NonZero::<usize>::MIN);
     group.bench_function("nearest_250_of_5000/kiddo", |b| {

@@ -61,7 +61,8 @@ impl Cloud {
         if let (Some(known), false) = (known, ignore_zero) {
             return Ok(known);
         }
-        let computed = resolution::mean_nearest_distance(&self.nearest(), ignore_zero, execution)?;
+        let computed =
+            resolution::mean_nearest_distance(self.nearest(execution)?.as_ref(), ignore_zero, execution)?;
         if let (Some(mut kept), false) = (self.kept(), ignore_zero) {
             kept.resolution = Some(computed);
         }
@@ -69,15 +70,18 @@ impl Cloud {
     }
 
     /// The search for nearest neighbours.
-    pub fn nearest(&self) -> Arc<NearestNeighbors> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+    pub fn nearest(&self, execution: &Execution) -> Result<Arc<NearestNeighbors>> {
         if let Some(known) = self.kept().and_then(|kept| kept.nearest.clone()) {
-            return known;
+            return Ok(known);
         }
-        let built = Arc::new(NearestNeighbors::new(&self.points));
+        let built = Arc::new(NearestNeighbors::new(&self.points, execution)?);
         if let Some(mut kept) = self.kept() {
             kept.nearest = Some(Arc::clone(&built));
         }
-        built
+        Ok(built)
     }
 
     /// The search for all points within `radius`, whose balls are in the order of a grid made for it: sums
@@ -140,8 +144,9 @@ mod tests {
 
     #[test]
     fn what_is_kept_is_used_again() -> Result<()> {
+        let execution = Execution::default();
         let cloud = scattered()?;
-        assert!(Arc::ptr_eq(&cloud.nearest(), &cloud.nearest()));
+        assert!(Arc::ptr_eq(&cloud.nearest(&execution)?, &cloud.nearest(&execution)?));
         assert!(cloud.balls(0.5)?.shares_grid(&cloud.balls(0.5)?));
         assert!(cloud.unordered_balls(0.4)?.shares_grid(&cloud.balls(0.5)?));
         assert!(!cloud.balls(0.4)?.shares_grid(&cloud.balls(0.5)?));

@@ -3,7 +3,7 @@
 use nalgebra::Point3;
 
 use crate::error::{Error, Result, positive};
-use crate::frames::Frames;
+use crate::frames::{Frames, IntoFrames};
 use crate::points::{MAX_COORDINATE, Points};
 
 pub use crate::frames::Frame;
@@ -82,9 +82,9 @@ impl Correspondences {
     /// Adds local reference frames of both sides.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a wrong length, or a frame that is not a rotation to 1e-3.
-    pub fn with_frames(mut self, source: impl Into<Frames>, target: impl Into<Frames>) -> Result<Self> {
-        let frames = (source.into(), target.into());
+    /// [`Error::InvalidInput`] for a wrong length, or a frame that is not a rotation to 1e-3; [`Error::OutOfMemory`].
+    pub fn with_frames(mut self, source: impl IntoFrames, target: impl IntoFrames) -> Result<Self> {
+        let frames = (source.into_frames()?, target.into_frames()?);
         for (name, side) in [("source_lrf", &frames.0), ("target_lrf", &frames.1)] {
             check_len(name, side.len(), self.len)?;
             side.validate(name)?;

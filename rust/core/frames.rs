@@ -5,6 +5,7 @@
 use nalgebra::Matrix3;
 
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::simd::{self, DOUBLES};
 
 /// A local reference frame: rows are the x, y and z axes. `None`: no frame could be computed.
@@ -22,11 +23,26 @@ pub enum Frames {
     Double(Vec<FrameBlock<f64>>),
 }
 
-impl From<Vec<Frame>> for Frames {
-    fn from(frames: Vec<Frame>) -> Self {
+/// What frames can be made of.
+pub trait IntoFrames {
+    /// The frames.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    fn into_frames(self) -> Result<Frames>;
+}
+
+impl IntoFrames for Frames {
+    fn into_frames(self) -> Result<Frames> {
+        Ok(self)
+    }
+}
+
+impl IntoFrames for Vec<Frame> {
+    fn into_frames(self) -> Result<Frames> {
         let block =
             |frame: Frame| frame.map_or([f64::NAN; 9], |axes| std::array::from_fn(|k| axes[(k / 3, k % 3)]));
-        Self::Double(frames.into_iter().map(block).collect())
+        memory::collect(self.into_iter().map(block)).map(Frames::Double)
     }
 }
 
@@ -147,15 +163,15 @@ mod tests {
     }
 
     #[test]
-    fn gives_back_what_it_was_made_of() {
+    fn gives_back_what_it_was_made_of() -> Result<()> {
         let frames = rotations(21);
-        let kept = Frames::from(frames.clone());
+        let kept = frames.clone().into_frames()?;
         assert_eq!((0..kept.len()).map(|i| kept.get(i)).collect::<Vec<_>>(), frames);
-        assert_eq!(kept.validate("source_lrf"), Ok(()));
+        kept.validate("source_lrf")
     }
 
     #[test]
-    fn names_the_first_that_is_no_rotation() {
+    fn names_the_first_that_is_no_rotation() -> Result<()> {
         let scaled = Matrix3::identity() * 1.001;
         let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
         let sheared = Matrix3::new(1.0, 0.01, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
@@ -165,7 +181,7 @@ mod tests {
                 let mut frames = rotations(21);
                 frames[row] = Some(wrong);
                 frames[20] = Some(wrong);
-                let Frames::Double(blocks) = Frames::from(frames) else { unreachable!() };
+                let Frames::Double(blocks) = frames.into_frames()? else { unreachable!() };
                 let single = Frames::Single(blocks.iter().map(|block| block.map(|v| v as f32)).collect());
                 for frames in [single, Frames::Double(blocks)] {
                     let text = frames.validate("target_lrf").err().map(|e| e.to_string()).unwrap_or_default();
@@ -176,6 +192,7 @@ mod tests {
                 }
             }
         }
+        Ok(())
     }
 
     #[test]

@@ -2,6 +2,9 @@
 
 use nalgebra::Matrix4;
 
+use crate::error::Result;
+use crate::memory;
+
 use std::collections::BTreeMap;
 
 /// The correspondences that a method holds to be right.
@@ -43,8 +46,11 @@ impl Grouping {
     }
 
     /// Nothing selected among `n`.
-    pub fn empty(n: usize) -> Self {
-        Self::from_mask(vec![false; n])
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn empty(n: usize) -> Result<Self> {
+        memory::filled(false, n).map(Self::from_mask)
     }
 
     /// The same with one more fact about the run.
@@ -61,10 +67,13 @@ impl Grouping {
 }
 
 /// Mask of length `n` that is true at `indices`.
-pub fn mask_of(n: usize, indices: impl IntoIterator<Item = usize>) -> Vec<bool> {
-    let mut mask = vec![false; n];
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub fn mask_of(n: usize, indices: impl IntoIterator<Item = usize>) -> Result<Vec<bool>> {
+    let mut mask = memory::filled(false, n)?;
     for i in indices {
         mask[i] = true;
     }
-    mask
+    Ok(mask)
 }

@@ -3,6 +3,9 @@
 //! The collections of the standard library end the process where the system refuses memory. Whatever grows with
 //! the number of correspondences or points is therefore reserved here first. Blocks of fixed size are not.
 
+use std::collections::HashSet;
+use std::hash::Hash;
+
 use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 use rayon::prelude::*;
 
@@ -15,6 +18,16 @@ use crate::error::{Error, Result};
 pub fn with_capacity<T>(len: usize) -> Result<Vec<T>> {
     let mut items = Vec::new();
     reserve(&mut items, len)?;
+    Ok(items)
+}
+
+/// An empty set with room for `len` items.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn set<T: Eq + Hash>(len: usize) -> Result<HashSet<T>> {
+    let mut items = HashSet::new();
+    items.try_reserve(len).map_err(|_| refused::<T>(len))?;
     Ok(items)
 }
 
@@ -46,6 +59,36 @@ pub fn copied<T: Clone>(items: &[T]) -> Result<Vec<T>> {
     Ok(copy)
 }
 
+/// Cuts items off, or fills up with a value, until there are `len`.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn resize<T: Clone>(items: &mut Vec<T>, len: usize, value: T) -> Result<()> {
+    reserve(items, len.saturating_sub(items.len()))?;
+    items.resize(len, value);
+    Ok(())
+}
+
+/// Adds copies of items.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn extend<T: Clone>(items: &mut Vec<T>, more: &[T]) -> Result<()> {
+    reserve(items, more.len())?;
+    items.extend_from_slice(more);
+    Ok(())
+}
+
+/// All items of several blocks, one after the other.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn concat<T: Clone>(blocks: &[Vec<T>]) -> Result<Vec<T>> {
+    let mut items = with_capacity(blocks.iter().map(Vec::len).sum())?;
+    blocks.iter().for_each(|block| items.extend_from_slice(block));
+    Ok(items)
+}
+
 /// Adds an item; room for more is made in steps that double it.
 ///
 /// # Errors
@@ -64,11 +107,39 @@ pub fn push<T>(items: &mut Vec<T>, item: T) -> Result<()> {
 /// [`Error::OutOfMemory`].
 pub fn collect<T>(items: impl IntoIterator<Item = T>) -> Result<Vec<T>> {
     let items = items.into_iter();
-    let mut collected = with_capacity(items.size_hint().0)?;
+    let (least, most) = items.size_hint();
+    let mut collected = with_capacity(least)?;
+    if most == Some(least) {
+        collected.extend(items); // there is room for them, and this is faster than one by one
+        return Ok(collected);
+    }
     for item in items {
         push(&mut collected, item)?;
     }
     Ok(collected)
+}
+
+/// What a function makes of each item of an array.
+///
+/// # Errors
+/// The first error of the function.
+pub fn try_map<T, U: Default, const N: usize>(
+    items: [T; N],
+    mut make: impl FnMut(T) -> Result<U>,
+) -> Result<[U; N]> {
+    let mut made = std::array::from_fn(|_| U::default());
+    for (slot, item) in made.iter_mut().zip(items) {
+        *slot = make(item)?;
+    }
+    Ok(made)
+}
+
+/// The working space of a thread, which its first task may have failed to reserve.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn ready<T>(space: &mut Result<T>) -> Result<&mut T> {
+    space.as_mut().map_err(|error| error.clone())
 }
 
 /// What an iterator of results yields, or its first error.
@@ -102,7 +173,18 @@ pub fn par_collect<T: Send>(items: impl IndexedParallelIterator<Item = T>) -> Re
 pub fn par_try_collect<T: Send + Default + Clone>(
     items: impl IndexedParallelIterator<Item = Result<T>>,
 ) -> Result<Vec<T>> {
-    let mut collected = filled(T::default(), items.len())?;
+    par_try_fill(T::default(), items)
+}
+
+/// The same where the items are `value` until they are computed.
+///
+/// # Errors
+/// An error of the items, or [`Error::OutOfMemory`].
+pub fn par_try_fill<T: Send + Clone>(
+    value: T,
+    items: impl IndexedParallelIterator<Item = Result<T>>,
+) -> Result<Vec<T>> {
+    let mut collected = filled(value, items.len())?;
     collected.par_iter_mut().zip(items).try_for_each(|(slot, item)| {
         *slot = item?;
         Ok(())
@@ -133,6 +215,7 @@ mod tests {
         let refused = Err(Error::OutOfMemory { bytes: usize::MAX });
         assert_eq!(filled(0.0_f64, usize::MAX), refused);
         assert_eq!(probe::<f64>(usize::MAX).map(|()| Vec::new()), refused);
+        assert_eq!(set::<u64>(usize::MAX).map(|_| Vec::new()), refused);
         let mut items = vec![1.0];
         assert_eq!(reserve(&mut items, usize::MAX).map(|()| Vec::new()), refused);
     }
@@ -143,6 +226,11 @@ mod tests {
         assert_eq!(par_collect((0..5).into_par_iter().map(|i| i * i)), Ok(vec![0, 1, 4, 9, 16]));
         assert_eq!(par_try_collect((0..5).into_par_iter().map(Ok)), Ok(vec![0, 1, 2, 3, 4]));
         assert_eq!(copied(&[1, 2]), Ok(vec![1, 2]));
+        assert_eq!(concat(&[vec![1], vec![], vec![2, 3]]), Ok(vec![1, 2, 3]));
+        assert_eq!(try_map([3, 4], |i| filled(i, 1)), Ok([vec![3], vec![4]]));
+        let mut items = vec![1, 2];
+        assert_eq!((resize(&mut items, 4, 7), extend(&mut items, &[3])), (Ok(()), Ok(())));
+        assert_eq!(items, [1, 2, 7, 7, 3]);
     }
 
     #[test]
@@ -151,5 +239,6 @@ mod tests {
         assert_eq!(try_collect(items()), Err(Error::Interrupted));
         let found = (0..5).into_par_iter().map(|i| if i == 3 { Err(Error::Interrupted) } else { Ok(i) });
         assert_eq!(par_try_collect(found), Err(Error::Interrupted));
+        assert_eq!(ready(&mut filled(0_u64, usize::MAX)).err(), filled(0_u64, usize::MAX).err());
     }
 }

@@ -5,6 +5,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::simd::{self, DOUBLES};
 
 /// Coordinates beyond this magnitude cannot be squared and summed safely.
@@ -38,13 +39,15 @@ impl Points {
         Self::from_numbers(name, rows)
     }
 
-    /// The same from rows of numbers of either precision.
+    /// The same from rows of numbers of either precision. They are read once: what is validated is what is kept,
+    /// though another process may write to them meanwhile.
     ///
     /// # Errors
-    /// As [`Self::from_rows`].
+    /// As [`Self::from_rows`]; [`Error::OutOfMemory`].
     pub fn from_numbers<T: Copy + Into<f64>>(name: &str, rows: &[[T; 3]]) -> Result<Self> {
-        validate(name, rows)?;
-        let (points, extent) = Self::centered(rows);
+        let [x, y, z] = copied_axes(rows)?;
+        validate(name, &x, &y, &z)?;
+        let (points, extent) = Self::centered(x, y, z);
         if extent > 0.0 && extent < MIN_EXTENT {
             let remedy = "distances that small can't be squared; use a smaller unit";
             return Err(Error::invalid(name, format!("points within {extent:e} of each other"), remedy));
@@ -53,21 +56,35 @@ impl Points {
     }
 
     /// The points, and the greatest magnitude of a centred coordinate.
-    fn centered<T: Copy + Into<f64>>(rows: &[[T; 3]]) -> (Self, f64) {
-        let count = rows.len().max(1) as f64;
-        let total = rows.iter().map(|row| Vector3::from(row.map(Into::into))).sum::<Vector3<f64>>();
-        let center = total / count;
-        let axis = |k: usize| rows.iter().map(|row| row[k].into() - center[k]).collect::<Vec<f64>>();
-        let mut points = Self { x: axis(0), y: axis(1), z: axis(2), center, diagonal: 0.0 };
+    fn centered(x: Vec<f64>, y: Vec<f64>, z: Vec<f64>) -> (Self, f64) {
+        let mut points = Self { x, y, z, ..Self::default() };
+        let total = (0..points.len()).map(|i| points.get(i).coords).sum::<Vector3<f64>>();
+        points.center = total / points.len().max(1) as f64;
+        for (axis, center) in [&mut points.x, &mut points.y, &mut points.z].into_iter().zip(&points.center) {
+            axis.iter_mut().for_each(|value| *value -= center);
+        }
         let extremes = points.extremes();
         points.diagonal = Vector3::from(extremes.map(|(low, high)| (high - low).max(0.0))).norm();
         (points, extremes.iter().fold(0.0, |most: f64, (low, high)| most.max(-low).max(*high)))
     }
 
+    /// A copy.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn copied(&self) -> Result<Self> {
+        let [x, y, z] = [&self.x, &self.y, &self.z].map(|axis| memory::copied(axis));
+        Ok(Self { x: x?, y: y?, z: z?, ..*self })
+    }
+
     /// The points mirrored at the plane x = 0 through their centre.
-    #[must_use]
-    pub fn mirrored(&self) -> Self {
-        Self { x: self.x.iter().map(|x| -x).collect(), ..self.clone() }
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn mirrored(&self) -> Result<Self> {
+        let mut mirrored = self.copied()?;
+        mirrored.x.iter_mut().for_each(|x| *x = -*x);
+        Ok(mirrored)
     }
 
     /// Number of points.
@@ -108,27 +125,31 @@ impl Points {
     }
 
     /// The points `indices` alone, centred anew.
-    #[must_use]
-    pub fn subset(&self, indices: &[usize]) -> Self {
-        Self::centered::<f64>(&indices.iter().map(|&i| self.get(i).into()).collect::<Vec<_>>()).0
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn subset(&self, indices: &[usize]) -> Result<Self> {
+        let axis = |values: &[f64]| memory::collect(indices.iter().map(|&i| values[i]));
+        Ok(Self::centered(axis(&self.x)?, axis(&self.y)?, axis(&self.z)?).0)
     }
 
     /// All points and their mean multiplied by a positive factor.
-    #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
-        let axis = |values: &[f64]| values.iter().map(|value| value * factor).collect();
-        Self {
-            x: axis(&self.x),
-            y: axis(&self.y),
-            z: axis(&self.z),
-            center: self.center * factor,
-            diagonal: self.diagonal * factor,
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn scaled(&self, factor: f64) -> Result<Self> {
+        let mut scaled = self.copied()?;
+        for axis in [&mut scaled.x, &mut scaled.y, &mut scaled.z] {
+            axis.iter_mut().for_each(|value| *value *= factor);
         }
+        scaled.center *= factor;
+        scaled.diagonal *= factor;
+        Ok(scaled)
     }
 
     /// Centred rows, for spatial indices.
-    pub fn rows(&self) -> Vec<[f64; 3]> {
-        (0..self.len()).map(|i| [self.x[i], self.y[i], self.z[i]]).collect()
+    pub fn rows(&self) -> impl ExactSizeIterator<Item = [f64; 3]> + '_ {
+        (0..self.len()).map(|i| [self.x[i], self.y[i], self.z[i]])
     }
 
     /// Least coordinates, relative to [`Self::center`], and extents; zero without points.
@@ -163,11 +184,18 @@ fn extremes(values: &[f64]) -> (f64, f64) {
     (low.into_iter().fold(f64::INFINITY, f64::min), high.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }
 
-fn validate<T: Copy + Into<f64>>(name: &str, rows: &[[T; 3]]) -> Result<()> {
-    let wrong =
-        |row: &[T; 3]| row.iter().any(|&value| !(-MAX_COORDINATE..=MAX_COORDINATE).contains(&value.into()));
-    let Some(i) = rows.iter().position(wrong) else { return Ok(()) };
-    let row: [f64; 3] = rows[i].map(Into::into);
+/// The coordinates axis by axis. Never inlined, so that no compiler reads the rows again in place of the copy.
+#[inline(never)]
+fn copied_axes<T: Copy + Into<f64>>(rows: &[[T; 3]]) -> Result<[Vec<f64>; 3]> {
+    let axis = |k: usize| memory::collect(rows.iter().map(|row| row[k].into()));
+    Ok([axis(0)?, axis(1)?, axis(2)?])
+}
+
+fn validate(name: &str, x: &[f64], y: &[f64], z: &[f64]) -> Result<()> {
+    let is_wrong = |value: &f64| !(-MAX_COORDINATE..=MAX_COORDINATE).contains(value);
+    let first = [x, y, z].into_iter().filter_map(|axis| axis.iter().position(is_wrong)).min();
+    let Some(i) = first else { return Ok(()) };
+    let row = [x[i], y[i], z[i]];
     let remedy = if row.iter().all(|value| value.is_finite()) {
         "coordinates beyond 1e150 can't be squared; use a larger unit"
     } else {

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::distance::distance_difference;
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 use crate::selection::top_k::largest_in_order;
 use crate::simd::{self, Kernel, Lanes, SINGLES};
@@ -95,14 +96,20 @@ impl Criterion {
 
 impl<'a> DistanceAgreement<'a> {
     /// Of matched points; the tolerance is a length in their unit.
-    pub fn new(source: &'a Points, target: &'a Points, tolerance: f64) -> Self {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(source: &'a Points, target: &'a Points, tolerance: f64) -> Result<Self> {
         let sides = [source, target];
-        let farthest = sides.map(|points| points.rows().iter().map(squared_norm).fold(0.0, f64::max).sqrt());
+        let farthest = sides.map(|points| {
+            let squares = (0..points.len()).map(|i| squared_norm(&points.get(i).into()));
+            squares.fold(0.0, f64::max).sqrt()
+        });
         let farthest = farthest[0].max(farthest[1]);
         // A power of two, so that scaling is exact.
         let scale = if farthest > 0.0 { (-farthest.log2().ceil()).exp2() } else { 1.0 };
         let criterion = Criterion::new((tolerance * scale).min(BEYOND_ALL), farthest * scale);
-        let mut blocks = vec![Block([[f32::NAN; SINGLES]; 8]); source.len().div_ceil(SINGLES)];
+        let mut blocks = memory::filled(Block([[f32::NAN; SINGLES]; 8]), source.len().div_ceil(SINGLES))?;
         for i in 0..source.len() {
             let [p, q] =
                 sides.map(|points| <[f64; 3]>::from(points.get(i)).map(|value| (value * scale) as f32));
@@ -113,7 +120,7 @@ impl<'a> DistanceAgreement<'a> {
                 term[i % SINGLES] = value;
             }
         }
-        Self { source, target, tolerance, scale, blocks, criterion }
+        Ok(Self { source, target, tolerance, scale, blocks, criterion })
     }
 
     /// Whether a pair agrees, in f64.
@@ -152,7 +159,7 @@ impl<'a> DistanceAgreement<'a> {
     /// For each correspondence, how many others agree with it.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn counts(&self, execution: &Execution) -> Result<Vec<u32>> {
         let n = self.source.len();
         let height = n.div_ceil(BANDS).next_multiple_of(SINGLES).max(MIN_BAND);
@@ -160,8 +167,8 @@ impl<'a> DistanceAgreement<'a> {
             (0..n).step_by(height).map(|first| first..(first + height).min(n)).collect();
         execution.report(0, bands.len())?;
         let partial: Vec<Vec<u32>> =
-            bands.par_iter().map(|band| self.band_counts(band, execution)).collect::<Result<_>>()?;
-        let mut counts = vec![0; n];
+            memory::par_try_collect(bands.par_iter().map(|band| self.band_counts(band, execution)))?;
+        let mut counts = memory::filled(0, n)?;
         for (band, partial) in bands.iter().zip(&partial) {
             counts[band.start..].iter_mut().zip(partial).for_each(|(count, more)| *count += more);
         }
@@ -171,18 +178,18 @@ impl<'a> DistanceAgreement<'a> {
     /// The `most` correspondences that agree with the most others, ascending; ties to the lowest index.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn most_agreeing(&self, most: usize, execution: &Execution) -> Result<Vec<usize>> {
-        let counts: Vec<f64> = self.counts(execution)?.into_iter().map(f64::from).collect();
-        Ok(largest_in_order(&counts, most))
+        let counts = memory::collect(self.counts(execution)?.into_iter().map(f64::from))?;
+        largest_in_order(&counts, most)
     }
 
     /// What the rows of a band add to their own counts, and to those of all after them.
     fn band_counts(&self, band: &Range<usize>, execution: &Execution) -> Result<Vec<u32>> {
         let n = self.source.len();
-        let mut counts = vec![0; n.next_multiple_of(SINGLES) - band.start];
+        let mut counts = memory::filled(0, n.next_multiple_of(SINGLES) - band.start)?;
         let rows = band.start..band.end.next_multiple_of(SINGLES);
-        let mut ignored = vec![0; TILE];
+        let mut ignored = [0; TILE];
         for first in rows.clone().step_by(TILE) {
             // Both of a pair are rows here, and so is the row itself, which agrees.
             let columns = first..(first + TILE).min(rows.end);
@@ -437,7 +444,7 @@ mod tests {
     fn check(source: &[[f64; 3]], target: &[[f64; 3]], tolerances: &[f64]) -> Result<()> {
         let (source, target) = (Points::from_rows("source", source)?, Points::from_rows("target", target)?);
         for &tolerance in tolerances {
-            let agreement = DistanceAgreement::new(&source, &target, tolerance);
+            let agreement = DistanceAgreement::new(&source, &target, tolerance)?;
             let counts = agreement.counts(&Execution::default())?;
             assert_eq!(counts, plain(&agreement, source.len()), "{} {tolerance}", source.len());
         }

@@ -16,6 +16,7 @@ pub use super::long_agreement::EdgeLengths;
 
 use crate::error::{Error, Result};
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
@@ -58,7 +59,8 @@ impl AgreementGraph {
     /// Joins the pairs of matched points whose lengths differ by less than `tolerance` and exceed `shortest`.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where the graph takes more than `execution.max_memory` bytes; [`Error::Interrupted`].
+    /// [`Error::InvalidInput`] where the graph takes more than `execution.max_memory` bytes; [`Error::Interrupted`],
+    /// [`Error::OutOfMemory`].
     pub fn new(
         source: &Points,
         target: &Points,
@@ -89,13 +91,13 @@ impl AgreementGraph {
             );
             return Err(Error::invalid("max_memory", execution.max_memory, remedy));
         }
-        let agreement = LongAgreement::new(DistanceAgreement::new(source, target, tolerance), lengths);
-        let mut bits = vec![0; len * words];
+        let agreement = LongAgreement::new(DistanceAgreement::new(source, target, tolerance)?, lengths);
+        let mut bits = memory::filled(0, len * words)?;
         let rows = bits.par_chunks_mut(words.max(1)).enumerate().with_min_len(8);
         rows.try_for_each_init(
-            || vec![0; words],
+            || memory::filled(0, words),
             |unsure, (i, row)| {
-                agreement.fill_row(i, row, unsure);
+                agreement.fill_row(i, row, memory::ready(unsure)?);
                 execution.check()
             },
         )?;
@@ -112,7 +114,8 @@ impl AgreementGraph {
     /// The graph of some vertices alone: the k-th of them is vertex k of the result.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where both graphs take more than `execution.max_memory` bytes; [`Error::Interrupted`].
+    /// [`Error::InvalidInput`] where both graphs take more than `execution.max_memory` bytes; [`Error::Interrupted`],
+    /// [`Error::OutOfMemory`].
     pub fn induced(&self, vertices: &[u32], execution: &Execution) -> Result<Self> {
         let (len, words) = (vertices.len(), vertices.len().div_ceil(WORD));
         let bytes = 8 * (self.bits.len() + len * words);
@@ -124,13 +127,13 @@ impl AgreementGraph {
             );
             return Err(Error::invalid("max_memory", execution.max_memory, remedy));
         }
-        let mut places = vec![0; self.len];
-        let mut kept = vec![0_u64; self.words];
+        let mut places = memory::filled(0, self.len)?;
+        let mut kept = memory::filled(0_u64, self.words)?;
         for (place, &vertex) in (0_u32..).zip(vertices) {
             places[vertex as usize] = place;
             kept[vertex as usize / WORD] |= 1 << (vertex as usize % WORD);
         }
-        let mut bits = vec![0; len * words];
+        let mut bits = memory::filled(0, len * words)?;
         let rows = bits.par_chunks_mut(words.max(1)).zip(vertices).with_min_len(8);
         rows.try_for_each(|(row, &vertex)| {
             let joined = self.row(vertex as usize).iter().zip(&kept).map(|(a, b)| a & b).enumerate();
@@ -180,9 +183,12 @@ impl AgreementGraph {
     }
 
     /// What is joined with both, ascending; at most `most`, of the lowest indices.
-    pub fn common_neighbors(&self, i: usize, j: usize, most: usize) -> Vec<u32> {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn common_neighbors(&self, i: usize, j: usize, most: usize) -> Result<Vec<u32>> {
         let words = self.row(i).iter().zip(self.row(j)).map(|(a, b)| a & b).enumerate();
-        words.flat_map(|(word, bits)| ones(word, bits)).take(most).collect()
+        memory::collect(words.flat_map(|(word, bits)| ones(word, bits)).take(most))
     }
 
     /// Gives each vertex of `others`, a row of bits, with how many neighbours it has in common with `i`; ascending.
@@ -210,16 +216,14 @@ impl AgreementGraph {
     /// The `most` pairs with the most common neighbours, one at least; ties to the lowest indices.
     ///
     /// # Errors
-    /// [`Error::Interrupted`].
+    /// [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn heaviest_edges(&self, most: usize, execution: &Execution) -> Result<Vec<Edge>> {
-        let degrees: Vec<u32> = (0..self.len).map(|i| count(self.row(i))).collect();
+        let degrees = memory::collect((0..self.len).map(|i| count(self.row(i))))?;
         let floor = AtomicU32::new(1);
         let bands = self.words.div_ceil(BAND_WORDS);
-        let found: Vec<Vec<Edge>> = (0..bands)
-            .into_par_iter()
-            .map(|band| self.heaviest_of_band(band, most, &degrees, &floor, execution))
-            .collect::<Result<_>>()?;
-        let mut edges = found.concat();
+        let of_band = |band| self.heaviest_of_band(band, most, &degrees, &floor, execution);
+        let found = memory::par_try_collect((0..bands).into_par_iter().map(of_band))?;
+        let mut edges = memory::concat(&found)?;
         keep_heaviest(&mut edges, most);
         edges.sort_unstable_by_key(Edge::rank);
         Ok(edges)
@@ -247,7 +251,7 @@ impl AgreementGraph {
                     }
                     let common = count_common(row, self.row(i as usize));
                     if common >= least {
-                        edges.push(Edge { common, i, j: j as u32 });
+                        memory::push(&mut edges, Edge { common, i, j: j as u32 })?;
                     }
                 }
             }
@@ -363,7 +367,7 @@ mod tests {
         graph.count_common_with(3, graph.row(7), |j, common| counted.push((j, common)));
         let expected: Vec<(u32, u32)> = (0..300)
             .filter(|&j| graph.joined(7, j))
-            .map(|j| (j as u32, graph.common_neighbors(3, j, 300).len() as u32))
+            .map(|j| (j as u32, graph.common_neighbors(3, j, 300).map_or(0, |common| common.len()) as u32))
             .collect();
         assert!(!expected.is_empty() && counted == expected);
         Ok(())
@@ -375,8 +379,8 @@ mod tests {
         let both = |i: usize| graph.joined(3, i) && graph.joined(7, i);
         let expected: Vec<u32> = (0..300).filter(|&i| both(i)).map(|i| i as u32).collect();
         assert!(expected.len() > 4);
-        assert_eq!(graph.common_neighbors(3, 7, 300), expected);
-        assert_eq!(graph.common_neighbors(3, 7, 4), expected[..4]);
+        assert_eq!(graph.common_neighbors(3, 7, 300)?, expected);
+        assert_eq!(graph.common_neighbors(3, 7, 4)?, expected[..4]);
         Ok(())
     }
 

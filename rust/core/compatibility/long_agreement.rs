@@ -156,7 +156,7 @@ mod tests {
         for lengths in
             [EdgeLengths::Any, EdgeLengths::EachAbove(shortest), EdgeLengths::SumAbove(2.0 * shortest)]
         {
-            let test = LongAgreement::new(DistanceAgreement::new(&source, &target, tolerance), lengths);
+            let test = LongAgreement::new(DistanceAgreement::new(&source, &target, tolerance)?, lengths);
             for i in 0..source.len() {
                 test.fill_row(i, &mut row, &mut unsure);
                 for j in 0..64 * words {

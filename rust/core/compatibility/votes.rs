@@ -4,7 +4,9 @@
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "`&&` is a branch, which stops vectorisation")]
 
+use crate::error::Result;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
@@ -15,9 +17,15 @@ const VOTER_GROUP: usize = 32;
 pub type PointPair = [f64; 6];
 
 /// Both points of every correspondence.
-pub fn point_pairs(source: &Points, target: &Points) -> Vec<PointPair> {
-    let sides = source.rows().into_iter().zip(target.rows());
-    sides.map(|([x, y, z], [u, v, w])| [x, y, z, u, v, w]).collect()
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub fn point_pairs(source: &Points, target: &Points) -> Result<Vec<PointPair>> {
+    let pair = |i| {
+        let (p, q) = (source.get(i), target.get(i));
+        [p.x, p.y, p.z, q.x, q.y, q.z]
+    };
+    memory::collect((0..source.len()).map(pair))
 }
 
 /// The test `r(c_i, c_j) > varsigma` of Eq. (3) and (5), with the ratio of Eq. (12).
@@ -72,8 +80,11 @@ pub struct Voters(Vec<Group>);
 
 impl Voters {
     /// The correspondences with these indices.
-    pub fn new(pairs: &[PointPair], indices: &[u32]) -> Self {
-        Self(indices.chunks(VOTER_GROUP).map(|indices| gather(pairs, indices)).collect())
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(pairs: &[PointPair], indices: &[u32]) -> Result<Self> {
+        Ok(Self(memory::collect(indices.chunks(VOTER_GROUP).map(|indices| gather(pairs, indices)))?))
     }
 
     /// How many voters j have `|R p_j + t - p'_j|^2 < limit` and `rho_ij > sigma`, Eq. (5).
@@ -174,7 +185,6 @@ mod tests {
     use super::*;
     use crate::compatibility::distance::distance_ratio;
     use crate::compatibility::pose::residual;
-    use crate::error::Result;
     use nalgebra::{Rotation3, Vector3};
 
     struct Problem {
@@ -190,7 +200,7 @@ mod tests {
                 (Points::from_rows("source", source)?, Points::from_rows("target", target)?);
             let (zero_source, zero_target) = (source.zero_length(), target.zero_length());
             let test = RigidityTest { zero_source, zero_target, min_ratio };
-            Ok(Self { pairs: point_pairs(&source, &target), source, target, test })
+            Ok(Self { pairs: point_pairs(&source, &target)?, source, target, test })
         }
 
         fn is_rigid(&self, i: usize, j: usize) -> bool {
@@ -199,7 +209,7 @@ mod tests {
             distance_ratio(ds, dt, zero_source, zero_target) > min_ratio
         }
 
-        fn check(&self, pose: &Rigid, tolerance: f64) {
+        fn check(&self, pose: &Rigid, tolerance: f64) -> Result<()> {
             let limit = square_limit(tolerance);
             for (i, pair) in self.pairs.iter().enumerate() {
                 for voters in [0..self.pairs.len(), i..i + 1, 0..i % 70] {
@@ -208,10 +218,11 @@ mod tests {
                     assert_eq!(count_rigid(&self.pairs, &indices, pair, &self.test), rigid);
                     let is_carried = |j: usize| residual(pose, j, &self.source, &self.target) < tolerance;
                     let carried = voters.filter(|&j| is_carried(j) && self.is_rigid(i, j)).count();
-                    let group = Voters::new(&self.pairs, &indices);
+                    let group = Voters::new(&self.pairs, &indices)?;
                     assert_eq!(group.count_carried(pair, &self.test, pose, limit), carried);
                 }
             }
+            Ok(())
         }
     }
 
@@ -230,8 +241,8 @@ mod tests {
             let target: Vec<_> =
                 moved.zip(0..).map(|(p, i)| [p.x + noise * wave(i, 7.7), p.y, p.z + noise]).collect();
             let problem = Problem::new(&source, &target, 0.9)?;
-            problem.check(&pose, 0.8);
-            problem.check(&rigid([0.5, 0.1, seed], [0.1, 0.0, 3.0]), 4.0);
+            problem.check(&pose, 0.8)?;
+            problem.check(&rigid([0.5, 0.1, seed], [0.1, 0.0, 3.0]), 4.0)?;
         }
         Ok(())
     }
@@ -244,8 +255,8 @@ mod tests {
         let target: Vec<_> = (0..150).map(|i| lattice(i * 7 % 150).map(|x| 2.0 * x)).collect();
         for min_ratio in [0.0, 0.5, 1.0] {
             let problem = Problem::new(&source, &target, min_ratio)?;
-            problem.check(&rigid([0.0; 3], [3.0, 4.0, 0.0]), 5.0);
-            problem.check(&rigid([0.0; 3], [0.0; 3]), 1e300);
+            problem.check(&rigid([0.0; 3], [3.0, 4.0, 0.0]), 5.0)?;
+            problem.check(&rigid([0.0; 3], [0.0; 3]), 1e300)?;
         }
         Ok(())
     }

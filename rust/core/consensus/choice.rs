@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::Grouping;
+use crate::memory;
 use crate::points::Points;
 use crate::selection::top_k::largest;
 use crate::simd::{self, DOUBLES};
@@ -37,7 +38,7 @@ pub enum Choice {
 /// The poses that are found among some of the correspondences, or among all, between the centred points of all.
 ///
 /// # Errors
-/// Those of `find`.
+/// Those of `find`; [`crate::Error::OutOfMemory`].
 pub fn poses_among(
     rows: Option<&[usize]>,
     source: &Points,
@@ -47,14 +48,16 @@ pub fn poses_among(
     let Some(rows) = rows else {
         return find(source, target);
     };
-    let (p, q) = (source.subset(rows), target.subset(rows));
-    Ok(find(&p, &q)?.iter().map(|pose| pose.uncentered(&p, &q)).collect())
+    let (p, q) = (source.subset(rows)?, target.subset(rows)?);
+    let mut poses = find(&p, &q)?;
+    poses.iter_mut().for_each(|pose| *pose = pose.uncentered(&p, &q));
+    Ok(poses)
 }
 
 /// The best of some poses between the centred points, the first of equal ones; `None` where none has an inlier.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`].
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn best_pose(
     poses: &[Rigid],
     source: &Points,
@@ -64,7 +67,7 @@ pub fn best_pose(
     execution: &Execution,
 ) -> Result<Option<Rigid>> {
     let inliers = count_inliers(poses, source, target, tolerance, execution)?;
-    let inliers: Vec<f64> = inliers.into_iter().map(|count| count as f64).collect();
+    let inliers = memory::collect(inliers.into_iter().map(|count| count as f64))?;
     let scores = match choice {
         Choice::Inliers => inliers,
         Choice::Mae | Choice::Mse => {
@@ -98,11 +101,11 @@ fn scores_that_may_win(
         Ok((k, score))
     };
     // Those with the most first, so that most of the others can be left out.
-    let order = largest(inliers, poses.len());
+    let order = largest(inliers, poses.len())?;
     let first = order.len().min(FIRST);
-    let mut scores = vec![0.0; poses.len()];
+    let mut scores = memory::filled(0.0, poses.len())?;
     for part in [&order[..first], &order[first..]] {
-        let found: Vec<(usize, f64)> = part.par_iter().map(score).collect::<Result<_>>()?;
+        let found = memory::par_try_collect(part.par_iter().map(score))?;
         found.into_iter().for_each(|(k, score)| scores[k] = score);
     }
     Ok(scores)
@@ -111,7 +114,7 @@ fn scores_that_may_win(
 /// The number of inliers of each pose between the centred points.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`].
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn count_inliers(
     poses: &[Rigid],
     source: &Points,
@@ -119,11 +122,12 @@ pub fn count_inliers(
     tolerance: f64,
     execution: &Execution,
 ) -> Result<Vec<usize>> {
-    let counter = InlierCounter::new(source, target, tolerance);
+    let counter = InlierCounter::new(source, target, tolerance)?;
     let count = |near: &mut Vec<u16>, pose: &Rigid| {
-        execution.check().map(|()| counter.count(pose, 0, near).unwrap_or_default())
+        execution.check()?;
+        Ok(counter.count(pose, 0, near)?.unwrap_or_default())
     };
-    poses.par_iter().map_init(Vec::new, count).collect()
+    memory::par_try_collect(poses.par_iter().map_init(Vec::new, count))
 }
 
 /// The sum of `max(0, 1 - r / tolerance)`, or of its squares.
@@ -170,24 +174,24 @@ fn offset(row: [f64; 4], p: [f64; 3], partner: f64) -> f64 {
 }
 
 /// The inliers of the pose after its last refinement, and the pose as their model; nothing without a pose.
-#[must_use]
-pub fn group_of(pose: Option<Rigid>, source: &Points, target: &Points, tolerance: f64) -> Grouping {
-    inliers_of(
-        pose.map(|pose| reweighted(&pose, source, target, tolerance, ROUNDS)),
-        source,
-        target,
-        tolerance,
-    )
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub fn group_of(pose: Option<Rigid>, source: &Points, target: &Points, tolerance: f64) -> Result<Grouping> {
+    let refined = pose.map(|pose| reweighted(&pose, source, target, tolerance, ROUNDS)).transpose()?;
+    inliers_of(refined, source, target, tolerance)
 }
 
 /// The same of the pose as it is.
-#[must_use]
-pub fn inliers_of(pose: Option<Rigid>, source: &Points, target: &Points, tolerance: f64) -> Grouping {
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub fn inliers_of(pose: Option<Rigid>, source: &Points, target: &Points, tolerance: f64) -> Result<Grouping> {
     let Some(pose) = pose else {
         return Grouping::empty(source.len());
     };
-    let mask = (0..source.len()).map(|i| is_inlier(&pose, source, target, i, tolerance)).collect();
-    Grouping { mask, model: Some(pose.uncentered(source, target).to_matrix()), ..Grouping::default() }
+    let mask = memory::collect((0..source.len()).map(|i| is_inlier(&pose, source, target, i, tolerance)))?;
+    Ok(Grouping { mask, model: Some(pose.uncentered(source, target).to_matrix()), ..Grouping::default() })
 }
 
 #[cfg(test)]
@@ -231,14 +235,14 @@ mod tests {
         let poses = [shift(50.5, &source, &target)];
         let best = best_pose(&poses, &source, &target, 0.1, Choice::Inliers, &Execution::default())?;
         assert_eq!(best, None);
-        assert_eq!(group_of(best, &source, &target, 0.1), Grouping::empty(40));
+        assert_eq!(group_of(best, &source, &target, 0.1)?, Grouping::empty(40)?);
         Ok(())
     }
 
     #[test]
     fn the_group_are_the_inliers() -> Result<()> {
         let (source, target) = problem(25)?;
-        let group = group_of(Some(shift(0.2, &source, &target)), &source, &target, 0.5);
+        let group = group_of(Some(shift(0.2, &source, &target)), &source, &target, 0.5)?;
         assert_eq!(group.mask, (0..40).map(|i| i < 25).collect::<Vec<_>>());
         assert!(group.model.is_some_and(|model| model[(0, 3)].abs() < 1e-9));
         Ok(())

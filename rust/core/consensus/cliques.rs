@@ -9,6 +9,7 @@ use crate::compatibility::graph::{AgreementGraph, Edge};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::{Rigid, fit_rows};
+use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
@@ -22,7 +23,7 @@ const MOST_CANDIDATES: usize = 256;
 /// The indices of `source` and `target` are those of the graph.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`].
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn clique_poses(
     graph: &AgreementGraph,
     source: &Points,
@@ -31,22 +32,21 @@ pub fn clique_poses(
     execution: &Execution,
 ) -> Result<Vec<Rigid>> {
     let edges = graph.heaviest_edges(most, execution)?;
-    let cliques: Vec<Vec<u32>> =
-        edges.par_iter().map(|edge| execution.check().map(|()| grow(graph, *edge))).collect::<Result<_>>()?;
-    let poses = distinct(cliques)
-        .into_par_iter()
-        .map(|clique| fit_rows(source, target, clique.iter().map(|&i| i as usize)));
-    Ok(poses.collect::<Vec<_>>().into_iter().flatten().collect())
+    let grow = |edge: &Edge| execution.check().and_then(|()| grow(graph, *edge));
+    let cliques = memory::par_try_collect(edges.par_iter().map(grow))?;
+    let pose = |clique: &&[u32]| fit_rows(source, target, clique.iter().map(|&i| i as usize));
+    let poses = memory::par_try_collect(distinct(&cliques)?.par_iter().map(pose))?;
+    memory::collect(poses.into_iter().flatten())
 }
 
 /// Adds, to both ends of the edge, the common neighbour that is joined with the most others of them, and so on;
 /// ties to the lowest index. Ascending.
-fn grow(graph: &AgreementGraph, edge: Edge) -> Vec<u32> {
-    let among = graph.common_neighbors(edge.i as usize, edge.j as usize, MOST_CANDIDATES);
-    let mut left = Candidates::new(&among);
+fn grow(graph: &AgreementGraph, edge: Edge) -> Result<Vec<u32>> {
+    let among = graph.common_neighbors(edge.i as usize, edge.j as usize, MOST_CANDIDATES)?;
+    let mut left = Candidates::new(&among)?;
     let mut members = vec![edge.i, edge.j];
     // How many of those left each candidate is joined with, or was: it can only fall.
-    let mut candidates: Vec<(u32, u32)> = among.iter().map(|&k| (k, u32::MAX)).collect();
+    let mut candidates = memory::collect(among.iter().map(|&k| (k, u32::MAX)))?;
     while members.len() < MOST_MEMBERS
         && let Some(best) = left.most_joined(graph, &mut candidates)
     {
@@ -55,7 +55,7 @@ fn grow(graph: &AgreementGraph, edge: Edge) -> Vec<u32> {
         candidates.retain(|&(k, _)| left.contains(k));
     }
     members.sort_unstable();
-    members
+    Ok(members)
 }
 
 /// Vertices that are joined with all members, as bits of the words of a row that hold them.
@@ -66,12 +66,12 @@ struct Candidates {
 
 impl Candidates {
     /// Of ascending vertices.
-    fn new(vertices: &[u32]) -> Self {
+    fn new(vertices: &[u32]) -> Result<Self> {
         let place = |vertex: u32| (vertex / u64::BITS) as usize;
         let [first, last] = [vertices.first(), vertices.last()].map(|vertex| vertex.map_or(0, |&k| place(k)));
-        let mut words = vec![0; last - first + 1];
+        let mut words = memory::filled(0, last - first + 1)?;
         vertices.iter().for_each(|&k| words[place(k) - first] |= 1 << (k % u64::BITS));
-        Self { first, words }
+        Ok(Self { first, words })
     }
 
     fn contains(&self, vertex: u32) -> bool {
@@ -109,9 +109,9 @@ impl Candidates {
 }
 
 /// Each clique once, in the order in which they come first.
-fn distinct(cliques: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
-    let mut seen = std::collections::HashSet::new();
-    cliques.into_iter().filter(|clique| seen.insert(clique.clone())).collect()
+fn distinct(cliques: &[Vec<u32>]) -> Result<Vec<&[u32]>> {
+    let mut seen = memory::set(cliques.len())?;
+    memory::collect(cliques.iter().map(Vec::as_slice).filter(|clique| seen.insert(*clique)))
 }
 
 #[cfg(test)]
@@ -148,15 +148,15 @@ mod tests {
         let (source, target) = problem()?;
         let graph = AgreementGraph::new(&source, &target, 10.0, 20.0, &Execution::default())?;
         let edges = graph.heaviest_edges(200, &Execution::default())?;
-        let grown: Vec<_> = edges.iter().map(|&edge| grow(&graph, edge)).collect();
+        let grown = memory::try_collect(edges.iter().map(|&edge| grow(&graph, edge)))?;
         for clique in &grown {
             assert!(clique.len() > 2 && clique.len() <= MOST_MEMBERS && clique.is_sorted());
             for (&i, &j) in clique.iter().flat_map(|i| clique.iter().map(move |j| (i, j))) {
                 assert!(i == j || graph.joined(i as usize, j as usize), "{clique:?}");
             }
         }
-        let once = distinct(grown.clone());
-        assert!(once.len() < grown.len() && grown.iter().all(|clique| once.contains(clique)));
+        let once = distinct(&grown)?;
+        assert!(once.len() < grown.len() && grown.iter().all(|clique| once.contains(&clique.as_slice())));
         Ok(())
     }
 
@@ -171,12 +171,13 @@ mod tests {
     }
 
     #[test]
-    fn candidates_hold_what_they_are_made_of() {
+    fn candidates_hold_what_they_are_made_of() -> Result<()> {
         let vertices = [70, 127, 128, 200];
-        let mut candidates = Candidates::new(&vertices);
+        let mut candidates = Candidates::new(&vertices)?;
         assert_eq!((candidates.first, candidates.words.len()), (1, 3));
         assert!((64..256).all(|k| candidates.contains(k) == vertices.contains(&k)));
         candidates.retain(&[0, 1 << 6, u64::MAX, 0]);
         assert!((64..256).all(|k| candidates.contains(k) == [70, 128].contains(&k)));
+        Ok(())
     }
 }

@@ -6,6 +6,7 @@
 use crate::compatibility::graph::AgreementGraph;
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::simd;
 
 /// A vertex, and the number of its colour, from 1 on.
@@ -13,13 +14,16 @@ pub type Colored = (u32, u32);
 
 /// Colours the vertices that are bits of `left`, which is emptied; writes those whose colour is above `least`, by
 /// colour, and returns the number of colours. `class` is as long as `left`, and of any content.
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
 pub fn color(
     graph: &AgreementGraph,
     left: &mut [u64],
     class: &mut [u64],
     least: u32,
     colored: &mut Vec<Colored>,
-) -> u32 {
+) -> Result<u32> {
     let mut number = 0;
     let mut start = 0;
     while let Some(skipped) = left[start..].iter().position(|&word| word != 0) {
@@ -38,11 +42,11 @@ pub fn color(
             let vertex = word as u32 * u64::BITS + bit;
             clear_joined(&mut class[word..], &graph.row(vertex as usize)[word..]);
             if number > least {
-                colored.push((vertex, number));
+                memory::push(colored, (vertex, number))?;
             }
         }
     }
-    number
+    Ok(number)
 }
 
 fn clear_joined(class: &mut [u64], row: &[u64]) {
@@ -59,23 +63,26 @@ fn clear_joined(class: &mut [u64], row: &[u64]) {
 /// Colours that a graph takes, its vertices in their order.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`].
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn count_colors(graph: &AgreementGraph, execution: &Execution) -> Result<u32> {
     execution.check()?;
-    let mut left = all(graph.len());
-    let mut class = left.clone();
-    Ok(color(graph, &mut left, &mut class, u32::MAX, &mut Vec::new()))
+    let mut left = all(graph.len())?;
+    let mut class = memory::copied(&left)?;
+    color(graph, &mut left, &mut class, u32::MAX, &mut Vec::new())
 }
 
 /// One bit for each of so many vertices.
-pub fn all(len: usize) -> Vec<u64> {
-    let mut bits = vec![u64::MAX; len.div_ceil(64)];
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub fn all(len: usize) -> Result<Vec<u64>> {
+    let mut bits = memory::filled(u64::MAX, len.div_ceil(64))?;
     if let Some(last) = bits.last_mut()
         && !len.is_multiple_of(64)
     {
         *last = (1 << (len % 64)) - 1;
     }
-    bits
+    Ok(bits)
 }
 
 #[cfg(test)]
@@ -87,9 +94,9 @@ mod tests {
     fn no_two_of_a_color_are_joined() -> Result<()> {
         for n in [0, 1, 63, 64, 65, 200] {
             let graph = graph(n, 0.3)?;
-            let (mut left, mut colored) = (all(n), Vec::new());
+            let (mut left, mut colored) = (all(n)?, Vec::new());
             let mut class = left.clone();
-            let number = color(&graph, &mut left, &mut class, 0, &mut colored);
+            let number = color(&graph, &mut left, &mut class, 0, &mut colored)?;
             assert_eq!(number, count_colors(&graph, &Execution::default())?);
             assert_eq!(colored.len(), n);
             assert!(left.iter().all(|&word| word == 0) && colored.is_sorted_by_key(|&(_, color)| color));
@@ -103,9 +110,9 @@ mod tests {
                 };
                 assert!((1..color).all(joined));
             }
-            let mut left = all(n);
+            let mut left = all(n)?;
             let mut high = Vec::new();
-            color(&graph, &mut left, &mut class, 2, &mut high);
+            color(&graph, &mut left, &mut class, 2, &mut high)?;
             colored.retain(|&(_, color)| color > 2);
             assert_eq!(high, colored);
         }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::compatibility::graph::{AgreementGraph, ones};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 
 /// Core numbers of a graph's vertices, and the order in which they were taken out.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -23,13 +24,13 @@ impl Cores {
     /// Takes out the vertices of the graph level by level. Cost: each edge twice.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn of(graph: &AgreementGraph, execution: &Execution) -> Result<Self> {
-        let mut peeling = Peeling::new(graph);
-        let mut left: Vec<u32> = (0..graph.len() as u32).collect();
+        let mut peeling = Peeling::new(graph)?;
+        let mut left = memory::collect(0..graph.len() as u32)?;
         while let Some(level) = left.iter().map(|&vertex| peeling.degrees[vertex as usize]).min() {
-            let mut round: Vec<u32> =
-                left.iter().copied().filter(|&vertex| peeling.degrees[vertex as usize] == level).collect();
+            let of_level = |vertex: &u32| peeling.degrees[*vertex as usize] == level;
+            let mut round = memory::collect(left.iter().copied().filter(of_level))?;
             while !round.is_empty() {
                 round = peeling.take_out(&round, level, execution)?;
             }
@@ -44,9 +45,12 @@ impl Cores {
     }
 
     /// The vertices of at least that core number, the last taken out first.
-    pub fn from_last(&self, least: u32) -> Vec<u32> {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn from_last(&self, least: u32) -> Result<Vec<u32>> {
         let order = self.order.iter().rev().copied();
-        order.filter(|&vertex| self.numbers[vertex as usize] >= least).collect()
+        memory::collect(order.filter(|&vertex| self.numbers[vertex as usize] >= least))
     }
 }
 
@@ -61,14 +65,15 @@ struct Peeling<'a> {
 }
 
 impl<'a> Peeling<'a> {
-    fn new(graph: &'a AgreementGraph) -> Self {
-        Self {
+    fn new(graph: &'a AgreementGraph) -> Result<Self> {
+        let degrees = (0..graph.len()).into_par_iter().map(|vertex| graph.degree(vertex));
+        Ok(Self {
             graph,
-            degrees: (0..graph.len()).into_par_iter().map(|vertex| graph.degree(vertex)).collect(),
-            left: vec![u64::MAX; graph.len().div_ceil(64)],
-            numbers: vec![0; graph.len()],
-            order: Vec::with_capacity(graph.len()),
-        }
+            degrees: memory::par_collect(degrees)?,
+            left: memory::filled(u64::MAX, graph.len().div_ceil(64))?,
+            numbers: memory::filled(0, graph.len())?,
+            order: memory::with_capacity(graph.len())?,
+        })
     }
 
     fn is_left(&self, vertex: u32) -> bool {
@@ -88,7 +93,7 @@ impl<'a> Peeling<'a> {
                 let degree = &mut self.degrees[neighbor as usize];
                 *degree -= 1;
                 if *degree == level {
-                    next.push(neighbor);
+                    memory::push(&mut next, neighbor)?;
                 }
             }
         }
@@ -144,8 +149,8 @@ pub(super) mod tests {
             let after = cores.order[rank..].iter().filter(|&&j| graph.joined(i as usize, j as usize)).count();
             assert!(after <= cores.numbers[i as usize] as usize);
         }
-        assert_eq!(cores.from_last(0).first(), cores.order.last());
-        assert_eq!(cores.from_last(cores.greatest() + 1), []);
+        assert_eq!(cores.from_last(0)?.first(), cores.order.last());
+        assert_eq!(cores.from_last(cores.greatest() + 1)?, []);
         Ok(())
     }
 }

@@ -5,6 +5,8 @@
 //! no match is right (Moisan, Moulon, Monasse: Automatic homographic registration of a pair of images, with a
 //! contrario elimination of outliers, IPOL 2012, for a pose of three matches).
 
+use crate::error::Result;
+use crate::memory;
 use crate::points::Points;
 
 /// More supporters make no difference.
@@ -24,28 +26,31 @@ pub struct Independent {
 
 /// Takes supporters by their residuals, the least first, and of those that lie within `apart` of each other on either
 /// side only the first: wrong matches of neighbouring points often go wrong together.
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
 pub fn independent(
     source: &Points,
     target: &Points,
     squares: &[f64],
     supporters: &[usize],
     apart: f64,
-) -> Independent {
-    let mut order = supporters.to_vec();
-    order.sort_by(|&a, &b| squares[a].total_cmp(&squares[b]).then(a.cmp(&b)));
+) -> Result<Independent> {
+    let mut order = memory::copied(supporters)?;
+    order.sort_unstable_by(|&a, &b| squares[a].total_cmp(&squares[b]).then(a.cmp(&b)));
     let mut kept: Vec<usize> = Vec::new();
     let mut seen = 0_u32;
     for i in order {
         seen += 1;
         let far = |points: &Points, j: usize| (points.get(i) - points.get(j)).norm_squared() > apart * apart;
         if kept.iter().all(|&j| far(source, j) && far(target, j)) {
-            kept.push(i);
+            memory::push(&mut kept, i)?;
             if kept.len() == ENOUGH {
                 break;
             }
         }
     }
-    Independent { count: kept.len(), share: kept.len() as f64 / f64::from(seen.max(1)) }
+    Ok(Independent { count: kept.len(), share: kept.len() as f64 / f64::from(seen.max(1)) })
 }
 
 /// Number of false alarms of a pose with `supporters` of `n` matches, of which `chance` are to be expected.
@@ -74,7 +79,6 @@ fn poisson_tail(least: usize, mean: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Result;
 
     #[test]
     fn tail_is_the_plain_sum() {
@@ -98,9 +102,9 @@ mod tests {
             (0..9).map(|i| [f64::from(i / 3) * 10.0 + f64::from(i % 3), 0.0, 0.0]).collect();
         let points = Points::from_rows("points", &rows)?;
         let squares: Vec<f64> = (0..9).map(|i| f64::from(8 - i)).collect();
-        let found = independent(&points, &points, &squares, &[0, 1, 2, 3, 4, 5, 6, 7, 8], 5.0);
+        let found = independent(&points, &points, &squares, &[0, 1, 2, 3, 4, 5, 6, 7, 8], 5.0)?;
         assert_eq!((found.count, found.share), (3, 1.0 / 3.0));
-        assert_eq!(independent(&points, &points, &squares, &[], 5.0).count, 0);
+        assert_eq!(independent(&points, &points, &squares, &[], 5.0)?.count, 0);
         Ok(())
     }
 }

@@ -9,7 +9,9 @@
 
 use std::ops::Range;
 
+use crate::error::Result;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::points::{Points, unit_scale};
 use crate::simd::{self, Kernel, Lanes, SINGLES};
 
@@ -49,18 +51,22 @@ pub struct InlierCounter<'a> {
 
 impl<'a> InlierCounter<'a> {
     /// Sorts the correspondences; an inlier's residual is below the tolerance, a length in the data's unit.
-    pub fn new(source: &'a Points, target: &'a Points, tolerance: f64) -> Self {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(source: &'a Points, target: &'a Points, tolerance: f64) -> Result<Self> {
         let scale = unit_scale(source.diagonal().max(target.diagonal()));
         let scaled_tolerance = (tolerance * scale).min(BEYOND_ALL);
-        let mut order: Vec<usize> = (0..source.len()).collect();
+        let mut order = memory::collect(0..source.len())?;
         let all = [&source.x, &source.y, &source.z, &target.x, &target.y, &target.z].map(Vec::as_slice);
         sort_into_leaves(&mut order, all);
+        let sorted = |axis: &[f64]| filled_up(order.iter().map(|&i| (axis[i] * scale) as f32));
         let mut counter = Self {
             source,
             target,
             tolerance,
             scale,
-            members: all.map(|axis| filled_up(order.iter().map(|&i| (axis[i] * scale) as f32).collect())),
+            members: memory::try_map(all, sorted)?,
             centers: Axes::default(),
             squared_reach: Vec::new(),
             squared_sure: match scaled_tolerance - ROUNDING {
@@ -70,12 +76,15 @@ impl<'a> InlierCounter<'a> {
             squared_possible: square(scaled_tolerance + ROUNDING) as f32 * (1.0 + f32::EPSILON),
             order,
         };
-        counter.enclose_leaves(scaled_tolerance);
-        counter
+        counter.enclose_leaves(scaled_tolerance)?;
+        Ok(counter)
     }
 
     /// Centre and reach of every leaf.
-    fn enclose_leaves(&mut self, tolerance: f64) {
+    fn enclose_leaves(&mut self, tolerance: f64) -> Result<()> {
+        let leaves = self.order.len().div_ceil(SINGLES).next_multiple_of(SINGLES);
+        self.squared_reach = memory::with_capacity(leaves)?;
+        self.centers = memory::try_map([(); 6], |()| memory::with_capacity(leaves))?;
         for leaf in (0..self.order.len()).step_by(SINGLES) {
             let members = leaf..(leaf + SINGLES).min(self.order.len());
             let axes = self.members.each_ref().map(|axis| &axis[members.clone()]);
@@ -93,16 +102,22 @@ impl<'a> InlierCounter<'a> {
             self.squared_reach.push(square(reach) as f32 * (1.0 + f32::EPSILON));
             self.centers.iter_mut().zip(center).for_each(|(axis, value)| axis.push(value));
         }
-        self.centers.iter_mut().for_each(|axis| *axis = filled_up(std::mem::take(axis)));
-        self.squared_reach = filled_up(std::mem::take(&mut self.squared_reach));
+        self.centers.iter_mut().for_each(|axis| axis.resize(leaves, f32::NAN));
+        self.squared_reach.resize(leaves, f32::NAN);
+        Ok(())
     }
 
     /// Number of inliers of the transform between the centred points, if it is at least `least`; `near` is
     /// working space.
-    pub fn count(&self, model: &Rigid, least: usize, near: &mut Vec<u16>) -> Option<usize> {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn count(&self, model: &Rigid, least: usize, near: &mut Vec<u16>) -> Result<Option<usize>> {
+        near.clear();
+        memory::reserve(near, self.squared_reach.len() / SINGLES)?;
         let (r, t) = (model.rotation.map(|entry| entry as f32), model.translation * self.scale);
         let rows = [0, 1, 2].map(|row| [r[(row, 0)], r[(row, 1)], r[(row, 2)], t[row] as f32]);
-        simd::run(CountInliers { counter: self, model, rows, least, near })
+        Ok(simd::run(CountInliers { counter: self, model, rows, least, near }))
     }
 
     /// Those of some members of a leaf that are inliers, decided in f64.
@@ -150,9 +165,13 @@ fn square(value: f64) -> f64 {
     value * value
 }
 
-fn filled_up(mut values: Vec<f32>) -> Vec<f32> {
-    values.resize(values.len().next_multiple_of(SINGLES), f32::NAN);
-    values
+/// The values, and as many NaN as make whole groups.
+fn filled_up(values: impl ExactSizeIterator<Item = f32>) -> Result<Vec<f32>> {
+    let whole_groups = values.len().next_multiple_of(SINGLES);
+    let mut filled = memory::with_capacity(whole_groups)?;
+    filled.extend(values);
+    filled.resize(whole_groups, f32::NAN);
+    Ok(filled)
 }
 
 /// Counts the inliers of a transform, given once in f64 and once by rows in f32.
@@ -161,6 +180,7 @@ struct CountInliers<'a> {
     model: &'a Rigid,
     rows: [[f32; 4]; 3],
     least: usize,
+    /// Empty, with room for a number per group of leaves.
     near: &'a mut Vec<u16>,
 }
 
@@ -172,7 +192,6 @@ impl Kernel for CountInliers<'_> {
         let Self { counter, model, rows, least, near } = self;
         let rows = [splat_row(lanes, rows[0]), splat_row(lanes, rows[1]), splat_row(lanes, rows[2])];
         let mut possible_inliers = 0;
-        near.clear();
         for (group, reach) in counter.squared_reach.as_chunks::<SINGLES>().0.iter().enumerate() {
             let residuals = squared_residuals(lanes, rows, &counter.centers, group);
             let leaves = lanes.at_most(residuals, lanes.load_singles(reach));
@@ -273,12 +292,12 @@ mod tests {
                     let rotation = Rotation3::new(turn).into_inner();
                     let model = Rigid { rotation, translation: turn.map(f64::sin) * scale };
                     for tolerance in [1e-9, 0.05, 0.3, 1.0, 100.0].map(|t| t * scale) {
-                        let counter = InlierCounter::new(&source, &target, tolerance);
+                        let counter = InlierCounter::new(&source, &target, tolerance)?;
                         let plain =
                             (0..n).filter(|&i| is_inlier(&model, &source, &target, i, tolerance)).count();
-                        assert_eq!(counter.count(&model, 0, &mut near), Some(plain));
-                        assert_eq!(counter.count(&model, plain, &mut near), Some(plain));
-                        assert_eq!(counter.count(&model, plain + 1, &mut near), None);
+                        assert_eq!(counter.count(&model, 0, &mut near)?, Some(plain));
+                        assert_eq!(counter.count(&model, plain, &mut near)?, Some(plain));
+                        assert_eq!(counter.count(&model, plain + 1, &mut near)?, None);
                     }
                 }
             }
@@ -295,10 +314,10 @@ mod tests {
         let shift =
             Rigid { rotation: nalgebra::Matrix3::identity(), translation: source.center() - target.center() };
         for tenths in 0..5 {
-            let counter = InlierCounter::new(&source, &target, 0.1 * f64::from(tenths) + 1e-300);
+            let counter = InlierCounter::new(&source, &target, 0.1 * f64::from(tenths) + 1e-300)?;
             let plain =
                 (0..300).filter(|&i| is_inlier(&shift, &source, &target, i, counter.tolerance)).count();
-            assert_eq!(counter.count(&shift, 0, &mut Vec::new()), Some(plain));
+            assert_eq!(counter.count(&shift, 0, &mut Vec::new())?, Some(plain));
         }
         Ok(())
     }

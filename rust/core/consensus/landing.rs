@@ -1,19 +1,19 @@
 //! Where a pose lays the source points: near targets of matches, their own or another's.
 
-use nalgebra::Point3;
 use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::points::Points;
 
 /// Source points that are looked at, evenly spread over the input.
 const SAMPLES: usize = 1_000;
 
 /// Where the source points come to lie.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Landing {
     /// Share of them that come near any target.
     pub coverage: f64,
@@ -25,7 +25,8 @@ pub struct Landing {
 /// How the poses lay the source points within `radius` of targets.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`].
+/// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`],
+/// [`crate::Error::OutOfMemory`].
 pub fn landings(
     poses: &[Rigid],
     source: &Points,
@@ -35,18 +36,18 @@ pub fn landings(
 ) -> Result<Vec<Landing>> {
     let n = source.len();
     let count = n.min(SAMPLES);
-    let samples: Vec<Point3<f64>> = (0..count).map(|k| source.get(k * n / count)).collect();
+    let samples = memory::collect((0..count).map(|k| source.get(k * n / count)))?;
     let search = BallSearch::new(target, radius)?;
     let land = |pose: &Rigid| {
         execution.check()?;
         let (mut ball, mut covered, mut near) = (Ball::default(), 0, 0);
         for sample in &samples {
-            search.within(&pose.apply(sample), &mut ball);
+            search.within(&pose.apply(sample), &mut ball)?;
             covered += usize::from(!ball.is_empty());
             near += ball.len();
         }
         let share = |total: usize| total as f64 / count.max(1) as f64;
         Ok(Landing { coverage: share(covered), chance: share(near) })
     };
-    poses.par_iter().map(land).collect()
+    memory::par_try_collect(poses.par_iter().map(land))
 }

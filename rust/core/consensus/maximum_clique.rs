@@ -17,6 +17,7 @@ use super::cores::Cores;
 use crate::compatibility::graph::{AgreementGraph, ones};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 
 /// What a search has found.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,39 +35,44 @@ pub struct Found {
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] where the graph of what may be in a larger clique does not fit
-/// `execution.max_memory`; [`crate::Error::Interrupted`].
+/// `execution.max_memory`; [`crate::Error::Interrupted`],
+/// [`crate::Error::OutOfMemory`].
 pub fn maximum_clique(
     graph: &AgreementGraph,
     cores: &Cores,
     most_steps: usize,
     execution: &Execution,
 ) -> Result<Found> {
-    let first = greedy_clique(graph, &cores.from_last(0));
+    let first = greedy_clique(graph, &cores.from_last(0)?)?;
     if first.len() == cores.greatest() as usize + 1 || graph.is_empty() {
         return Ok(Found { clique: ascending(first), complete: true, steps: 0 });
     }
-    let kept = cores.from_last(first.len() as u32);
+    let kept = cores.from_last(first.len() as u32)?;
     let inner = graph.induced(&kept, execution)?;
     let mut search =
         Search { graph: &inner, execution, most_steps, steps: 0, best: Vec::new(), size: first.len() };
     search.grow_from_each()?;
     let complete = search.branch_on_each()?;
     let steps = search.steps;
-    let best: Vec<u32> = search.best.iter().map(|&vertex| kept[vertex as usize]).collect();
+    let mut best = search.best;
+    best.iter_mut().for_each(|vertex| *vertex = kept[*vertex as usize]);
     Ok(Found { clique: ascending(if best.is_empty() { first } else { best }), complete, steps })
 }
 
 /// Of the vertices in their order, each that is joined with all taken before it.
-pub fn greedy_clique(graph: &AgreementGraph, order: &[u32]) -> Vec<u32> {
-    let mut candidates = all(graph.len());
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub fn greedy_clique(graph: &AgreementGraph, order: &[u32]) -> Result<Vec<u32>> {
+    let mut candidates = all(graph.len())?;
     let mut clique = Vec::new();
     for &vertex in order {
         if candidates[vertex as usize / 64] >> (vertex % 64) & 1 == 1 {
-            clique.push(vertex);
+            memory::push(&mut clique, vertex)?;
             retain(&mut candidates, graph.row(vertex as usize));
         }
     }
-    clique
+    Ok(clique)
 }
 
 fn ascending(mut clique: Vec<u32>) -> Vec<u32> {
@@ -83,10 +89,10 @@ fn count(bits: &[u64]) -> usize {
 }
 
 /// The neighbours of a vertex that come before it.
-fn before(graph: &AgreementGraph, vertex: usize) -> Vec<u64> {
-    let mut bits = graph.row(vertex)[..=vertex / 64].to_vec();
+fn before(graph: &AgreementGraph, vertex: usize) -> Result<Vec<u64>> {
+    let mut bits = memory::copied(&graph.row(vertex)[..=vertex / 64])?;
     bits[vertex / 64] &= (1 << (vertex % 64)) - 1;
-    bits
+    Ok(bits)
 }
 
 struct Search<'a> {
@@ -110,14 +116,14 @@ impl Search<'_> {
     fn grow_from_each(&mut self) -> Result<()> {
         for vertex in 0..self.graph.len() {
             self.execution.check()?;
-            let mut candidates = before(self.graph, vertex);
+            let mut candidates = before(self.graph, vertex)?;
             if count(&candidates) < self.size {
                 continue;
             }
             let mut clique = vec![vertex as u32];
             while let Some(word) = candidates.iter().position(|&word| word != 0) {
                 let next = word * 64 + candidates[word].trailing_zeros() as usize;
-                clique.push(next as u32);
+                memory::push(&mut clique, next as u32)?;
                 retain(&mut candidates, self.graph.row(next));
             }
             self.keep(clique);
@@ -135,7 +141,7 @@ impl Search<'_> {
     /// Whether the search came to its end.
     fn branch_on_each(&mut self) -> Result<bool> {
         for vertex in 0..self.graph.len() {
-            let candidates = before(self.graph, vertex);
+            let candidates = before(self.graph, vertex)?;
             if count(&candidates) >= self.size {
                 self.branch(vertex as u32, candidates)?;
             }
@@ -161,11 +167,11 @@ impl Search<'_> {
                 continue;
             };
             branch.candidates[vertex as usize / 64] &= !(1 << (vertex % 64));
-            let mut candidates = branch.candidates.clone();
+            let mut candidates = memory::copied(&branch.candidates)?;
             retain(&mut candidates, self.graph.row(vertex as usize));
-            members.push(vertex);
+            memory::push(&mut members, vertex)?;
             match self.open(&members, candidates)? {
-                Some(branch) => branches.push(branch),
+                Some(branch) => memory::push(&mut branches, branch)?,
                 None => drop(members.pop()),
             }
         }
@@ -181,12 +187,12 @@ impl Search<'_> {
         }
         self.steps += population;
         let mut colored = Vec::new();
-        let (mut left, mut class) = (candidates.clone(), candidates.clone());
+        let (mut left, mut class) = (memory::copied(&candidates)?, memory::copied(&candidates)?);
         let least = self.size.saturating_sub(members.len()) as u32;
-        let colors = color(self.graph, &mut left, &mut class, least, &mut colored);
+        let colors = color(self.graph, &mut left, &mut class, least, &mut colored)?;
         if colors as usize == population {
             let all = candidates.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits));
-            self.keep(members.iter().copied().chain(all).collect());
+            self.keep(memory::collect(members.iter().copied().chain(all))?);
             return Ok(None);
         }
         Ok((!colored.is_empty()).then_some(Branch { candidates, colored }))

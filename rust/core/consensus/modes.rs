@@ -10,7 +10,9 @@ use super::likelihood::{Likelihood, Support};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::points::Points;
+use crate::selection::top_k::largest;
 
 /// Rounds of refinement before a mode's supporters are taken out.
 const FIRST_ROUNDS: usize = 4;
@@ -32,7 +34,7 @@ pub struct Mode {
 }
 
 /// A hypothesis with the score that it had when `round` modes had been taken out.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 struct Candidate {
     score: f64,
     index: usize,
@@ -58,7 +60,7 @@ impl PartialOrd for Candidate {
 /// lay the source points within `tolerance` of each other (root mean square).
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`].
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn find_modes(
     likelihood: &Likelihood,
     hypotheses: &[Rigid],
@@ -75,12 +77,13 @@ pub fn find_modes(
     };
     let finish = |pose: &Rigid| {
         execution.check()?;
-        let pose = likelihood.refined(pose, (0..LAST_ROUNDS).map(annealed));
-        Ok(Mode { pose, support: likelihood.support(&pose) })
+        let pose = likelihood.refined(pose, (0..LAST_ROUNDS).map(annealed))?;
+        Ok(Some(Mode { pose, support: likelihood.support(&pose) }))
     };
-    let mut modes: Vec<Mode> = poses.par_iter().map(finish).collect::<Result<_>>()?;
-    modes.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
-    Ok(distinct(modes, source, tolerance))
+    let modes = memory::par_try_collect(poses.par_iter().map(finish))?;
+    let modes = memory::collect(modes.into_iter().flatten())?;
+    let order = largest(&memory::collect(modes.iter().map(|mode| mode.support.score))?, modes.len())?;
+    distinct(order.into_iter().map(|k| modes[k]), source, tolerance)
 }
 
 /// Takes the best hypothesis, refines it, takes its supporters out, and so on. Scores are brought up to date
@@ -95,9 +98,9 @@ fn peel(
         execution.check()?;
         Ok(Candidate { score: likelihood.support(pose).score, index, round: 0 })
     };
-    let candidates: Vec<Candidate> = hypotheses.par_iter().enumerate().map(score).collect::<Result<_>>()?;
+    let candidates = memory::par_try_collect(hypotheses.par_iter().enumerate().map(score))?;
     let mut candidates = BinaryHeap::from(candidates);
-    let mut left = likelihood.clone();
+    let mut left = likelihood.copied()?;
     let (mut modes, mut round) = (Vec::new(), 0);
     while modes.len() < most
         && let Some(best) = candidates.pop()
@@ -106,33 +109,33 @@ fn peel(
         let pose = &hypotheses[best.index];
         if best.round < round {
             let score = left.support(pose).score;
-            candidates.push(Candidate { score, round, ..best });
+            candidates.push(Candidate { score, round, ..best }); // where the best one was
             continue;
         }
         if best.score <= 0.0 {
             break;
         }
-        let pose = left.refined(pose, std::iter::repeat_n(left.deviation(), FIRST_ROUNDS));
+        let pose = left.refined(pose, std::iter::repeat_n(left.deviation(), FIRST_ROUNDS))?;
         if left.support(&pose).supporters >= LEAST_SUPPORTERS {
-            left = left.without_supporters(&pose);
+            left = left.without_supporters(&pose)?;
             round += 1;
-            modes.push(pose);
+            memory::push(&mut modes, pose)?;
         }
     }
     Ok(modes)
 }
 
 /// Without those that differ from a better one by less than the tolerance.
-fn distinct(modes: Vec<Mode>, source: &Points, tolerance: f64) -> Vec<Mode> {
+fn distinct(modes: impl Iterator<Item = Mode>, source: &Points, tolerance: f64) -> Result<Vec<Mode>> {
     let scatter = scatter(source);
     let mut kept: Vec<Mode> = Vec::new();
     for mode in modes {
         let is_new = |other: &Mode| mean_square(&mode.pose, &other.pose, &scatter) >= tolerance * tolerance;
         if mode.support.supporters >= LEAST_SUPPORTERS && kept.iter().all(is_new) {
-            kept.push(mode);
+            memory::push(&mut kept, mode)?;
         }
     }
-    kept
+    Ok(kept)
 }
 
 /// Mean of `p p^T` over the centred points.
@@ -180,7 +183,7 @@ mod tests {
         let (source, target) = problem()?;
         let execution = Execution::default();
         let levels = levels(&source, &target, None, 5.0, &execution)?;
-        let likelihood = Likelihood::new(&source, &target, &levels, 2.0, 6.0);
+        let likelihood = Likelihood::new(&source, &target, &levels, 2.0, 6.0)?;
         let (many, few) = (motion(&source, &target, 0..40), motion(&source, &target, 40..65));
         let hypotheses = [few, motion(&source, &target, 42..47), many, motion(&source, &target, 3..9)];
         let modes = find_modes(&likelihood, &hypotheses, 10, &source, 3.0, &execution)?;
@@ -197,8 +200,8 @@ mod tests {
     #[test]
     fn a_pose_that_two_support_is_no_mode() -> Result<()> {
         let (source, target) = problem()?;
-        let (source, target) = (source.subset(&[0, 1, 70, 80]), target.subset(&[0, 1, 70, 80]));
-        let likelihood = Likelihood::new(&source, &target, &[2.0; 4], 2.0, 6.0);
+        let (source, target) = (source.subset(&[0, 1, 70, 80])?, target.subset(&[0, 1, 70, 80])?);
+        let likelihood = Likelihood::new(&source, &target, &[2.0; 4], 2.0, 6.0)?;
         let hypotheses = [motion(&source, &target, 0..2)];
         assert!(find_modes(&likelihood, &hypotheses, 9, &source, 3.0, &Execution::default())?.is_empty());
         Ok(())

@@ -3,14 +3,24 @@
 //!
 //! Chen et al., SC2-PCR, CVPR 2022, whose published code MAC and `TurboReg` share.
 
+use crate::error::Result;
 use crate::geometry::rigid::{Rigid, fit_weighted, fixes_rotation};
+use crate::memory;
 use crate::points::Points;
 
 /// The pose after at most `rounds` rounds: of the correspondences with a residual r below the tolerance, each with the
 /// weight `1 / (1 + (r / tolerance)^2)`, the least-squares motion. Ends where their number is that of the round before,
 /// or where they leave a rotation open.
-#[must_use]
-pub fn reweighted(pose: &Rigid, source: &Points, target: &Points, tolerance: f64, rounds: usize) -> Rigid {
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub fn reweighted(
+    pose: &Rigid,
+    source: &Points,
+    target: &Points,
+    tolerance: f64,
+    rounds: usize,
+) -> Result<Rigid> {
     let mut pose = *pose;
     let mut count = 0;
     for _ in 0..rounds {
@@ -19,9 +29,9 @@ pub fn reweighted(pose: &Rigid, source: &Points, target: &Points, tolerance: f64
             let (start, end) = (source.get(i), target.get(i));
             let residual = (pose.apply(&start) - end).norm();
             if residual < tolerance {
-                p.push(start);
-                q.push(end);
-                weights.push(1.0 / (1.0 + (residual / tolerance).powi(2)));
+                memory::push(&mut p, start)?;
+                memory::push(&mut q, end)?;
+                memory::push(&mut weights, 1.0 / (1.0 + (residual / tolerance).powi(2)))?;
             }
         }
         if p.len() == count || !fixes_rotation(&p, &q) {
@@ -30,7 +40,7 @@ pub fn reweighted(pose: &Rigid, source: &Points, target: &Points, tolerance: f64
         count = p.len();
         pose = fit_weighted(&p, &q, &weights);
     }
-    pose
+    Ok(pose)
 }
 
 #[cfg(test)]
@@ -61,7 +71,7 @@ mod tests {
     fn a_pose_of_few_becomes_that_of_all_inliers() -> Result<()> {
         let (source, target) = problem()?;
         let (few, all) = (pose_of(&source, &target, 0..4), pose_of(&source, &target, 0..30));
-        let refined = reweighted(&few, &source, &target, 0.5, 20);
+        let refined = reweighted(&few, &source, &target, 0.5, 20)?;
         assert!((refined.rotation - all.rotation).norm() < (few.rotation - all.rotation).norm() / 4.0);
         assert!((refined.rotation - all.rotation).norm() < 2e-3);
         Ok(())
@@ -71,8 +81,8 @@ mod tests {
     fn no_round_and_no_inlier_leave_the_pose() -> Result<()> {
         let (source, target) = problem()?;
         let pose = pose_of(&source, &target, 0..4);
-        assert_eq!(reweighted(&pose, &source, &target, 0.5, 0), pose);
-        assert_eq!(reweighted(&pose, &source, &target, 1e-9, 20), pose);
+        assert_eq!(reweighted(&pose, &source, &target, 0.5, 0)?, pose);
+        assert_eq!(reweighted(&pose, &source, &target, 1e-9, 20)?, pose);
         Ok(())
     }
 }

@@ -11,6 +11,7 @@ use crate::compatibility::distance::distance_ratio;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::{Rigid, fit_triangle};
+use crate::memory;
 use crate::points::Points;
 
 /// Hypotheses of one task, and after which the early stop is looked at.
@@ -52,18 +53,18 @@ impl SampleConsensus {
     /// The hypothesis with the most inliers, ties to the earliest; `None` if there is none with any.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn run(&self, source: &Points, target: &Points, execution: &Execution) -> Result<Option<Consensus>> {
         if source.len() < 3 {
             return Ok(None);
         }
-        let counter = InlierCounter::new(source, target, self.tolerance);
+        let counter = InlierCounter::new(source, target, self.tolerance)?;
         let most_inliers = AtomicUsize::new(0);
         let blocks = self.iterations.div_ceil(ITERATIONS_PER_TASK);
         execution.report(0, blocks)?;
         let run_block = |block: usize| {
             execution.advance()?;
-            Ok(self.best_of_block(block, source, target, &counter, &most_inliers))
+            self.best_of_block(block, source, target, &counter, &most_inliers)
         };
         let Some(confidence) = self.confidence else {
             let best =
@@ -86,7 +87,7 @@ impl SampleConsensus {
     /// Those of `members` that agree with the best hypothesis drawn from them.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn consensus_among(
         &self,
         members: &[usize],
@@ -94,17 +95,20 @@ impl SampleConsensus {
         target: &Points,
         execution: &Execution,
     ) -> Result<Vec<usize>> {
-        let (source, target) = (source.subset(members), target.subset(members));
+        let (source, target) = (source.subset(members)?, target.subset(members)?);
         let Some(best) = self.run(&source, &target, execution)? else {
             return Ok(Vec::new());
         };
-        let inliers = self.inlier_mask(&best.model, &source, &target);
-        Ok(members.iter().zip(inliers).filter(|&(_, inlier)| inlier).map(|(&i, _)| i).collect())
+        let inliers = self.inlier_mask(&best.model, &source, &target)?;
+        memory::collect(members.iter().zip(inliers).filter(|&(_, inlier)| inlier).map(|(&i, _)| i))
     }
 
     /// Residual below the tolerance under the model, for each correspondence.
-    pub fn inlier_mask(&self, model: &Rigid, source: &Points, target: &Points) -> Vec<bool> {
-        (0..source.len()).map(|i| is_inlier(model, source, target, i, self.tolerance)).collect()
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn inlier_mask(&self, model: &Rigid, source: &Points, target: &Points) -> Result<Vec<bool>> {
+        memory::collect((0..source.len()).map(|i| is_inlier(model, source, target, i, self.tolerance)))
     }
 
     /// The best of a block, unless none of it has as many inliers as `most_inliers` says that there are.
@@ -115,7 +119,7 @@ impl SampleConsensus {
         target: &Points,
         counter: &InlierCounter,
         most_inliers: &AtomicUsize,
-    ) -> Option<Consensus> {
+    ) -> Result<Option<Consensus>> {
         let iterations = block * ITERATIONS_PER_TASK..self.iterations.min((block + 1) * ITERATIONS_PER_TASK);
         let mut near = Vec::new();
         let mut best = None;
@@ -124,11 +128,11 @@ impl SampleConsensus {
             let Some(model) = self.hypothesis(sample, source, target) else { continue };
             // Fewer than others have already can't win; as many may, if it is the earliest.
             let least = most_inliers.load(Ordering::Relaxed);
-            let Some(inliers) = counter.count(&model, least, &mut near) else { continue };
+            let Some(inliers) = counter.count(&model, least, &mut near)? else { continue };
             most_inliers.fetch_max(inliers, Ordering::Relaxed);
             best = better(best, Some(Consensus { model, inliers, iteration, iterations: 0 }));
         }
-        best
+        Ok(best)
     }
 
     fn hypothesis(&self, sample: [usize; 3], source: &Points, target: &Points) -> Option<Rigid> {

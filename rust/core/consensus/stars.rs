@@ -10,6 +10,7 @@ use crate::compatibility::graph::AgreementGraph;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::{Rigid, fit_posed};
+use crate::memory;
 use crate::points::Points;
 use crate::selection::top_k::largest;
 
@@ -46,13 +47,13 @@ impl Stars<'_> {
     /// The motions of the largest stars, each followed by those of its centre with some members.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn poses(&self, execution: &Execution) -> Result<Vec<Rigid>> {
         let size = |center: usize| execution.check().map(|()| self.members(center).count() as f64);
-        let sizes: Vec<f64> = (0..self.vertices.len()).into_par_iter().map(size).collect::<Result<_>>()?;
-        let largest = largest(&sizes, MOST_STARS);
-        let poses = |&center: &usize| execution.check().map(|()| self.poses_of(center));
-        Ok(largest.par_iter().map(poses).collect::<Result<Vec<_>>>()?.concat())
+        let sizes = memory::par_try_collect((0..self.vertices.len()).into_par_iter().map(size))?;
+        let largest = largest(&sizes, MOST_STARS)?;
+        let poses = |&center: &usize| execution.check().and_then(|()| self.poses_of(center));
+        memory::concat(&memory::par_try_collect(largest.par_iter().map(poses))?)
     }
 
     /// The rows in the star of a vertex: the pose of either one's frames lays the other where it ends, but for the angle
@@ -75,25 +76,25 @@ impl Stars<'_> {
         })
     }
 
-    fn poses_of(&self, center: usize) -> Vec<Rigid> {
-        let members: Vec<usize> = self.members(center).collect();
+    fn poses_of(&self, center: usize) -> Result<Vec<Rigid>> {
+        let members = memory::collect(self.members(center))?;
         if members.is_empty() {
-            return Vec::new();
+            return Ok(Vec::new());
         }
         let center = self.vertices[center];
-        let mut poses = vec![self.fit(std::iter::once(center).chain(members.iter().copied()))];
-        poses.extend(members.iter().take(MOST_PAIRS).map(|&j| self.fit([center, j].into_iter())));
-        poses
+        let all = self.fit(std::iter::once(center).chain(members.iter().copied()));
+        let pairs = members.iter().take(MOST_PAIRS).map(|&j| self.fit([center, j].into_iter()));
+        memory::try_collect(std::iter::once(all).chain(pairs))
     }
 
-    fn fit(&self, members: impl Iterator<Item = usize>) -> Rigid {
+    fn fit(&self, members: impl Iterator<Item = usize>) -> Result<Rigid> {
         let (mut p, mut q, mut turns) = (Vec::<Point3<f64>>::new(), Vec::new(), Matrix3::zeros());
         for i in members {
-            p.push(self.source.get(i));
-            q.push(self.target.get(i));
+            memory::push(&mut p, self.source.get(i))?;
+            memory::push(&mut q, self.target.get(i))?;
             turns += self.rotations[i].unwrap_or_else(Matrix3::zeros);
         }
-        fit_posed(&p, &q, &(turns * (self.deviation / FRAME_DEVIATION).powi(2)))
+        Ok(fit_posed(&p, &q, &(turns * (self.deviation / FRAME_DEVIATION).powi(2))))
     }
 }
 

@@ -16,6 +16,7 @@ use crate::execution::Execution;
 use crate::features::keypoints::locations;
 use crate::features::pair_angles::{self, BINS, Counts};
 use crate::geometry::ball_search::{Ball, BallSearch};
+use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
@@ -73,7 +74,7 @@ impl Fpfh {
         locations(points, keypoints.unwrap_or_default())?;
         let most = at_least_one("max_neighbors", self.max_neighbors.unwrap_or(usize::MAX))?;
         let search = cloud.balls(self.radius)?.of_nearest(most);
-        let surface = Surface { points, normals: search.reorder(normals), search, fpfh: *self };
+        let surface = Surface { points, normals: search.reorder(normals)?, search, fpfh: *self };
         let Some(keypoints) = keypoints else { return surface.describe_all(execution) };
         surface.describe(keypoints, execution)
     }
@@ -92,26 +93,30 @@ impl Surface<'_> {
     fn describe_all(&self, execution: &Execution) -> Result<Vec<Row>> {
         let simple = self.simple_histograms(|_| true, execution)?;
         // In the order of the search, so that a task's points share what is in the cache.
-        let rows = map(self.points.len(), execution, |ball, position| self.weigh(&simple, position, ball))?;
-        let mut sorted = vec![[0.0; LENGTH]; rows.len()];
+        let weigh = |ball: &mut Ball, position| self.weigh(&simple, position, ball);
+        let rows = map(self.points.len(), [0.0; LENGTH], execution, weigh)?;
+        let mut sorted = memory::filled([0.0; LENGTH], rows.len())?;
         self.search.order().iter().zip(rows).for_each(|(&i, row)| sorted[i as usize] = row);
         Ok(sorted)
     }
 
     fn describe(&self, keypoints: &[usize], execution: &Execution) -> Result<Vec<Row>> {
-        let mut position_of = vec![0; self.points.len()];
+        let mut position_of = memory::filled(0, self.points.len())?;
         self.search.order().iter().zip(0..).for_each(|(&i, position)| position_of[i as usize] = position);
-        let is_near: Vec<AtomicBool> = self.normals.iter().map(|_| AtomicBool::new(false)).collect();
-        map(keypoints.len(), execution, |ball, row| {
+        let is_near = memory::collect(self.normals.iter().map(|_| AtomicBool::new(false)))?;
+        map(keypoints.len(), (), execution, |ball, row| {
             let own = position_of[keypoints[row]];
-            self.neighbors(own, ball);
+            self.neighbors(own, ball)?;
             // Points that coincide with it may leave it no place in its own ball.
             is_near[own].store(true, Ordering::Relaxed);
             ball.positions().iter().for_each(|&near| is_near[near as usize].store(true, Ordering::Relaxed));
+            Ok(())
         })?;
         let simple =
             self.simple_histograms(|position| is_near[position].load(Ordering::Relaxed), execution)?;
-        map(keypoints.len(), execution, |ball, row| self.weigh(&simple, position_of[keypoints[row]], ball))
+        map(keypoints.len(), [0.0; LENGTH], execution, |ball, row| {
+            self.weigh(&simple, position_of[keypoints[row]], ball)
+        })
     }
 
     /// Simple histograms of the points that are needed, zero for others, in the order of the search.
@@ -120,15 +125,15 @@ impl Surface<'_> {
         is_needed: impl Fn(usize) -> bool + Sync,
         execution: &Execution,
     ) -> Result<Vec<Row>> {
-        map(self.points.len(), execution, |ball, position| {
+        map(self.points.len(), [0.0; LENGTH], execution, |ball, position| {
             let is_described = is_needed(position) && !is_missing(&self.normals[position]);
-            if is_described { self.simple_histogram(position, ball) } else { [0.0; LENGTH] }
+            if is_described { self.simple_histogram(position, ball) } else { Ok([0.0; LENGTH]) }
         })
     }
 
     /// Shares of a point's pairs with its neighbours.
-    fn simple_histogram(&self, position: usize, ball: &mut Ball) -> Row {
-        self.neighbors(position, ball);
+    fn simple_histogram(&self, position: usize, ball: &mut Ball) -> Result<Row> {
+        self.neighbors(position, ball)?;
         let mut counts = Counts::default();
         pair_angles::count(position as u32, ball, &self.normals, &mut counts);
         if self.fpfh.convention == Convention::Open3d {
@@ -139,15 +144,15 @@ impl Surface<'_> {
         row.iter_mut()
             .zip(counts.bins.as_flattened())
             .for_each(|(value, &count)| *value = count as f32 * share);
-        row
+        Ok(row)
     }
 
     /// Sums up the neighbours' histograms, each weighted by the inverse of its squared distance.
-    fn weigh(&self, simple: &[Row], position: usize, ball: &mut Ball) -> Row {
+    fn weigh(&self, simple: &[Row], position: usize, ball: &mut Ball) -> Result<Row> {
         if is_missing(&self.normals[position]) {
-            return [f32::NAN; LENGTH];
+            return Ok([f32::NAN; LENGTH]);
         }
-        self.neighbors(position, ball);
+        self.neighbors(position, ball)?;
         let unit = self.search.radius() * self.search.radius();
         let near = ball.squared_distances().iter().zip(ball.positions());
         let mut row = [0.0; LENGTH];
@@ -164,7 +169,7 @@ impl Surface<'_> {
             },
         );
         self.scale(&mut row, &simple[position]);
-        row
+        Ok(row)
     }
 
     /// Makes each histogram sum up to 100, and adds the point's own if the convention has it.
@@ -177,8 +182,8 @@ impl Surface<'_> {
         }
     }
 
-    fn neighbors(&self, position: usize, ball: &mut Ball) {
-        self.search.within(&self.points.get(self.search.index(position as u32) as usize), ball);
+    fn neighbors(&self, position: usize, ball: &mut Ball) -> Result<()> {
+        self.search.within(&self.points.get(self.search.index(position as u32) as usize), ball)
     }
 }
 
@@ -186,16 +191,19 @@ fn is_missing(normal: &Vector3<f64>) -> bool {
     normal.x.is_nan()
 }
 
-fn map<T: Send>(
+/// So many results, each `value` until it is computed.
+fn map<T: Send + Clone>(
     count: usize,
+    value: T,
     execution: &Execution,
-    result: impl Fn(&mut Ball, usize) -> T + Sync,
+    result: impl Fn(&mut Ball, usize) -> Result<T> + Sync,
 ) -> Result<Vec<T>> {
     let compute = |ball: &mut Ball, i: usize| {
         execution.check()?;
-        Ok(result(ball, i))
+        result(ball, i)
     };
-    (0..count).into_par_iter().with_min_len(POINTS_PER_TASK).map_init(Ball::default, compute).collect()
+    let tasks = (0..count).into_par_iter().with_min_len(POINTS_PER_TASK).map_init(Ball::default, compute);
+    memory::par_try_fill(value, tasks)
 }
 
 #[cfg(test)]

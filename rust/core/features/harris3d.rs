@@ -116,7 +116,7 @@ impl Harris3d {
         execution: &Execution,
     ) -> Result<Vec<f64>> {
         let search = cloud.balls(self.radius)?;
-        let normals = search.reorder(normals);
+        let normals = search.reorder(normals)?;
         search.map_points(execution, |_, ball| {
             let mut count = 0;
             let mut products = [0.0; 6];

@@ -102,7 +102,7 @@ impl Iss {
             return Ok(None);
         }
         let weights = search.map_points(execution, |_, ball| 1.0 / ball.len() as f64)?;
-        Ok(Some(search.reorder(&weights)))
+        search.reorder(&weights).map(Some)
     }
 
     fn saliency(&self, ball: &Ball, weights: Option<&[f64]>) -> f64 {

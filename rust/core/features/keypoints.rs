@@ -5,6 +5,7 @@ use nalgebra::Point3;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 
 /// The points that `keypoints` name.
@@ -18,7 +19,7 @@ pub fn locations(points: &Points, keypoints: &[usize]) -> Result<Vec<Point3<f64>
             return Err(Error::invalid("keypoints", format!("index {index} in row {row}"), remedy));
         }
     }
-    Ok(keypoints.iter().map(|&index| points.get(index)).collect())
+    memory::collect(keypoints.iter().map(|&index| points.get(index)))
 }
 
 /// The keypoints that have at least `min_points` points within `radius`, themselves included.
@@ -36,8 +37,8 @@ pub fn drop_isolated(
     execution: &Execution,
 ) -> Result<Vec<usize>> {
     let centers = locations(cloud.points(), keypoints)?;
-    let counts = cloud.balls(radius)?.map_at(&centers, execution, |_, ball| ball.len())?;
-    Ok(keypoints.iter().zip(counts).filter(|&(_, count)| count >= min_points).map(|(&i, _)| i).collect())
+    let counts = cloud.balls(radius)?.map_at(&centers, 0, execution, |_, ball| Ok(ball.len()))?;
+    memory::collect(keypoints.iter().zip(counts).filter(|&(_, count)| count >= min_points).map(|(&i, _)| i))
 }
 
 #[cfg(test)]

@@ -43,13 +43,13 @@ impl Lfsh {
         let centers = locations(cloud.points(), keypoints)?;
         check_normals(cloud.points(), Some(normals))?;
         let search = cloud.balls(self.radius)?;
-        let sorted = search.reorder(normals);
-        search.map_at(&centers, execution, |i, ball| {
+        let sorted = search.reorder(normals)?;
+        search.map_at(&centers, [f32::NAN; LENGTH], execution, |i, ball| {
             let normal = &normals[keypoints[i]];
             if normal.iter().all(|value| value.is_finite()) {
-                self.histograms(ball, normal, &sorted)
+                Ok(self.histograms(ball, normal, &sorted))
             } else {
-                [f32::NAN; LENGTH]
+                Ok([f32::NAN; LENGTH])
             }
         })
     }

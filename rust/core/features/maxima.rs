@@ -6,6 +6,7 @@ use crate::cloud::Cloud;
 use crate::error::{Result, at_least_one, positive};
 use crate::execution::Execution;
 use crate::geometry::ball_search::BallSearch;
+use crate::memory;
 use crate::points::Points;
 
 /// Halvings of the radius' bracket when a number of keypoints is asked for.
@@ -38,7 +39,7 @@ pub fn local_maxima(
     execution: &Execution,
 ) -> Result<Vec<usize>> {
     let search = cloud.unordered_balls(rule.radius)?;
-    let maxima = unbeaten(&search, scores, &candidates(scores, is_candidate), rule.break_ties, execution)?;
+    let maxima = unbeaten(&search, scores, &candidates(scores, is_candidate)?, rule.break_ties, execution)?;
     supported(cloud.points(), &search, &maxima, rule.min_neighbors, execution)
 }
 
@@ -59,7 +60,7 @@ pub fn maxima_of_about(
     let points = cloud.points();
     let mut radius = rule.radius;
     let mut search = cloud.unordered_balls(radius)?;
-    let mut among = candidates(scores, is_candidate);
+    let mut among = candidates(scores, is_candidate)?;
     let mut best: Vec<usize> = Vec::new();
     let (mut low, mut high) = (0.0, f64::INFINITY);
     for _ in 0..BISECTIONS {
@@ -78,7 +79,7 @@ pub fn maxima_of_about(
         if is_dense {
             low = radius;
             // What is beaten within this radius is beaten within all larger ones, which alone follow.
-            among = members(&maxima, points.len());
+            among = members(&maxima, points.len())?;
         } else {
             high = radius;
         }
@@ -91,17 +92,17 @@ pub fn maxima_of_about(
 }
 
 /// Which points have a score and satisfy the test.
-fn candidates(scores: &[f64], is_candidate: impl Fn(f64) -> bool) -> Vec<bool> {
-    scores.iter().map(|&score| !score.is_nan() && is_candidate(score)).collect()
+fn candidates(scores: &[f64], is_candidate: impl Fn(f64) -> bool) -> Result<Vec<bool>> {
+    memory::collect(scores.iter().map(|&score| !score.is_nan() && is_candidate(score)))
 }
 
 /// Which of `len` points are listed.
-fn members(indices: &[usize], len: usize) -> Vec<bool> {
-    let mut mask = vec![false; len];
+fn members(indices: &[usize], len: usize) -> Result<Vec<bool>> {
+    let mut mask = memory::filled(false, len)?;
     for &index in indices {
         mask[index] = true;
     }
-    mask
+    Ok(mask)
 }
 
 /// Ascending indices of those `among` the points that no point within the search's radius exceeds.
@@ -112,20 +113,24 @@ fn unbeaten(
     break_ties: bool,
     execution: &Execution,
 ) -> Result<Vec<usize>> {
-    let sorted = search.reorder(scores);
+    let sorted = search.reorder(scores)?;
     let beats = |rival: u32, position: u32| {
         let (score, own) = (sorted[rival as usize], sorted[position as usize]);
         score > own || (break_ties && score >= own && search.index(rival) < search.index(position))
     };
     let all = 0..search.len() as u32;
-    let positions: Vec<u32> = all.filter(|&position| among[search.index(position) as usize]).collect();
-    let is_unbeaten = |&&position: &&u32| !search.any_near(position, |rival| beats(rival, position));
-    let chunks = positions.par_chunks(QUERIES_PER_TASK).map(|chunk| {
+    let positions = memory::collect(all.filter(|&position| among[search.index(position) as usize]))?;
+    let mut is_kept = memory::filled(false, positions.len())?;
+    let tasks = is_kept.par_chunks_mut(QUERIES_PER_TASK).zip(positions.par_chunks(QUERIES_PER_TASK));
+    tasks.try_for_each(|(is_kept, positions)| {
         execution.check()?;
-        let kept = chunk.iter().filter(is_unbeaten);
-        Ok(kept.map(|&position| search.index(position) as usize).collect())
-    });
-    let mut indices = chunks.collect::<Result<Vec<Vec<usize>>>>()?.concat();
+        for (is_kept, &position) in is_kept.iter_mut().zip(positions) {
+            *is_kept = !search.any_near(position, |rival| beats(rival, position));
+        }
+        Ok(())
+    })?;
+    let kept = positions.iter().zip(is_kept).filter(|&(_, is_kept)| is_kept);
+    let mut indices = memory::collect(kept.map(|(&position, _)| search.index(position) as usize))?;
     indices.sort_unstable();
     Ok(indices)
 }
@@ -139,11 +144,11 @@ fn supported(
     execution: &Execution,
 ) -> Result<Vec<usize>> {
     if min_neighbors <= 1 {
-        return Ok(indices.to_vec());
+        return memory::copied(indices);
     }
-    let centers: Vec<_> = indices.iter().map(|&index| points.get(index)).collect();
-    let counts = search.map_at(&centers, execution, |_, ball| ball.len())?;
-    Ok(indices.iter().zip(counts).filter(|&(_, count)| count >= min_neighbors).map(|(&i, _)| i).collect())
+    let centers = memory::collect(indices.iter().map(|&index| points.get(index)))?;
+    let counts = search.map_at(&centers, 0, execution, |_, ball| Ok(ball.len()))?;
+    memory::collect(indices.iter().zip(counts).filter(|&(_, count)| count >= min_neighbors).map(|(&i, _)| i))
 }
 
 /// Between the brackets in the geometric mean; without an upper one, twice the lower.

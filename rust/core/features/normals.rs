@@ -56,7 +56,7 @@ pub fn surfaces(
     let mut surfaces = match neighborhood {
         Neighborhood::Nearest(count) => {
             let others = at_least_one("neighbors", count)? - 1;
-            cloud.nearest().map_points(others, execution, |query, found| {
+            cloud.nearest(execution)?.map_points(others, execution, |query, found| {
                 let center = points.get(query);
                 fit(found.iter().map(|neighbor| points.get(neighbor.index as usize) - center), true)
             })?

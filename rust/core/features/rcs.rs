@@ -48,8 +48,8 @@ impl Rcs {
         execution: &Execution,
     ) -> Result<Vec<[f32; LENGTH]>> {
         let centers = locations(cloud.points(), keypoints)?;
-        cloud.balls(self.radius)?.map_at(&centers, execution, |_, ball| {
-            frame(ball, self.radius, RECIPE).map_or([0.0; LENGTH], |axes| self.contours(ball, &axes))
+        cloud.balls(self.radius)?.map_at(&centers, [0.0; LENGTH], execution, |_, ball| {
+            Ok(frame(ball, self.radius, RECIPE).map_or([0.0; LENGTH], |axes| self.contours(ball, &axes)))
         })
     }
 

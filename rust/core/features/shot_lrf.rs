@@ -14,6 +14,7 @@ use crate::features::keypoints::locations;
 use crate::features::normals::{add_products, symmetric};
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::geometry::symmetric::eigen;
+use crate::memory;
 
 /// Fewer neighbours than this, not counting points that coincide with the keypoint, make no frame.
 const MIN_NEIGHBORS: usize = 5;
@@ -31,11 +32,11 @@ pub fn shot_frames(
 ) -> Result<Vec<Frame>> {
     let centers = locations(cloud.points(), keypoints)?;
     let search = cloud.balls(radius)?;
-    search.map_at(&centers, execution, |_, ball| frame(ball, &search))
+    search.map_at(&centers, None, execution, |_, ball| frame(ball, &search))
 }
 
 /// The frame of one neighbourhood.
-pub(super) fn frame(ball: &Ball, search: &BallSearch) -> Frame {
+pub(super) fn frame(ball: &Ball, search: &BallSearch) -> Result<Frame> {
     let mut count = 0;
     let mut total = 0.0;
     let mut products = [0.0; 6];
@@ -48,16 +49,16 @@ pub(super) fn frame(ball: &Ball, search: &BallSearch) -> Frame {
         add_products(&mut products, &(ball.vector(i) * weight), &ball.vector(i));
     }
     if count < MIN_NEIGHBORS {
-        return None;
+        return Ok(None);
     }
     let axes = eigen(&(symmetric(&products) / total)).vectors;
-    let z = towards_most(axes[0], ball, search, count);
-    let x = towards_most(axes[2], ball, search, count);
-    Some(Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]))
+    let z = towards_most(axes[0], ball, search, count)?;
+    let x = towards_most(axes[2], ball, search, count)?;
+    Ok(Some(Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()])))
 }
 
 /// Turns an axis to the side of most neighbours; on a tie, of most of the five at the median distance.
-fn towards_most(axis: Vector3<f64>, ball: &Ball, search: &BallSearch, count: usize) -> Vector3<f64> {
+fn towards_most(axis: Vector3<f64>, ball: &Ball, search: &BallSearch, count: usize) -> Result<Vector3<f64>> {
     let coincident = ball.len() - count;
     let ahead = ball.offsets().iter().filter(|&&offset| axis.dot(&Vector3::from(offset)) >= 0.0).count();
     // Coincident points have a product of zero and were counted as ahead.
@@ -65,13 +66,14 @@ fn towards_most(axis: Vector3<f64>, ball: &Ball, search: &BallSearch, count: usi
     let keeps = match (2 * ahead).cmp(&count) {
         std::cmp::Ordering::Greater => true,
         std::cmp::Ordering::Less => false,
-        std::cmp::Ordering::Equal => median_is_ahead(&axis, ball, search),
+        std::cmp::Ordering::Equal => median_is_ahead(&axis, ball, search)?,
     };
-    if keeps { axis } else { -axis }
+    Ok(if keeps { axis } else { -axis })
 }
 
-fn median_is_ahead(axis: &Vector3<f64>, ball: &Ball, search: &BallSearch) -> bool {
-    let mut apart: Vec<usize> = (0..ball.len()).filter(|&i| ball.squared_distances()[i] > 0.0).collect();
+fn median_is_ahead(axis: &Vector3<f64>, ball: &Ball, search: &BallSearch) -> Result<bool> {
+    let apart = (0..ball.len()).filter(|&i| ball.squared_distances()[i] > 0.0);
+    let mut apart = memory::collect(apart)?;
     apart.sort_unstable_by(|&a, &b| {
         ball.squared_distances()[a]
             .total_cmp(&ball.squared_distances()[b])
@@ -79,7 +81,7 @@ fn median_is_ahead(axis: &Vector3<f64>, ball: &Ball, search: &BallSearch) -> boo
     });
     let median = apart.len() / 2;
     let around = &apart[median - 2..=median + 2];
-    around.iter().filter(|&&i| axis.dot(&ball.vector(i)) > 0.0).count() >= 3
+    Ok(around.iter().filter(|&&i| axis.dot(&ball.vector(i)) > 0.0).count() >= 3)
 }
 
 #[cfg(test)]

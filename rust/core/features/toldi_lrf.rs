@@ -45,7 +45,7 @@ pub fn toldi_frames(
     execution: &Execution,
 ) -> Result<Vec<Frame>> {
     let centers = locations(cloud.points(), keypoints)?;
-    cloud.balls(radius)?.map_at(&centers, execution, |_, ball| frame(ball, radius, TOLDI))
+    cloud.balls(radius)?.map_at(&centers, None, execution, |_, ball| Ok(frame(ball, radius, TOLDI)))
 }
 
 /// The frame of one neighbourhood.

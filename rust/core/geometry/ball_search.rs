@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::grid::Grid;
 use crate::error::{Result, positive};
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 
 /// Cells per radius: smaller cells fit the ball better, larger ones need fewer look-ups.
@@ -77,14 +78,15 @@ impl Ball {
         Vector3::from(self.offsets()[i])
     }
 
-    fn reserve(&mut self, more: usize) {
+    fn reserve(&mut self, more: usize) -> Result<()> {
         let needed = self.len + more;
         if self.positions.len() < needed {
             let size = needed.next_power_of_two();
-            self.offsets.resize(size, [0.0; 3]);
-            self.squared_distances.resize(size, 0.0);
-            self.positions.resize(size, 0);
+            memory::resize(&mut self.offsets, size, [0.0; 3])?;
+            memory::resize(&mut self.squared_distances, size, 0.0)?;
+            memory::resize(&mut self.positions, size, 0)?;
         }
+        Ok(())
     }
 
     /// A ball of the given offsets, at positions 0, 1, ...
@@ -101,10 +103,10 @@ impl BallSearch {
     /// Sorts the points into cells for queries of `radius`. Cost O(N log N), memory 36 to 70 bytes per point.
     ///
     /// # Errors
-    /// [`crate::Error::InvalidInput`] unless the radius is positive.
+    /// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::OutOfMemory`].
     pub fn new(cloud: &Points, radius: f64) -> Result<Self> {
         positive("radius", radius)?;
-        let grid = Arc::new(Grid::new(cloud, radius / CELLS_PER_RADIUS));
+        let grid = Arc::new(Grid::new(cloud, radius / CELLS_PER_RADIUS)?);
         Ok(Self { radius, most: usize::MAX, made_for: radius, grid })
     }
 
@@ -164,18 +166,26 @@ impl BallSearch {
     }
 
     /// Puts one value per point of the cloud into grid order, so that a ball reads them in runs.
-    pub fn reorder<T: Copy>(&self, values: &[T]) -> Vec<T> {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn reorder<T: Copy>(&self, values: &[T]) -> Result<Vec<T>> {
         self.grid.reorder(values)
     }
 
     /// Finds the points whose distance from `center` is **less than** the radius (as FLANN, which PCL
     /// uses, does). A point of the cloud finds itself.
-    pub fn within(&self, center: &Point3<f64>, ball: &mut Ball) {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn within(&self, center: &Point3<f64>, ball: &mut Ball) -> Result<()> {
         let center = [center.x, center.y, center.z];
         let limit = self.radius * self.radius;
         ball.len = 0;
-        self.grid.visit_runs(center, self.radius, |start, end| {
-            ball.reserve(end - start);
+        let refused = self.grid.visit_runs(center, self.radius, |start, end| {
+            if let Err(error) = ball.reserve(end - start) {
+                return Some(error);
+            }
             let mut found = ball.len;
             for (point, position) in self.grid.points[start..end].iter().zip(start as u32..) {
                 let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
@@ -187,11 +197,12 @@ impl BallSearch {
                 found += usize::from(square < limit);
             }
             ball.len = found;
-            None::<()>
+            None
         });
-        if ball.len > self.most {
-            self.keep_nearest(ball);
+        if let Some(error) = refused {
+            return Err(error);
         }
+        if ball.len > self.most { self.keep_nearest(ball) } else { Ok(()) }
     }
 
     /// The vector from a place to the nearest point, if that is nearer than the radius; ties to the first in grid order.
@@ -218,18 +229,21 @@ impl BallSearch {
     }
 
     /// Leaves the nearest points in the ball, in their order.
-    fn keep_nearest(&self, ball: &mut Ball) {
+    fn keep_nearest(&self, ball: &mut Ball) -> Result<()> {
         let near = ball.squared_distances[..ball.len].iter().zip(&ball.positions);
         // Squares are not negative, so their bits are in order too, which is faster.
         let key = |(square, &position): (&f64, &u32)| (square.to_bits(), self.index(position));
         ball.keys.clear();
+        memory::reserve(&mut ball.keys, ball.len)?;
         ball.keys.extend(near.map(key));
-        let mut ranked = std::mem::take(&mut ball.ranked);
-        ranked.clone_from(&ball.keys);
-        let Some(last) = self.most.checked_sub(1).map(|place| *ranked.select_nth_unstable(place).1) else {
-            return ball.len = 0;
+        ball.ranked.clear();
+        memory::reserve(&mut ball.ranked, ball.len)?;
+        ball.ranked.extend_from_slice(&ball.keys);
+        let Some(place) = self.most.checked_sub(1) else {
+            ball.len = 0;
+            return Ok(());
         };
-        ball.ranked = ranked;
+        let last = *ball.ranked.select_nth_unstable(place).1;
         let mut kept = 0;
         for i in 0..ball.len {
             ball.offsets[kept] = ball.offsets[i];
@@ -238,6 +252,7 @@ impl BallSearch {
             kept += usize::from(ball.keys[i] <= last);
         }
         ball.len = kept;
+        Ok(())
     }
 
     /// Whether any point nearer than the radius to the one at `position` satisfies `test`, which is given
@@ -265,46 +280,54 @@ impl BallSearch {
     /// the order of the cloud.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`] where the caller asked to stop.
+    /// [`crate::Error::Interrupted`] where the caller asked to stop; [`crate::Error::OutOfMemory`].
     pub fn map_points<T, F>(&self, execution: &Execution, f: F) -> Result<Vec<T>>
     where
         T: Copy + Default + Send,
         F: Fn(u32, &Ball) -> T + Sync,
     {
-        let mut sorted = vec![T::default(); self.len()];
+        let mut sorted = memory::filled(T::default(), self.len())?;
         sorted.par_chunks_mut(QUERIES_PER_TASK).enumerate().try_for_each_init(
             Ball::default,
             |ball, (task, results)| {
                 execution.check()?;
                 for (result, position) in results.iter_mut().zip((task * QUERIES_PER_TASK) as u32..) {
-                    self.within(&Point3::from(self.grid.points[position as usize]), ball);
+                    self.within(&Point3::from(self.grid.points[position as usize]), ball)?;
                     *result = f(position, ball);
                 }
                 Ok(())
             },
         )?;
-        let mut results = vec![T::default(); self.len()];
+        let mut results = memory::filled(T::default(), self.len())?;
         for (&index, &value) in self.grid.order.iter().zip(&sorted) {
             results[index as usize] = value;
         }
         Ok(results)
     }
 
-    /// Calls `f(i, ball)` for the ball around `centers[i]`, on all threads; one result per centre.
+    /// Calls `f(i, ball)` for the ball around `centers[i]`, on all threads; one result per centre, which is `value`
+    /// until it is computed.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`] where the caller asked to stop.
-    pub fn map_at<T, F>(&self, centers: &[Point3<f64>], execution: &Execution, f: F) -> Result<Vec<T>>
+    /// Those of `f`; [`crate::Error::Interrupted`] where the caller asked to stop; [`crate::Error::OutOfMemory`].
+    pub fn map_at<T, F>(
+        &self,
+        centers: &[Point3<f64>],
+        value: T,
+        execution: &Execution,
+        f: F,
+    ) -> Result<Vec<T>>
     where
-        T: Send,
-        F: Fn(usize, &Ball) -> T + Sync,
+        T: Clone + Send,
+        F: Fn(usize, &Ball) -> Result<T> + Sync,
     {
         let query = |ball: &mut Ball, i: usize| {
             execution.check()?;
-            self.within(&centers[i], ball);
-            Ok(f(i, ball))
+            self.within(&centers[i], ball)?;
+            f(i, ball)
         };
-        (0..centers.len()).into_par_iter().with_min_len(4).map_init(Ball::default, query).collect()
+        let queries = (0..centers.len()).into_par_iter().with_min_len(4).map_init(Ball::default, query);
+        memory::par_try_fill(value, queries)
     }
 }
 
@@ -321,7 +344,7 @@ mod tests {
         let search = BallSearch::new(&points, radius)?;
         let mut ball = Ball::default();
         for query in 0..rows.len() {
-            search.within(&points.get(query), &mut ball);
+            search.within(&points.get(query), &mut ball)?;
             let mut found: Vec<_> = ball.positions().iter().map(|&p| search.index(p) as usize).collect();
             found.sort_unstable();
             let expected: Vec<_> = (0..rows.len())
@@ -354,14 +377,14 @@ mod tests {
         assert!(wide.serves(0.3) && !wide.serves(0.2) && !wide.serves(0.6));
         let wide = wide.narrowed(0.3);
         for query in 0..rows.len() {
-            let sorted = |search: &BallSearch| {
+            let sorted = |search: &BallSearch| -> Result<Vec<u32>> {
                 let mut ball = Ball::default();
-                search.within(&points.get(query), &mut ball);
+                search.within(&points.get(query), &mut ball)?;
                 let mut found: Vec<_> = ball.positions().iter().map(|&p| search.index(p)).collect();
                 found.sort_unstable();
-                found
+                Ok(found)
             };
-            assert_eq!(sorted(&fitting), sorted(&wide), "query {query}");
+            assert_eq!(sorted(&fitting)?, sorted(&wide)?, "query {query}");
         }
         Ok(())
     }
@@ -375,11 +398,11 @@ mod tests {
         for most in [0, 1, 2, 7, 20, 1000] {
             let (search, mut ball) = (all.of_nearest(most), Ball::default());
             for query in 0..rows.len() {
-                search.within(&points.get(query), &mut ball);
+                search.within(&points.get(query), &mut ball)?;
                 let mut found: Vec<_> = ball.positions().iter().map(|&p| search.index(p)).collect();
                 assert!(ball.positions().is_sorted(), "the order of the grid is kept");
                 found.sort_unstable();
-                all.within(&points.get(query), &mut ball);
+                all.within(&points.get(query), &mut ball)?;
                 let near = ball.squared_distances().iter().zip(ball.positions());
                 let mut keys: Vec<_> = near.map(|(square, &p)| (square.to_bits(), all.index(p))).collect();
                 keys.sort_unstable();
@@ -399,7 +422,7 @@ mod tests {
         for search in [wide.clone(), wide.narrowed(0.4), wide.narrowed(0.1)] {
             for place in scattered(500, 1.7) {
                 let place = Point3::from([place[2], place[0], place[1]]);
-                search.within(&place, &mut ball);
+                search.within(&place, &mut ball)?;
                 let squares = ball.squared_distances().iter().enumerate();
                 let expected = squares.min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| ball.vector(i));
                 assert_eq!(search.nearest(&place), expected);
@@ -422,7 +445,7 @@ mod tests {
         let points = Points::from_rows("points", &[[0.0; 3], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])?;
         let search = BallSearch::new(&points, 1.0)?;
         let mut ball = Ball::default();
-        search.within(&points.get(0), &mut ball);
+        search.within(&points.get(0), &mut ball)?;
         assert_eq!(ball.len(), 1);
         Ok(())
     }

@@ -6,6 +6,8 @@
 
 use rayon::prelude::*;
 
+use crate::error::Result;
+use crate::memory;
 use crate::points::Points;
 
 /// Cells along an axis; the number of a row stays below 2^62.
@@ -40,18 +42,18 @@ enum Rows {
 }
 
 impl Rows {
-    fn new(occupied: &[u64], total: u64, points: usize) -> Self {
+    fn new(occupied: &[u64], total: u64, points: usize) -> Result<Self> {
         let runs = occupied.chunk_by(|a, b| a == b);
         if total > ROWS_PER_POINT * points as u64 + 1024 {
-            let rows = runs.clone().map(|run| run[0]).collect();
-            let lengths = runs.map(|run| run.len() as u32);
-            return Self::Occupied { rows, first: running_total(lengths) };
+            let rows = memory::collect(runs.clone().map(|run| run[0]))?;
+            let first = running_total(runs.map(|run| run.len() as u32))?;
+            return Ok(Self::Occupied { rows, first });
         }
-        let mut lengths = vec![0; total as usize];
+        let mut lengths = memory::filled(0, total as usize)?;
         for &row in occupied {
             lengths[row as usize] += 1;
         }
-        Self::Table(running_total(lengths.into_iter()))
+        running_total(lengths.into_iter()).map(Self::Table)
     }
 
     /// Range of occupied cells of a row.
@@ -68,19 +70,20 @@ impl Rows {
 }
 
 /// 0, a, a + b, ...
-fn running_total(lengths: impl Iterator<Item = u32>) -> Vec<u32> {
+fn running_total(lengths: impl Iterator<Item = u32>) -> Result<Vec<u32>> {
     let mut total = 0;
-    let mut result = vec![0];
-    result.extend(lengths.map(|length| {
+    memory::collect(std::iter::once(0).chain(lengths).map(|length| {
         total += length;
         total
-    }));
-    result
+    }))
 }
 
 impl Grid {
     /// Sorts the points into cells of about `cell_size`. Cost O(N log N), memory 36 to 70 bytes per point.
-    pub fn new(cloud: &Points, cell_size: f64) -> Self {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(cloud: &Points, cell_size: f64) -> Result<Self> {
         let (low, extent) = cloud.bounding_box();
         let widest = extent.iter().copied().fold(0.0, f64::max);
         let cell_size = cell_size.max(widest / (MAX_CELLS_PER_AXIS - 1.0));
@@ -95,13 +98,13 @@ impl Grid {
             points: Vec::new(),
             order: Vec::new(),
         };
-        grid.fill(cloud);
-        grid
+        grid.fill(cloud)?;
+        Ok(grid)
     }
 
     /// Puts one value per point of the cloud into grid order.
-    pub fn reorder<T: Copy>(&self, values: &[T]) -> Vec<T> {
-        self.order.iter().map(|&index| values[index as usize]).collect()
+    pub fn reorder<T: Copy>(&self, values: &[T]) -> Result<Vec<T>> {
+        memory::collect(self.order.iter().map(|&index| values[index as usize]))
     }
 
     /// Calls `f` with every non-empty run of points that may lie within the radius, until it returns
@@ -137,21 +140,22 @@ impl Grid {
         cell.min(self.cells[k] - 1)
     }
 
-    fn fill(&mut self, cloud: &Points) {
+    fn fill(&mut self, cloud: &Points) -> Result<()> {
         let cell_of = |index: usize| {
             let point = cloud.get(index);
             let [x, y, z] = [0, 1, 2].map(|k| self.cell(point[k], k));
             (z * self.cells[1] + y, x as u32, index as u32)
         };
-        let mut keyed: Vec<(u64, u32, u32)> = (0..cloud.len()).map(cell_of).collect();
+        let mut keyed: Vec<(u64, u32, u32)> = memory::collect((0..cloud.len()).map(cell_of))?;
         keyed.par_sort_unstable();
         let occupied = keyed.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
-        let rows: Vec<u64> = occupied.clone().map(|cell| cell[0].0).collect();
-        self.columns = occupied.clone().map(|cell| cell[0].1).collect();
-        self.starts = running_total(occupied.map(|cell| cell.len() as u32));
-        self.rows = Rows::new(&rows, self.cells[1] * self.cells[2], cloud.len());
-        self.order = keyed.iter().map(|&(_, _, index)| index).collect();
-        self.points = self.order.iter().map(|&index| cloud.get(index as usize).into()).collect();
+        let rows = memory::collect(occupied.clone().map(|cell| cell[0].0))?;
+        self.columns = memory::collect(occupied.clone().map(|cell| cell[0].1))?;
+        self.starts = running_total(occupied.map(|cell| cell.len() as u32))?;
+        self.rows = Rows::new(&rows, self.cells[1] * self.cells[2], cloud.len())?;
+        self.order = memory::collect(keyed.iter().map(|&(_, _, index)| index))?;
+        self.points = memory::collect(self.order.iter().map(|&index| cloud.get(index as usize).into()))?;
+        Ok(())
     }
 }
 
@@ -164,10 +168,10 @@ mod tests {
     fn a_far_outlier_needs_no_table() -> Result<()> {
         let mut rows: Vec<[f64; 3]> =
             (0..300).map(|i| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin())).collect();
-        let near = Grid::new(&Points::from_rows("points", &rows)?, 0.15);
+        let near = Grid::new(&Points::from_rows("points", &rows)?, 0.15)?;
         assert!(matches!(near.rows, Rows::Table(_)));
         rows.push([1e9, -1e9, 1e9]);
-        let far = Grid::new(&Points::from_rows("points", &rows)?, 0.15);
+        let far = Grid::new(&Points::from_rows("points", &rows)?, 0.15)?;
         assert!(matches!(far.rows, Rows::Occupied { .. }));
         Ok(())
     }

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::neighbors::{Neighbor, widest_axis};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 use crate::simd::{self, Kernel, Lanes};
 
@@ -73,6 +74,7 @@ struct Bracket {
 #[derive(Debug, Default)]
 struct Workspace {
     gaps: Vec<f64>,
+    region_gaps: Vec<f64>,
     /// Blocks within `reach` (squared) of the queries' block, and their boxes.
     reach: f64,
     listed: Vec<u32>,
@@ -86,13 +88,17 @@ struct Workspace {
 
 impl NearestSets {
     /// Cuts the points into blocks. Cost O(N log N), memory about 40 bytes per point.
-    pub fn new(cloud: &Points) -> Self {
-        let mut entries: Vec<([f64; 3], u32)> = cloud.rows().into_iter().zip(0..).collect();
-        arrange(&mut entries);
-        let bounds: Vec<Bounds> = entries.chunks(BLOCK).map(Bounds::of_points).collect();
-        let regions: Vec<Bounds> = bounds.chunks(REGION).map(Bounds::of_boxes).collect();
-        let blocks = entries.chunks(BLOCK).map(Block::new).collect();
-        Self { len: cloud.len(), blocks, boxes: Boxes::new(&bounds), regions: Boxes::new(&regions) }
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+    pub fn new(cloud: &Points, execution: &Execution) -> Result<Self> {
+        let mut entries = memory::collect(cloud.rows().zip(0_u32..))?;
+        arrange(&mut entries, execution)?;
+        let bounds = memory::collect(entries.chunks(BLOCK).map(Bounds::of_points))?;
+        let regions = bounds.chunks(REGION).map(|boxes| Bounds::of_boxes(boxes.iter().copied()));
+        let blocks = memory::collect(entries.chunks(BLOCK).map(Block::new))?;
+        let (boxes, regions) = (Boxes::new(bounds.iter().copied())?, Boxes::new(regions)?);
+        Ok(Self { len: cloud.len(), blocks, boxes, regions })
     }
 
     /// Calls `f(index, members)` for every point of the cloud, on all threads; one result per point, in the
@@ -100,31 +106,31 @@ impl NearestSets {
     /// `keep` holds for; ties in distance go to the lowest index.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`] where the caller asked to stop.
+    /// [`crate::Error::Interrupted`] where the caller asked to stop; [`crate::Error::OutOfMemory`].
     pub fn map<T, F>(&self, count: usize, keep: &[bool], execution: &Execution, f: F) -> Result<Vec<T>>
     where
         T: Copy + Default + Send,
         F: Fn(usize, &[u32]) -> T + Sync,
     {
         let count = count.min(self.len.saturating_sub(1));
-        let keep: Vec<u32> = self.blocks.iter().map(|block| block.bits(keep)).collect();
-        let mut sorted = vec![[T::default(); BLOCK]; self.blocks.len()];
+        let keep = memory::collect(self.blocks.iter().map(|block| block.bits(keep)))?;
+        let mut sorted = memory::filled([T::default(); BLOCK], self.blocks.len())?;
         let tasks = sorted.par_chunks_mut(REGION).enumerate();
         tasks.try_for_each_init(Workspace::default, |workspace, (task, results)| {
             let mut last = None;
             for (block, results) in (task * REGION..).zip(results) {
                 let own = &self.blocks[block];
-                workspace.list(self, block, self.likely_reach(block, count, last));
+                workspace.list(self, block, self.likely_reach(block, count, last))?;
                 for (lane, result) in results.iter_mut().enumerate().take(self.len - block * BLOCK) {
                     execution.check()?;
                     let search = Search { sets: self, workspace, block, lane, count, last, keep: &keep };
-                    last = Some(simd::run(search));
+                    last = Some(simd::run(search)?);
                     *result = f(own.indices[lane] as usize, &workspace.members);
                 }
             }
             Ok(())
         })?;
-        let mut results = vec![T::default(); self.len];
+        let mut results = memory::filled(T::default(), self.len)?;
         for (block, sorted) in self.blocks.iter().zip(&sorted) {
             for (&index, &result) in block.indices.iter().zip(sorted).filter(|(index, _)| **index != NO_POINT)
             {
@@ -151,60 +157,64 @@ impl NearestSets {
         let needed = count / BLOCK + 2; // one for the point itself, one for a last block that is not full
         let first = block.saturating_sub(needed / 2).min(self.blocks.len().saturating_sub(needed));
         let around = first..(first + needed).min(self.blocks.len());
-        let around: Vec<Bounds> = around.map(|other| self.boxes.get(other)).collect();
-        let (around, own) = (Bounds::of_boxes(&around), self.boxes.get(block));
+        let around = Bounds::of_boxes(around.map(|other| self.boxes.get(other)));
+        let own = self.boxes.get(block);
         squared_norm([0, 1, 2].map(|k| (around.high[k] - own.low[k]).max(own.high[k] - around.low[k])))
     }
 }
 
 impl Workspace {
     /// Lists the blocks within `reach` of a block.
-    fn list(&mut self, sets: &NearestSets, block: usize, reach: f64) {
+    fn list(&mut self, sets: &NearestSets, block: usize, reach: f64) -> Result<()> {
         let own = sets.boxes.get(block);
         self.reach = reach;
         self.listed.clear();
         self.listed_boxes.clear();
-        sets.regions.gaps(0, sets.regions.len(), &own, &mut self.gaps);
-        let near = |gaps: &[f64]| -> Vec<usize> {
-            gaps.iter().enumerate().filter(|&(_, &gap)| gap <= reach).map(|(place, _)| place).collect()
-        };
-        for region in near(&self.gaps) {
+        sets.regions.gaps(0, sets.regions.len(), &own, &mut self.region_gaps)?;
+        let near = self.region_gaps.iter().enumerate().filter(|&(_, &gap)| gap <= reach);
+        for (region, _) in near {
             let first = region * REGION;
             let end = (first + REGION).min(sets.blocks.len());
-            sets.boxes.gaps(first, end, &own, &mut self.gaps);
+            sets.boxes.gaps(first, end, &own, &mut self.gaps)?;
             for (other, &gap) in (first..end).zip(&self.gaps) {
                 if gap <= reach {
-                    self.listed.push(other as u32);
-                    self.listed_boxes.push(&sets.boxes.get(other));
+                    memory::push(&mut self.listed, other as u32)?;
+                    self.listed_boxes.push(&sets.boxes.get(other))?;
                 }
             }
         }
+        Ok(())
     }
 
     /// Measures all blocks within `reach` of the point in a lane of a block: squared distances to their
     /// points, and how many are within it. The point itself counts as infinitely far.
     #[inline(always)]
-    fn measure(&mut self, sets: &NearestSets, (block, lane): (usize, usize), reach: f64) -> usize {
+    fn measure(&mut self, sets: &NearestSets, (block, lane): (usize, usize), reach: f64) -> Result<usize> {
         let center = sets.blocks[block].coordinates.map(
             #[inline(always)]
             |axis| axis[lane],
         );
-        self.listed_boxes.gaps(0, self.listed.len(), &Bounds { low: center, high: center }, &mut self.gaps);
-        self.measured.resize(self.listed.len(), 0);
+        self.listed_boxes.gaps(
+            0,
+            self.listed.len(),
+            &Bounds { low: center, high: center },
+            &mut self.gaps,
+        )?;
+        memory::resize(&mut self.measured, self.listed.len(), 0)?;
         let mut near = 0;
         for (&other, &gap) in self.listed.iter().zip(&self.gaps) {
             self.measured[near] = other;
             near += usize::from(gap <= reach);
         }
         self.measured.truncate(near);
-        self.squared_distances.resize(near, [0.0; BLOCK]);
+        memory::resize(&mut self.squared_distances, near, [0.0; BLOCK])?;
         for (&other, squares) in self.measured.iter().zip(&mut self.squared_distances) {
             *squares = sets.blocks[other as usize].squared_distances(center);
             if other as usize == block {
                 squares[lane] = f64::INFINITY;
             }
         }
-        self.count_below(reach.next_up())
+        Ok(self.count_below(reach.next_up()))
     }
 
     #[inline(always)]
@@ -215,9 +225,15 @@ impl Workspace {
 
     /// A limit with `count` points below it.
     #[inline(always)]
-    fn limit(&mut self, sets: &NearestSets, count: usize, guess: Option<f64>, mut bracket: Bracket) -> f64 {
+    fn limit(
+        &mut self,
+        sets: &NearestSets,
+        count: usize,
+        guess: Option<f64>,
+        mut bracket: Bracket,
+    ) -> Result<f64> {
         if bracket.below_high == count {
-            return bracket.high;
+            return Ok(bracket.high);
         }
         let mut trial = guess.filter(|&guess| bracket.contains(guess)).unwrap_or(bracket.interpolate(count));
         for _ in 0..TRIALS {
@@ -226,7 +242,7 @@ impl Workspace {
             }
             let found = self.count_below(trial);
             if found == count {
-                return trial;
+                return Ok(trial);
             }
             if found < count {
                 (bracket.low, bracket.below_low) = (trial, found);
@@ -241,11 +257,12 @@ impl Workspace {
     /// The limit that holds the `count` first of those points whose squared distance is in a range, by
     /// (distance, index). All that come after the last are moved to infinity, ties with it included.
     #[cold]
-    fn settle(&mut self, sets: &NearestSets, count: usize, range: Range<f64>) -> f64 {
+    fn settle(&mut self, sets: &NearestSets, count: usize, range: Range<f64>) -> Result<f64> {
         self.ties.clear();
         for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
             let points = squares.iter().zip(&sets.blocks[block as usize].indices);
             let between = points.filter(|&(square, _)| range.contains(square));
+            memory::reserve(&mut self.ties, BLOCK)?;
             self.ties.extend(between.map(|(&squared_distance, &index)| Neighbor { squared_distance, index }));
         }
         let (_, &mut last, _) = self.ties.select_nth_unstable(count - 1);
@@ -256,13 +273,13 @@ impl Workspace {
                 }
             }
         }
-        last.squared_distance.next_up()
+        Ok(last.squared_distance.next_up())
     }
 
     /// Writes down the points nearer than the limit that are to be kept.
     #[inline(always)]
-    fn gather(&mut self, sets: &NearestSets, limit: f64, keep: &[u32]) {
-        self.members.resize(self.measured.len() * BLOCK, 0);
+    fn gather(&mut self, sets: &NearestSets, limit: f64, keep: &[u32]) -> Result<()> {
+        memory::resize(&mut self.members, self.measured.len() * BLOCK, 0)?;
         let all = self.members.as_mut_slice();
         let mut found = 0;
         for (&block, squares) in self.measured.iter().zip(&self.squared_distances) {
@@ -275,6 +292,7 @@ impl Workspace {
             }
         }
         self.members.truncate(found);
+        Ok(())
     }
 }
 
@@ -291,29 +309,31 @@ struct Search<'a> {
 }
 
 impl Kernel for Search<'_> {
-    type Output = f64;
+    type Output = Result<f64>;
 
     /// Leaves the members in the workspace; returns the squared distance that was needed.
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) -> f64 {
+    fn run<L: Lanes>(self, _: L) -> Result<f64> {
         let Self { sets, workspace, block, lane, count, last, keep } = self;
         workspace.members.clear();
         if count == 0 {
-            return 0.0;
+            return Ok(0.0);
         }
         let mut reach = last.map_or(workspace.reach, |last| workspace.reach.min(last * SLACK));
-        let mut found = workspace.measure(sets, (block, lane), reach);
-        while found < count {
-            if reach >= workspace.reach {
-                workspace.list(sets, block, sets.certain_reach(block, count));
-            }
+        let mut found = workspace.measure(sets, (block, lane), reach)?;
+        if found < count && reach < workspace.reach {
             reach = workspace.reach;
-            found = workspace.measure(sets, (block, lane), reach);
+            found = workspace.measure(sets, (block, lane), reach)?;
+        }
+        if found < count {
+            workspace.list(sets, block, sets.certain_reach(block, count))?;
+            reach = workspace.reach;
+            found = workspace.measure(sets, (block, lane), reach)?;
         }
         let bracket = Bracket { low: 0.0, below_low: 0, high: reach.next_up(), below_high: found };
-        let limit = workspace.limit(sets, count, last, bracket);
-        workspace.gather(sets, limit, keep);
-        limit
+        let limit = workspace.limit(sets, count.min(found), last, bracket)?;
+        workspace.gather(sets, limit, keep)?;
+        Ok(limit)
     }
 }
 
@@ -372,22 +392,25 @@ impl Block {
 
 impl Bounds {
     fn of_points(entries: &[([f64; 3], u32)]) -> Self {
-        let boxes: Vec<Self> = entries.iter().map(|&(point, _)| Self { low: point, high: point }).collect();
-        Self::of_boxes(&boxes)
+        Self::of_boxes(entries.iter().map(|&(point, _)| Self { low: point, high: point }))
     }
 
-    fn of_boxes(boxes: &[Self]) -> Self {
-        let low = |k: usize| boxes.iter().map(|part| part.low[k]).fold(f64::INFINITY, f64::min);
-        let high = |k: usize| boxes.iter().map(|part| part.high[k]).fold(f64::NEG_INFINITY, f64::max);
-        Self { low: [0, 1, 2].map(low), high: [0, 1, 2].map(high) }
+    fn of_boxes(boxes: impl Iterator<Item = Self>) -> Self {
+        let nothing = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
+        boxes.fold(nothing, |all, part| Self {
+            low: [0, 1, 2].map(|k| all.low[k].min(part.low[k])),
+            high: [0, 1, 2].map(|k| all.high[k].max(part.high[k])),
+        })
     }
 }
 
 impl Boxes {
-    fn new(boxes: &[Bounds]) -> Self {
+    fn new(boxes: impl Iterator<Item = Bounds>) -> Result<Self> {
         let mut result = Self::default();
-        boxes.iter().for_each(|bounds| result.push(bounds));
-        result
+        for bounds in boxes {
+            result.push(&bounds)?;
+        }
+        Ok(result)
     }
 
     fn len(&self) -> usize {
@@ -402,18 +425,19 @@ impl Boxes {
         self.low.iter_mut().chain(&mut self.high).for_each(Vec::clear);
     }
 
-    fn push(&mut self, bounds: &Bounds) {
+    fn push(&mut self, bounds: &Bounds) -> Result<()> {
         for k in 0..3 {
-            self.low[k].push(bounds.low[k]);
-            self.high[k].push(bounds.high[k]);
+            memory::push(&mut self.low[k], bounds.low[k])?;
+            memory::push(&mut self.high[k], bounds.high[k])?;
         }
+        Ok(())
     }
 
     /// Squared distances of the boxes `first..end` from `place`. They round like those of points do, so none
     /// exceeds that of any two points in the boxes.
     #[inline(always)]
-    fn gaps(&self, first: usize, end: usize, place: &Bounds, gaps: &mut Vec<f64>) {
-        gaps.resize(end - first, 0.0);
+    fn gaps(&self, first: usize, end: usize, place: &Bounds, gaps: &mut Vec<f64>) -> Result<()> {
+        memory::resize(gaps, end - first, 0.0)?;
         let [low_x, low_y, low_z] = [0, 1, 2].map(
             #[inline(always)]
             |k| &self.low[k][first..end],
@@ -429,6 +453,7 @@ impl Boxes {
                 greater(greater(low_z[i] - place.high[2], place.low[2] - high_z[i]), 0.0),
             ]);
         }
+        Ok(())
     }
 }
 
@@ -444,16 +469,18 @@ fn squared_norm(v: [f64; 3]) -> f64 {
 }
 
 /// Puts points that are near each other into the same blocks, and near blocks into the same regions.
-fn arrange(entries: &mut [([f64; 3], u32)]) {
+fn arrange(entries: &mut [([f64; 3], u32)], execution: &Execution) -> Result<()> {
     if entries.len() <= BLOCK {
-        return;
+        return Ok(());
     }
+    execution.check()?;
     let unit = if entries.len() > BLOCK * REGION { BLOCK * REGION } else { BLOCK };
     let middle = (entries.len() / 2).next_multiple_of(unit).min((entries.len() - 1) / unit * unit);
     let axis = widest_axis(entries);
     entries.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     let (left, right) = entries.split_at_mut(middle);
-    rayon::join(|| arrange(left), || arrange(right));
+    let (left, right) = rayon::join(|| arrange(left, execution), || arrange(right, execution));
+    left.and(right)
 }
 
 #[cfg(test)]
@@ -477,7 +504,7 @@ mod tests {
 
     fn check(rows: &[[f64; 3]], counts: &[usize]) -> Result<()> {
         let points = Points::from_rows("points", rows)?;
-        let sets = NearestSets::new(&points);
+        let sets = NearestSets::new(&points, &Execution::default())?;
         for &count in counts {
             for keep in [vec![true; rows.len()], (0..rows.len()).map(|i| i % 5 == 2).collect()] {
                 let agrees = sets.map(count, &keep, &Execution::default(), |query, members| {
@@ -533,7 +560,7 @@ mod tests {
 
     #[test]
     fn an_interrupted_search_says_so() -> Result<()> {
-        let sets = NearestSets::new(&Points::from_rows("points", &scattered(50))?);
+        let sets = NearestSets::new(&Points::from_rows("points", &scattered(50))?, &Execution::default())?;
         let execution = Execution::default();
         execution.interrupt();
         assert_eq!(sets.map(3, &[true; 50], &execution, |_, _| ()), Err(crate::Error::Interrupted));

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 
 /// Largest number of points that are scanned rather than split.
@@ -74,16 +75,20 @@ struct Query<'a> {
 
 impl NearestNeighbors {
     /// Builds the tree. Cost O(N log N), memory 40 bytes per point.
-    pub fn new(cloud: &Points) -> Self {
-        let mut entries: Vec<([f64; 3], u32)> = cloud.rows().into_iter().zip(0..).collect();
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+    pub fn new(cloud: &Points, execution: &Execution) -> Result<Self> {
+        let mut entries = memory::collect(cloud.rows().zip(0_u32..))?;
         let mut nodes = Vec::new();
-        build(&mut entries, 0, &mut nodes);
-        let mut position = vec![0; entries.len()];
+        build(&mut entries, 0, &mut nodes, execution)?;
+        let mut position = memory::filled(0, entries.len())?;
         for (place, &(_, index)) in entries.iter().enumerate() {
             position[index as usize] = place as u32;
         }
-        let (points, order) = entries.into_iter().unzip();
-        Self { points, order, position, nodes }
+        let points = memory::collect(entries.iter().map(|entry| entry.0))?;
+        let order = memory::collect(entries.iter().map(|entry| entry.1))?;
+        Ok(Self { points, order, position, nodes })
     }
 
     /// Number of points.
@@ -101,37 +106,39 @@ impl NearestNeighbors {
     /// index); they are fewer where the cloud holds fewer.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`] where the caller asked to stop.
+    /// [`crate::Error::Interrupted`] where the caller asked to stop; [`crate::Error::OutOfMemory`].
     pub fn map_points<T, F>(&self, count: usize, execution: &Execution, f: F) -> Result<Vec<T>>
     where
         T: Copy + Default + Send,
         F: Fn(usize, &[Neighbor]) -> T + Sync,
     {
         // In the order of the tree, so that a task's queries share what is in the cache.
-        let mut sorted = vec![T::default(); self.len()];
+        let mut sorted = memory::filled(T::default(), self.len())?;
         let tasks = sorted.par_chunks_mut(QUERIES_PER_TASK).zip(self.order.par_chunks(QUERIES_PER_TASK));
         tasks.try_for_each_init(Vec::new, |found, (results, queries)| {
             execution.check()?;
             for (result, &query) in results.iter_mut().zip(queries) {
-                self.search(query, count, found);
+                self.search(query, count, found)?;
                 *result = f(query as usize, found);
             }
             Ok(())
         })?;
-        Ok(self.position.iter().map(|&position| sorted[position as usize]).collect())
+        memory::collect(self.position.iter().map(|&position| sorted[position as usize]))
     }
 
     /// The points nearest to point `own`, itself left out.
-    fn search(&self, own: u32, count: usize, found: &mut Vec<Neighbor>) {
+    fn search(&self, own: u32, count: usize, found: &mut Vec<Neighbor>) -> Result<()> {
         found.clear();
         if count == 0 {
-            return;
+            return Ok(());
         }
+        memory::reserve(found, count.min(self.len()))?;
         let center = self.points[self.position[own as usize] as usize];
         let mut best = BinaryHeap::from(std::mem::take(found));
         let mut query = Query { center, count, own, best: &mut best };
         self.visit(0, 0, self.len(), [0.0; 3], &mut query);
         *found = best.into_sorted_vec();
+        Ok(())
     }
 
     fn visit(&self, node: usize, start: usize, end: usize, offset: [f64; 3], query: &mut Query) {
@@ -186,22 +193,28 @@ fn squared_norm(v: [f64; 3]) -> f64 {
     v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 }
 
-fn build(entries: &mut [([f64; 3], u32)], node: usize, nodes: &mut Vec<Node>) {
+fn build(
+    entries: &mut [([f64; 3], u32)],
+    node: usize,
+    nodes: &mut Vec<Node>,
+    execution: &Execution,
+) -> Result<()> {
     if entries.len() <= LEAF_SIZE {
-        return;
+        return Ok(());
     }
+    execution.check()?;
     let axis = widest_axis(entries);
     let middle = entries.len() / 2;
     entries.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     let lowest = |part: &[([f64; 3], u32)]| part.iter().map(|entry| entry.1).min().unwrap_or(0);
     let (left, right) = entries.split_at_mut(middle);
     if nodes.len() <= node {
-        nodes.resize(node + 1, Node::default());
+        memory::resize(nodes, node + 1, Node::default())?;
     }
     nodes[node] =
         Node { axis, split: right[0].0[axis], lowest_right: lowest(right), lowest_left: lowest(left) };
-    build(left, 2 * node + 1, nodes);
-    build(right, 2 * node + 2, nodes);
+    build(left, 2 * node + 1, nodes, execution)?;
+    build(right, 2 * node + 2, nodes, execution)
 }
 
 /// Axis along which the points extend farthest.
@@ -234,7 +247,7 @@ mod tests {
 
     fn check(rows: &[[f64; 3]], counts: &[usize]) -> Result<()> {
         let points = Points::from_rows("points", rows)?;
-        let neighbors = NearestNeighbors::new(&points);
+        let neighbors = NearestNeighbors::new(&points, &Execution::default())?;
         for &count in counts {
             let agrees = |query: usize, found: &[Neighbor]| found == brute_force(&points, query, count);
             let agreed = neighbors.map_points(count, &Execution::default(), agrees)?;
@@ -280,7 +293,11 @@ mod tests {
         check(&[[1.0, 2.0, 3.0]; 300], &[1, 5, 299])?;
         let points = Points::from_rows("points", &vec![[1.0, 2.0, 3.0]; 20_000])?;
         let lowest = |_, found: &[Neighbor]| found.len() == 3 && found[2].index <= 3;
-        let all = NearestNeighbors::new(&points).map_points(3, &Execution::default(), lowest)?;
+        let all = NearestNeighbors::new(&points, &Execution::default())?.map_points(
+            3,
+            &Execution::default(),
+            lowest,
+        )?;
         assert!(all.into_iter().all(|is_lowest| is_lowest));
         Ok(())
     }

@@ -45,7 +45,8 @@ mod tests {
     use crate::points::Points;
 
     fn resolution(points: &Points, ignore_zero: bool) -> Result<f64> {
-        mean_nearest_distance(&NearestNeighbors::new(points), ignore_zero, &Execution::default())
+        let execution = Execution::default();
+        mean_nearest_distance(&NearestNeighbors::new(points, &execution)?, ignore_zero, &execution)
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::points::Points;
 
 /// Points whose second principal variance is below this share of the first lie on a line: rounding makes
@@ -125,14 +126,14 @@ fn plane_basis(triangle: &[Point3<f64>; 3]) -> [Vector3<f64>; 3] {
 /// Least-squares transform of the correspondences `indices`, in the data's own coordinates.
 ///
 /// # Errors
-/// [`Error::NoConsensus`] for fewer than three correspondences, or where they lie on one line.
+/// [`Error::NoConsensus`] for fewer than three correspondences, or where they lie on one line; [`Error::OutOfMemory`].
 pub fn fit_group(source: &Points, target: &Points, indices: &[usize]) -> Result<Rigid> {
     if indices.len() < 3 {
         let reason = format!("the group has {} correspondences; a rigid transform needs 3", indices.len());
         return Err(Error::NoConsensus { reason });
     }
-    let p: Vec<_> = indices.iter().map(|&i| source.get(i)).collect();
-    let q: Vec<_> = indices.iter().map(|&i| target.get(i)).collect();
+    let p = memory::collect(indices.iter().map(|&i| source.get(i)))?;
+    let q = memory::collect(indices.iter().map(|&i| target.get(i)))?;
     if !fixes_rotation(&p, &q) {
         let reason = "the group's points lie on one line; they leave a rotation open".to_owned();
         return Err(Error::NoConsensus { reason });
@@ -141,9 +142,17 @@ pub fn fit_group(source: &Points, target: &Points, indices: &[usize]) -> Result<
 }
 
 /// Least-squares transform between the centred points of some rows; `None` where they leave a rotation open.
-pub fn fit_rows(source: &Points, target: &Points, rows: impl Iterator<Item = usize>) -> Option<Rigid> {
-    let (p, q): (Vec<_>, Vec<_>) = rows.map(|i| (source.get(i), target.get(i))).unzip();
-    fixes_rotation(&p, &q).then(|| fit_rigid(&p, &q))
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn fit_rows(
+    source: &Points,
+    target: &Points,
+    rows: impl Iterator<Item = usize> + Clone,
+) -> Result<Option<Rigid>> {
+    let p = memory::collect(rows.clone().map(|i| source.get(i)))?;
+    let q = memory::collect(rows.map(|i| target.get(i)))?;
+    Ok(fixes_rotation(&p, &q).then(|| fit_rigid(&p, &q)))
 }
 
 /// Whether matched points fix a rotation: three or more, not on a line on either side.
@@ -154,7 +163,8 @@ pub fn fixes_rotation(source: &[Point3<f64>], target: &[Point3<f64>]) -> bool {
 /// The rotation R that is nearest to `H^T`, `H = sum a b^T`, so that `R a` is nearest to b.
 pub(crate) fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64> {
     let scale = covariance.amax();
-    if scale == 0.0 {
+    // Of what is no number the iteration would find no end.
+    if scale == 0.0 || !covariance.iter().all(|entry| entry.is_finite()) {
         return Matrix3::identity();
     }
     let svd = (covariance / scale).svd_unordered(true, true);
@@ -172,7 +182,7 @@ pub(crate) fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64
 fn is_collinear(points: &[Point3<f64>]) -> bool {
     let mean = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / points.len() as f64;
     let extent = points.iter().map(|p| (p.coords - mean).amax()).fold(0.0, f64::max);
-    if extent == 0.0 {
+    if extent == 0.0 || !extent.is_finite() {
         return true;
     }
     let offsets = points.iter().map(|p| (p.coords - mean) / extent);

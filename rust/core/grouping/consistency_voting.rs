@@ -17,7 +17,7 @@ use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::smallest;
 use crate::simd::arithmetic::{Arithmetic, exp_of_negative};
 use crate::simd::{self, DOUBLES, Kernel, Lanes};
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// Parameters of consistency voting.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,10 +56,10 @@ impl GroupingMethod for ConsistencyVoting {
         let angle_scale = positive("angle_scale", self.angle_scale)?.to_radians();
         let matches = Matches { source, target, source_frames, target_frames };
 
-        let voters = smallest(ratio, at_least_one("voters", self.voters)?); // V: top k by 1 - d1/d2
-        let ballot = Ballot::new(&matches, &voters, distance_scale, angle_scale);
+        let voters = smallest(ratio, at_least_one("voters", self.voters)?)?; // V: top k by 1 - d1/d2
+        let ballot = Ballot::new(&matches, &voters, distance_scale, angle_scale)?;
         let scores = self.count_votes(&matches, &ballot, execution)?; // s_i = sum_j D_ij, Eq. (11)
-        let Cut { mask, threshold } = self.threshold.above(&scores); // s_i > t_cv
+        let Cut { mask, threshold } = self.threshold.above(&scores)?; // s_i > t_cv
         Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() })
     }
 }
@@ -72,7 +72,7 @@ impl ConsistencyVoting {
             let own = if self.exclude_self { ballot.voters.iter().position(|&j| j == i) } else { None };
             Ok(matches.terms(i).map_or(0.0, |candidate| ballot.votes_on(candidate, own)))
         };
-        (0..matches.source.len()).into_par_iter().with_min_len(16).map(votes_on).collect()
+        memory::par_try_collect((0..matches.source.len()).into_par_iter().with_min_len(16).map(votes_on))
     }
 }
 
@@ -135,15 +135,15 @@ struct Ballot {
 }
 
 impl Ballot {
-    fn new(matches: &Matches, voters: &[usize], distance_scale: f64, angle_scale: f64) -> Self {
-        let framed: Vec<_> = voters.iter().filter_map(|&j| Some((j, matches.terms(j)?))).collect();
-        Self {
-            voters: framed.iter().map(|(j, _)| *j).collect(),
-            blocks: framed.chunks(VOTER_BLOCK).map(Block::of).collect(),
+    fn new(matches: &Matches, voters: &[usize], distance_scale: f64, angle_scale: f64) -> Result<Self> {
+        let framed = memory::collect(voters.iter().filter_map(|&j| Some((j, matches.terms(j)?))))?;
+        Ok(Self {
+            voters: memory::collect(framed.iter().map(|(j, _)| *j))?,
+            blocks: memory::collect(framed.chunks(VOTER_BLOCK).map(Block::of))?,
             // Finite, so that a difference of 0 stays 0.
             distance_factor: distance_scale.recip().min(f64::MAX),
             angle_factor: angle_scale.recip().min(f64::MAX),
-        }
+        })
     }
 
     /// `sum_j D_ij`, without the vote of the voter of number `left_out`.
@@ -317,7 +317,7 @@ mod tests {
             let scores = method.group(&input, &Execution::default())?.scores.unwrap_or_default();
             for (i, score) in scores.iter().enumerate() {
                 let mut expected = 0.0;
-                for j in smallest(input.ratio("cv")?, voters) {
+                for j in smallest(input.ratio("cv")?, voters)? {
                     if !(exclude_self && i == j) {
                         expected += vote(&input, &method, i, j)?;
                     }
@@ -331,9 +331,10 @@ mod tests {
     #[test]
     fn extreme_scales_give_votes_of_one_or_zero() -> Result<()> {
         let mut input = clutter(60)?;
-        input = Correspondences::new(&input.positions("cv")?.0.rows(), &input.positions("cv")?.0.rows())?
-            .with_ratio(vec![0.5; 60])?
-            .with_frames(vec![Some(Matrix3::identity()); 60], vec![Some(Matrix3::identity()); 60])?;
+        input =
+            Correspondences::between(input.positions("cv")?.0.copied()?, input.positions("cv")?.0.copied()?)?
+                .with_ratio(vec![0.5; 60])?
+                .with_frames(vec![Some(Matrix3::identity()); 60], vec![Some(Matrix3::identity()); 60])?;
         for scale in [5e-324, 1e-300, 1e300] {
             let method =
                 ConsistencyVoting { distance_scale: Some(scale), angle_scale: scale, ..Default::default() };

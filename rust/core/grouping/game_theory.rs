@@ -10,7 +10,7 @@ use crate::compatibility::matrix::{PairMatrix, PairScore};
 use crate::error::{Error, at_least_one, positive};
 use crate::selection::otsu::{Cut, Threshold};
 use crate::simd::sums::sum;
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// In a population whose mean payoff is no greater, no two strategies are compatible.
 const NO_PAYOFF: f64 = 1e-300;
@@ -110,7 +110,7 @@ impl GroupingMethod for GameTheory {
             Dynamics::Replicator => self.replicate(payoff, execution)?,
             Dynamics::InfectionImmunisation => self.infect_and_immunise(&payoff, execution)?,
         };
-        let Cut { mask, threshold } = self.select(&population); // x_i > t_gtm
+        let Cut { mask, threshold } = self.select(&population)?; // x_i > t_gtm
         let grouping = Grouping { mask, scores: Some(population.shares), threshold, ..Grouping::default() };
         Ok(grouping.with("steps", population.steps as f64).with("mean_payoff", population.mean_payoff))
     }
@@ -150,18 +150,18 @@ impl GameTheory {
     }
 
     fn replicate(&self, mut payoff: PairMatrix, execution: &Execution) -> Result<Population> {
-        let mut shares = uniform(payoff.len());
-        let mut alive: Vec<usize> = (0..shares.len()).collect();
-        let mut population = Population { shares: shares.clone(), mean_payoff: 0.0, steps: 0 };
+        let mut shares = uniform(payoff.len())?;
+        let mut alive = memory::collect(0..shares.len())?;
+        let mut population = Population { shares: memory::copied(&shares)?, mean_payoff: 0.0, steps: 0 };
         while population.steps < self.iterations {
             let payoffs = payoff.multiply_rounded(&shares, execution)?; // y = Pi x
-            let products: Vec<f64> = shares.iter().zip(&payoffs).map(|(x, y)| x * y).collect();
+            let products = memory::collect(shares.iter().zip(&payoffs).map(|(x, y)| x * y))?;
             population.mean_payoff = sum(&products); // z = x' Pi x
             if population.mean_payoff <= NO_PAYOFF {
                 break;
             }
-            let next: Vec<f64> = products.iter().map(|share| share / population.mean_payoff).collect(); // x_i y_i / z, Eq. (17)
-            let moved = sum(&shares.iter().zip(&next).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>());
+            let next = memory::collect(products.iter().map(|share| share / population.mean_payoff))?; // x_i y_i / z, Eq. (17)
+            let moved = sum(&memory::collect(shares.iter().zip(&next).map(|(a, b)| (a - b).abs()))?);
             shares = next;
             population.steps += 1;
             execution.report(population.steps, self.iterations)?;
@@ -171,12 +171,12 @@ impl GameTheory {
             let steps_left = self.iterations - population.steps;
             let extinct = EXTINCT.max(WITHIN_ROUNDING * payoff.rounding()) / population.shares.len() as f64;
             let least = least_share(extinct, population.mean_payoff, steps_left);
-            let matter: Vec<usize> = (0..shares.len()).filter(|&i| shares[i] > least).collect();
+            let matter = memory::collect((0..shares.len()).filter(|&i| shares[i] > least))?;
             if (matter.len() as f64) < WORTH_SHRINKING * shares.len() as f64 {
                 population.set(&alive, &shares); // the extinct keep the share that they have now
                 payoff = payoff.into_subset(&matter, execution)?;
-                shares = matter.iter().map(|&i| shares[i]).collect();
-                alive = matter.iter().map(|&i| alive[i]).collect();
+                shares = memory::collect(matter.iter().map(|&i| shares[i]))?;
+                alive = memory::collect(matter.iter().map(|&i| alive[i]))?;
             }
         }
         population.set(&alive, &shares);
@@ -185,11 +185,11 @@ impl GameTheory {
 
     fn infect_and_immunise(&self, payoff: &PairMatrix, execution: &Execution) -> Result<Population> {
         let nash_error = self.convergence_tolerance.unwrap_or(NASH_ERROR);
-        let mut shares = uniform(payoff.len());
+        let mut shares = uniform(payoff.len())?;
         let mut payoffs = payoff.multiply(&shares, execution)?; // Pi x
         let mut mean_payoff = 0.0;
         for step in 0..self.iterations {
-            mean_payoff = sum(&shares.iter().zip(&payoffs).map(|(x, y)| x * y).collect::<Vec<_>>());
+            mean_payoff = sum(&memory::collect(shares.iter().zip(&payoffs).map(|(x, y)| x * y))?);
             if squared_nash_error(&shares, &payoffs, mean_payoff) < nash_error * nash_error {
                 return Ok(Population { shares, mean_payoff, steps: step });
             }
@@ -204,7 +204,7 @@ impl GameTheory {
             if extinguishes {
                 shares[strategy] = 0.0;
             }
-            for (y, entry) in payoffs.iter_mut().zip(payoff.row(strategy)) {
+            for (y, entry) in payoffs.iter_mut().zip(payoff.row(strategy)?) {
                 *y += mu * (entry - *y); // Pi x + mu (Pi e_k - Pi x)
             }
             execution.report(step + 1, self.iterations)?;
@@ -212,10 +212,10 @@ impl GameTheory {
         Ok(Population { shares, mean_payoff, steps: self.iterations })
     }
 
-    fn select(&self, population: &Population) -> Cut {
+    fn select(&self, population: &Population) -> Result<Cut> {
         let shares = &population.shares;
         if population.mean_payoff <= NO_PAYOFF {
-            return Cut { mask: vec![false; shares.len()], threshold: None };
+            return Ok(Cut { mask: memory::filled(false, shares.len())?, threshold: None });
         }
         match (self.dynamics, self.threshold) {
             (Dynamics::InfectionImmunisation, Threshold::Otsu(_)) => Threshold::Fixed(SURVIVES).above(shares),
@@ -230,8 +230,8 @@ fn least_share(extinct: f64, mean_payoff: f64, steps_left: usize) -> f64 {
     extinct * mean_payoff.powf(steps_left as f64)
 }
 
-fn uniform(n: usize) -> Vec<f64> {
-    vec![1.0 / n.max(1) as f64; n]
+fn uniform(n: usize) -> Result<Vec<f64>> {
+    memory::filled(1.0 / n.max(1) as f64, n)
 }
 
 /// `sum_i min(x_i, mean - y_i)^2`: 0 exactly at a Nash equilibrium.
@@ -343,7 +343,7 @@ mod tests {
         let execution = Execution::default();
         let positions = input.positions("gtm")?;
         let whole = PairMatrix::new(positions.0, positions.1, PairScore::DistanceRatio, None, &execution)?;
-        let mut shares = uniform(n);
+        let mut shares = uniform(n)?;
         for _ in 0..100 {
             let payoffs = whole.multiply(&shares, &execution)?;
             let mean: f64 = shares.iter().zip(&payoffs).map(|(x, y)| x * y).sum();

@@ -12,7 +12,7 @@ use crate::consensus::SampleConsensus;
 use crate::error::at_least_one;
 use crate::grouping_result::mask_of;
 use crate::selection::top_k::largest;
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// What a cluster is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -72,7 +72,7 @@ impl GroupingMethod for GeometricConsistency {
         match self.variant {
             Variant::Star => self.largest_star(source, target, tolerance, execution),
             Variant::Clique => {
-                let order = visiting_order(correspondences);
+                let order = visiting_order(correspondences)?;
                 self.largest_clique(source, target, tolerance, &order, execution)
             }
         }
@@ -87,21 +87,21 @@ impl GeometricConsistency {
         tolerance: f64,
         execution: &Execution,
     ) -> Result<Grouping> {
-        let agreement = DistanceAgreement::new(source, target, tolerance);
-        let sizes = cluster_sizes(&agreement, execution)?; // |G_i|, Eq. (13)
+        let agreement = &DistanceAgreement::new(source, target, tolerance)?;
+        let sizes = cluster_sizes(agreement, execution)?; // |G_i|, Eq. (13)
         let greatest = sizes.iter().copied().max().unwrap_or_default();
         let mut seeds = (0..sizes.len()).filter(|&i| sizes[i] == greatest);
         let Some(first) = seeds.next() else {
-            return Ok(Grouping { scores: Some(Vec::new()), ..Grouping::empty(0) });
+            return Ok(Grouping { scores: Some(Vec::new()), ..Grouping::default() });
         };
-        let star = |seed: usize| (0..sizes.len()).map(|j| agreement.agree(seed, j)).collect::<Vec<_>>(); // G_i
-        let mut mask = star(first); // i* = argmax |G_i|
+        let star = |seed: usize| (0..sizes.len()).map(move |j| agreement.agree(seed, j)); // G_i
+        let mut mask = memory::collect(star(first))?; // i* = argmax |G_i|
         if self.ties == Ties::Union {
             for seed in seeds {
                 mask.iter_mut().zip(star(seed)).for_each(|(member, also)| *member |= also);
             }
         }
-        let scores = sizes.iter().map(|&size| f64::from(size)).collect();
+        let scores = memory::collect(sizes.iter().map(|&size| f64::from(size)))?;
         let grouping = Grouping { mask, scores: Some(scores), ..Grouping::default() };
         Ok(grouping.with("seed_index", first as f64))
     }
@@ -122,7 +122,7 @@ impl GeometricConsistency {
             confidence: None,
         };
         let pairs = ConsistentPairs::new(source, target, tolerance, execution)?;
-        let mut taken = vec![false; source.len()];
+        let mut taken = memory::filled(false, source.len())?;
         let mut largest: Vec<usize> = Vec::new();
         let mut clusters = 0;
         for (rank, &seed) in order.iter().enumerate() {
@@ -130,7 +130,7 @@ impl GeometricConsistency {
             if taken[seed] {
                 continue;
             }
-            let mut clique = pairs.grow_clique(seed, order, &taken);
+            let mut clique = pairs.grow_clique(seed, order, &taken)?;
             if clique.len() <= self.min_cluster_size {
                 continue;
             }
@@ -145,20 +145,22 @@ impl GeometricConsistency {
                 }
             }
         }
-        Ok(Grouping::from_mask(mask_of(source.len(), largest)).with("clusters", f64::from(clusters)))
+        Ok(Grouping::from_mask(mask_of(source.len(), largest)?).with("clusters", f64::from(clusters)))
     }
 }
 
 /// Size of each star cluster, its seed included.
 fn cluster_sizes(agreement: &DistanceAgreement, execution: &Execution) -> Result<Vec<u32>> {
-    Ok(agreement.counts(execution)?.into_iter().map(|others| others + 1).collect())
+    let mut sizes = agreement.counts(execution)?;
+    sizes.iter_mut().for_each(|others| *others += 1);
+    Ok(sizes)
 }
 
 /// Best descriptors first; in the input's order where there are none.
-fn visiting_order(correspondences: &Correspondences) -> Vec<usize> {
+fn visiting_order(correspondences: &Correspondences) -> Result<Vec<usize>> {
     match correspondences.optional_similarity() {
         Some(similarity) => largest(similarity, similarity.len()),
-        None => (0..correspondences.len()).collect(),
+        None => memory::collect(0..correspondences.len()),
     }
 }
 
@@ -182,15 +184,15 @@ impl<'a> ConsistentPairs<'a> {
     }
 
     /// Adds, in visiting order, whatever is not taken and consistent with every member so far.
-    fn grow_clique(&self, seed: usize, order: &[usize], taken: &[bool]) -> Vec<usize> {
+    fn grow_clique(&self, seed: usize, order: &[usize], taken: &[bool]) -> Result<Vec<usize>> {
         let mut clique = vec![seed];
         let free = order.iter().copied().filter(|&j| j != seed && !taken[j]);
         match self {
             Self::Kept(graph) => {
-                let mut candidates = graph.row(seed).to_vec();
+                let mut candidates = memory::copied(graph.row(seed))?;
                 for j in free {
                     if candidates[j / 64] >> (j % 64) & 1 == 1 {
-                        clique.push(j);
+                        memory::push(&mut clique, j)?;
                         candidates.iter_mut().zip(graph.row(j)).for_each(|(word, row)| *word &= row);
                     }
                 }
@@ -201,12 +203,12 @@ impl<'a> ConsistentPairs<'a> {
                         distance_difference(source.distance(j, k), target.distance(j, k)) <= *tolerance
                     };
                     if clique.iter().all(fits) {
-                        clique.push(j);
+                        memory::push(&mut clique, j)?;
                     }
                 }
             }
         }
-        clique
+        Ok(clique)
     }
 }
 

@@ -5,7 +5,7 @@
 
 use super::GroupingMethod;
 use crate::error::fraction;
-use crate::{Correspondences, Execution, Grouping, Result};
+use crate::{Correspondences, Execution, Grouping, Result, memory};
 
 /// Parameters of the nearest-neighbour similarity ratio.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,8 +25,8 @@ impl GroupingMethod for NearestNeighborRatio {
         let max_ratio = fraction("max_ratio", self.max_ratio)?;
         let ratio = correspondences.ratio("nnsr")?;
         Ok(Grouping {
-            mask: ratio.iter().map(|&r| r <= max_ratio).collect(), // Eq. (2), solved for the ratio
-            scores: Some(ratio.iter().map(|r| 1.0 - r).collect()), // left side of Eq. (2)
+            mask: memory::collect(ratio.iter().map(|&r| r <= max_ratio))?, // Eq. (2), solved for the ratio
+            scores: Some(memory::collect(ratio.iter().map(|r| 1.0 - r))?), // left side of Eq. (2)
             threshold: Some(1.0 - max_ratio),
             ..Grouping::default()
         })

@@ -7,7 +7,7 @@ use super::GroupingMethod;
 use crate::consensus::{Consensus, SampleConsensus};
 use crate::error::{Error, at_least_one, fraction};
 use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// Parameters of random sample consensus.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,12 +44,12 @@ impl GroupingMethod for Ransac {
         let (source, target) = correspondences.positions("ransac")?;
         let engine = self.engine(correspondences)?;
         let Some(best) = engine.run(source, target, execution)? else {
-            return Ok(Grouping::empty(source.len()).with("iterations", self.iterations as f64));
+            return Ok(Grouping::empty(source.len())?.with("iterations", self.iterations as f64));
         };
         let (model, mask) = if self.refine {
-            refit(&best.model, &engine, source, target)
+            refit(&best.model, &engine, source, target)?
         } else {
-            (best.model, engine.inlier_mask(&best.model, source, target))
+            (best.model, engine.inlier_mask(&best.model, source, target)?)
         };
         Ok(report(&best, &model, mask, source, target))
     }
@@ -76,17 +76,21 @@ impl Ransac {
 }
 
 /// The transform fitted to all inliers and what agrees with it; the model itself where they fix none.
-fn refit(model: &Rigid, engine: &SampleConsensus, source: &Points, target: &Points) -> (Rigid, Vec<bool>) {
-    let inliers = engine.inlier_mask(model, source, target);
-    let selected = |points: &Points| {
-        (0..points.len()).filter(|&i| inliers[i]).map(|i| points.get(i)).collect::<Vec<_>>()
-    };
-    let (p, q) = (selected(source), selected(target));
+fn refit(
+    model: &Rigid,
+    engine: &SampleConsensus,
+    source: &Points,
+    target: &Points,
+) -> Result<(Rigid, Vec<bool>)> {
+    let inliers = engine.inlier_mask(model, source, target)?;
+    let selected =
+        |points: &Points| memory::collect((0..points.len()).filter(|&i| inliers[i]).map(|i| points.get(i)));
+    let (p, q) = (selected(source)?, selected(target)?);
     if !fixes_rotation(&p, &q) {
-        return (*model, inliers);
+        return Ok((*model, inliers));
     }
     let refined = fit_rigid(&p, &q);
-    (refined, engine.inlier_mask(&refined, source, target))
+    Ok((refined, engine.inlier_mask(&refined, source, target)?))
 }
 
 fn report(best: &Consensus, model: &Rigid, mask: Vec<bool>, source: &Points, target: &Points) -> Grouping {

@@ -13,7 +13,7 @@ use crate::frames::Frames;
 use crate::geometry::nearest_sets::NearestSets;
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::{largest, smallest};
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// Which correspondences vote on all others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -80,7 +80,7 @@ impl GroupingMethod for SearchOfInliers {
             target,
             source_frames,
             target_frames,
-            pairs: point_pairs(source, target),
+            pairs: point_pairs(source, target)?,
             rigidity: RigidityTest {
                 zero_source: source.zero_length(),
                 zero_target: target.zero_length(),
@@ -90,16 +90,13 @@ impl GroupingMethod for SearchOfInliers {
             neighbors: self.neighbors,
         };
 
-        let distinctive: Vec<bool> = ratio.iter().map(|&r| r < self.lowe_ratio).collect(); // C_Ratio, Eq. (2)
+        let distinctive = memory::collect(ratio.iter().map(|&r| r < self.lowe_ratio))?; // C_Ratio, Eq. (2)
         let local = ballot.local_votes(&distinctive, execution)?; // Y_L and C_L, Eq. (3)
-        let voters = self.global_voters(ratio, &local); // C_G
+        let voters = self.global_voters(ratio, &local)?; // C_G
         let global = ballot.global_votes(&voters, execution)?; // Y_G and C_G without i, Eq. (5)
-        let scores: Vec<f64> = local
-            .iter()
-            .zip(&global)
-            .map(|(l, g)| Votes { support: l.support + g.support, cast: l.cast + g.cast }.share())
-            .collect(); // s_i, Eq. (6)
-        let Cut { mask, threshold } = self.threshold.above(&scores);
+        let both = |(l, g): (&Votes, &Votes)| Votes { support: l.support + g.support, cast: l.cast + g.cast };
+        let scores = memory::collect(local.iter().zip(&global).map(|votes| both(votes).share()))?; // s_i, Eq. (6)
+        let Cut { mask, threshold } = self.threshold.above(&scores)?;
         Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() })
     }
 }
@@ -112,11 +109,11 @@ impl SearchOfInliers {
         self.threshold.validate()
     }
 
-    fn global_voters(&self, ratio: &[f64], local: &[Votes]) -> Vec<usize> {
+    fn global_voters(&self, ratio: &[f64], local: &[Votes]) -> Result<Vec<usize>> {
         match self.global_rank {
             GlobalRank::Lowe => smallest(ratio, self.neighbors),
             GlobalRank::LocalScore => {
-                let local_scores: Vec<f64> = local.iter().map(|votes| votes.share()).collect();
+                let local_scores = memory::collect(local.iter().map(|votes| votes.share()))?;
                 largest(&local_scores, self.neighbors)
             }
         }
@@ -138,7 +135,7 @@ impl Ballot<'_> {
     /// Distinctive correspondences among the nearest source keypoints vote by rigidity.
     fn local_votes(&self, distinctive: &[bool], execution: &Execution) -> Result<Vec<Votes>> {
         // C_L: those of the nearest that are in C_Ratio.
-        NearestSets::new(self.source).map(self.neighbors, distinctive, execution, |i, members| {
+        NearestSets::new(self.source, execution)?.map(self.neighbors, distinctive, execution, |i, members| {
             let support = count_rigid(&self.pairs, members, &self.pairs[i], &self.rigidity);
             Votes { support, cast: members.len() }
         })
@@ -147,10 +144,10 @@ impl Ballot<'_> {
     /// Global voters must agree with the pose of `i` as well; `i` has no vote of its own.
     fn global_votes(&self, voters: &[usize], execution: &Execution) -> Result<Vec<Votes>> {
         execution.report(0, self.source.len())?;
-        let mut cast = vec![voters.len(); self.source.len()];
+        let mut cast = memory::filled(voters.len(), self.source.len())?;
         voters.iter().for_each(|&i| cast[i] -= 1);
-        let voters: Vec<u32> = voters.iter().map(|&i| i as u32).collect();
-        let voters = Voters::new(&self.pairs, &voters);
+        let voters = memory::collect(voters.iter().map(|&i| i as u32))?;
+        let voters = Voters::new(&self.pairs, &voters)?;
         let limit = square_limit(self.tolerance);
         let votes_on = |i: usize| {
             execution.advance()?;
@@ -161,7 +158,7 @@ impl Ballot<'_> {
                 pose.map_or(0, |pose| voters.count_carried(&self.pairs[i], &self.rigidity, &pose, limit));
             Ok(Votes { support, cast: cast[i] })
         };
-        (0..self.source.len()).into_par_iter().with_min_len(16).map(votes_on).collect()
+        memory::par_try_collect((0..self.source.len()).into_par_iter().with_min_len(16).map(votes_on))
     }
 }
 

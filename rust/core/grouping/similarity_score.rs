@@ -5,7 +5,7 @@
 
 use super::GroupingMethod;
 use crate::selection::otsu::{Cut, Threshold};
-use crate::{Correspondences, Execution, Grouping, Result};
+use crate::{Correspondences, Execution, Grouping, Result, memory};
 
 /// Parameters of the similarity score.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -19,10 +19,10 @@ impl GroupingMethod for SimilarityScore {
         self.threshold.validate()?;
         let scores = correspondences.similarity("ss")?; // 1 - |f - f'|, left side of Eq. (1)
         let Cut { mask, threshold } = match self.threshold {
-            Threshold::Otsu(_) => self.threshold.above(scores),
-            Threshold::Fixed(value) => at_least(scores, value),
+            Threshold::Otsu(_) => self.threshold.above(scores)?,
+            Threshold::Fixed(value) => at_least(scores, value)?,
         }; // Eq. (1)
-        Ok(Grouping { mask, scores: Some(scores.to_vec()), threshold, ..Grouping::default() })
+        Ok(Grouping { mask, scores: Some(memory::copied(scores)?), threshold, ..Grouping::default() })
     }
 
     fn is_instant(&self, _: &Correspondences) -> bool {
@@ -30,11 +30,9 @@ impl GroupingMethod for SimilarityScore {
     }
 }
 
-fn at_least(scores: &[f64], threshold: f64) -> Cut {
-    Cut {
-        mask: scores.iter().map(|&s| s >= threshold && s.is_finite()).collect(),
-        threshold: Some(threshold),
-    }
+fn at_least(scores: &[f64], threshold: f64) -> Result<Cut> {
+    let mask = memory::collect(scores.iter().map(|&s| s >= threshold && s.is_finite()))?;
+    Ok(Cut { mask, threshold: Some(threshold) })
 }
 
 #[cfg(test)]

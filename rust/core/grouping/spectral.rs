@@ -10,13 +10,16 @@ use crate::error::fraction;
 use crate::grouping_result::mask_of;
 use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvector};
 use crate::selection::top_k::largest;
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Error, Execution, Grouping, Points, Result, memory};
 
 /// Entries no greater than this share of the largest one carry no support.
 const NO_SUPPORT: f64 = 1e-12;
 
 /// Entries are compared in units of this share of the largest one: an iterated eigenvector has no more digits.
 const TIE: f64 = 1e-9;
+
+/// Sums of greater affinities are infinite.
+const MOST_AFFINITY: f64 = 1e300;
 
 /// Pairwise affinity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -92,15 +95,15 @@ impl GroupingMethod for Spectral {
         let affinity = PairMatrix::new(source, target, self.pair_score(), diagonal, execution)?; // M, of Eq. (12)
         let eigenpair = principal_eigenvector(&affinity, self.eigensolver, execution)?; // M v = lambda v
         if eigenpair.value <= 0.0 || source.len() < 2 {
-            return Ok(report(eigenpair, Vec::new())); // M is 0: no pair is compatible
+            return report(eigenpair, Vec::new()); // M is 0: no pair is compatible
         }
-        let conflicts = Conflicts::new(self, source, target);
+        let conflicts = Conflicts::new(self, source, target)?;
         let accepted = if self.recompute {
             self.accept_recomputing(&affinity, &conflicts, execution)?
         } else {
             accept_greedily(&eigenpair.vector, &conflicts, execution)?
         };
-        Ok(report(eigenpair, accepted))
+        report(eigenpair, accepted)
     }
 }
 
@@ -116,10 +119,18 @@ impl Spectral {
     fn diagonal(&self, correspondences: &Correspondences) -> Result<Option<Vec<f64>>> {
         Ok(match self.diagonal {
             Diagonal::Zero => None,
-            Diagonal::One => Some(vec![1.0; correspondences.len()]),
+            Diagonal::One => Some(memory::filled(1.0, correspondences.len())?),
             Diagonal::Score => {
                 let similarity = correspondences.similarity("st with diagonal=\"score\"")?;
-                Some(similarity.iter().map(|s| s.max(0.0)).collect())
+                if let Some(i) = similarity.iter().position(|&s| s > MOST_AFFINITY) {
+                    let remedy = "affinities beyond 1e300 can't be summed; scale the similarities down";
+                    return Err(Error::invalid(
+                        "similarity",
+                        format!("{} in row {i}", similarity[i]),
+                        remedy,
+                    ));
+                }
+                Some(memory::collect(similarity.iter().map(|s| s.max(0.0)))?)
             }
         })
     }
@@ -132,15 +143,15 @@ impl Spectral {
         execution: &Execution,
     ) -> Result<Vec<usize>> {
         let total = affinity.len();
-        let mut alive: Vec<usize> = (0..total).collect();
+        let mut alive = memory::collect(0..total)?;
         let mut accepted = Vec::new();
         while !alive.is_empty() {
             let remaining = affinity.subset(&alive, execution)?;
             let eigenpair = principal_eigenvector(&remaining, self.eigensolver, execution)?;
             // Without any affinity left the vector is uniform, and the lowest index is next.
-            let chosen = alive[by_support(&eigenpair.vector, 1)[0]];
-            accepted.push(chosen);
-            let conflicting = conflicts.with(chosen);
+            let chosen = alive[by_support(&eigenpair.vector, 1)?[0]];
+            memory::push(&mut accepted, chosen)?;
+            let conflicting = conflicts.with(chosen)?;
             alive.retain(|&i| i != chosen && !conflicting[i]);
             execution.report(total - alive.len(), total)?;
         }
@@ -153,17 +164,17 @@ fn greatest(v: &[f64]) -> f64 {
 }
 
 /// The `k` strongest entries of `v`, strongest first; of equal ones the lowest index first.
-fn by_support(v: &[f64], k: usize) -> Vec<usize> {
+fn by_support(v: &[f64], k: usize) -> Result<Vec<usize>> {
     let unit = TIE * greatest(v);
-    let rounded: Vec<f64> = v.iter().map(|entry| (entry / unit).round()).collect();
+    let rounded = memory::collect(v.iter().map(|entry| (entry / unit).round()))?;
     largest(&rounded, k)
 }
 
 /// Accepts the strongest entry of `v` that is left, until none is.
 fn accept_greedily(v: &[f64], conflicts: &Conflicts, execution: &Execution) -> Result<Vec<usize>> {
-    let order = by_support(v, v.len());
+    let order = by_support(v, v.len())?;
     let least = NO_SUPPORT * greatest(v);
-    let mut alive = vec![true; v.len()];
+    let mut alive = memory::filled(true, v.len())?;
     let mut accepted = Vec::new();
     for (rank, &i) in order.iter().enumerate() {
         if v[i] <= least {
@@ -172,8 +183,8 @@ fn accept_greedily(v: &[f64], conflicts: &Conflicts, execution: &Execution) -> R
         if !alive[i] {
             continue;
         }
-        accepted.push(i);
-        for (left, conflicting) in alive.iter_mut().zip(conflicts.with(i)) {
+        memory::push(&mut accepted, i)?;
+        for (left, conflicting) in alive.iter_mut().zip(conflicts.with(i)?) {
             *left &= !conflicting;
         }
         execution.report(rank + 1, order.len())?;
@@ -189,13 +200,13 @@ struct Conflicts {
 }
 
 impl Conflicts {
-    fn new(options: &Spectral, source: &Points, target: &Points) -> Self {
-        let positions = PairPositions::new(source, target);
-        Self { positions, rule: options.conflict, min_distance_ratio: options.min_distance_ratio }
+    fn new(options: &Spectral, source: &Points, target: &Points) -> Result<Self> {
+        let positions = PairPositions::new(source, target)?;
+        Ok(Self { positions, rule: options.conflict, min_distance_ratio: options.min_distance_ratio })
     }
 
-    fn with(&self, i: usize) -> Vec<bool> {
-        let mut ratios = vec![0.0; self.positions.len()];
+    fn with(&self, i: usize) -> Result<Vec<bool>> {
+        let mut ratios = memory::filled(0.0, self.positions.len())?;
         self.positions.fill_row(PairScore::DistanceRatio, i, &mut ratios);
         let not_rigid = |rho: f64| rho < self.min_distance_ratio;
         let share_a_point = |rho: f64| rho <= 0.0; // a zero-length edge
@@ -204,15 +215,15 @@ impl Conflicts {
             Conflict::OneToOne => share_a_point(rho),
             Conflict::Both => not_rigid(rho) || share_a_point(rho),
         };
-        ratios.iter().map(conflict).collect()
+        memory::collect(ratios.iter().map(conflict))
     }
 }
 
-fn report(eigenpair: Eigenpair, accepted: Vec<usize>) -> Grouping {
-    let mask = mask_of(eigenpair.vector.len(), accepted);
-    Grouping { mask, scores: Some(eigenpair.vector), ..Grouping::default() }
+fn report(eigenpair: Eigenpair, accepted: Vec<usize>) -> Result<Grouping> {
+    let mask = mask_of(eigenpair.vector.len(), accepted)?;
+    Ok(Grouping { mask, scores: Some(eigenpair.vector), ..Grouping::default() }
         .with("eigenvalue", eigenpair.value)
-        .with("power_steps", eigenpair.steps as f64)
+        .with("power_steps", eigenpair.steps as f64))
 }
 
 #[cfg(test)]

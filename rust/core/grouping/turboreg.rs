@@ -27,7 +27,7 @@ use crate::compatibility::graph::{AgreementGraph, Edge, EdgeLengths, count_commo
 use crate::consensus::choice::{Choice, best_pose, group_of, poses_among};
 use crate::error::at_least_one;
 use crate::geometry::rigid::{Rigid, fit_triangle, fixes_rotation};
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// Shares of the tolerance that the published constants have.
 const DISTANCE_DIFFERENCE: f64 = 0.12;
@@ -78,7 +78,7 @@ impl GroupingMethod for TurboReg {
         let poses =
             poses_among(kept.as_deref(), source, target, |p, q| self.hypotheses(p, q, &lengths, execution))?;
         let best = best_pose(&poses, source, target, lengths.tolerance, self.choice, execution)?; // step 5
-        let grouping = group_of(best, source, target, lengths.tolerance); // step 6
+        let grouping = group_of(best, source, target, lengths.tolerance)?; // step 6
         let grouping = grouping.with("hypotheses", poses.len() as f64);
         Ok(match kept {
             None => grouping,
@@ -121,14 +121,14 @@ impl TurboReg {
         execution.report(0, pivots.len())?;
         let poses = |pivot: &Edge| {
             execution.advance()?;
-            let thirds = best_thirds(&graph, pivot, self.cliques_per_pivot); // step 4
+            let thirds = best_thirds(&graph, pivot, self.cliques_per_pivot)?; // step 4
             let triangle = |k: u32| [pivot.i, pivot.j, k].map(|index| index as usize);
-            Ok(thirds.into_iter().map(|k| pose_of(triangle(k), source, target)).collect::<Vec<_>>())
+            memory::collect(thirds.into_iter().map(|k| pose_of(triangle(k), source, target)))
         };
-        let poses: Vec<Vec<Option<Rigid>>> = pivots.par_iter().map(poses).collect::<Result<_>>()?;
+        let poses = memory::par_try_collect(pivots.par_iter().map(poses))?;
         let most = poses.iter().map(Vec::len).max().unwrap_or_default();
         let ranked = (0..most).flat_map(|rank| poses.iter().filter_map(move |of| of.get(rank).copied()?));
-        Ok(ranked.collect())
+        memory::collect(ranked)
     }
 }
 
@@ -143,20 +143,20 @@ fn most_compatible(
     if source.len() <= most {
         return Ok(None);
     }
-    DistanceAgreement::new(source, target, max_distance_difference).most_agreeing(most, execution).map(Some)
+    DistanceAgreement::new(source, target, max_distance_difference)?.most_agreeing(most, execution).map(Some)
 }
 
 /// The third corners of a pivot's heaviest triangles, the heaviest first, ties to the lowest index.
-fn best_thirds(graph: &AgreementGraph, pivot: &Edge, most: usize) -> Vec<u32> {
+fn best_thirds(graph: &AgreementGraph, pivot: &Edge, most: usize) -> Result<Vec<u32>> {
     let (i, j) = (pivot.i as usize, pivot.j as usize);
     let weight = |k: u32| {
         let third = graph.row(k as usize);
         count_common(graph.row(i), third) + count_common(graph.row(j), third)
     };
-    let candidates = graph.common_neighbors(i, j, usize::MAX).into_iter().filter(|&k| k > pivot.j);
-    let mut ranked: Vec<(Reverse<u32>, u32)> = candidates.map(|k| (Reverse(weight(k)), k)).collect();
+    let candidates = graph.common_neighbors(i, j, usize::MAX)?.into_iter().filter(|&k| k > pivot.j);
+    let mut ranked = memory::collect(candidates.map(|k| (Reverse(weight(k)), k)))?;
     ranked.sort_unstable();
-    ranked.into_iter().take(most).map(|(_, k)| k).collect()
+    memory::collect(ranked.into_iter().take(most).map(|(_, k)| k))
 }
 
 /// `None` where the points lie on a line.

@@ -1,10 +1,12 @@
 //! Principal eigenvector of a symmetric, non-negative matrix.
 
-use faer::{Mat, Side};
+use std::ops::RangeInclusive;
 
+use super::lanczos::Dense;
 use crate::compatibility::matrix::PairMatrix;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
+use crate::memory;
 use crate::simd::sums::{dot, sum};
 
 /// Power steps before giving up on further digits.
@@ -26,13 +28,16 @@ const PERCENT: usize = 100;
 /// Share of the mean row sum added to the diagonal: same eigenvectors, but `-lambda` can't oscillate.
 const SHIFT: f64 = 0.05;
 
+/// Entries whose squares can be summed.
+const SAFE: RangeInclusive<f64> = 1e-100..=1e100;
+
 /// How the eigenvector is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Eigensolver {
     /// Power iteration on the shifted matrix, O(n^2) per step.
     #[default]
     Power,
-    /// Full symmetric decomposition, O(n^3).
+    /// Lanczos's method on the stored matrix, to the last digits.
     Dense,
 }
 
@@ -50,13 +55,14 @@ pub struct Eigenpair {
 /// The eigenvector of the greatest eigenvalue.
 ///
 /// # Errors
-/// [`Error::Interrupted`], or [`Error::InvalidInput`] where the dense solver would exceed `max_memory`.
+/// [`Error::Interrupted`], [`Error::OutOfMemory`], or [`Error::InvalidInput`] where the dense solver would exceed
+/// `max_memory`.
 pub fn principal_eigenvector(
     matrix: &PairMatrix,
     solver: Eigensolver,
     execution: &Execution,
 ) -> Result<Eigenpair> {
-    let start = uniform(matrix.len());
+    let start = uniform(matrix.len())?;
     let product = matrix.multiply_rounded(&start, execution)?;
     if sum(&product) <= 0.0 {
         // Every vector is one of the zero matrix.
@@ -69,8 +75,8 @@ pub fn principal_eigenvector(
 }
 
 /// Unit vector of equal entries.
-fn uniform(n: usize) -> Vec<f64> {
-    vec![1.0 / (n.max(1) as f64).sqrt(); n]
+fn uniform(n: usize) -> Result<Vec<f64>> {
+    memory::filled(1.0 / (n.max(1) as f64).sqrt(), n)
 }
 
 /// From `start`, a unit vector of equal entries, and its product with the matrix.
@@ -88,7 +94,8 @@ fn power_iteration(
         steps += 1;
         let value = dot(&vector, &product);
         let mut next = product;
-        next.iter_mut().zip(&vector).for_each(|(entry, old)| *entry += shift * old);
+        let scale = safe_scale(&next);
+        next.iter_mut().zip(&vector).for_each(|(entry, old)| *entry = *entry * scale + shift * scale * old);
         let length = dot(&next, &next).sqrt();
         next.iter_mut().for_each(|entry| *entry /= length);
         let change = next.iter().zip(&vector).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
@@ -116,31 +123,27 @@ fn power_iteration(
 
 fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
     let n = matrix.len();
-    // The pair scores, the matrix, its eigenvectors, and about as much again of working space.
-    let bytes = n.saturating_mul(n).saturating_mul(5 * size_of::<f64>());
+    let bytes = Dense::bytes(n);
     if bytes > execution.max_memory {
         let remedy = format!(
-            "the dense solver needs about {} MiB at n = {n}; use eigensolver=\"power\" or raise `max_memory`",
+            "the dense solver needs up to {} MiB at n = {n}; use eigensolver=\"power\" or raise `max_memory`",
             bytes >> 20
         );
         return Err(Error::invalid("eigensolver", "\"dense\"", remedy));
     }
-    let mut full = Mat::zeros(n, n);
-    for i in 0..n {
-        for (j, entry) in matrix.row(i).into_iter().enumerate() {
-            full[(i, j)] = entry;
-        }
-        execution.check()?;
-    }
-    let failed = |_| Error::invalid("eigensolver", "\"dense\"", "it did not converge; use \"power\"");
-    let decomposition = full.self_adjoint_eigen(Side::Lower).map_err(failed)?;
-    let last = n - 1; // a matrix with a positive entry has a row
-    let mut vector: Vec<f64> = (0..n).map(|i| decomposition.U()[(i, last)]).collect();
-    let value = decomposition.S()[last];
-    // Perron: the principal eigenvector of a non-negative matrix can be chosen non-negative.
-    let sign = if sum(&vector) < 0.0 { -1.0 } else { 1.0 };
-    vector.iter_mut().for_each(|entry| *entry = (*entry * sign).max(0.0));
+    let (value, vector) = Dense::of(matrix, execution)?.principal_eigenpair(execution)?;
     Ok(Eigenpair { vector, value, steps: 0 })
+}
+
+/// The power of two by which the squares of entries neither over- nor underflow: 1 unless they would.
+fn safe_scale(entries: &[f64]) -> f64 {
+    let greatest = entries.iter().copied().fold(0.0, f64::max);
+    if SAFE.contains(&greatest) { 1.0 } else { scale_to_one(greatest) }
+}
+
+/// The power of two that brings a positive number to about 1, as far as one power does.
+pub(super) fn scale_to_one(greatest: f64) -> f64 {
+    (-greatest.log2().round()).clamp(-1000.0, 1000.0).exp2()
 }
 
 #[cfg(test)]

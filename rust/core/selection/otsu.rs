@@ -4,6 +4,7 @@
 //! where SS, SI, CV and GTM "adaptively" choose their threshold with it.
 
 use crate::error::{Error, Result, at_least_one};
+use crate::memory;
 
 /// Bins of the paper's own routine.
 pub const DEFAULT_BINS: usize = 100;
@@ -87,7 +88,10 @@ impl Threshold {
     }
 
     /// Selects the scores above the threshold. Scores of minus infinity are never selected.
-    pub fn above(&self, scores: &[f64]) -> Cut {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn above(&self, scores: &[f64]) -> Result<Cut> {
         match *self {
             Self::Fixed(threshold) => cut(scores, threshold),
             Self::Otsu(mode) => otsu(scores, mode),
@@ -96,26 +100,30 @@ impl Threshold {
 }
 
 /// Selects the scores above Otsu's threshold.
-pub fn otsu(scores: &[f64], mode: OtsuMode) -> Cut {
-    let finite: Vec<f64> = scores.iter().copied().filter(|s| s.is_finite()).collect();
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn otsu(scores: &[f64], mode: OtsuMode) -> Result<Cut> {
+    let finite = memory::collect(scores.iter().copied().filter(|s| s.is_finite()))?;
     let low = finite.iter().copied().fold(f64::INFINITY, f64::min);
     let high = finite.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if finite.is_empty() || high - low <= EQUAL_SCORES * low.abs().max(high.abs()) {
         // Equal positive scores are equally good; equal scores of zero mean no support.
-        let mask = scores.iter().map(|score| score.is_finite() && low > 0.0).collect();
-        return Cut { mask, threshold: None };
+        let mask = memory::collect(scores.iter().map(|score| score.is_finite() && low > 0.0))?;
+        return Ok(Cut { mask, threshold: None });
     }
     let threshold = match mode {
-        OtsuMode::MinMax { bins } => min_max(&finite, low, high, bins),
-        OtsuMode::Exact => exact(finite),
-        OtsuMode::Covis => covis(&finite),
-        OtsuMode::Legacy { bins } => legacy(&finite, low, high, bins),
+        OtsuMode::MinMax { bins } => min_max(&finite, low, high, bins)?,
+        OtsuMode::Exact => exact(finite)?,
+        OtsuMode::Covis => covis(&finite)?,
+        OtsuMode::Legacy { bins } => legacy(&finite, low, high, bins)?,
     };
     cut(scores, threshold)
 }
 
-fn cut(scores: &[f64], threshold: f64) -> Cut {
-    Cut { mask: scores.iter().map(|&score| score > threshold).collect(), threshold: Some(threshold) }
+fn cut(scores: &[f64], threshold: f64) -> Result<Cut> {
+    let mask = memory::collect(scores.iter().map(|&score| score > threshold))?;
+    Ok(Cut { mask, threshold: Some(threshold) })
 }
 
 /// Count, sum and extremes of the scores in a bin or a class.
@@ -154,9 +162,9 @@ fn separation(lower: Class, upper: Class) -> f64 {
 }
 
 /// The split of ordered classes with the greatest separation: the first of equals.
-fn best_split(classes: &[Class]) -> Option<(usize, Class, Class)> {
+fn best_split(classes: &[Class]) -> Result<Option<(usize, Class, Class)>> {
     // Suffix sums keep the upper class exact where a subtraction would lose digits.
-    let mut upper = vec![Class::EMPTY; classes.len() + 1];
+    let mut upper = memory::filled(Class::EMPTY, classes.len() + 1)?;
     for k in (0..classes.len()).rev() {
         upper[k] = upper[k + 1].union(classes[k]);
     }
@@ -174,34 +182,34 @@ fn best_split(classes: &[Class]) -> Option<(usize, Class, Class)> {
             best = Some((k, lower, upper[k + 1]));
         }
     }
-    best
+    Ok(best)
 }
 
-fn histogram(scores: &[f64], bins: usize, bin_of: impl Fn(f64) -> f64) -> Vec<Class> {
-    let mut classes = vec![Class::EMPTY; bins];
+fn histogram(scores: &[f64], bins: usize, bin_of: impl Fn(f64) -> f64) -> Result<Vec<Class>> {
+    let mut classes = memory::filled(Class::EMPTY, bins)?;
     for &score in scores {
         // A negative bin saturates to 0 in the cast.
         classes[(bin_of(score) as usize).min(bins - 1)].add(score);
     }
-    classes
+    Ok(classes)
 }
 
-fn min_max(scores: &[f64], low: f64, high: f64, bins: usize) -> f64 {
+fn min_max(scores: &[f64], low: f64, high: f64, bins: usize) -> Result<f64> {
     let width = (high - low) / bins as f64;
-    let classes = histogram(scores, bins, |score| (score - low) / width);
-    best_split(&classes).map_or(low, |(_, lower, upper)| midpoint(lower.max, upper.min))
+    let classes = histogram(scores, bins, |score| (score - low) / width)?;
+    Ok(best_split(&classes)?.map_or(low, |(_, lower, upper)| midpoint(lower.max, upper.min)))
 }
 
-fn exact(mut scores: Vec<f64>) -> f64 {
+fn exact(mut scores: Vec<f64>) -> Result<f64> {
     scores.sort_unstable_by(f64::total_cmp);
     let mut classes: Vec<Class> = Vec::new();
     for &score in &scores {
         match classes.last_mut() {
             Some(class) if class.max >= score => class.add(score),
-            _ => classes.push(Class { count: 1, sum: score, min: score, max: score }),
+            _ => memory::push(&mut classes, Class { count: 1, sum: score, min: score, max: score })?,
         }
     }
-    best_split(&classes).map_or(scores[0], |(_, lower, upper)| midpoint(lower.max, upper.min))
+    Ok(best_split(&classes)?.map_or(scores[0], |(_, lower, upper)| midpoint(lower.max, upper.min)))
 }
 
 /// Midpoint that stays strictly below `upper`, so that `>` and `>=` select the same scores.
@@ -210,24 +218,24 @@ fn midpoint(lower: f64, upper: f64) -> f64 {
     if middle < upper { middle } else { lower }
 }
 
-fn covis(scores: &[f64]) -> f64 {
+fn covis(scores: &[f64]) -> Result<f64> {
     let bins = ((scores.len() as f64).sqrt() + 0.5) as usize;
     if bins < 2 {
-        return 0.0;
+        return Ok(0.0);
     }
     let clamped = |score: f64| (score * bins as f64).clamp(0.0, bins as f64 - 1.0).floor();
-    let mut classes = vec![Class::EMPTY; bins];
+    let mut classes = memory::filled(Class::EMPTY, bins)?;
     for &score in scores {
         let bin = clamped(score);
         classes[bin as usize].add(bin);
     }
-    best_split(&classes).map_or(0.0, |(k, _, _)| k as f64 / (bins - 1) as f64)
+    Ok(best_split(&classes)?.map_or(0.0, |(k, _, _)| k as f64 / (bins - 1) as f64))
 }
 
-fn legacy(scores: &[f64], low: f64, high: f64, bins: usize) -> f64 {
+fn legacy(scores: &[f64], low: f64, high: f64, bins: usize) -> Result<f64> {
     let step = (high - low) / bins as f64;
-    let classes = histogram(scores, bins, |score| score / step);
-    best_split(&classes).map_or((high - low) / 2.0, |(k, _, _)| k as f64 * step)
+    let classes = histogram(scores, bins, |score| score / step)?;
+    Ok(best_split(&classes)?.map_or((high - low) / 2.0, |(k, _, _)| k as f64 * step))
 }
 
 #[cfg(test)]
@@ -237,52 +245,58 @@ mod tests {
     const MODE: OtsuMode = OtsuMode::MinMax { bins: 100 };
 
     #[test]
-    fn two_clusters_split_half_way() {
+    fn two_clusters_split_half_way() -> Result<()> {
         let scores = [0.1, 0.2, 0.15, 0.9, 0.8];
         for mode in [MODE, OtsuMode::Exact] {
-            let Cut { mask, threshold } = otsu(&scores, mode);
+            let Cut { mask, threshold } = otsu(&scores, mode)?;
             let threshold = threshold.unwrap_or_default();
             assert_eq!(mask, [false, false, false, true, true]);
             assert!((threshold - 0.5).abs() < 1e-15, "{threshold}");
         }
+        Ok(())
     }
 
     #[test]
-    fn equal_scores_are_all_or_nothing() {
-        assert_eq!(otsu(&[2.0; 3], MODE).mask, [true; 3]);
-        assert_eq!(otsu(&[0.0; 3], MODE).mask, [false; 3]);
-        assert_eq!(otsu(&[-1.0; 3], MODE).mask, [false; 3]);
-        assert_eq!(otsu(&[1e-5, 1e-5 * (1.0 + 1e-12)], MODE).mask, [true; 2]);
-        assert!(otsu(&[], MODE).mask.is_empty());
+    fn equal_scores_are_all_or_nothing() -> Result<()> {
+        assert_eq!(otsu(&[2.0; 3], MODE)?.mask, [true; 3]);
+        assert_eq!(otsu(&[0.0; 3], MODE)?.mask, [false; 3]);
+        assert_eq!(otsu(&[-1.0; 3], MODE)?.mask, [false; 3]);
+        assert_eq!(otsu(&[1e-5, 1e-5 * (1.0 + 1e-12)], MODE)?.mask, [true; 2]);
+        assert!(otsu(&[], MODE)?.mask.is_empty());
+        Ok(())
     }
 
     #[test]
-    fn scores_without_a_value_are_left_out() {
-        let cut = otsu(&[f64::NEG_INFINITY, 0.1, 0.9], MODE);
+    fn scores_without_a_value_are_left_out() -> Result<()> {
+        let cut = otsu(&[f64::NEG_INFINITY, 0.1, 0.9], MODE)?;
         assert_eq!(cut.mask, [false, false, true]);
         assert!((cut.threshold.unwrap_or_default() - 0.5).abs() < 1e-15);
+        Ok(())
     }
 
     #[test]
-    fn neighbouring_numbers_split() {
+    fn neighbouring_numbers_split() -> Result<()> {
         let low = 1e-300;
-        let cut = otsu(&[low, 3.0 * low], MODE);
+        let cut = otsu(&[low, 3.0 * low], MODE)?;
         assert_eq!(cut.mask, [false, true]);
+        Ok(())
     }
 
     #[test]
-    fn covis_cuts_on_bin_indices() {
+    fn covis_cuts_on_bin_indices() -> Result<()> {
         // n = 9 gives 3 bins; the best split is after bin 0: t = 0 / 2.
-        let cut = otsu(&[0.0, 0.1, 0.2, 0.3, 0.1, 0.9, 1.0, 0.8, 0.9], OtsuMode::Covis);
+        let cut = otsu(&[0.0, 0.1, 0.2, 0.3, 0.1, 0.9, 1.0, 0.8, 0.9], OtsuMode::Covis)?;
         assert!(cut.threshold.is_some_and(|t| t.abs() < 1e-15));
         assert_eq!(cut.mask.iter().filter(|&&m| m).count(), 8);
+        Ok(())
     }
 
     #[test]
-    fn legacy_ignores_the_offset() {
+    fn legacy_ignores_the_offset() -> Result<()> {
         // Bins of width 0.001 from 0: every score above 0.1 falls in the last bin, no split exists.
-        let cut = otsu(&[0.5, 0.55, 0.6], OtsuMode::Legacy { bins: 100 });
+        let cut = otsu(&[0.5, 0.55, 0.6], OtsuMode::Legacy { bins: 100 })?;
         assert!((cut.threshold.unwrap_or_default() - 0.05).abs() < 1e-12);
         assert_eq!(cut.mask, [true; 3]);
+        Ok(())
     }
 }

@@ -8,6 +8,7 @@ use crate::execution::Execution;
 use crate::features::normals::{Scatter, scatter};
 use crate::features::voxels::voxel_downsample;
 use crate::geometry::ball_search::{Ball, BallSearch};
+use crate::memory;
 use crate::points::Points;
 use crate::verification::sampling;
 
@@ -107,17 +108,12 @@ fn root_mean_square(samples: &[Sample]) -> f64 {
 fn sample(points: &Points, around: &BallSearch, spacing: f64, execution: &Execution) -> Result<Vec<Sample>> {
     let step = points.len().div_ceil(PLANES).max(1);
     let rows: Vec<usize> = (0..points.len()).step_by(step).collect();
-    let places: Vec<Sample> = rows
-        .par_iter()
-        .map_init(Ball::default, |ball, &row| {
-            execution.check()?;
-            around.within(&points.get(row), ball);
-            Ok(plane(points.get(row), ball))
-        })
-        .collect::<Result<Vec<Option<Sample>>>>()?
-        .into_iter()
-        .flatten()
-        .collect();
+    let planes = rows.par_iter().map_init(Ball::default, |ball, &row| {
+        execution.check()?;
+        around.within(&points.get(row), ball)?;
+        Ok(plane(points.get(row), ball))
+    });
+    let places: Vec<Sample> = memory::par_try_collect(planes)?.into_iter().flatten().collect();
     if places.is_empty() || (places.len() as f64) < LEAST_SHARE * rows.len() as f64 {
         let got = format!("{spacing:.3e}, at which {} of {} places have a plane", places.len(), rows.len());
         let across = points.diagonal();

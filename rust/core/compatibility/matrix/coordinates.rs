@@ -5,6 +5,8 @@
 
 use std::ops::{Add, Mul, Sub};
 
+use crate::error::Result;
+use crate::memory;
 use crate::simd::{self, DOUBLES, Kernel, Lanes, SINGLES};
 
 /// The number type of coordinates, and of the scores computed from them.
@@ -100,19 +102,25 @@ pub struct Sides<T> {
 
 impl<T: Coordinate> Sides<T> {
     /// From the axes, which need not be whole groups.
-    pub fn new(axes: [Vec<T>; 6], zero_squared: [T; 2]) -> Self {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(axes: [Vec<T>; 6], zero_squared: [T; 2]) -> Result<Self> {
         let filled_up = |mut axis: Vec<T>| {
-            axis.resize(axis.len().next_multiple_of(SINGLES), T::default());
-            axis
+            let whole_groups = axis.len().next_multiple_of(SINGLES);
+            memory::resize(&mut axis, whole_groups, T::default())?;
+            Ok(axis)
         };
-        Self { axes: axes.map(filled_up), zero_squared }
+        Ok(Self { axes: memory::try_map(axes, filled_up)?, zero_squared })
     }
 
     /// The correspondences `indices` alone.
-    #[must_use]
-    pub fn subset(&self, indices: &[usize]) -> Self {
-        let pick = |axis: &Vec<T>| indices.iter().map(|&i| axis[i]).collect();
-        Self::new(self.axes.each_ref().map(pick), self.zero_squared)
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn subset(&self, indices: &[usize]) -> Result<Self> {
+        let pick = |axis: &Vec<T>| memory::collect(indices.iter().map(|&i| axis[i]));
+        Self::new(memory::try_map(self.axes.each_ref(), pick)?, self.zero_squared)
     }
 
     #[inline(always)]
@@ -124,13 +132,15 @@ impl<T: Coordinate> Sides<T> {
 
 impl Sides<f64> {
     /// The same in f32.
-    #[must_use]
-    pub fn to_single(&self) -> Sides<f32> {
-        let convert = |axis: &Vec<f64>| axis.iter().map(|&value| value as f32).collect();
-        Sides {
-            axes: self.axes.each_ref().map(convert),
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn to_single(&self) -> Result<Sides<f32>> {
+        let convert = |axis: &Vec<f64>| memory::collect(axis.iter().map(|&value| value as f32));
+        Ok(Sides {
+            axes: memory::try_map(self.axes.each_ref(), convert)?,
             zero_squared: self.zero_squared.map(|value| value as f32),
-        }
+        })
     }
 }
 
@@ -217,12 +227,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn coincident_points_score_zero() {
+    fn coincident_points_score_zero() -> Result<()> {
         let zeros = || vec![0.0; 3];
         let axes = [vec![0.0, 1.0, 2.0], zeros(), zeros(), vec![0.0, 0.0, 1.0], zeros(), zeros()];
-        let sides = Sides::new(axes, [1e-20; 2]);
+        let sides = Sides::new(axes, [1e-20; 2])?;
         let mut row = vec![0.0; 3];
         f64::fill_ratios(&sides, 0, 0, &mut row);
         assert_eq!(row, [0.0, 0.0, 0.5]);
+        Ok(())
     }
 }

@@ -18,6 +18,7 @@ use self::levels::{LEVELS, interleave};
 use self::tiles::{Cut, Part, Rows, TILE};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 
 /// Most correspondences whose scores are kept in f64.
@@ -44,7 +45,7 @@ impl PairMatrix {
     /// Builds the matrix; `diagonal` is zero where it is not given.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn new(
         source: &Points,
         target: &Points,
@@ -52,7 +53,7 @@ impl PairMatrix {
         diagonal: Option<Vec<f64>>,
         execution: &Execution,
     ) -> Result<Self> {
-        let positions = PairPositions::new(source, target);
+        let positions = PairPositions::new(source, target)?;
         Self::of(positions, score, diagonal, execution)
     }
 
@@ -69,7 +70,7 @@ impl PairMatrix {
         let form = if positions.len() <= DOUBLE_LIMIT {
             Form::Double(cut.fill_if_fits(execution, fill_rows(&positions, score))?)
         } else {
-            let singles = positions.to_single();
+            let singles = positions.to_single()?;
             let stored = cut.in_whole_groups().fill_if_fits(execution, fill_levels(&singles, score))?;
             Form::Rounded(singles, stored)
         };
@@ -79,16 +80,17 @@ impl PairMatrix {
     /// The matrix of the correspondences `indices` alone.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn subset(&self, indices: &[usize], execution: &Execution) -> Result<Self> {
-        let diagonal = self.diagonal.as_ref().map(|values| indices.iter().map(|&i| values[i]).collect());
-        Self::of(self.positions.subset(indices), self.score, diagonal, execution)
+        let among = |values: &Vec<f64>| memory::collect(indices.iter().map(|&i| values[i]));
+        let diagonal = self.diagonal.as_ref().map(among).transpose()?;
+        Self::of(self.positions.subset(indices)?, self.score, diagonal, execution)
     }
 
     /// The matrix of the correspondences `indices` alone, in place of this one: never both in memory.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn into_subset(mut self, indices: &[usize], execution: &Execution) -> Result<Self> {
         self.form = Form::Double(None);
         self.subset(indices, execution)
@@ -107,7 +109,7 @@ impl PairMatrix {
     /// `M x`.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn multiply(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
         let cut = self.cut();
         let product = match &self.form {
@@ -126,14 +128,14 @@ impl PairMatrix {
     /// `M x` with the entries that are kept: off by about [`Self::rounding`] times the sum of `x`.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn multiply_rounded(&self, x: &[f64], execution: &Execution) -> Result<Vec<f64>> {
         let Form::Rounded(positions, stored) = &self.form else {
             return self.multiply(x, execution);
         };
         let rows = Rows { stored: stored.as_deref(), fill: fill_levels(positions, self.score) };
-        let levels = self.cut().in_whole_groups().multiply(&rows, x, execution)?;
-        let product = levels.into_iter().map(|sum| sum / f64::from(LEVELS)).collect();
+        let mut product = self.cut().in_whole_groups().multiply(&rows, x, execution)?;
+        product.iter_mut().for_each(|sum| *sum /= f64::from(LEVELS));
         Ok(self.plus_diagonal(product, x))
     }
 
@@ -158,13 +160,21 @@ impl PairMatrix {
     }
 
     /// Row `i` in f64.
-    pub fn row(&self, i: usize) -> Vec<f64> {
-        let mut row = vec![0.0; self.len()];
-        self.positions.fill_row(self.score, i, &mut row);
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn row(&self, i: usize) -> Result<Vec<f64>> {
+        let mut row = memory::filled(0.0, self.len())?;
+        self.fill_row(i, &mut row);
+        Ok(row)
+    }
+
+    /// Writes row `i` in f64.
+    pub fn fill_row(&self, i: usize, row: &mut [f64]) {
+        self.positions.fill_row(self.score, i, row);
         if let Some(diagonal) = &self.diagonal {
             row[i] = diagonal[i];
         }
-        row
     }
 }
 
@@ -208,10 +218,10 @@ mod tests {
         let execution = Execution::default();
         let matrix = PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, &execution)?;
         let expected = [0.0, 0.5, 1.0, 3.0 / 10.0_f64.sqrt()];
-        for (got, want) in matrix.row(0).iter().zip(expected) {
+        for (got, want) in matrix.row(0)?.iter().zip(expected) {
             assert!((got - want).abs() < 1e-15, "{got} {want}");
         }
-        assert!(matrix.row(2)[3].abs() < 1e-15, "coincident source points score 0");
+        assert!(matrix.row(2)?[3].abs() < 1e-15, "coincident source points score 0");
         Ok(())
     }
 
@@ -222,8 +232,8 @@ mod tests {
         for (one_to_one, expected) in [(true, 0.0), (false, 1.0)] {
             let score = PairScore::DistanceDifferenceIndicator { tolerance: 1.5, one_to_one };
             let matrix = PairMatrix::new(&source, &target, score, None, &execution)?;
-            assert!((matrix.row(2)[3] - expected).abs() < 1e-15);
-            assert!(matrix.row(2)[2].abs() < 1e-15, "no score with itself");
+            assert!((matrix.row(2)?[3] - expected).abs() < 1e-15);
+            assert!(matrix.row(2)?[2].abs() < 1e-15, "no score with itself");
         }
         Ok(())
     }
@@ -235,9 +245,9 @@ mod tests {
         let score = PairScore::SquaredDistanceDifference { tolerance: 4.0 };
         let matrix = PairMatrix::new(&source, &target, score, Some(vec![1.0; 4]), &execution)?;
         // The edges 0-1 and 2-3 have the lengths 2 and 4, and 0 and 1.
-        assert!((matrix.row(0)[1] - 0.75).abs() < 1e-15);
-        assert!((matrix.row(2)[3] - 0.9375).abs() < 1e-15);
-        assert!((matrix.row(2)[2] - 1.0).abs() < 1e-15);
+        assert!((matrix.row(0)?[1] - 0.75).abs() < 1e-15);
+        assert!((matrix.row(2)?[3] - 0.9375).abs() < 1e-15);
+        assert!((matrix.row(2)?[2] - 1.0).abs() < 1e-15);
         Ok(())
     }
 
@@ -267,7 +277,7 @@ mod tests {
                     // Rounding of entries, and a pair in a million at a threshold.
                     let bound = if n <= DOUBLE_LIMIT { 1e-9 } else { 1.5 + 1e-5 * n as f64 };
                     for (i, (entry, rounded)) in product.iter().zip(&rounded).enumerate() {
-                        let plain: f64 = matrix.row(i).iter().zip(&x).map(|(a, b)| a * b).sum();
+                        let plain: f64 = matrix.row(i)?.iter().zip(&x).map(|(a, b)| a * b).sum();
                         assert!((entry - plain).abs() < bound, "{n} {i} {entry} {plain}");
                         assert!((rounded - plain).abs() < bound, "{n} {i} {rounded} {plain}");
                     }
@@ -288,7 +298,7 @@ mod tests {
         let matrix = PairMatrix::new(&source, &target, PairScore::DistanceRatio, None, &execution)?;
         let (product, rounded) = (matrix.multiply(&x, &execution)?, matrix.multiply_rounded(&x, &execution)?);
         for (i, (entry, rounded)) in product.iter().zip(rounded).enumerate() {
-            let plain: f64 = matrix.row(i).iter().zip(&x).map(|(a, b)| a * b).sum();
+            let plain: f64 = matrix.row(i)?.iter().zip(&x).map(|(a, b)| a * b).sum();
             assert!((entry - plain).abs() < 2e-7 * plain, "{i} {entry} {plain}");
             assert!((rounded - plain).abs() < 2e-6 * plain, "{i} {rounded} {plain}");
         }

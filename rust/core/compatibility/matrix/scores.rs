@@ -1,6 +1,8 @@
 //! What two correspondences score together, row by row.
 
 use super::coordinates::{Coordinate, Sides, fill_row};
+use crate::error::Result;
+use crate::memory;
 use crate::points::{Points, unit_scale};
 use crate::simd;
 
@@ -50,29 +52,36 @@ pub struct PairPositions<T> {
 
 impl PairPositions<f64> {
     /// Of matched points.
-    pub fn new(source: &Points, target: &Points) -> Self {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(source: &Points, target: &Points) -> Result<Self> {
         let scale = unit_scale(source.diagonal().max(target.diagonal()));
         let axes = [&source.x, &source.y, &source.z, &target.x, &target.y, &target.z];
-        let scaled = axes.map(|axis| axis.iter().map(|value| value * scale).collect());
+        let scaled = memory::try_map(axes, |axis| memory::collect(axis.iter().map(|value| value * scale)))?;
         let zero_squared = [source, target].map(|points| {
             let zero = points.zero_length() * scale;
             zero * zero
         });
-        Self { sides: Sides::new(scaled, zero_squared), scale, count: source.len() }
+        Ok(Self { sides: Sides::new(scaled, zero_squared)?, scale, count: source.len() })
     }
 
     /// The same in f32.
-    #[must_use]
-    pub fn to_single(&self) -> PairPositions<f32> {
-        PairPositions { sides: self.sides.to_single(), scale: self.scale, count: self.count }
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn to_single(&self) -> Result<PairPositions<f32>> {
+        Ok(PairPositions { sides: self.sides.to_single()?, scale: self.scale, count: self.count })
     }
 }
 
 impl<T: Coordinate> PairPositions<T> {
     /// The correspondences `indices` alone.
-    #[must_use]
-    pub fn subset(&self, indices: &[usize]) -> Self {
-        Self { sides: self.sides.subset(indices), scale: self.scale, count: indices.len() }
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn subset(&self, indices: &[usize]) -> Result<Self> {
+        Ok(Self { sides: self.sides.subset(indices)?, scale: self.scale, count: indices.len() })
     }
 
     /// Number of correspondences.

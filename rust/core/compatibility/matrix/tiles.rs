@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::products::{Entry, ROW_GROUP};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::simd::SINGLES;
 
 /// Bands that the rows are cut into: enough for many threads, few enough that their sums are cheap to add.
@@ -99,7 +100,7 @@ impl Cut {
             return Ok(None);
         }
         let fill_band = |(band, rows): (usize, Range<usize>)| {
-            let mut entries = vec![T::default(); self.band_entries(&rows)];
+            let mut entries = memory::filled(T::default(), self.band_entries(&rows))?;
             for Tile { offset, columns, .. } in self.tiles(band, &rows) {
                 for (group, entries) in
                     groups(&rows).zip(entries[offset..].chunks_exact_mut(ROW_GROUP * columns.len()))
@@ -110,7 +111,7 @@ impl Cut {
             }
             Ok(entries)
         };
-        self.bands().map(fill_band).collect::<Result<_>>().map(Some)
+        memory::par_try_collect(self.bands().map(fill_band)).map(Some)
     }
 
     /// The product with `x`.
@@ -121,12 +122,11 @@ impl Cut {
         execution: &Execution,
     ) -> Result<Vec<f64>> {
         let filled_up = x.iter().copied().chain(std::iter::repeat(0.0));
-        let x: Vec<T::Number> = filled_up.take(self.columns).map(T::number).collect();
-        let products: Vec<BandProduct> = self
-            .bands()
-            .map(|band| self.multiply_band(matrix, band, &x, execution))
-            .collect::<Result<_>>()?;
-        let mut result: Vec<f64> = products.iter().flat_map(|product| product.own.iter().copied()).collect();
+        let x = memory::collect(filled_up.take(self.columns).map(T::number))?;
+        let products = self.bands().map(|band| self.multiply_band(matrix, band, &x, execution));
+        let products = memory::par_try_collect(products)?;
+        let mut result = memory::with_capacity(self.rows)?;
+        products.iter().for_each(|product| result.extend_from_slice(&product.own));
         result.par_chunks_mut(TILE).enumerate().for_each(|(chunk, entries)| {
             let first = chunk * TILE;
             for BandProduct { rows, mirrored, .. } in &products {
@@ -147,9 +147,9 @@ impl Cut {
         execution: &Execution,
     ) -> Result<BandProduct> {
         let square_end = self.square_end(&rows);
-        let mut own = vec![0.0; rows.len()];
-        let mut mirrored = vec![0.0; self.columns - square_end];
-        let mut buffer = Vec::new();
+        let mut own = memory::filled(0.0, rows.len())?;
+        let mut mirrored = memory::filled(0.0, self.columns - square_end)?;
+        let mut buffer = matrix.buffer()?;
         for tile in self.tiles(band, &rows) {
             execution.check()?;
             let columns = &tile.columns;
@@ -182,6 +182,7 @@ fn groups(rows: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
 }
 
 /// What the rows of a band contribute to a product.
+#[derive(Clone, Default)]
 struct BandProduct {
     rows: Range<usize>,
     /// To their own entries.
@@ -197,14 +198,19 @@ pub(super) struct Rows<'a, T, F> {
 }
 
 impl<T: Entry, F: Fn(&Part, &mut [T])> Rows<'_, T, F> {
+    /// What rows that are not kept are filled in into.
+    fn buffer(&self) -> Result<Vec<T>> {
+        memory::filled(T::default(), if self.stored.is_some() { 0 } else { ROW_GROUP * TILE })
+    }
+
     /// A group of rows of a tile.
-    fn group<'a>(&'a self, tile: &Tile, rows: &Range<usize>, buffer: &'a mut Vec<T>) -> &'a [T] {
+    fn group<'a>(&'a self, tile: &Tile, rows: &Range<usize>, buffer: &'a mut [T]) -> &'a [T] {
         let length = ROW_GROUP * tile.columns.len();
         if let Some(bands) = self.stored {
             let first = tile.offset + (rows.start - tile.first_row) * tile.columns.len();
             return &bands[tile.band][first..first + length];
         }
-        buffer.resize(length, T::default());
+        let buffer = &mut buffer[..length];
         (self.fill)(&Part { rows: rows.clone(), columns: tile.columns.clone() }, buffer);
         buffer
     }

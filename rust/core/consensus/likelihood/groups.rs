@@ -2,7 +2,9 @@
 
 use nalgebra::Matrix3;
 
+use crate::error::Result;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::simd::DOUBLES;
 
 /// Source x, y, z, then target x, y, z, then the level of correspondences; what is left of the last group has a level
@@ -14,12 +16,12 @@ const TERMS: usize = 7;
 pub type Detail = [[f64; DOUBLES]; 10];
 
 /// Puts terms side by side.
-pub fn in_groups(terms: impl ExactSizeIterator<Item = [f64; TERMS]>) -> Vec<Group> {
+pub fn in_groups(terms: impl ExactSizeIterator<Item = [f64; TERMS]>) -> Result<Vec<Group>> {
     pack(terms, f64::NEG_INFINITY)
 }
 
 /// Puts weights and rotations side by side.
-pub fn details_in_groups(rotations: &[Option<Matrix3<f64>>], weights: &[f64]) -> Vec<Detail> {
+pub fn details_in_groups(rotations: &[Option<Matrix3<f64>>], weights: &[f64]) -> Result<Vec<Detail>> {
     let detail = |(rotation, &weight): (&Option<Matrix3<f64>>, &f64)| {
         let rotation = rotation.unwrap_or_else(Matrix3::zeros);
         std::array::from_fn(|k| if k == 0 { weight } else { rotation[((k - 1) / 3, (k - 1) % 3)] })
@@ -31,15 +33,15 @@ pub fn details_in_groups(rotations: &[Option<Matrix3<f64>>], weights: &[f64]) ->
 fn pack<const N: usize>(
     rows: impl ExactSizeIterator<Item = [f64; N]>,
     rest: f64,
-) -> Vec<[[f64; DOUBLES]; N]> {
+) -> Result<Vec<[[f64; DOUBLES]; N]>> {
     let mut empty = [[0.0; DOUBLES]; N];
     empty[N - 1] = [rest; DOUBLES];
-    let mut groups = vec![empty; rows.len().div_ceil(DOUBLES)];
+    let mut groups = memory::filled(empty, rows.len().div_ceil(DOUBLES))?;
     for (i, row) in rows.enumerate() {
         let group = &mut groups[i / DOUBLES];
         (0..N).for_each(|k| group[k][i % DOUBLES] = row[k]);
     }
-    groups
+    Ok(groups)
 }
 
 /// The rows of some correspondences, side by side.
@@ -47,7 +49,7 @@ pub fn take<const N: usize>(
     groups: &[[[f64; DOUBLES]; N]],
     kept: &[usize],
     rest: f64,
-) -> Vec<[[f64; DOUBLES]; N]> {
+) -> Result<Vec<[[f64; DOUBLES]; N]>> {
     pack(kept.iter().map(|&i| terms(groups, i)), rest)
 }
 

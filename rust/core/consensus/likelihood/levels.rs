@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::ball_search::BallSearch;
+use crate::memory;
 use crate::points::Points;
 
 /// Share of correspondences that is right where nothing is known: one in a hundred, but ten at least.
@@ -18,7 +19,8 @@ const RATIO_TERM: (f64, f64) = (-0.8, 3.0);
 /// many correspondences start or end within `radius` of it, the nearer the more.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`].
+/// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`],
+/// [`crate::Error::OutOfMemory`].
 pub fn levels(
     source: &Points,
     target: &Points,
@@ -34,7 +36,7 @@ pub fn levels(
             .map_or(0.0, |ratio| (RATIO_SLOPE * (RATIO_EVEN - ratio[i])).clamp(RATIO_TERM.0, RATIO_TERM.1));
         (share * n / starts[i].max(ends[i])).ln() + term
     };
-    Ok((0..source.len()).map(level).collect())
+    memory::collect((0..source.len()).map(level))
 }
 
 /// `sum over k of max(0, 1 - d_ik^2 / radius^2)` at each point.
@@ -59,7 +61,7 @@ pub fn cluster_sizes(
 ) -> Result<Vec<f64>> {
     let search = BallSearch::new(source, radius)?;
     let limit = radius * radius;
-    let partners = search.reorder(&(0..target.len()).map(|j| target.get(j)).collect::<Vec<_>>());
+    let partners = search.reorder(&memory::collect((0..target.len()).map(|j| target.get(j)))?)?;
     search.map_points(execution, |position, ball| {
         let center = partners[position as usize];
         let near = ball.positions().iter().zip(ball.squared_distances()).filter(|&(&place, square)| {

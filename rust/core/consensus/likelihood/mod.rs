@@ -11,7 +11,9 @@ pub mod levels;
 
 use nalgebra::{Matrix3, Point3};
 
+use crate::error::Result;
 use crate::geometry::rigid::{Rigid, fit_weighted, fixes_rotation};
+use crate::memory;
 use crate::points::Points;
 use crate::simd::{self, DOUBLES};
 use groups::{Detail, Group, by_rows, cosines, details_in_groups, in_groups, squared_residuals};
@@ -42,7 +44,7 @@ impl FrameTerm {
 }
 
 /// What the score of a pose adds up.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Likelihood {
     groups: Vec<Group>,
     /// One beside each group where correspondences have weights or frames, else none.
@@ -66,36 +68,52 @@ pub struct Support {
 
 impl Likelihood {
     /// Of matched points and their levels.
-    pub fn new(source: &Points, target: &Points, levels: &[f64], deviation: f64, reach: f64) -> Self {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(source: &Points, target: &Points, levels: &[f64], deviation: f64, reach: f64) -> Result<Self> {
         let terms = |i: usize| {
             let (p, q) = (source.get(i), target.get(i));
             [p.x, p.y, p.z, q.x, q.y, q.z, levels[i]]
         };
-        let groups = in_groups((0..levels.len()).map(terms));
+        let groups = in_groups((0..levels.len()).map(terms))?;
         let (details, frame_term) = (Vec::new(), FrameTerm::SILENT);
-        Self { groups, details, frame_term, len: levels.len(), deviation, reach }
+        Ok(Self { groups, details, frame_term, len: levels.len(), deviation, reach })
+    }
+
+    /// A copy.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn copied(&self) -> Result<Self> {
+        let (groups, details) = (memory::copied(&self.groups)?, memory::copied(&self.details)?);
+        Ok(Self { groups, details, ..*self })
     }
 
     /// The same where each correspondence counts by its weight, and its frames propose a rotation or none.
-    #[must_use]
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
     pub fn with_frames(
         mut self,
         rotations: &[Option<Matrix3<f64>>],
         weights: &[f64],
         term: FrameTerm,
-    ) -> Self {
+    ) -> Result<Self> {
         for (i, _) in rotations.iter().enumerate().filter(|(_, rotation)| rotation.is_some()) {
             self.groups[i / DOUBLES][6][i % DOUBLES] += term.loss;
         }
-        self.details = details_in_groups(rotations, weights);
+        self.details = details_in_groups(rotations, weights)?;
         self.frame_term = term;
-        self
+        Ok(self)
     }
 
     /// The same levels between other points, by position alone.
-    #[must_use]
-    pub fn between(&self, source: &Points, target: &Points) -> Self {
-        let levels: Vec<f64> = (0..self.len).map(|i| groups::terms(&self.groups, i)[6]).collect();
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn between(&self, source: &Points, target: &Points) -> Result<Self> {
+        let levels = memory::collect((0..self.len).map(|i| groups::terms(&self.groups, i)[6]))?;
         Self::new(source, target, &levels, self.deviation, self.reach)
     }
 
@@ -121,15 +139,17 @@ impl Likelihood {
     }
 
     /// The same without the correspondences that a pose leaves a residual below the reach.
-    #[must_use]
-    pub fn without_supporters(&self, pose: &Rigid) -> Self {
-        let squares = self.squared_residuals(pose);
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn without_supporters(&self, pose: &Rigid) -> Result<Self> {
+        let squares = self.squared_residuals(pose)?;
         let limit = self.reach * self.reach;
-        let kept: Vec<usize> = (0..self.len).filter(|&i| squares[i] >= limit).collect();
-        let groups = groups::take(&self.groups, &kept, f64::NEG_INFINITY);
+        let kept = memory::collect((0..self.len).filter(|&i| squares[i] >= limit))?;
+        let groups = groups::take(&self.groups, &kept, f64::NEG_INFINITY)?;
         let details =
-            if self.details.is_empty() { Vec::new() } else { groups::take(&self.details, &kept, 0.0) };
-        Self { groups, details, len: kept.len(), ..*self }
+            if self.details.is_empty() { Vec::new() } else { groups::take(&self.details, &kept, 0.0)? };
+        Ok(Self { groups, details, len: kept.len(), ..*self })
     }
 
     /// The score of a pose: sum of `max(0, level - r^2 / (2 deviation^2))` over residuals r below the reach; where there are
@@ -171,16 +191,23 @@ impl Likelihood {
     }
 
     /// The probability of each correspondence to be right, given the pose.
-    pub fn posteriors(&self, pose: &Rigid) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn posteriors(&self, pose: &Rigid) -> Result<Vec<f64>> {
         let factor = 0.5 / (self.deviation * self.deviation);
-        let (levels, squares) = (self.levels_under(pose), self.squared_residuals(pose));
-        levels.iter().zip(squares).map(|(level, square)| posterior(level - factor * square)).collect()
+        let (mut levels, squares) = (self.levels_under(pose)?, self.squared_residuals(pose)?);
+        levels
+            .iter_mut()
+            .zip(squares)
+            .for_each(|(level, square)| *level = posterior(*level - factor * square));
+        Ok(levels)
     }
 
     /// The level of each correspondence, with what its frames say of the pose.
-    fn levels_under(&self, pose: &Rigid) -> Vec<f64> {
+    fn levels_under(&self, pose: &Rigid) -> Result<Vec<f64>> {
         let (most, slope) = self.frame_term.bonus();
-        let mut levels: Vec<f64> = self.groups.iter().flat_map(|group| group[6]).collect();
+        let mut levels = memory::collect(self.groups.iter().map(|group| group[6]))?.into_flattened();
         levels.truncate(self.len);
         if !self.details.is_empty() {
             let transform = by_rows(pose);
@@ -190,7 +217,7 @@ impl Likelihood {
                 .zip(cosines)
                 .for_each(|(level, cos)| *level += (most - slope * (1.0 - cos)).max(0.0));
         }
-        levels
+        Ok(levels)
     }
 
     fn weight(&self, i: usize) -> f64 {
@@ -199,35 +226,40 @@ impl Likelihood {
 
     /// The pose after one round of weighted least squares for each of the given deviations, in turn; where
     /// the points that it is fitted to leave a rotation open, the pose before.
-    #[must_use]
-    pub fn refined(&self, pose: &Rigid, deviations: impl Iterator<Item = f64>) -> Rigid {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn refined(&self, pose: &Rigid, deviations: impl Iterator<Item = f64>) -> Result<Rigid> {
         let mut pose = *pose;
         for deviation in deviations {
-            let Some(next) = self.refit(&pose, deviation) else { break };
+            let Some(next) = self.refit(&pose, deviation)? else { break };
             pose = next;
         }
-        pose
+        Ok(pose)
     }
 
-    fn refit(&self, pose: &Rigid, deviation: f64) -> Option<Rigid> {
+    fn refit(&self, pose: &Rigid, deviation: f64) -> Result<Option<Rigid>> {
         let (limit, factor) = ((REFINED * deviation).powi(2), 0.5 / (deviation * deviation));
         let (mut p, mut q, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        let levels = self.levels_under(pose);
-        for (i, square) in self.squared_residuals(pose).into_iter().enumerate() {
+        let levels = self.levels_under(pose)?;
+        for (i, square) in self.squared_residuals(pose)?.into_iter().enumerate() {
             if square < limit {
                 let (start, end) = self.points(i);
-                p.push(start);
-                q.push(end);
-                weights.push(self.weight(i) * posterior(levels[i] - factor * square));
+                memory::push(&mut p, start)?;
+                memory::push(&mut q, end)?;
+                memory::push(&mut weights, self.weight(i) * posterior(levels[i] - factor * square))?;
             }
         }
-        fixes_rotation(&p, &q).then(|| fit_weighted(&p, &q, &weights))
+        Ok(fixes_rotation(&p, &q).then(|| fit_weighted(&p, &q, &weights)))
     }
 
     /// `|R p + t - q|^2` of each correspondence.
-    pub fn squared_residuals(&self, pose: &Rigid) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn squared_residuals(&self, pose: &Rigid) -> Result<Vec<f64>> {
         let transform = by_rows(pose);
-        let mut squares = vec![[0.0; DOUBLES]; self.groups.len()];
+        let mut squares = memory::filled([0.0; DOUBLES], self.groups.len())?;
         simd::run(
             #[inline(always)]
             || {
@@ -238,7 +270,7 @@ impl Likelihood {
         );
         let mut squares = squares.into_flattened();
         squares.truncate(self.len);
-        squares
+        Ok(squares)
     }
 }
 
@@ -250,7 +282,6 @@ fn posterior(log_odds: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Result;
     use crate::geometry::rigid::fit_rigid;
     use nalgebra::{Rotation3, Vector3};
 
@@ -263,7 +294,7 @@ mod tests {
 
     /// Target points farther and farther from where they should be.
     fn shifted(points: &Points) -> Result<Points> {
-        let rows = points.rows().into_iter().enumerate();
+        let rows = points.rows().enumerate();
         let rows: Vec<[f64; 3]> = rows.map(|(i, [x, y, z])| [x, y + 0.1 * i as f64, z]).collect();
         Points::from_rows("target", &rows)
     }
@@ -274,8 +305,8 @@ mod tests {
             let source = points(n)?;
             let target = shifted(&source)?;
             let levels: Vec<f64> = (0..n).map(|i| 3.0 * (i as f64).sin()).collect();
-            let likelihood = Likelihood::new(&source, &target, &levels, 1.5, 3.0);
-            let squares = likelihood.squared_residuals(&STILL());
+            let likelihood = Likelihood::new(&source, &target, &levels, 1.5, 3.0)?;
+            let squares = likelihood.squared_residuals(&STILL())?;
             let plain = |i: usize| (source.get(i) - target.get(i)).norm_squared();
             assert!((0..n).all(|i| (squares[i] - plain(i)).abs() < 1e-9));
             let terms = (0..n).map(|i| if squares[i] < 9.0 { levels[i] - squares[i] / 4.5 } else { 0.0 });
@@ -283,7 +314,7 @@ mod tests {
             let support = likelihood.support(&STILL());
             assert_eq!(support.supporters, terms.len());
             assert!((support.score - terms.iter().sum::<f64>()).abs() < 1e-9);
-            let rest = likelihood.without_supporters(&STILL());
+            let rest = likelihood.without_supporters(&STILL())?;
             assert_eq!(rest.len, squares.iter().filter(|&&square| square >= 9.0).count());
             assert_eq!(rest.support(&STILL()), Support::default());
         }
@@ -298,8 +329,8 @@ mod tests {
             |i: usize| (i % 3 != 2).then(|| Rotation3::new(Vector3::x() * 0.1 * i as f64).into_inner());
         let rotations: Vec<_> = (0..30).map(turn).collect();
         let weights: Vec<f64> = (1..=30).map(|i| 1.0 / f64::from(i)).collect();
-        let plain = Likelihood::new(&source, &source, &[1.0; 30], 1.5, 3.0);
-        let framed = plain.clone().with_frames(&rotations, &weights, term);
+        let plain = Likelihood::new(&source, &source, &[1.0; 30], 1.5, 3.0)?;
+        let framed = plain.with_frames(&rotations, &weights, term)?;
         let said = |i: usize| {
             let angle = 0.1 * i as f64;
             if i % 3 == 2 { 0.0 } else { (3.0 - (1.0 - angle.cos()) / 0.04).max(-0.7) }
@@ -307,29 +338,29 @@ mod tests {
         let expected: f64 = (0..30).map(|i| weights[i] * (1.0 + said(i))).sum();
         assert!((framed.support(&STILL()).score - expected).abs() < 1e-9);
         assert_eq!(framed.support(&STILL()).supporters, 30);
-        let posteriors = framed.posteriors(&STILL());
+        let posteriors = framed.posteriors(&STILL())?;
         assert!((0..30).all(|i| (posteriors[i] - posterior(1.0 + said(i))).abs() < 1e-12));
-        assert_eq!(framed.between(&source, &source).len(), 30);
-        assert!(framed.without_supporters(&STILL()).is_empty());
+        assert_eq!(framed.between(&source, &source)?.len(), 30);
+        assert!(framed.without_supporters(&STILL())?.is_empty());
         Ok(())
     }
 
     #[test]
     fn refinement_fits_the_near_ones_and_leaves_a_pose_that_nothing_fixes() -> Result<()> {
         let source = points(40)?;
-        let rows = source.rows().into_iter().enumerate();
+        let rows = source.rows().enumerate();
         let moved: Vec<[f64; 3]> =
             rows.map(|(i, [x, y, z])| if i < 30 { [x, y, z] } else { [x + 900.0, y, -z] }).collect();
         let target = Points::from_rows("target", &moved)?;
-        let likelihood = Likelihood::new(&source, &target, &[5.0; 40], 1.0, 3.0);
+        let likelihood = Likelihood::new(&source, &target, &[5.0; 40], 1.0, 3.0)?;
         let (p, q): (Vec<_>, Vec<_>) = (0..30).map(|i| (source.get(i), target.get(i))).unzip();
         let mut start = fit_rigid(&p, &q);
         start.translation.x += 0.5;
-        let refined = likelihood.refined(&start, [1.0; 5].into_iter());
-        assert!(likelihood.squared_residuals(&refined)[..30].iter().all(|&square| square < 1e-12));
+        let refined = likelihood.refined(&start, [1.0; 5].into_iter())?;
+        assert!(likelihood.squared_residuals(&refined)?[..30].iter().all(|&square| square < 1e-12));
         let far = Rigid { translation: Vector3::new(0.0, 0.0, 1e6), ..STILL() };
-        assert_eq!(likelihood.refined(&far, [1.0; 5].into_iter()), far);
-        assert!(likelihood.posteriors(&refined)[0] > 0.99 && likelihood.posteriors(&refined)[35] < 1e-6);
+        assert_eq!(likelihood.refined(&far, [1.0; 5].into_iter())?, far);
+        assert!(likelihood.posteriors(&refined)?[0] > 0.99 && likelihood.posteriors(&refined)?[35] < 1e-6);
         Ok(())
     }
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use crate::compatibility::graph::{AgreementGraph, ones};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 use crate::simd::arithmetic::exp_of_negative;
 use crate::simd::{self, Kernel, Lanes};
@@ -55,7 +56,7 @@ impl<'a> Affinity<'a> {
     /// M is a Gaussian of the distance difference; kept where it fits `execution.max_memory` beside the graph.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn weighted(
         graph: &'a AgreementGraph,
         source: &'a Points,
@@ -65,14 +66,14 @@ impl<'a> Affinity<'a> {
     ) -> Result<Self> {
         let n = graph.len();
         let gauss = Gauss { source, target, factor: -0.5 / (deviation * deviation) };
-        let degrees: Vec<usize> = (0..n).into_par_iter().map(|i| graph.degree(i) as usize).collect();
+        let degrees = memory::par_collect((0..n).into_par_iter().map(|i| graph.degree(i) as usize))?;
         let total: usize = degrees.iter().sum();
         if graph.bytes() + size_of::<f32>() * total > execution.max_memory {
             return Ok(Self { graph, weights: Weights::Computed(gauss) });
         }
-        let mut entries = vec![0.0; total];
-        let mut starts = Vec::with_capacity(n);
-        let mut rows = Vec::with_capacity(n);
+        let mut entries = memory::filled(0.0, total)?;
+        let mut starts = memory::with_capacity(n)?;
+        let mut rows = memory::with_capacity(n)?;
         let mut rest = entries.as_mut_slice();
         for &degree in &degrees {
             starts.push(total - rest.len());
@@ -82,7 +83,7 @@ impl<'a> Affinity<'a> {
         }
         let rows = rows.into_par_iter().enumerate().with_min_len(8);
         rows.try_for_each_init(Scratch::default, |scratch, (i, row)| {
-            gauss.fill(i, graph.row(i), scratch);
+            gauss.fill(i, graph.row(i), scratch)?;
             row.copy_from_slice(&scratch.weights);
             execution.check()
         })?;
@@ -99,7 +100,10 @@ impl<'a> Affinity<'a> {
     }
 
     /// Gives the neighbours of a row, ascending, and their entries of M.
-    pub fn for_each(&self, i: usize, scratch: &mut Scratch, mut give: impl FnMut(u32, f32)) {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn for_each(&self, i: usize, scratch: &mut Scratch, mut give: impl FnMut(u32, f32)) -> Result<()> {
         let row = self.graph.row(i);
         let neighbors = row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits));
         match &self.weights {
@@ -108,20 +112,21 @@ impl<'a> Affinity<'a> {
                 neighbors.zip(&entries[starts[i]..]).for_each(|(j, &weight)| give(j, weight));
             }
             Weights::Computed(gauss) => {
-                gauss.fill(i, row, scratch);
+                gauss.fill(i, row, scratch)?;
                 neighbors.zip(&scratch.weights).for_each(|(j, &weight)| give(j, weight));
             }
         }
+        Ok(())
     }
 
     /// The terms of some rows of a vector that is nowhere negative.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn terms(&self, u: &[f64], rows: &[usize], execution: &Execution) -> Result<Vec<Terms>> {
         let total: f64 = u.iter().sum();
-        let mut blocks = vec![[0.0; WORD]; u.len().div_ceil(WORD)];
-        let mut support = vec![0_u64; blocks.len()];
+        let mut blocks = memory::filled([0.0; WORD], u.len().div_ceil(WORD))?;
+        let mut support = memory::filled(0_u64, blocks.len())?;
         for ((block, bits), entries) in blocks.iter_mut().zip(&mut support).zip(u.chunks(WORD)) {
             block[..entries.len()].copy_from_slice(entries);
             *bits =
@@ -137,13 +142,13 @@ impl<'a> Affinity<'a> {
                 ),
                 Weights::Kept { starts, entries } => sums(row, &entries[starts[i]..], &support, &blocks),
                 Weights::Computed(gauss) => {
-                    gauss.fill(i, row, scratch);
+                    gauss.fill(i, row, scratch)?;
                     sums(row, &scratch.weights, &support, &blocks)
                 }
             };
             Ok([affinity + u[i], total - agreement - u[i]])
         });
-        terms.collect()
+        memory::par_try_collect(terms)
     }
 }
 
@@ -211,11 +216,11 @@ pub struct Scratch {
 
 impl Gauss<'_> {
     /// The weights of the neighbours of a row; rounded, so that one that is kept takes half as much.
-    fn fill(&self, i: usize, row: &[u64], scratch: &mut Scratch) {
+    fn fill(&self, i: usize, row: &[u64], scratch: &mut Scratch) -> Result<()> {
         let degree = row.iter().map(|word| word.count_ones() as usize).sum();
         let [source, target] = &mut scratch.squares;
-        source.resize(degree, 0.0);
-        target.resize(degree, 0.0);
+        memory::resize(source, degree, 0.0)?;
+        memory::resize(target, degree, 0.0)?;
         let (from, to) = (self.source.get(i), self.target.get(i));
         let mut squares = source.iter_mut().zip(target);
         for (word, &bits) in row.iter().enumerate() {
@@ -225,9 +230,10 @@ impl Gauss<'_> {
             }
         }
         scratch.weights.clear();
-        scratch.weights.resize(scratch.squares[0].len(), 0.0);
+        memory::resize(&mut scratch.weights, degree, 0.0)?;
         let [source, target] = &scratch.squares;
         simd::run(FillWeights { source, target, factor: self.factor, weights: &mut scratch.weights });
+        Ok(())
     }
 }
 

@@ -4,6 +4,7 @@ use super::affinity::{Affinity, Terms};
 use super::dense::Dense;
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 
 /// What counts as 0 in u and in what it excludes, and the greatest fall of the objective that a step may bring.
 const ZERO: f64 = 1e-9;
@@ -37,7 +38,7 @@ pub struct Ascent {
 /// Ascends from a vector that is nowhere negative and not 0.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`].
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn ascend(affinity: &Affinity, start: Vec<f64>, execution: &Execution) -> Result<Ascent> {
     let mut place = Place::new(affinity, start, execution)?;
     let mut penalty = place.penalty().unwrap_or(0.0);
@@ -91,12 +92,12 @@ struct Moves {
 impl<'a> Place<'a> {
     fn new(affinity: &'a Affinity<'a>, start: Vec<f64>, execution: &'a Execution) -> Result<Self> {
         let n = start.len();
-        let (terms, computed_at) = (vec![[0.0; 2]; n], vec![Moves::default(); n]);
+        let (terms, computed_at) = (memory::filled([0.0; 2], n)?, memory::filled(Moves::default(), n)?);
         let (dense, moves) = (None, Moves::default());
         let mut place = Self { affinity, execution, dense, u: start, terms, computed_at, moves };
-        let Trial { u, .. } = place.trial(place.u.clone())?;
+        let Trial { u, .. } = place.trial(memory::copied(&place.u)?)?;
         place.u = u;
-        place.compute(&(0..n).collect::<Vec<_>>())?;
+        place.compute(&memory::collect(0..n)?)?;
         Ok(place)
     }
 
@@ -106,7 +107,7 @@ impl<'a> Place<'a> {
         if length > 0.0 {
             u.iter_mut().for_each(|entry| *entry /= length);
         }
-        let support: Vec<usize> = (0..u.len()).filter(|&i| u[i] > 0.0).collect();
+        let support = memory::collect((0..u.len()).filter(|&i| u[i] > 0.0))?;
         let terms = self.products(&u, &support)?;
         Ok(Trial { u, support, terms })
     }
@@ -139,9 +140,10 @@ impl<'a> Place<'a> {
     }
 
     /// `max(0, u + size g)`, `g = (M - d Z) u`.
-    fn moved(&self, size: f64, penalty: f64) -> Vec<f64> {
+    fn moved(&self, size: f64, penalty: f64) -> Result<Vec<f64>> {
         let rows = self.u.iter().zip(&self.terms);
-        rows.map(|(u, [affinity, conflict])| (u + size * (affinity - penalty * conflict)).max(0.0)).collect()
+        let moved = |(u, [affinity, conflict]): (&f64, &Terms)| u + size * (affinity - penalty * conflict);
+        memory::collect(rows.map(|row| moved(row).max(0.0)))
     }
 
     /// Steps uphill at one penalty; returns the objective.
@@ -152,13 +154,13 @@ impl<'a> Place<'a> {
             rows.map(|(u, [affinity, conflict])| u * (affinity - penalty * conflict)).sum();
         for _ in 0..MOST_STEPS {
             let mut size = 1.0;
-            let mut trial = self.trial(self.moved(size, penalty))?;
+            let mut trial = self.trial(self.moved(size, penalty)?)?;
             for _ in 1..MOST_TRIALS {
                 if trial.objective(penalty) - objective >= -ZERO {
                     break;
                 }
                 size *= BACKTRACK;
-                trial = self.trial(self.moved(size, penalty))?;
+                trial = self.trial(self.moved(size, penalty)?)?;
             }
             let before = objective;
             objective = trial.objective(penalty);
@@ -190,7 +192,7 @@ impl<'a> Place<'a> {
 
     /// Computes the terms of the rows that are 0 and may rise: the others stay 0 whatever their terms are.
     fn update(&mut self, penalty: f64) -> Result<()> {
-        let rows: Vec<usize> = (0..self.u.len()).filter(|&i| self.may_rise(i, penalty)).collect();
+        let rows = memory::collect((0..self.u.len()).filter(|&i| self.may_rise(i, penalty)))?;
         self.compute(&rows)?;
         self.condense(penalty)
     }
@@ -207,12 +209,12 @@ impl<'a> Place<'a> {
     /// Keeps M among the rows that are or may become greater than 0, once they are much fewer than before.
     fn condense(&mut self, penalty: f64) -> Result<()> {
         let rises = |i: usize| self.terms[i][0] - penalty * self.terms[i][1] > 0.0;
-        let rows: Vec<usize> = (0..self.u.len()).filter(|&i| self.u[i] > 0.0 || rises(i)).collect();
+        let rows = memory::collect((0..self.u.len()).filter(|&i| self.u[i] > 0.0 || rises(i)))?;
         self.dense = self.dense.take().filter(|dense| rows.iter().all(|&row| dense.has(row)));
         let before = self.dense.as_ref().map_or(self.u.len(), Dense::len);
         if 4 * rows.len() <= 3 * before {
             self.dense = match &self.dense {
-                Some(dense) => Some(dense.among(rows)),
+                Some(dense) => Some(dense.among(rows)?),
                 None => Dense::new(self.affinity, self.u.len(), rows, self.execution)?,
             };
         }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::affinity::{Affinity, Terms};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::simd;
 
 /// Sums that go side by side, and what the width of a row is a multiple of.
@@ -30,7 +31,7 @@ impl Dense {
     /// Of some rows, ascending; nothing where that takes too much memory.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn new(
         affinity: &Affinity,
         n: usize,
@@ -42,11 +43,11 @@ impl Dense {
         if rows.is_empty() || bytes > MOST_BYTES.min(execution.max_memory.saturating_sub(affinity.bytes())) {
             return Ok(None);
         }
-        let mut places = vec![NOWHERE; n];
+        let mut places = memory::filled(NOWHERE, n)?;
         for (place, &row) in (0..).zip(&rows) {
             places[row] = place;
         }
-        let mut entries = vec![0.0; width * rows.len()];
+        let mut entries = memory::filled(0.0, width * rows.len())?;
         entries.par_chunks_mut(width).zip(&rows).with_min_len(8).try_for_each_init(
             Default::default,
             |scratch, (entries, &row)| {
@@ -54,7 +55,7 @@ impl Dense {
                     if let Some(entry) = entries.get_mut(places[j as usize] as usize) {
                         *entry = weight;
                     }
-                });
+                })?;
                 execution.check()
             },
         )?;
@@ -62,19 +63,22 @@ impl Dense {
     }
 
     /// Of some of the rows here, ascending.
-    pub fn among(&self, rows: Vec<usize>) -> Self {
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn among(&self, rows: Vec<usize>) -> Result<Self> {
         let width = rows.len().next_multiple_of(SUMS);
-        let kept: Vec<usize> = rows.iter().map(|&row| self.places[row] as usize).collect();
-        let mut places = vec![NOWHERE; self.places.len()];
+        let kept = memory::collect(rows.iter().map(|&row| self.places[row] as usize))?;
+        let mut places = memory::filled(NOWHERE, self.places.len())?;
         for (place, &row) in (0..).zip(&rows) {
             places[row] = place;
         }
-        let mut entries = vec![0.0; width * rows.len()];
+        let mut entries = memory::filled(0.0, width * rows.len())?;
         entries.par_chunks_mut(width.max(1)).zip(&kept).with_min_len(32).for_each(|(entries, &row)| {
             let from = &self.entries[row * self.width..][..self.width];
             entries.iter_mut().zip(&kept).for_each(|(entry, &place)| *entry = from[place]);
         });
-        Self { rows, places, width, entries }
+        Ok(Self { rows, places, width, entries })
     }
 
     /// How many rows there are.
@@ -90,10 +94,11 @@ impl Dense {
     /// The terms of some rows that are here, of a vector that is nowhere negative and 0 in all rows that are not.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn terms(&self, u: &[f64], rows: &[usize], execution: &Execution) -> Result<Vec<Terms>> {
         let total: f64 = u.iter().sum();
-        let mut values: Vec<f64> = self.rows.iter().map(|&row| u[row]).collect();
+        let mut values = memory::with_capacity(self.width)?;
+        values.extend(self.rows.iter().map(|&row| u[row]));
         values.resize(self.width, 0.0);
         let terms = rows.par_iter().with_min_len(32).map(|&row| {
             execution.check()?;
@@ -101,7 +106,7 @@ impl Dense {
             let [affinity, agreement] = sums(&self.entries[start..start + self.width], &values);
             Ok([affinity + u[row], total - agreement - u[row]])
         });
-        terms.collect()
+        memory::par_try_collect(terms)
     }
 }
 
@@ -150,7 +155,7 @@ mod tests {
                 dense.map(|dense| dense.terms(&u, &rows, &execution)).transpose()?.unwrap_or_default();
             assert_eq!(found.len(), rows.len());
             let all = Dense::new(&affinity, 200, (0..200).collect(), &execution)?;
-            let again = all.map(|all| all.among(rows.clone()).terms(&u, &rows, &execution)).transpose()?;
+            let again = all.map(|all| all.among(rows.clone())?.terms(&u, &rows, &execution)).transpose()?;
             assert_eq!(again.as_ref(), Some(&found));
             for (a, b) in found.as_flattened().iter().zip(expected.as_flattened()) {
                 assert!((a - b).abs() < 1e-12);

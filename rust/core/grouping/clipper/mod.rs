@@ -28,7 +28,7 @@ use crate::error::{Error, Result, positive};
 use crate::geometry::rigid::fit_group;
 use crate::grouping_result::mask_of;
 use crate::selection::top_k::largest;
-use crate::{Correspondences, Execution, Grouping, Points};
+use crate::{Correspondences, Execution, Grouping, Points, memory};
 use affinity::Affinity;
 use ascent::{Ascent, ascend};
 
@@ -93,7 +93,7 @@ impl GroupingMethod for Clipper {
             Variant::Maximum => maximum(&graph, &cores, self.seed, execution)?,
         };
         let certified = is_largest(&found.members, &graph, &cores, execution)?;
-        Ok(report(found, certified, source, target))
+        report(found, certified, source, target)
     }
 }
 
@@ -116,12 +116,12 @@ fn densest(
     execution: &Execution,
 ) -> Result<Found> {
     let affinity = Affinity::weighted(graph, source, target, deviation, execution)?;
-    let start: Vec<f64> = (0..graph.len()).map(|i| random(seed, i)).collect();
+    let start = memory::collect((0..graph.len()).map(|i| random(seed, i)))?;
     // One power step, after which one random start is much like another.
-    let all: Vec<usize> = (0..graph.len()).collect();
-    let start = affinity.terms(&start, &all, execution)?.iter().map(|terms| terms[0]).collect();
+    let all = memory::collect(0..graph.len())?;
+    let start = memory::collect(affinity.terms(&start, &all, execution)?.iter().map(|terms| terms[0]))?;
     let Ascent { u, objective, rounds, complete } = ascend(&affinity, start, execution)?;
-    let members = largest(&u, objective.round() as usize);
+    let members = largest(&u, objective.round() as usize)?;
     Ok(Found { members, scores: u, objective, rounds, complete })
 }
 
@@ -132,30 +132,30 @@ fn random(seed: u64, i: usize) -> f64 {
 
 /// The largest clique: the greedy one, or that of the ascent over what may be in a larger one.
 fn maximum(graph: &AgreementGraph, cores: &Cores, seed: u64, execution: &Execution) -> Result<Found> {
-    let greedy = greedy_clique(graph, &cores.from_last(0));
-    let kept = cores.from_last(greedy.len() as u32);
-    let mut found = of_clique(graph.len(), greedy.iter().map(|&i| i as usize).collect());
+    let greedy = greedy_clique(graph, &cores.from_last(0)?)?;
+    let kept = cores.from_last(greedy.len() as u32)?;
+    let mut found = of_clique(graph.len(), memory::collect(greedy.iter().map(|&i| i as usize))?)?;
     if kept.is_empty() {
         return Ok(found);
     }
     let inner = graph.induced(&kept, execution)?;
     // Away from the greedy clique; with a little of chance, or two that exclude each other and are alike stay so.
-    let start =
-        (0..).zip(&kept).map(|(k, i)| f64::from(!greedy.contains(i)) + CHANCE * random(seed, k)).collect();
+    let entry = |(k, i): (usize, &u32)| f64::from(!greedy.contains(i)) + CHANCE * random(seed, k);
+    let start = memory::collect((0..).zip(&kept).map(entry))?;
     let Ascent { u, objective, rounds, complete } = ascend(&Affinity::binary(&inner), start, execution)?;
-    let members = largest(&u, objective.round() as usize);
+    let members = largest(&u, objective.round() as usize)?;
     if is_clique(&members, &inner) && members.len() > found.members.len() {
-        found = of_clique(graph.len(), members.iter().map(|&k| kept[k] as usize).collect());
+        found = of_clique(graph.len(), memory::collect(members.iter().map(|&k| kept[k] as usize))?)?;
     }
     Ok(Found { rounds, complete, ..found })
 }
 
 /// A clique, whose members share u.
-fn of_clique(n: usize, members: Vec<usize>) -> Found {
+fn of_clique(n: usize, members: Vec<usize>) -> Result<Found> {
     let share = 1.0 / (members.len().max(1) as f64).sqrt();
-    let scores =
-        mask_of(n, members.iter().copied()).iter().map(|&member| if member { share } else { 0.0 }).collect();
-    Found { objective: members.len() as f64, members, scores, rounds: 0, complete: true }
+    let mut scores = memory::filled(0.0, n)?;
+    members.iter().for_each(|&member| scores[member] = share);
+    Ok(Found { objective: members.len() as f64, members, scores, rounds: 0, complete: true })
 }
 
 fn is_clique(members: &[usize], graph: &AgreementGraph) -> bool {
@@ -177,23 +177,27 @@ fn is_largest(
         return Ok(true);
     }
     // A larger clique is among these.
-    let kept = graph.induced(&cores.from_last(members.len() as u32), execution)?;
+    let kept = graph.induced(&cores.from_last(members.len() as u32)?, execution)?;
     Ok(count_colors(&kept, execution)? as usize <= members.len())
 }
 
-fn report(found: Found, certified: bool, source: &Points, target: &Points) -> Grouping {
+fn report(found: Found, certified: bool, source: &Points, target: &Points) -> Result<Grouping> {
     let n = source.len();
     let mut members = found.members;
     members.sort_unstable();
     // Fewer than three, or those on a line, are no group.
-    let pose = fit_group(source, target, &members).ok();
-    let mask = if pose.is_some() { mask_of(n, members) } else { vec![false; n] };
+    let pose = match fit_group(source, target, &members) {
+        Ok(pose) => Some(pose),
+        Err(Error::NoConsensus { .. }) => None,
+        Err(error) => return Err(error),
+    };
+    let mask = mask_of(n, if pose.is_some() { members } else { Vec::new() })?;
     let model = pose.map(|pose| pose.to_matrix());
     let grouping = Grouping { mask, scores: Some(found.scores), model, ..Grouping::default() }
         .with("objective", found.objective)
         .with("rounds", found.rounds as f64)
         .with("certified", f64::from(certified));
-    if found.complete { grouping } else { grouping.with("truncated", 1.0) }
+    Ok(if found.complete { grouping } else { grouping.with("truncated", 1.0) })
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::{Vote, bounding_box, check_bins};
-use crate::Result;
+use crate::{Result, memory};
 
 /// Votes that spread less than this share of the target's diagonal along an axis fill one bin of it.
 const NO_SPREAD: f64 = 1e-9;
@@ -52,25 +52,26 @@ impl Grid {
     }
 
     /// The bin that most votes fell into, the first in the order of the linear index, and how many they are.
-    pub(super) fn fullest(&self, bins: &[[u32; 3]]) -> Option<([u32; 3], usize)> {
+    pub(super) fn fullest(&self, bins: &[[u32; 3]]) -> Result<Option<([u32; 3], usize)>> {
         // There are at most 2^63 bins, since there are at most 2^21 along an axis.
         let [nx, ny, nz] = self.bins.map(|count| count as u64);
         let indices = bins.iter().map(|bin| bin.map(u64::from)).map(|[x, y, z]| x + nx * (y + ny * z));
-        let (index, count) = match nx * ny * nz {
-            cells @ ..=MOST_COUNTERS => most_frequent_below(cells as usize, indices),
-            _ => most_frequent(indices.collect()),
-        }?;
-        Some(([index % nx, index / nx % ny, index / nx / ny].map(|bin| bin as u32), count))
+        let most = match nx * ny * nz {
+            cells @ ..=MOST_COUNTERS => most_frequent_below(cells as usize, indices)?,
+            _ => most_frequent(memory::collect(indices)?),
+        };
+        let bin = |index: u64| [index % nx, index / nx % ny, index / nx / ny].map(|bin| bin as u32);
+        Ok(most.map(|(index, count)| (bin(index), count)))
     }
 }
 
 /// The number that comes most often, the least of several, and how often; none reaches `end`.
-fn most_frequent_below(end: usize, numbers: impl Iterator<Item = u64>) -> Option<(u64, usize)> {
-    let mut counts = vec![0_u32; end];
+fn most_frequent_below(end: usize, numbers: impl Iterator<Item = u64>) -> Result<Option<(u64, usize)>> {
+    let mut counts = memory::filled(0_u32, end)?;
     numbers.for_each(|number| counts[number as usize] += 1);
-    let most = counts.iter().copied().max().filter(|&most| most > 0)?;
-    let first = counts.iter().position(|&count| count == most)?;
-    Some((first as u64, most as usize))
+    let most = counts.iter().copied().max().filter(|&most| most > 0);
+    let first = counts.iter().position(|&count| Some(count) == most);
+    Ok(first.zip(most).map(|(first, most)| (first as u64, most as usize)))
 }
 
 /// The number that comes most often, the least of several, and how often.
@@ -85,11 +86,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_least_of_the_most_frequent_counts() {
+    fn the_least_of_the_most_frequent_counts() -> Result<()> {
         for numbers in [vec![], vec![3], vec![5, 2, 2, 5, 9], vec![9, 0, 9, 7, 7, 0, 0], vec![4, 4, 4]] {
-            let counted = most_frequent_below(10, numbers.iter().copied());
+            let counted = most_frequent_below(10, numbers.iter().copied())?;
             assert_eq!(most_frequent(numbers), counted);
         }
         assert_eq!(most_frequent(vec![5, 2, 2, 5, 9]), Some((2, 2)));
+        Ok(())
     }
 }

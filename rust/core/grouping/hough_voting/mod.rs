@@ -14,7 +14,7 @@ use super::GroupingMethod;
 use crate::consensus::SampleConsensus;
 use crate::error::{Error, at_least_one, positive};
 use crate::grouping_result::mask_of;
-use crate::{Correspondences, Execution, Grouping, Result};
+use crate::{Correspondences, Execution, Grouping, Result, memory};
 
 /// Bins per axis beyond this can't be told apart in the grid's index.
 const MAX_BINS: f64 = 2_097_151.0;
@@ -138,16 +138,16 @@ impl HoughVoting {
         let n = correspondences.len();
         let (_, target) = correspondences.positions("hough3d")?;
         let Some(grid) = Grid::over(votes, self.bins, self.bin_size, target.diagonal())? else {
-            return Ok(Grouping::empty(n));
+            return Grouping::empty(n);
         };
-        let bins: Vec<[u32; 3]> = votes.iter().map(|(_, vote)| grid.clamped_bin(vote)).collect();
-        let Some((peak, most)) = grid.fullest(&bins) else {
-            return Ok(Grouping::empty(n));
+        let bins = memory::collect(votes.iter().map(|(_, vote)| grid.clamped_bin(vote)))?;
+        let Some((peak, most)) = grid.fullest(&bins)? else {
+            return Grouping::empty(n);
         };
         let is_selected =
             |bin: &[u32; 3]| self.neighbors.reaches([0, 1, 2].map(|k| bin[k].abs_diff(peak[k])));
         let selected = votes.iter().zip(&bins).filter(|(_, bin)| is_selected(bin)).map(|((i, _), _)| *i);
-        Ok(Grouping::from_mask(mask_of(n, selected)).with("peak_votes", most as f64))
+        Ok(Grouping::from_mask(mask_of(n, selected)?).with("peak_votes", most as f64))
     }
 
     fn group_by_maxima(
@@ -161,7 +161,7 @@ impl HoughVoting {
         let weights = self.weights(correspondences)?;
         let side = self.bin_size.unwrap_or_default();
         let Some(space) = HoughSpace::accumulate(votes, &weights, side, self.interpolation)? else {
-            return Ok(Grouping::empty(n));
+            return Grouping::empty(n);
         };
         let filter = SampleConsensus {
             iterations: self.iterations,
@@ -171,7 +171,7 @@ impl HoughVoting {
             confidence: None,
         };
         let mut largest = Vec::new();
-        let maxima = space.maxima(self.vote_threshold);
+        let maxima = space.maxima(self.vote_threshold)?;
         let count = maxima.len();
         for (rank, members) in maxima.into_iter().enumerate() {
             execution.report(rank, count)?;
@@ -182,22 +182,21 @@ impl HoughVoting {
                 }
             }
         }
-        Ok(Grouping::from_mask(mask_of(n, largest)).with("maxima", count as f64))
+        Ok(Grouping::from_mask(mask_of(n, largest)?).with("maxima", count as f64))
     }
 
     fn weights(&self, correspondences: &Correspondences) -> Result<Vec<f64>> {
         if !self.distance_weight {
-            return Ok(vec![1.0; correspondences.len()]);
+            return memory::filled(1.0, correspondences.len());
         }
         let similarity = correspondences.similarity("hough3d with distance_weight=True")?;
-        let distance: Vec<f64> =
-            similarity.iter().map(|s| if s.is_finite() { 1.0 - s } else { 0.0 }).collect();
-        let greatest = distance.iter().copied().fold(0.0, f64::max);
+        let distances = similarity.iter().map(|s| if s.is_finite() { 1.0 - s } else { 0.0 });
+        let greatest = distances.clone().fold(0.0, f64::max);
         if greatest <= 0.0 {
-            return Ok(vec![1.0; distance.len()]);
+            return memory::filled(1.0, similarity.len());
         }
-        let weight = |(d, s): (&f64, &f64)| if s.is_finite() { 1.0 - d / greatest } else { 0.0 };
-        Ok(distance.iter().zip(similarity).map(weight).collect())
+        let weight = |(d, s): (f64, &f64)| if s.is_finite() { 1.0 - d / greatest } else { 0.0 };
+        memory::collect(distances.zip(similarity).map(weight))
     }
 }
 
@@ -207,7 +206,7 @@ fn cast_votes(correspondences: &Correspondences) -> Result<Vec<Vote>> {
     let (source, target) = correspondences.positions("hough3d")?;
     let (source_frames, target_frames) = correspondences.frames("hough3d")?;
     let centroid = correspondences.centered_source_centroid().unwrap_or_else(Point3::origin);
-    let mut votes = Vec::with_capacity(source.len());
+    let mut votes = memory::with_capacity(source.len())?;
     for i in 0..source.len() {
         if let (Some(from), Some(to)) = (source_frames.block(i), target_frames.block(i)) {
             let [x, y, z] = (centroid - source.get(i)).into(); // V_G, Eq. (14)

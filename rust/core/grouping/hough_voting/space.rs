@@ -1,11 +1,11 @@
 //! PCL's counting: weighted votes in cubic bins, spread over those around them.
 
-use std::collections::BTreeMap;
+use std::ops::Range;
 
 use nalgebra::Vector3;
 
 use super::{Vote, bounding_box, check_bins};
-use crate::Result;
+use crate::{Result, memory};
 
 /// A bin by its x, y and z numbers; ordered with x fastest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -26,13 +26,25 @@ impl Bin {
 
 /// Weighted votes in cubic bins.
 pub(super) struct HoughSpace {
-    cells: BTreeMap<Bin, Cell>,
+    /// The bins that were voted for, in order.
+    cells: Vec<Cell>,
+    /// Cell after cell.
+    voters: Vec<usize>,
 }
 
-#[derive(Default)]
 struct Cell {
+    bin: Bin,
     value: f64,
-    voters: Vec<usize>,
+    /// Where its voters are.
+    voters: Range<usize>,
+}
+
+/// A vote, or its share in one bin; those in one bin are ordered as they were cast.
+struct Ballot {
+    bin: Bin,
+    number: usize,
+    voter: usize,
+    weight: f64,
 }
 
 impl HoughSpace {
@@ -51,7 +63,7 @@ impl HoughSpace {
             // A vote on the upper border of an exact multiple falls outside, as in PCL.
             bins[axis] = ((range[axis] / side).ceil() as i64).max(1);
         }
-        let mut space = Self { cells: BTreeMap::new() };
+        let mut cast = Cast::default();
         for (i, vote) in votes {
             let position = (vote - low) / side;
             let home = [0, 1, 2].map(|axis| position[axis].floor() as i64);
@@ -59,25 +71,60 @@ impl HoughSpace {
                 continue;
             }
             if interpolate {
-                space.add_interpolated(*i, &position, weights[*i], bins);
+                cast.add_interpolated(*i, &position, weights[*i], bins)?;
             } else {
-                space.add(*i, home, weights[*i]);
+                cast.add(*i, home, weights[*i])?;
             }
         }
-        Ok(Some(space))
+        cast.count().map(Some)
     }
 
-    fn add(&mut self, voter: usize, bin: [i64; 3], weight: f64) {
+    /// Voters of each bin that reaches the threshold and is not below any of its face neighbours.
+    pub(super) fn maxima(&self, threshold: f64) -> Result<Vec<&[usize]>> {
+        let greatest = self.cells.iter().map(|cell| cell.value).fold(0.0, f64::max);
+        let least = if threshold < 0.0 { -threshold * greatest } else { threshold };
+        let is_maximum = |cell: &&Cell| {
+            cell.value >= least && self.face_neighbors(cell.bin).all(|other| other.value <= cell.value)
+        };
+        let maxima = self.cells.iter().filter(is_maximum);
+        memory::collect(maxima.map(|cell| &self.voters[cell.voters.clone()]))
+    }
+
+    fn face_neighbors(&self, bin: Bin) -> impl Iterator<Item = &Cell> {
+        let [x, y, z] = bin.coordinates();
+        offsets()
+            .filter(|(dz, dy, dx)| dx.abs() + dy.abs() + dz.abs() == 1)
+            .map(move |(dz, dy, dx)| [x + dx, y + dy, z + dz])
+            .filter(|bin| bin.iter().all(|&k| k >= 0))
+            .filter_map(|bin| self.cell(Bin::new(bin)))
+    }
+
+    fn cell(&self, bin: Bin) -> Option<&Cell> {
+        self.cells.binary_search_by_key(&bin, |cell| cell.bin).ok().map(|place| &self.cells[place])
+    }
+}
+
+/// The votes as they come.
+#[derive(Default)]
+struct Cast(Vec<Ballot>);
+
+impl Cast {
+    fn add(&mut self, voter: usize, bin: [i64; 3], weight: f64) -> Result<()> {
         if weight <= 0.0 {
-            return;
+            return Ok(());
         }
-        let cell = self.cells.entry(Bin::new(bin)).or_default();
-        cell.value += weight;
-        cell.voters.push(voter);
+        let number = self.0.len();
+        memory::push(&mut self.0, Ballot { bin: Bin::new(bin), number, voter, weight })
     }
 
     /// Spreads a vote over the up to 8 bins whose centres surround it.
-    fn add_interpolated(&mut self, voter: usize, position: &Vector3<f64>, weight: f64, bins: [i64; 3]) {
+    fn add_interpolated(
+        &mut self,
+        voter: usize,
+        position: &Vector3<f64>,
+        weight: f64,
+        bins: [i64; 3],
+    ) -> Result<()> {
         let from_centers = position.map(|value| value - 0.5);
         let base = from_centers.map(f64::floor);
         let upper = from_centers - base;
@@ -87,28 +134,25 @@ impl HoughSpace {
                 (0..3).map(|axis| if is_upper[axis] { upper[axis] } else { 1.0 - upper[axis] }).product();
             let bin = [0, 1, 2].map(|axis| base[axis] as i64 + i64::from(is_upper[axis]));
             if inside(bin, bins) {
-                self.add(voter, bin, share * weight);
+                self.add(voter, bin, share * weight)?;
             }
         }
+        Ok(())
     }
 
-    /// Voters of each bin that reaches the threshold and is not below any of its face neighbours.
-    pub(super) fn maxima(&self, threshold: f64) -> Vec<&[usize]> {
-        let greatest = self.cells.values().map(|cell| cell.value).fold(0.0, f64::max);
-        let least = if threshold < 0.0 { -threshold * greatest } else { threshold };
-        let is_maximum = |(bin, cell): &(&Bin, &Cell)| {
-            cell.value >= least && self.face_neighbors(**bin).all(|other| other.value <= cell.value)
-        };
-        self.cells.iter().filter(is_maximum).map(|(_, cell)| cell.voters.as_slice()).collect()
-    }
-
-    fn face_neighbors(&self, bin: Bin) -> impl Iterator<Item = &Cell> {
-        let [x, y, z] = bin.coordinates();
-        offsets()
-            .filter(|(dz, dy, dx)| dx.abs() + dy.abs() + dz.abs() == 1)
-            .map(move |(dz, dy, dx)| [x + dx, y + dy, z + dz])
-            .filter(|bin| bin.iter().all(|&k| k >= 0))
-            .filter_map(|bin| self.cells.get(&Bin::new(bin)))
+    /// Puts them into their bins.
+    fn count(self) -> Result<HoughSpace> {
+        let mut ballots = self.0;
+        ballots.sort_unstable_by_key(|ballot| (ballot.bin, ballot.number));
+        let voters = memory::collect(ballots.iter().map(|ballot| ballot.voter))?;
+        let (mut cells, mut start) = (Vec::new(), 0);
+        for here in ballots.chunk_by(|a, b| a.bin == b.bin) {
+            let voters = start..start + here.len();
+            start = voters.end;
+            let value = here.iter().fold(0.0, |sum, ballot| sum + ballot.weight);
+            memory::push(&mut cells, Cell { bin: here[0].bin, value, voters })?;
+        }
+        Ok(HoughSpace { cells, voters })
     }
 }
 

@@ -10,7 +10,7 @@ use crate::consensus::false_alarms::{Independent, false_alarms, independent};
 use crate::consensus::likelihood::Likelihood;
 use crate::geometry::rigid::{Rigid, fit_rigid};
 use crate::grouping_result::mask_of;
-use crate::{Grouping, Result};
+use crate::{Grouping, Result, memory};
 
 /// A group is sure below this.
 pub const MOST_FALSE_ALARMS: f64 = 0.01;
@@ -39,7 +39,9 @@ impl Judge<'_> {
     /// The grouping with its number of false alarms, and the masks of up to `instances` motions that are sure.
     pub fn judged(&self, grouping: Grouping, answer: &Answer, instances: usize) -> Result<Grouping> {
         let expected = match answer.ranked.first() {
-            Some(best) if !self.is_equalled_by_a_reflection(&answer.ranked)? => self.false_alarms(best, &[]),
+            Some(best) if !self.is_equalled_by_a_reflection(&answer.ranked)? => {
+                self.false_alarms(best, &[])?
+            }
             _ => f64::INFINITY,
         };
         let ok = expected < MOST_FALSE_ALARMS;
@@ -55,38 +57,38 @@ impl Judge<'_> {
 
     /// The masks of the motions that are sure by the matches that better ones leave.
     fn instances(&self, answer: &Answer, most: usize) -> Result<Vec<Vec<bool>>> {
-        let (mut masks, mut taken): (Vec<Vec<bool>>, Vec<bool>) =
-            (Vec::new(), vec![false; answer.likelihood.len()]);
+        let mut masks: Vec<Vec<bool>> = Vec::new();
+        let mut taken = memory::filled(false, answer.likelihood.len())?;
         for one in &answer.ranked {
             self.problem.execution.check()?;
             if masks.len() == most {
                 break;
             }
-            let squares = self.likelihood.squared_residuals(&one.mode.pose);
-            let mask = mask_of(squares.len(), self.problem.group(&squares));
+            let squares = self.likelihood.squared_residuals(&one.mode.pose)?;
+            let mask = mask_of(squares.len(), self.problem.group(&squares)?)?;
             let is_new = masks.iter().all(|other| is_other(&mask, other));
-            if is_new && self.false_alarms(one, &taken) < MOST_FALSE_ALARMS {
+            if is_new && self.false_alarms(one, &taken)? < MOST_FALSE_ALARMS {
                 taken.iter_mut().zip(&mask).for_each(|(taken, &here)| *taken |= here);
-                masks.push(mask);
+                memory::push(&mut masks, mask)?;
             }
         }
         Ok(masks)
     }
 
     /// Number of false alarms of a pose among the matches that are not `taken` (none of them where that is empty).
-    pub fn false_alarms(&self, one: &Ranked, taken: &[bool]) -> f64 {
+    pub fn false_alarms(&self, one: &Ranked, taken: &[bool]) -> Result<f64> {
         let pose = &one.mode.pose;
-        let squares = self.likelihood.squared_residuals(pose);
-        let mut supporters = self.problem.group(&squares);
+        let squares = self.likelihood.squared_residuals(pose)?;
+        let mut supporters = self.problem.group(&squares)?;
         supporters.retain(|&i| taken.get(i) != Some(&true));
         let n = squares.len() - taken.iter().filter(|&&taken| taken).count();
         // Where the source lands is known of a sample; supporters surely land on a target.
         let chance = one.landing.chance.max(supporters.len() as f64 / n.max(1) as f64);
-        let Independent { count, share } = self.independent(&squares, &supporters);
-        false_alarms(n, count, chance * share)
+        let Independent { count, share } = self.independent(&squares, &supporters)?;
+        Ok(false_alarms(n, count, chance * share))
     }
 
-    fn independent(&self, squares: &[f64], supporters: &[usize]) -> Independent {
+    fn independent(&self, squares: &[f64], supporters: &[usize]) -> Result<Independent> {
         let Problem { source, target, tolerance, .. } = *self.problem;
         independent(source, target, squares, supporters, APART * tolerance)
     }
@@ -94,16 +96,19 @@ impl Judge<'_> {
     /// Whether the mirror image of one of the best poses has about as many independent supporters as the best.
     fn is_equalled_by_a_reflection(&self, ranked: &[Ranked]) -> Result<bool> {
         let Problem { source, target, execution, .. } = *self.problem;
-        let mirrored = target.mirrored();
-        let likelihood = self.likelihood.between(source, &mirrored);
-        let count = |squares: &[f64]| self.independent(squares, &self.problem.group(squares)).count;
+        let mirrored = target.mirrored()?;
+        let likelihood = self.likelihood.between(source, &mirrored)?;
+        let count = |squares: &[f64]| {
+            self.independent(squares, &self.problem.group(squares)?).map(|found| found.count)
+        };
         let mut own = None;
         for one in ranked.iter().take(REFLECTIONS) {
             execution.check()?;
-            let squares = self.likelihood.squared_residuals(&one.mode.pose);
-            let own = *own.get_or_insert_with(|| count(&squares));
-            let image = self.reflection(&squares, &likelihood);
-            if count(&likelihood.squared_residuals(&image)) as f64 > AS_MANY * own as f64 {
+            let squares = self.likelihood.squared_residuals(&one.mode.pose)?;
+            let of_best = if let Some(own) = own { own } else { count(&squares)? };
+            own = Some(of_best);
+            let image = self.reflection(&squares, &likelihood)?;
+            if count(&likelihood.squared_residuals(&image)?)? as f64 > AS_MANY * of_best as f64 {
                 return Ok(true);
             }
         }
@@ -111,9 +116,10 @@ impl Judge<'_> {
     }
 
     /// The motion onto the mirrored target that fits the group of a pose, refined.
-    fn reflection(&self, squares: &[f64], mirrored: &Likelihood) -> Rigid {
-        let group = self.problem.group(squares);
-        let (p, q): (Vec<_>, Vec<_>) = group.iter().map(|&i| mirrored.points(i)).unzip();
+    fn reflection(&self, squares: &[f64], mirrored: &Likelihood) -> Result<Rigid> {
+        let group = self.problem.group(squares)?;
+        let p = memory::collect(group.iter().map(|&i| mirrored.points(i).0))?;
+        let q = memory::collect(group.iter().map(|&i| mirrored.points(i).1))?;
         mirrored.refined(&fit_rigid(&p, &q), std::iter::repeat_n(mirrored.deviation(), ROUNDS))
     }
 }

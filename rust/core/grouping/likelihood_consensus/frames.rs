@@ -13,7 +13,7 @@ use crate::consensus::likelihood::levels::cluster_sizes;
 use crate::consensus::likelihood::{FrameTerm, Likelihood};
 use crate::consensus::stars::{FRAME_ANGLE, FRAME_DEVIATION, Stars};
 use crate::geometry::rigid::Rigid;
-use crate::{Correspondences, Result};
+use crate::{Correspondences, Result, memory};
 
 /// Frames count where those of as many of the supporters agree with the pose.
 const LEAST_SHARE: f64 = 0.75;
@@ -32,11 +32,13 @@ const LIKELIHOOD_RATIO: f64 = 40.0;
 const CLUSTER: f64 = 5.0;
 
 /// `L'^T L` of each match that has both frames; `None` where no match has.
-pub fn proposed_rotations(correspondences: &Correspondences) -> Option<Vec<Option<Matrix3<f64>>>> {
-    let (source, target) = correspondences.frames("lc").ok()?;
+pub fn proposed_rotations(correspondences: &Correspondences) -> Result<Option<Vec<Option<Matrix3<f64>>>>> {
+    let Ok((source, target)) = correspondences.frames("lc") else {
+        return Ok(None);
+    };
     let rotation = |i: usize| Some(target.get(i)?.transpose() * source.get(i)?);
-    let rotations: Vec<_> = (0..source.len()).map(rotation).collect();
-    rotations.iter().any(Option::is_some).then_some(rotations)
+    let rotations = memory::collect((0..source.len()).map(rotation))?;
+    Ok(rotations.iter().any(Option::is_some).then_some(rotations))
 }
 
 /// Whether frames propose the rotation of a pose, up to 30 degrees.
@@ -52,16 +54,18 @@ pub fn with_frames(
     joined: &Joined,
     cliques: &[Rigid],
 ) -> Result<Answer> {
-    let share = share(judge, &by_position.ranked, rotations);
+    let share = share(judge, &by_position.ranked, rotations)?;
     if share.is_some_and(|share| share < LEAST_SHARE) {
         return Ok(by_position);
     }
     let problem = judge.problem;
-    let hypotheses = [cliques, &star_poses(problem, rotations, joined)?].concat();
+    let mut hypotheses = memory::copied(cliques)?;
+    memory::extend(&mut hypotheses, &star_poses(problem, rotations, joined)?)?;
     let likelihood = weigh(problem, &by_position.likelihood, rotations, share.unwrap_or(UNKNOWN_SHARE))?;
     let by_frames = Answer { ranked: problem.rank(&likelihood, &hypotheses)?, likelihood, by_frames: true };
-    let alarms = |answer: &Answer| answer.ranked.first().map(|best| judge.false_alarms(best, &[]));
-    let is_worse = match (alarms(&by_position), alarms(&by_frames)) {
+    let alarms =
+        |answer: &Answer| answer.ranked.first().map(|best| judge.false_alarms(best, &[])).transpose();
+    let is_worse = match (alarms(&by_position)?, alarms(&by_frames)?) {
         (Some(before), Some(after)) => ADVANTAGE * before <= after,
         (before, _) => before.is_some(),
     };
@@ -69,16 +73,18 @@ pub fn with_frames(
 }
 
 /// The share of the supporters, of the poses that are no chance, whose frames agree; `None` without such a pose.
-fn share(judge: &Judge, ranked: &[Ranked], rotations: &[Option<Matrix3<f64>>]) -> Option<f64> {
+fn share(judge: &Judge, ranked: &[Ranked], rotations: &[Option<Matrix3<f64>>]) -> Result<Option<f64>> {
     let (mut agreeing, mut framed) = (0_u32, 0_u32);
-    for one in ranked.iter().filter(|one| judge.false_alarms(one, &[]) < MOST_FALSE_ALARMS) {
-        let supporters = judge.problem.group(&judge.likelihood.squared_residuals(&one.mode.pose));
-        for rotation in supporters.iter().filter_map(|&i| rotations[i].as_ref()) {
-            agreeing += u32::from(agrees(rotation, &one.mode.pose));
-            framed += 1;
+    for one in ranked {
+        if judge.false_alarms(one, &[])? < MOST_FALSE_ALARMS {
+            let supporters = judge.problem.group(&judge.likelihood.squared_residuals(&one.mode.pose)?)?;
+            for rotation in supporters.iter().filter_map(|&i| rotations[i].as_ref()) {
+                agreeing += u32::from(agrees(rotation, &one.mode.pose));
+                framed += 1;
+            }
         }
     }
-    (framed > 0).then(|| f64::from(agreeing) / f64::from(framed))
+    Ok((framed > 0).then(|| f64::from(agreeing) / f64::from(framed)))
 }
 
 /// The motions of stars of frames.
@@ -109,7 +115,7 @@ fn weigh(
         deviation: FRAME_DEVIATION,
     };
     let Problem { source, target, tolerance, execution, .. } = *problem;
-    let sizes = cluster_sizes(source, target, CLUSTER * tolerance, tolerance, execution)?;
-    let weights: Vec<f64> = sizes.into_iter().map(f64::recip).collect();
-    Ok(likelihood.clone().with_frames(rotations, &weights, term))
+    let mut weights = cluster_sizes(source, target, CLUSTER * tolerance, tolerance, execution)?;
+    weights.iter_mut().for_each(|size| *size = size.recip());
+    likelihood.copied()?.with_frames(rotations, &weights, term)
 }

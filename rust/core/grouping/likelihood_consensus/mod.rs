@@ -38,7 +38,8 @@ use crate::consensus::modes::{Mode, find_modes};
 use crate::error::at_least_one;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::{Alternative, mask_of};
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::selection::top_k::largest;
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// Lengths in units of the tolerance: standard deviation of a right match, residuals that count in the score, and in
 /// the group, radius of the chance level, least length of an edge.
@@ -105,17 +106,17 @@ impl GroupingMethod for LikelihoodConsensus {
         let instances = at_least_one("instances", self.instances)?;
         let problem = Problem { source, target, tolerance, modes, execution };
         let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
-        let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance);
+        let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
         let joined = problem.join()?;
         let cliques = problem.cliques(&joined)?;
         let ranked = problem.rank(&likelihood, &cliques)?;
-        let rotations = frames::proposed_rotations(correspondences);
+        let rotations = frames::proposed_rotations(correspondences)?;
         let judge = Judge { problem: &problem, likelihood: &likelihood };
-        let mut answer = Answer { likelihood: likelihood.clone(), ranked, by_frames: false };
+        let mut answer = Answer { likelihood: likelihood.copied()?, ranked, by_frames: false };
         if let Some(rotations) = &rotations {
             answer = frames::with_frames(&judge, answer, rotations, &joined, &cliques)?;
         }
-        let grouping = judge.judged(problem.report(&answer), &answer, instances)?;
+        let grouping = judge.judged(problem.report(&answer)?, &answer, instances)?;
         let grouping = grouping.with("hypotheses", cliques.len() as f64);
         let grouping = grouping.with("by_frames", f64::from(u8::from(answer.by_frames)));
         Ok(grouping.with("vertices", joined.vertices.len() as f64))
@@ -127,16 +128,16 @@ impl Problem<'_> {
     fn rank(&self, likelihood: &Likelihood, hypotheses: &[Rigid]) -> Result<Vec<Ranked>> {
         let modes =
             find_modes(likelihood, hypotheses, self.modes, self.source, self.tolerance, self.execution)?;
-        let poses: Vec<Rigid> = modes.iter().map(|mode| mode.pose).collect();
+        let poses = memory::collect(modes.iter().map(|mode| mode.pose))?;
         let landings = landings(&poses, self.source, self.target, self.group_radius(), self.execution)?;
         let rank = |(mode, landing): (Mode, Landing)| Ranked {
             mode,
             landing,
             score: mode.support.score * landing.coverage,
         };
-        let mut ranked: Vec<Ranked> = modes.into_iter().zip(landings).map(rank).collect();
-        ranked.sort_by(|a, b| b.score.total_cmp(&a.score));
-        Ok(ranked)
+        let ranked = memory::collect(modes.into_iter().zip(landings).map(rank))?;
+        let order = largest(&memory::collect(ranked.iter().map(|one| one.score))?, ranked.len())?;
+        memory::collect(order.into_iter().map(|k| ranked[k]))
     }
 
     /// Greatest residual in a group.
@@ -145,32 +146,32 @@ impl Problem<'_> {
     }
 
     /// The rows with a residual in the group.
-    fn group(&self, squares: &[f64]) -> Vec<usize> {
+    fn group(&self, squares: &[f64]) -> Result<Vec<usize>> {
         let limit = self.group_radius().powi(2);
-        (0..squares.len()).filter(|&i| squares[i] <= limit).collect()
+        memory::collect((0..squares.len()).filter(|&i| squares[i] <= limit))
     }
 
-    fn report(&self, answer: &Answer) -> Grouping {
+    fn report(&self, answer: &Answer) -> Result<Grouping> {
         let n = self.source.len();
         let alternative = |one: &Ranked| Alternative {
             model: one.mode.pose.uncentered(self.source, self.target).to_matrix(),
             score: one.score,
         };
-        let alternatives: Vec<Alternative> = answer.ranked.iter().map(alternative).collect();
+        let alternatives = memory::collect(answer.ranked.iter().map(alternative))?;
         let Some(best) = answer.ranked.first() else {
-            let scores = Some(vec![0.0; n]);
-            return Grouping { scores, alternatives: Some(alternatives), ..Grouping::empty(n) };
+            let scores = Some(memory::filled(0.0, n)?);
+            return Ok(Grouping { scores, alternatives: Some(alternatives), ..Grouping::empty(n)? });
         };
         let pose = &best.mode.pose;
-        Grouping {
-            mask: mask_of(n, self.group(&answer.likelihood.squared_residuals(pose))),
-            scores: Some(answer.likelihood.posteriors(pose)),
+        let grouping = Grouping {
+            mask: mask_of(n, self.group(&answer.likelihood.squared_residuals(pose)?)?)?,
+            scores: Some(answer.likelihood.posteriors(pose)?),
             model: alternatives.first().map(|best| best.model),
             alternatives: Some(alternatives),
             ..Grouping::default()
-        }
-        .with("score", best.score)
-        .with("supporters", best.mode.support.supporters as f64)
+        };
+        let supporters = best.mode.support.supporters as f64;
+        Ok(grouping.with("score", best.score).with("supporters", supporters))
     }
 }
 
@@ -187,11 +188,11 @@ impl Problem<'_> {
         let shortest = SHORTEST * tolerance;
         if source.len() <= MOST_VERTICES {
             let graph = AgreementGraph::new(source, target, tolerance, shortest, execution)?;
-            return Ok(Joined { vertices: (0..source.len()).collect(), graph });
+            return Ok(Joined { vertices: memory::collect(0..source.len())?, graph });
         }
         let vertices =
-            DistanceAgreement::new(source, target, tolerance).most_agreeing(MOST_VERTICES, execution)?;
-        let (p, q) = (source.subset(&vertices), target.subset(&vertices));
+            DistanceAgreement::new(source, target, tolerance)?.most_agreeing(MOST_VERTICES, execution)?;
+        let (p, q) = (source.subset(&vertices)?, target.subset(&vertices)?);
         let graph = AgreementGraph::new(&p, &q, tolerance, shortest, execution)?;
         Ok(Joined { vertices, graph })
     }

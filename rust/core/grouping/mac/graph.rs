@@ -10,6 +10,7 @@ use crate::compatibility::graph::indices;
 use crate::compatibility::long_agreement::{EdgeLengths, LongAgreement};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 
 /// The weight 1.
@@ -55,22 +56,24 @@ impl SecondOrderGraph {
     /// Of matched points.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn new(source: &Points, target: &Points, kernel: Kernel, execution: &Execution) -> Result<Self> {
         // The source keeps weights that equal the cut; so `<` the next number.
-        let agreement = DistanceAgreement::new(source, target, kernel.bound.next_up());
-        let mut starts = vec![0];
+        let agreement = DistanceAgreement::new(source, target, kernel.bound.next_up())?;
+        let mut starts = memory::with_capacity(source.len() + 1)?;
+        starts.push(0);
         for count in agreement.counts(execution)? {
             starts.push(starts[starts.len() - 1] + count as usize);
         }
         let rows = LongAgreement::new(agreement, EdgeLengths::Any);
-        let mut neighbors = vec![0; starts[starts.len() - 1]];
-        let mut first_order = vec![0; neighbors.len()];
+        let mut neighbors = memory::filled(0, starts[starts.len() - 1])?;
+        let mut first_order = memory::filled(0, neighbors.len())?;
         let words = source.len().div_ceil(u64::BITS as usize);
-        let parts = parts(&mut neighbors, &starts).into_par_iter().zip(parts(&mut first_order, &starts));
+        let parts = parts(&mut neighbors, &starts)?.into_par_iter().zip(parts(&mut first_order, &starts)?);
         parts.enumerate().try_for_each_init(
-            || (vec![0; words], vec![0; words]),
-            |(row, unsure), (i, (neighbors, weights))| {
+            || memory::try_map([(); 2], |()| memory::filled(0, words)),
+            |space, (i, (neighbors, weights))| {
+                let [row, unsure] = memory::ready(space)?;
                 rows.fill_row(i, row, unsure);
                 let others = indices(row).filter(|&j| j as usize != i);
                 for ((j, neighbor), weight) in others.zip(neighbors).zip(weights) {
@@ -81,11 +84,12 @@ impl SecondOrderGraph {
                 execution.check()
             },
         )?;
-        let mut graph = Self { starts, weights: vec![0; neighbors.len()], neighbors };
+        let mut graph = Self { starts, weights: Vec::new(), neighbors };
         let paths = graph.sums_over_paths(&first_order, execution)?;
         let products = first_order.iter().zip(paths);
         // W_ij = w_ij sum_k w_ik w_jk
-        graph.weights = products.map(|(&w, sum)| ((u64::from(w) * sum) >> PRODUCT_SHIFT) as u32).collect();
+        let weights = products.map(|(&w, sum)| ((u64::from(w) * sum) >> PRODUCT_SHIFT) as u32);
+        graph.weights = memory::collect(weights)?;
         Ok(graph)
     }
 
@@ -109,13 +113,14 @@ impl SecondOrderGraph {
     /// i-j and j-i are the same.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn sums_over_paths<V: PathValue>(&self, values: &[V], execution: &Execution) -> Result<Vec<V::Sum>> {
-        let mut sums = vec![V::Sum::default(); self.neighbors.len()];
-        let rows = parts(&mut sums, &self.starts).into_par_iter().enumerate();
+        let mut sums = memory::filled(V::Sum::default(), self.neighbors.len())?;
+        let rows = parts(&mut sums, &self.starts)?.into_par_iter().enumerate();
         rows.try_for_each_init(
-            || vec![V::default(); self.len()],
+            || memory::filled(V::default(), self.len()),
             |spread, (i, sums)| {
+                let spread = memory::ready(spread)?;
                 let row = self.starts[i]..self.starts[i + 1];
                 let (neighbors, own) = (&self.neighbors[row.clone()], &values[row]);
                 neighbors.iter().zip(own).for_each(|(&j, &value)| spread[j as usize] = value);
@@ -128,13 +133,13 @@ impl SecondOrderGraph {
                 execution.check()
             },
         )?;
-        self.mirror(&mut sums);
+        self.mirror(&mut sums)?;
         Ok(sums)
     }
 
     /// Copies what stands at i-j for i < j to j-i.
-    fn mirror<S: Copy>(&self, values: &mut [S]) {
-        let mut next = self.starts.clone(); // of each vertex, its first neighbour whose copy is missing
+    fn mirror<S: Copy>(&self, values: &mut [S]) -> Result<()> {
+        let mut next = memory::copied(&self.starts)?; // of each vertex, its first neighbour whose copy is missing
         for i in 0..self.len() {
             for at in self.starts[i]..self.starts[i + 1] {
                 let j = self.neighbors[at] as usize;
@@ -144,6 +149,7 @@ impl SecondOrderGraph {
                 }
             }
         }
+        Ok(())
     }
 }
 
@@ -173,15 +179,15 @@ impl PathValue for f32 {
 }
 
 /// The values of each vertex by themselves.
-fn parts<'a, T>(values: &'a mut [T], starts: &[usize]) -> Vec<&'a mut [T]> {
+fn parts<'a, T>(values: &'a mut [T], starts: &[usize]) -> Result<Vec<&'a mut [T]>> {
     let mut rest = values;
-    let mut parts = Vec::with_capacity(starts.len());
+    let mut parts = memory::with_capacity(starts.len())?;
     for pair in starts.windows(2) {
         let (part, after) = rest.split_at_mut(pair[1] - pair[0]);
         parts.push(part);
         rest = after;
     }
-    parts
+    Ok(parts)
 }
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ use crate::compatibility::agreement::DistanceAgreement;
 use crate::consensus::choice::{Choice, best_pose, group_of, inliers_of};
 use crate::error::{Error, at_least_one, positive};
 use crate::geometry::rigid::{Rigid, fit_rows};
+use crate::memory;
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 use graph::{BYTES_PER_NEIGHBOR, Kernel, SecondOrderGraph};
@@ -76,16 +77,16 @@ impl GroupingMethod for MaximalCliques {
         let search = self.search()?;
         let kernel = self.kernel(tolerance)?;
         let vertices = affordable(source, target, kernel.bound, execution)?;
-        let (p, q) = (only(source, &vertices), only(target, &vertices));
+        let (p, q) = (only(source, &vertices)?, only(target, &vertices)?);
         let graph = SecondOrderGraph::new(&p, &q, kernel, execution)?; // w, then W = w o (w w)
         let dense = reduction::dense_part(&graph, execution)?; // clustering coefficients
         let found = search.heaviest_cliques(&graph, &dense, execution)?; // node-guided selection
-        let cliques = found.distinct(self.max_hypotheses.unwrap_or(usize::MAX));
-        let poses = cliques.par_iter().filter_map(|clique| pose_of(clique, &vertices, source, target)); // SVD
-        let poses: Vec<Rigid> = poses.collect();
+        let cliques = found.distinct(self.max_hypotheses.unwrap_or(usize::MAX))?;
+        let poses = cliques.par_iter().map(|clique| pose_of(clique, &vertices, source, target)); // SVD
+        let poses = memory::collect(memory::par_try_collect(poses)?.into_iter().flatten())?;
         let best = best_pose(&poses, source, target, tolerance, Choice::Mae, execution)?;
-        let mut grouping = if self.refine { group_of } else { inliers_of }(best, source, target, tolerance);
-        let mut scores = vec![0.0; source.len()];
+        let mut grouping = if self.refine { group_of } else { inliers_of }(best, source, target, tolerance)?;
+        let mut scores = memory::filled(0.0, source.len())?;
         vertices.iter().zip(found.weights()).for_each(|(&i, weight)| scores[i] = weight);
         grouping.scores = Some(scores);
         if vertices.len() < source.len() || found.cut_short {
@@ -126,16 +127,16 @@ impl MaximalCliques {
 
 /// The vertices of the highest degrees, ties to the lowest index, as many as there are time and memory for; ascending.
 fn affordable(source: &Points, target: &Points, bound: f64, execution: &Execution) -> Result<Vec<usize>> {
-    let degrees = DistanceAgreement::new(source, target, bound.next_up()).counts(execution)?;
-    let degrees: Vec<f64> = degrees.into_iter().map(f64::from).collect();
-    let mut vertices = largest(&degrees, degrees.len());
+    let degrees = DistanceAgreement::new(source, target, bound.next_up())?.counts(execution)?;
+    let degrees = memory::collect(degrees.into_iter().map(f64::from))?;
+    let mut vertices = largest(&degrees, degrees.len())?;
     let fits = |&most: &usize| {
         // Among so many no degree is greater.
         let left = vertices[..most].iter().map(|&i| degrees[i].min(most as f64));
         let (neighbors, paths) = left.fold((0.0, 0.0), |(sum, squares), d| (sum + d, squares + d * d));
         paths <= MOST_PATHS && neighbors * BYTES_PER_NEIGHBOR <= execution.max_memory as f64
     };
-    let sizes: Vec<usize> = (1..=vertices.len()).collect();
+    let sizes = memory::collect(1..=vertices.len())?;
     let most = sizes.partition_point(fits);
     vertices.truncate(most);
     vertices.sort_unstable();
@@ -143,12 +144,15 @@ fn affordable(source: &Points, target: &Points, bound: f64, execution: &Executio
 }
 
 /// The points of the vertices; where these are all, the same bits.
-fn only<'a>(points: &'a Points, vertices: &[usize]) -> Cow<'a, Points> {
-    if vertices.len() == points.len() { Cow::Borrowed(points) } else { Cow::Owned(points.subset(vertices)) }
+fn only<'a>(points: &'a Points, vertices: &[usize]) -> Result<Cow<'a, Points>> {
+    if vertices.len() == points.len() {
+        return Ok(Cow::Borrowed(points));
+    }
+    points.subset(vertices).map(Cow::Owned)
 }
 
 /// `None` where the points leave a rotation open.
-fn pose_of(clique: &Clique, vertices: &[usize], source: &Points, target: &Points) -> Option<Rigid> {
+fn pose_of(clique: &Clique, vertices: &[usize], source: &Points, target: &Points) -> Result<Option<Rigid>> {
     fit_rows(source, target, clique.members.iter().map(|&i| vertices[i as usize]))
 }
 

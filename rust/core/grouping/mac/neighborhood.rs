@@ -1,6 +1,8 @@
 //! The neighbours of one vertex as a small graph of bit rows: what the search from that vertex sees.
 
 use super::graph::SecondOrderGraph;
+use crate::error::Result;
+use crate::memory;
 
 /// The rank of a vertex that does not take part.
 pub const NOWHERE: u32 = u32::MAX;
@@ -44,22 +46,26 @@ pub struct Neighborhood {
 
 impl Neighborhood {
     /// Of a vertex.
-    pub fn new(graph: &SecondOrderGraph, ranks: &[u32], center: u32, numbers: &mut Scratch) -> Self {
-        numbers.resize(graph.len(), NOWHERE);
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(graph: &SecondOrderGraph, ranks: &[u32], center: u32, numbers: &mut Scratch) -> Result<Self> {
+        memory::resize(numbers, graph.len(), NOWHERE)?;
         let rank = ranks[center as usize];
         let of_rank = |later: bool| {
             neighbors(graph, ranks, center).filter(move |&(j, _)| (ranks[j as usize] > rank) == later)
         };
-        let (later, to_center): (Vec<u32>, Vec<u32>) = of_rank(true).unzip();
-        let earlier: Vec<u32> = of_rank(false).map(|(j, _)| j).collect();
+        let later = memory::collect(of_rank(true).map(|(j, _)| j))?;
+        let to_center = memory::collect(of_rank(true).map(|(_, weight)| weight))?;
+        let earlier = memory::collect(of_rank(false).map(|(j, _)| j))?;
         let all = || later.iter().chain(&earlier);
         all().zip(0..).for_each(|(&j, number)| numbers[j as usize] = number);
         let mut hood = Self {
             center,
             earlier: earlier.len(),
-            joined: vec![0; all().count() * later.len().div_ceil(WORD)],
-            joined_earlier: vec![0; later.len() * earlier.len().div_ceil(WORD)],
-            weights: vec![0; later.len() * later.len()],
+            joined: memory::filled(0, all().count() * later.len().div_ceil(WORD))?,
+            joined_earlier: memory::filled(0, later.len() * earlier.len().div_ceil(WORD))?,
+            weights: memory::filled(0, later.len() * later.len())?,
             to_center,
             later: Vec::new(),
         };
@@ -71,7 +77,7 @@ impl Neighborhood {
                 .for_each(|(b, weight)| hood.join(a, b as usize, weight, later.len()));
         }
         all().for_each(|&j| numbers[j as usize] = NOWHERE);
-        Self { later, ..hood }
+        Ok(Self { later, ..hood })
     }
 
     /// Joins a later one with another neighbour, where `later` of all are later ones.

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::graph::{SECOND_ORDER_BITS, SecondOrderGraph};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 use crate::selection::otsu::{DEFAULT_BINS, OtsuMode, otsu};
 
 /// A graph is dense where none of the three cuts on its coefficients is lower.
@@ -20,30 +21,30 @@ const STEPS: u32 = 20;
 /// The vertices whose cliques are sought, ascending; all where the graph is not dense.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`].
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn dense_part(graph: &SecondOrderGraph, execution: &Execution) -> Result<Vec<u32>> {
     let all = 0..graph.len() as u32;
     if graph.len() <= LEAST_VERTICES {
-        return Ok(all.collect());
+        return memory::collect(all);
     }
     let Coefficients { of_vertices, pooled } = coefficients(graph, execution)?;
-    let cut = otsu(&of_vertices, OtsuMode::Legacy { bins: DEFAULT_BINS }).threshold;
+    let cut = otsu(&of_vertices, OtsuMode::Legacy { bins: DEFAULT_BINS })?.threshold;
     let otsu = cut.unwrap_or(of_vertices[0]); // all are equal where there is none
     let mean = of_vertices.iter().sum::<f64>() / of_vertices.len() as f64;
     if otsu.min(mean).min(pooled) <= DENSE {
-        return Ok(all.collect());
+        return memory::collect(all);
     }
-    let limit = limit(&of_vertices, otsu.max(pooled));
-    Ok(all.filter(|&i| of_vertices[i as usize] >= limit).collect())
+    let limit = limit(&of_vertices, otsu.max(pooled))?;
+    memory::collect(all.filter(|&i| of_vertices[i as usize] >= limit))
 }
 
 /// The greatest multiple of the cut, in steps, that as many vertices reach as are wanted.
-fn limit(coefficients: &[f64], cut: f64) -> f64 {
-    let mut descending = coefficients.to_vec();
+fn limit(coefficients: &[f64], cut: f64) -> Result<f64> {
+    let mut descending = memory::copied(coefficients)?;
     descending.sort_unstable_by(|a, b| b.total_cmp(a));
     let reached = descending[LEAST_VERTICES - 1];
     let mut limits = (0..=FIRST_STEP).rev().map(|step| f64::from(step) / f64::from(STEPS) * cut);
-    limits.find(|&limit| limit <= reached).unwrap_or_default()
+    Ok(limits.find(|&limit| limit <= reached).unwrap_or_default())
 }
 
 /// How well the neighbours of each vertex agree with each other, and the same over all pairs of neighbours. In f32, so that
@@ -56,11 +57,11 @@ struct Coefficients {
 /// `c_i = sum_(j<k) (W_ij W_ik W_jk)^(1/3) / (deg_i (deg_i - 1) / 2)`.
 fn coefficients(graph: &SecondOrderGraph, execution: &Execution) -> Result<Coefficients> {
     let unit = f64::from(1_u32 << SECOND_ORDER_BITS);
-    let roots: Vec<f32> =
-        graph.weights().par_iter().map(|&weight| (f64::from(weight) / unit).cbrt() as f32).collect();
+    let roots = graph.weights().par_iter().map(|&weight| (f64::from(weight) / unit).cbrt() as f32);
+    let roots = memory::par_collect(roots)?;
     let paths = graph.sums_over_paths(&roots, execution)?;
     let (mut rest, mut roots) = (&paths[..], &roots[..]);
-    let (mut of_vertices, mut sum, mut pairs) = (Vec::new(), 0.0, 0.0);
+    let (mut of_vertices, mut sum, mut pairs) = (memory::with_capacity(graph.len())?, 0.0, 0.0);
     for i in 0..graph.len() {
         let len = graph.row(i).0.len();
         let (own, own_roots);
@@ -119,9 +120,10 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_is_the_first_that_enough_reach() {
+    fn the_limit_is_the_first_that_enough_reach() -> Result<()> {
         let coefficients: Vec<f64> = (0..100).map(f64::from).collect();
-        assert!((limit(&coefficients, 20.0) - 50.0).abs() < 1e-12); // 2.5 cuts, and the fiftieth is 50
-        assert!(limit(&[0.0; 60], 20.0) <= 0.0);
+        assert!((limit(&coefficients, 20.0)? - 50.0).abs() < 1e-12); // 2.5 cuts, and the fiftieth is 50
+        assert!(limit(&[0.0; 60], 20.0)? <= 0.0);
+        Ok(())
     }
 }

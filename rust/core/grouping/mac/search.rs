@@ -6,7 +6,6 @@
 //! knows nothing of the others, and so the result is the same on any number of threads, also where it is cut short.
 
 use std::cmp::Reverse;
-use std::collections::HashSet;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -16,6 +15,7 @@ use super::neighborhood::{NOWHERE, Neighborhood, Scratch, neighbors};
 use super::walk::{Walk, Walked};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 
 /// What is searched for, and for how long.
 #[derive(Debug, Clone, Copy)]
@@ -54,12 +54,16 @@ pub struct Heaviest {
 
 impl Heaviest {
     /// Cliques that are some vertex's heaviest, each once, the heaviest first, and no more than `most`.
-    pub fn distinct(&self, most: usize) -> Vec<&Clique> {
-        let once: HashSet<&Clique> = self.of_vertices.iter().flatten().map(Arc::as_ref).collect();
-        let mut cliques: Vec<&Clique> = once.into_iter().collect();
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn distinct(&self, most: usize) -> Result<Vec<&Clique>> {
+        let mut seen = memory::set(self.of_vertices.len())?;
+        let all = self.of_vertices.iter().flatten().map(Arc::as_ref);
+        let mut cliques = memory::collect(all.filter(|&clique| seen.insert(clique)))?;
         cliques.sort_unstable_by(|a, b| a.rank().cmp(&b.rank()));
         cliques.truncate(most);
-        cliques
+        Ok(cliques)
     }
 
     /// Of each vertex the weight of its heaviest clique, 0 where it is in none.
@@ -85,31 +89,33 @@ impl Search {
     /// Of each vertex the heaviest of the maximal cliques among `vertices`, which ascend.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn heaviest_cliques(
         &self,
         graph: &SecondOrderGraph,
         vertices: &[u32],
         execution: &Execution,
     ) -> Result<Heaviest> {
-        let ranks = ranks_by_degree(graph, vertices);
+        let ranks = ranks_by_degree(graph, vertices)?;
         let ranks = &ranks;
         let later =
             |i: u32| neighbors(graph, ranks, i).filter(move |&(j, _)| ranks[j as usize] > ranks[i as usize]);
         let starts = vertices.iter().copied().filter(|&i| later(i).count() + 1 >= self.min_size);
-        let mut starts: Vec<u32> = starts.collect();
+        let mut starts = memory::collect(starts)?;
         starts.sort_unstable_by_key(|&i| ranks[i as usize]);
-        let mut found = Heaviest { of_vertices: vec![None; graph.len()], cliques: 0, cut_short: false };
+        let of_vertices = memory::filled(None, graph.len())?;
+        let mut found = Heaviest { of_vertices, cliques: 0, cut_short: false };
         let (mut ends, mut left) = (self.max_ends, starts.len());
         execution.report(0, left)?;
         for block in starts.chunks(BLOCK) {
             let share = (ends / left).max(1);
             let search = |hood: &mut Scratch, &start: &u32| {
                 execution.advance()?;
-                Walk::new(Neighborhood::new(graph, ranks, start, hood), self.min_size, share, execution).run()
+                let hood = Neighborhood::new(graph, ranks, start, hood)?;
+                Walk::new(hood, self.min_size, share, execution)?.run()
             };
             let walks: Vec<Walked> =
-                block.par_iter().map_init(Scratch::default, search).collect::<Result<_>>()?;
+                memory::par_try_collect(block.par_iter().map_init(Scratch::default, search))?;
             for walked in walks {
                 ends = ends.saturating_sub(walked.ends);
                 found.cliques += walked.cliques;
@@ -123,13 +129,13 @@ impl Search {
 }
 
 /// The place of each of the vertices among them by degree, ties to the lowest index; `NOWHERE` for others.
-fn ranks_by_degree(graph: &SecondOrderGraph, vertices: &[u32]) -> Vec<u32> {
-    let mut ranks = vec![NOWHERE; graph.len()];
+fn ranks_by_degree(graph: &SecondOrderGraph, vertices: &[u32]) -> Result<Vec<u32>> {
+    let mut ranks = memory::filled(NOWHERE, graph.len())?;
     vertices.iter().for_each(|&i| ranks[i as usize] = 0);
-    let mut order = vertices.to_vec();
-    order.sort_by_cached_key(|&i| neighbors(graph, &ranks, i).count());
-    order.into_iter().zip(0..).for_each(|(i, rank)| ranks[i as usize] = rank);
-    ranks
+    let mut order = memory::collect(vertices.iter().map(|&i| (neighbors(graph, &ranks, i).count(), i)))?;
+    order.sort_unstable();
+    order.into_iter().zip(0..).for_each(|((_, i), rank)| ranks[i as usize] = rank);
+    Ok(ranks)
 }
 
 #[cfg(test)]
@@ -199,9 +205,9 @@ mod tests {
             let expected = with.map(|clique| (Reverse(pairs(clique)), clique.as_slice())).min();
             assert_eq!(kept.as_ref().map(|clique| clique.rank()), expected);
         }
-        let distinct = found.distinct(usize::MAX);
+        let distinct = found.distinct(usize::MAX)?;
         assert!(distinct.is_sorted_by(|a, b| a.rank() < b.rank()));
-        assert_eq!(found.distinct(1), distinct[..1]);
+        assert_eq!(found.distinct(1)?, distinct[..1]);
         Ok(())
     }
 

@@ -7,6 +7,7 @@ use super::search::Clique;
 use crate::compatibility::graph::{count_common, indices};
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::memory;
 
 /// Sets of neighbours of a vertex that are joined with all members of a clique.
 #[derive(Debug, Clone, Default)]
@@ -20,7 +21,7 @@ struct Sets {
 }
 
 /// What a search found.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Walked {
     /// Maximal cliques of enough members.
     pub cliques: usize,
@@ -49,9 +50,17 @@ pub struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// From the centre of a neighbourhood, for cliques of at least `min_size`, to `max_ends` ends.
-    pub fn new(hood: Neighborhood, min_size: usize, max_ends: usize, execution: &'a Execution) -> Self {
-        Self {
-            heaviest: vec![None; hood.later.len() + 1],
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(
+        hood: Neighborhood,
+        min_size: usize,
+        max_ends: usize,
+        execution: &'a Execution,
+    ) -> Result<Self> {
+        Ok(Self {
+            heaviest: memory::filled(None, hood.later.len() + 1)?,
             hood,
             min_size,
             max_ends,
@@ -59,23 +68,23 @@ impl<'a> Walk<'a> {
             members: Vec::new(),
             walked: Walked::default(),
             spare: Vec::new(),
-        }
+        })
     }
 
     /// Searches.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`].
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn run(mut self) -> Result<Walked> {
         let sets = Sets {
-            candidates: first_bits(self.hood.later.len()),
-            done: vec![0; self.hood.later.len().div_ceil(64)],
-            earlier: first_bits(self.hood.earlier),
+            candidates: first_bits(self.hood.later.len())?,
+            done: memory::filled(0, self.hood.later.len().div_ceil(64))?,
+            earlier: first_bits(self.hood.earlier)?,
         };
         self.walked.finished = self.extend(sets, 0)?;
         let vertices = self.hood.later.iter().copied().chain([self.hood.center]);
         let found = vertices.zip(self.heaviest).filter_map(|(i, clique)| Some((i, clique?)));
-        Ok(Walked { heaviest: found.collect(), ..self.walked })
+        Ok(Walked { heaviest: memory::collect(found)?, ..self.walked })
     }
 
     /// Finds the cliques that consist of the members and of candidates; whether it found all of them.
@@ -84,26 +93,26 @@ impl<'a> Walk<'a> {
         if self.walked.ends >= self.max_ends || self.execution.is_stopped() {
             return Ok(false);
         }
-        let pivot = self.pivot(&sets);
-        let mut branches = sets.candidates.clone();
+        let pivot = self.pivot(&sets)?;
+        let mut branches = memory::copied(&sets.candidates)?;
         if let Some(pivot) = pivot {
             branches.iter_mut().zip(self.hood.joined(pivot)).for_each(|(word, joined)| *word &= !joined);
         }
         if branches.iter().all(|&word| word == 0) {
             if pivot.is_none() {
-                self.report(weight);
+                self.report(weight)?;
             }
             self.walked.ends += 1;
-            self.spare.push(sets);
+            memory::push(&mut self.spare, sets)?;
             return Ok(true);
         }
         // The pivot's branch has the most candidates: its cliques are large.
         let first = pivot.filter(|&a| a < self.hood.later.len() && has(&sets.candidates, a));
         let others = indices(&branches).map(|a| a as usize).filter(|&a| Some(a) != first);
         for a in first.into_iter().chain(others) {
-            let narrowed = self.narrowed(&sets, a);
+            let narrowed = self.narrowed(&sets, a)?;
             let gain = self.hood.gain(a, &self.members);
-            self.members.push(a);
+            memory::push(&mut self.members, a)?;
             let goes_on = self.extend(narrowed, weight + gain)?;
             self.members.pop();
             if !goes_on {
@@ -112,14 +121,14 @@ impl<'a> Walk<'a> {
             sets.candidates[a / 64] &= !(1 << (a % 64));
             sets.done[a / 64] |= 1 << (a % 64);
         }
-        self.spare.push(sets);
+        memory::push(&mut self.spare, sets)?;
         Ok(true)
     }
 
     /// The neighbour that is joined with the most candidates, of those that are joined with all members; ties to the first,
     /// later ones before earlier ones.
-    fn pivot(&self, sets: &Sets) -> Option<usize> {
-        let later = sets.candidates.iter().zip(&sets.done).map(|(a, b)| a | b).collect::<Vec<_>>();
+    fn pivot(&self, sets: &Sets) -> Result<Option<usize>> {
+        let later = memory::collect(sets.candidates.iter().zip(&sets.done).map(|(a, b)| a | b))?;
         let earlier = indices(&sets.earlier).map(|b| self.hood.later.len() + b as usize);
         let mut best: Option<(u32, usize)> = None;
         for a in indices(&later).map(|a| a as usize).chain(earlier) {
@@ -128,34 +137,37 @@ impl<'a> Walk<'a> {
                 best = Some((joined, a));
             }
         }
-        best.map(|(_, a)| a)
+        Ok(best.map(|(_, a)| a))
     }
 
     /// Those of the sets that are joined with one more member.
-    fn narrowed(&mut self, sets: &Sets, a: usize) -> Sets {
+    fn narrowed(&mut self, sets: &Sets, a: usize) -> Result<Sets> {
         let mut narrowed = self.spare.pop().unwrap_or_default();
         let fill = |to: &mut Vec<u64>, from: &[u64], row: &[u64]| {
             to.clear();
+            memory::reserve(to, from.len())?;
             to.extend(from.iter().zip(row).map(|(a, b)| a & b));
+            Ok(())
         };
-        fill(&mut narrowed.candidates, &sets.candidates, self.hood.joined(a));
-        fill(&mut narrowed.done, &sets.done, self.hood.joined(a));
-        fill(&mut narrowed.earlier, &sets.earlier, self.hood.joined_earlier(a));
-        narrowed
+        fill(&mut narrowed.candidates, &sets.candidates, self.hood.joined(a))?;
+        fill(&mut narrowed.done, &sets.done, self.hood.joined(a))?;
+        fill(&mut narrowed.earlier, &sets.earlier, self.hood.joined_earlier(a))?;
+        Ok(narrowed)
     }
 
     /// Keeps the clique of the vertex and the members, where it is the heaviest of one of them.
-    fn report(&mut self, weight: u64) {
+    fn report(&mut self, weight: u64) -> Result<()> {
         if self.members.len() + 1 < self.min_size {
-            return;
+            return Ok(());
         }
         self.walked.cliques += 1;
         let center = self.hood.later.len();
         let of_clique = || self.members.iter().copied().chain([center]);
         if !of_clique().any(|a| self.heaviest[a].as_ref().is_none_or(|other| weight >= other.weight)) {
-            return;
+            return Ok(());
         }
-        let mut members: Vec<u32> = self.members.iter().map(|&a| self.hood.later[a]).collect();
+        let mut members = memory::with_capacity(self.members.len() + 1)?;
+        members.extend(self.members.iter().map(|&a| self.hood.later[a]));
         members.push(self.hood.center);
         members.sort_unstable();
         let clique = Arc::new(Clique { weight, members });
@@ -165,13 +177,14 @@ impl<'a> Walk<'a> {
                 *kept = Some(Arc::clone(&clique));
             }
         }
+        Ok(())
     }
 }
 
-fn first_bits(count: usize) -> Vec<u64> {
-    let mut words = vec![0; count.div_ceil(64)];
+fn first_bits(count: usize) -> Result<Vec<u64>> {
+    let mut words = memory::filled(0, count.div_ceil(64))?;
     (0..count).for_each(|a| words[a / 64] |= 1 << (a % 64));
-    words
+    Ok(words)
 }
 
 fn has(words: &[u64], a: usize) -> bool {

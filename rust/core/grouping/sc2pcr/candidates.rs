@@ -17,7 +17,7 @@ use crate::consensus::choice::count_inliers;
 use crate::consensus::reweighting::reweighted;
 use crate::geometry::rigid::Rigid;
 use crate::selection::top_k::largest;
-use crate::{Execution, Points, Result};
+use crate::{Execution, Points, Result, memory};
 
 /// Poses that are looked at, those with the most inliers.
 const MOST_POSES: usize = 50;
@@ -39,15 +39,15 @@ impl Candidates<'_> {
     /// The best pose, refined by one round; the first of equal ones, `None` where none lays a point near a candidate.
     pub(super) fn best_pose(&self, poses: &[Rigid], execution: &Execution) -> Result<Option<Rigid>> {
         let counts = count_inliers(poses, self.source, self.target, self.tolerance, execution)?;
-        let ranked = largest(&counts.iter().map(|&count| count as f64).collect::<Vec<_>>(), MOST_POSES);
-        let refined: Vec<Rigid> = ranked
+        let ranked = largest(&memory::collect(counts.iter().map(|&count| count as f64))?, MOST_POSES)?;
+        let refined = ranked
             .into_iter()
             .filter(|&k| counts[k] > 0)
-            .map(|k| reweighted(&poses[k], self.source, self.target, self.tolerance, 1))
-            .collect();
+            .map(|k| reweighted(&poses[k], self.source, self.target, self.tolerance, 1));
+        let refined = memory::try_collect(refined)?;
         let greatest = AtomicUsize::new(0);
-        let scores: Vec<usize> =
-            refined.par_iter().map(|pose| self.score(pose, &greatest, execution)).collect::<Result<_>>()?;
+        let scores = refined.par_iter().map(|pose| self.score(pose, &greatest, execution));
+        let scores = memory::par_try_collect(scores)?;
         let most = scores.iter().copied().max().unwrap_or_default();
         let best = scores.iter().position(|&score| most > 0 && score == most);
         Ok(best.map(|best| refined[best]))
@@ -56,16 +56,21 @@ impl Candidates<'_> {
     /// The most pairs that keep their distance to one of them, itself among them; 0 where `greatest`, the score of
     /// another pose, is more than there are pairs.
     fn score(&self, pose: &Rigid, greatest: &AtomicUsize, execution: &Execution) -> Result<usize> {
-        let (rows, partners): (Vec<usize>, Vec<usize>) =
-            (0..self.source.len()).filter_map(|i| self.partner(i, pose).map(|partner| (i, partner))).unzip();
+        let (mut rows, mut partners) = (Vec::new(), Vec::new());
+        for i in 0..self.source.len() {
+            if let Some(partner) = self.partner(i, pose) {
+                memory::push(&mut rows, i)?;
+                memory::push(&mut partners, partner)?;
+            }
+        }
         if rows.len() < greatest.load(Ordering::Relaxed) {
             return Ok(0);
         }
-        let (p, q) = (self.source.subset(&rows), self.points.subset(&partners));
-        let agreement = DistanceAgreement::new(&p, &q, self.max_distance_difference);
+        let (p, q) = (self.source.subset(&rows)?, self.points.subset(&partners)?);
+        let agreement = DistanceAgreement::new(&p, &q, self.max_distance_difference)?;
         let agreement = LongAgreement::new(agreement, EdgeLengths::Any);
-        let mut row = vec![0; rows.len().div_ceil(u64::BITS as usize)];
-        let mut unsure = row.clone();
+        let mut row = memory::filled(0, rows.len().div_ceil(u64::BITS as usize))?;
+        let mut unsure = memory::copied(&row)?;
         let mut most = 0;
         for i in 0..rows.len() {
             execution.check()?;

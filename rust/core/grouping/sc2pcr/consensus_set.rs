@@ -2,15 +2,13 @@
 
 use std::cmp::Reverse;
 
-use nalgebra::Point3;
-
 use super::seeds::POWER_STEPS;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::distance::distance_difference;
 use crate::compatibility::graph::{AgreementGraph, EdgeLengths};
 use crate::compatibility::long_agreement::LongAgreement;
 use crate::geometry::rigid::{Rigid, fit_weighted, fixes_rotation};
-use crate::{Execution, Points, Result};
+use crate::{Execution, Points, Result, memory};
 
 /// Gathers consensus sets around seeds.
 pub(super) struct ConsensusSets<'a> {
@@ -42,85 +40,89 @@ impl<'a> ConsensusSets<'a> {
         execution: &Execution,
     ) -> Result<Self> {
         let (any, d) = (EdgeLengths::Any, max_distance_difference);
-        let hard = LongAgreement::new(DistanceAgreement::new(source, target, d), any);
+        let hard = LongAgreement::new(DistanceAgreement::new(source, target, d)?, any);
         let tight = AgreementGraph::with_edges(source, target, d / 2.0, any, execution)?;
         Ok(Self { source, target, max_distance_difference, sizes, hard, tight })
     }
 
-    pub(super) fn working_space(&self) -> Working {
+    pub(super) fn working_space(&self) -> Result<Working> {
         let words = self.source.len().div_ceil(u64::BITS as usize);
-        Working { row: vec![0; words], unsure: vec![0; words], counts: Vec::new() }
+        let [row, unsure] = memory::try_map([(); 2], |()| memory::filled(0, words))?;
+        Ok(Working { row, unsure, counts: Vec::new() })
     }
 
     /// The pose of the seed's set, between the centred points; `None` where the set leaves a rotation open.
-    pub(super) fn pose(&self, seed: usize, working: &mut Working) -> Option<Rigid> {
-        let members = self.most_compatible(seed, working);
-        let members = self.most_connected(&members);
+    pub(super) fn pose(&self, seed: usize, working: &mut Working) -> Result<Option<Rigid>> {
+        let members = self.most_compatible(seed, working)?;
+        let members = self.most_connected(&members)?;
         self.fit(&members)
     }
 
     /// First stage: the seed and those with the greatest second-order compatibility with it.
-    fn most_compatible(&self, seed: usize, working: &mut Working) -> Vec<u32> {
+    fn most_compatible(&self, seed: usize, working: &mut Working) -> Result<Vec<u32>> {
         self.hard.fill_row(seed, &mut working.row, &mut working.unsure);
         let Working { row, counts, .. } = &mut *working;
         counts.clear();
+        memory::reserve(counts, row.iter().map(|word| word.count_ones() as usize).sum())?;
         self.tight.count_common_with(seed, row, |j, common| {
             if j as usize != seed && common > 0 {
                 counts.push((Reverse(common), j));
             }
         });
         let best = best(&mut working.counts, self.sizes[0] - 1);
-        std::iter::once(seed as u32).chain(best.iter().map(|&(_, j)| j)).collect()
+        memory::collect(std::iter::once(seed as u32).chain(best.iter().map(|&(_, j)| j)))
     }
 
     /// Second stage: those with the greatest second-order compatibility with the first one within the set.
-    fn most_connected(&self, members: &[u32]) -> Vec<u32> {
-        let hard: Vec<bool> =
-            self.differences(members).into_iter().map(|d| d < self.max_distance_difference).collect();
+    fn most_connected(&self, members: &[u32]) -> Result<Vec<u32>> {
+        let differences = self.differences(members)?;
+        let hard = memory::collect(differences.iter().map(|&d| d < self.max_distance_difference))?;
         let rows = hard.chunks_exact(members.len());
-        let mut counts = vec![0_u32; members.len()];
+        let mut counts = memory::filled(0_u32, members.len())?;
         for (row, _) in rows.zip(&hard).filter(|(_, compatible)| **compatible) {
             counts.iter_mut().zip(row).for_each(|(count, &joined)| *count += u32::from(joined));
         }
-        let mut ranked: Vec<(Reverse<u32>, u32)> = counts.into_iter().map(Reverse).zip(0..).collect();
-        best(&mut ranked, self.sizes[1]).iter().map(|&(_, place)| members[place as usize]).collect()
+        let mut ranked = memory::collect(counts.into_iter().map(Reverse).zip(0_u32..))?;
+        let best = best(&mut ranked, self.sizes[1]);
+        memory::collect(best.iter().map(|&(_, place)| members[place as usize]))
     }
 
     /// Weighted least squares.
-    fn fit(&self, members: &[u32]) -> Option<Rigid> {
-        let weights = self.weights(members);
+    fn fit(&self, members: &[u32]) -> Result<Option<Rigid>> {
+        let weights = self.weights(members)?;
         let kept = || members.iter().zip(&weights).filter(|(_, weight)| **weight > 0.0);
-        let of = |points: &Points| kept().map(|(&i, _)| points.get(i as usize)).collect::<Vec<Point3<f64>>>();
-        let (p, q) = (of(self.source), of(self.target));
-        let weights: Vec<f64> = kept().map(|(_, &weight)| weight).collect();
-        fixes_rotation(&p, &q).then(|| fit_weighted(&p, &q, &weights))
+        let of = |points: &Points| memory::collect(kept().map(|(&i, _)| points.get(i as usize)));
+        let (p, q) = (of(self.source)?, of(self.target)?);
+        let weights = memory::collect(kept().map(|(_, &weight)| weight))?;
+        Ok(fixes_rotation(&p, &q).then(|| fit_weighted(&p, &q, &weights)))
     }
 
     /// The principal eigenvector of the soft compatibility with zeros on the diagonal; zeros where all of it is.
-    fn weights(&self, members: &[u32]) -> Vec<f64> {
+    fn weights(&self, members: &[u32]) -> Result<Vec<f64>> {
         let size = members.len();
-        let mut soft = self.differences(members);
+        let mut soft = self.differences(members)?;
         for (at, entry) in soft.iter_mut().enumerate() {
             let share = *entry / self.max_distance_difference;
             *entry = if at % (size + 1) == 0 { 0.0 } else { (1.0 - share * share).max(0.0) };
         }
-        let mut vector = vec![1.0; size];
+        let mut vector = memory::filled(1.0, size)?;
         for _ in 0..POWER_STEPS {
             let product = |row: &[f64]| row.iter().zip(&vector).map(|(a, b)| a * b).sum::<f64>();
-            let next: Vec<f64> = soft.chunks_exact(size).map(product).collect();
+            let mut next = memory::collect(soft.chunks_exact(size).map(product))?;
             let total: f64 = next.iter().sum();
             if total <= 0.0 {
-                return next;
+                return Ok(next);
             }
-            vector = next.into_iter().map(|entry| entry / total).collect();
+            next.iter_mut().for_each(|entry| *entry /= total);
+            vector = next;
         }
-        vector
+        Ok(vector)
     }
 
     /// `|ds - dt|` of all pairs of members, row after row.
-    fn differences(&self, members: &[u32]) -> Vec<f64> {
+    fn differences(&self, members: &[u32]) -> Result<Vec<f64>> {
         let size = members.len();
-        let mut differences = vec![0.0; size * size];
+        let mut differences = memory::filled(0.0, size * size)?;
         for (a, &i) in members.iter().enumerate() {
             for (b, &j) in members.iter().enumerate().skip(a + 1) {
                 let (i, j) = (i as usize, j as usize);
@@ -129,7 +131,7 @@ impl<'a> ConsensusSets<'a> {
                 differences[b * size + a] = difference;
             }
         }
-        differences
+        Ok(differences)
     }
 }
 

@@ -39,7 +39,7 @@ use crate::consensus::choice::{Choice, best_pose, group_of, poses_among};
 use crate::error::{at_least_one, fraction};
 use crate::geometry::rigid::Rigid;
 use crate::selection::top_k::largest_in_order;
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// Parameters of SC2-PCR.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,9 +83,9 @@ impl GroupingMethod for Sc2Pcr {
         let (source, target) = correspondences.positions("sc2pcr")?;
         let lengths = self.check(correspondences)?;
         let confidence = confidence(source, target, lengths.max_distance_difference, execution)?; // steps 1, 2
-        let kept = most_confident(&confidence, AgreementGraph::most_vertices(execution.max_memory));
-        let of_kept: Option<Vec<f64>> =
-            kept.as_ref().map(|kept| kept.iter().map(|&i| confidence[i]).collect());
+        let kept = most_confident(&confidence, AgreementGraph::most_vertices(execution.max_memory))?;
+        let among = |kept: &Vec<usize>| memory::collect(kept.iter().map(|&i| confidence[i]));
+        let of_kept = kept.as_ref().map(among).transpose()?;
         let poses = poses_among(kept.as_deref(), source, target, |p, q| {
             self.hypotheses(p, q, of_kept.as_ref().unwrap_or(&confidence), &lengths, execution)
         })?;
@@ -98,7 +98,7 @@ impl GroupingMethod for Sc2Pcr {
                 candidates.best_pose(&poses, execution)? // as SC2-PCR++
             }
         };
-        let mut grouping = group_of(best, source, target, lengths.tolerance);
+        let mut grouping = group_of(best, source, target, lengths.tolerance)?;
         grouping.scores = Some(confidence);
         if let Some(kept) = kept {
             grouping = grouping.with("truncated", 1.0).with("vertices", kept.len() as f64);
@@ -138,17 +138,16 @@ impl Sc2Pcr {
         execution.report(seeds.len(), 2 * seeds.len())?;
         let pose = |working: &mut _, &seed: &usize| {
             execution.advance()?;
-            Ok(sets.pose(seed, working)) // steps 4, 5, 6
+            sets.pose(seed, memory::ready(working)?) // steps 4, 5, 6
         };
-        let poses: Vec<Option<Rigid>> =
-            seeds.par_iter().map_init(|| sets.working_space(), pose).collect::<Result<_>>()?;
-        Ok(poses.into_iter().flatten().collect())
+        let poses = memory::par_try_collect(seeds.par_iter().map_init(|| sets.working_space(), pose))?;
+        memory::collect(poses.into_iter().flatten())
     }
 }
 
 /// Those whose graph fits into memory, ascending; `None` where all do.
-fn most_confident(confidence: &[f64], most: usize) -> Option<Vec<usize>> {
-    (most < confidence.len()).then(|| largest_in_order(confidence, most))
+fn most_confident(confidence: &[f64], most: usize) -> Result<Option<Vec<usize>>> {
+    (most < confidence.len()).then(|| largest_in_order(confidence, most)).transpose()
 }
 
 #[cfg(test)]

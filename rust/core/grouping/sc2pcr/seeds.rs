@@ -6,7 +6,7 @@ use crate::compatibility::matrix::{PairMatrix, PairScore};
 use crate::geometry::ball_search::BallSearch;
 use crate::selection::top_k::largest;
 use crate::simd::sums::dot;
-use crate::{Execution, Points, Result};
+use crate::{Execution, Points, Result, memory};
 
 /// Power steps from equal entries: the published number.
 pub(super) const POWER_STEPS: usize = 10;
@@ -23,8 +23,8 @@ pub(super) fn confidence(
 ) -> Result<Vec<f64>> {
     let n = source.len();
     let score = PairScore::SquaredDistanceDifference { tolerance: max_distance_difference };
-    let soft = PairMatrix::new(source, target, score, Some(vec![1.0; n]), execution)?;
-    let mut vector = vec![1.0; n];
+    let soft = PairMatrix::new(source, target, score, Some(memory::filled(1.0, n)?), execution)?;
+    let mut vector = memory::filled(1.0, n)?;
     for step in 0..POWER_STEPS {
         execution.report(step, 2 * POWER_STEPS)?;
         vector = soft.multiply_rounded(&vector, execution)?;
@@ -44,22 +44,22 @@ pub(super) fn seeds(
     execution: &Execution,
 ) -> Result<Vec<usize>> {
     let greatest = confidence.iter().copied().fold(0.0, f64::max);
-    let rounded: Vec<f64> = confidence.iter().map(|value| (value / (TIE * greatest)).round()).collect();
+    let rounded = memory::collect(confidence.iter().map(|value| (value / (TIE * greatest)).round()))?;
     let search = BallSearch::new(source, radius)?;
-    let sorted = search.reorder(&rounded);
+    let sorted = search.reorder(&rounded)?;
     let is_greatest = |position: u32| {
         execution.check()?;
         let own = sorted[position as usize];
         Ok(!search.any_near(position, |other| sorted[other as usize] > own))
     };
-    let maxima: Vec<bool> =
-        (0..source.len() as u32).into_par_iter().with_min_len(64).map(is_greatest).collect::<Result<_>>()?;
+    let positions = (0..source.len() as u32).into_par_iter().with_min_len(64);
+    let maxima = memory::par_try_collect(positions.map(is_greatest))?;
     let above_all = 2.0 / TIE; // of the rounded ones
     let mut ranks = rounded;
     for (&i, maximum) in search.order().iter().zip(maxima) {
         ranks[i as usize] += if maximum { above_all } else { 0.0 };
     }
-    Ok(largest(&ranks, most.min(source.len())))
+    largest(&ranks, most.min(source.len()))
 }
 
 #[cfg(test)]

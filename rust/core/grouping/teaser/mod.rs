@@ -28,7 +28,7 @@ use crate::consensus::maximum_clique::{Found, maximum_clique};
 use crate::error::positive;
 use crate::geometry::rigid::{Rigid, fixes_rotation};
 use crate::grouping_result::mask_of;
-use crate::{Correspondences, Execution, Grouping, Points, Result};
+use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 use rotation::truncated_rotation;
 use scale::{leaves_out, truncated_scale};
 use truncated_mean::truncated_mean;
@@ -99,20 +99,19 @@ impl GroupingMethod for Teaser {
             Scale::Estimate => truncated_scale(source, target, 2.0 * bound, execution)?,
         };
         let Some(scale) = scale else {
-            return Ok(Grouping::empty(source.len())); // no two source points are apart
+            return Grouping::empty(source.len()); // no two source points are apart
         };
-        let scaled = source.scaled(scale);
+        let scaled = source.scaled(scale)?;
         let graph = AgreementGraph::with_edges(&scaled, target, difference, JOINED, execution)?;
         let kept = self.keep(&graph, execution)?;
-        let fit = fit(&kept.clique, &scaled, target, bound, self.freedom);
-        let grouping = fit.map_or_else(
-            || Grouping::empty(source.len()),
-            |Fit { pose, members }| Grouping {
-                mask: mask_of(source.len(), members),
+        let grouping = match fit(&kept.clique, &scaled, target, bound, self.freedom)? {
+            None => Grouping::empty(source.len())?,
+            Some(Fit { pose, members }) => Grouping {
+                mask: mask_of(source.len(), members)?,
                 model: Some(model_of(&pose, scale, source, target)),
                 ..Grouping::default()
             },
-        );
+        };
         let mut grouping = grouping.with("kept", kept.clique.len() as f64).with("steps", kept.steps as f64);
         let mut complete = kept.complete;
         if self.scale == Scale::Estimate {
@@ -131,8 +130,8 @@ impl Teaser {
             return maximum_clique(graph, &cores, self.max_steps, execution);
         }
         let greatest = cores.greatest();
-        let clique = (0..graph.len() as u32).filter(|&i| cores.numbers[i as usize] == greatest).collect();
-        Ok(Found { clique, complete: true, steps: 0 })
+        let core = (0..graph.len() as u32).filter(|&i| cores.numbers[i as usize] == greatest);
+        Ok(Found { clique: memory::collect(core)?, complete: true, steps: 0 })
     }
 }
 
@@ -142,29 +141,38 @@ struct Fit {
     members: Vec<usize>,
 }
 
-/// Rotation and translation of those kept.
-fn fit(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Freedom) -> Option<Fit> {
-    let of = |points: &Points| kept.iter().map(|&i| points.get(i as usize)).collect::<Vec<_>>();
-    let (p, q) = (of(source), of(target));
+/// Rotation and translation of those kept; `None` where they fix none.
+fn fit(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Freedom) -> Result<Option<Fit>> {
+    let of = |points: &Points| memory::collect(kept.iter().map(|&i| points.get(i as usize)));
+    let (p, q) = (of(source)?, of(target)?);
     if kept.len() < 3 || freedom == Freedom::Six && !fixes_rotation(&p, &q) {
-        return None;
+        return Ok(None);
     }
-    let rotation = truncated_rotation(&steps(&p), &steps(&q), 2.0 * bound, freedom)?;
-    let shifts: Vec<Vector3<f64>> = p.iter().zip(&q).map(|(p, q)| q.coords - rotation * p.coords).collect();
-    let along = |axis: usize| {
-        let values: Vec<f64> = shifts.iter().map(|shift| shift[axis]).collect();
-        truncated_mean(&values, &vec![bound; values.len()])
+    let Some(rotation) = truncated_rotation(&steps(&p)?, &steps(&q)?, 2.0 * bound, freedom)? else {
+        return Ok(None);
     };
-    let translation = Vector3::new(along(0)?, along(1)?, along(2)?);
+    let shifts = memory::collect(p.iter().zip(&q).map(|(p, q)| q.coords - rotation * p.coords))?;
+    let Some(translation) = truncated_translation(&shifts, bound)? else {
+        return Ok(None);
+    };
     let holds = |shift: &Vector3<f64>| (shift - translation).amax() <= bound;
     let members = kept.iter().zip(&shifts).filter(|(_, shift)| holds(shift)).map(|(&i, _)| i as usize);
-    Some(Fit { pose: Rigid { rotation, translation }, members: members.collect() })
+    Ok(Some(Fit { pose: Rigid { rotation, translation }, members: memory::collect(members)? }))
+}
+
+/// Axis by axis.
+fn truncated_translation(shifts: &[Vector3<f64>], bound: f64) -> Result<Option<Vector3<f64>>> {
+    let bounds = memory::filled(bound, shifts.len())?;
+    let along =
+        |axis: usize| truncated_mean(&memory::collect(shifts.iter().map(|shift| shift[axis]))?, &bounds);
+    let (x, y, z) = (along(0)?, along(1)?, along(2)?);
+    Ok(x.zip(y).zip(z).map(|((x, y), z)| Vector3::new(x, y, z)))
 }
 
 /// From each point to the next, and from the last to the first: what no translation changes.
-fn steps(points: &[Point3<f64>]) -> Vec<Vector3<f64>> {
+fn steps(points: &[Point3<f64>]) -> Result<Vec<Vector3<f64>>> {
     let next = points.iter().cycle().skip(1);
-    points.iter().zip(next).map(|(point, next)| next - point).collect()
+    memory::collect(points.iter().zip(next).map(|(point, next)| next - point))
 }
 
 /// The pose of the scaled source as a matrix of the source.

@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::geometry::rigid::rotation_from_covariance;
+use crate::{Result, memory};
 
 /// Factor by which the cost's convexity falls from step to step, change of the cost in squared bounds that ends the
 /// steps, and their greatest number.
@@ -26,24 +27,32 @@ pub enum Freedom {
 
 /// The rotation R that most measurements hold for, `|q - R p| < bound`; nothing where none does, or where those that
 /// do are along one line.
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
 pub fn truncated_rotation(
     p: &[Vector3<f64>],
     q: &[Vector3<f64>],
     bound: f64,
     freedom: Freedom,
-) -> Option<Matrix3<f64>> {
-    let mut weights = vec![1.0; p.len()];
+) -> Result<Option<Matrix3<f64>>> {
+    let mut weights = memory::filled(1.0, p.len())?;
+    let mut squares = memory::filled(0.0, p.len())?;
     let mut rotation = Matrix3::identity();
     let (mut mu, mut cost) = (0.0, f64::INFINITY);
     for step in 0..MOST_STEPS {
-        rotation = least_squares(p, q, &weights, freedom)?;
-        let squares: Vec<f64> =
-            p.iter().zip(q).map(|(p, q)| freedom.square(q - rotation * p) / (bound * bound)).collect();
+        let Some(next) = least_squares(p, q, &weights, freedom) else {
+            return Ok(None);
+        };
+        rotation = next;
+        for ((square, p), q) in squares.iter_mut().zip(p).zip(q) {
+            *square = freedom.square(q - rotation * p) / (bound * bound);
+        }
         if step == 0 {
             let greatest = squares.iter().copied().fold(0.0, f64::max);
             mu = 1.0 / (2.0 * greatest - 1.0);
             if mu <= 0.0 {
-                return Some(rotation); // all hold
+                return Ok(Some(rotation)); // all hold
             }
         }
         let before = cost;
@@ -54,7 +63,7 @@ pub fn truncated_rotation(
             break;
         }
     }
-    weights.iter().any(|&weight| weight >= 0.5).then_some(rotation)
+    Ok(weights.iter().any(|&weight| weight >= 0.5).then_some(rotation))
 }
 
 /// Weight of a measurement by its squared residual, in squared bounds: 1 or 0 where that is clear.
@@ -112,31 +121,34 @@ mod tests {
     }
 
     #[test]
-    fn outliers_don_t_turn_it() {
+    fn outliers_don_t_turn_it() -> Result<()> {
         for freedom in [Freedom::Six, Freedom::Four] {
             let axis = if freedom == Freedom::Four { Vector3::z() } else { Vector3::new(1.0, 2.0, -1.0) };
             let turn = Rotation3::from_axis_angle(&Unit::new_normalize(axis), 2.0).into_inner();
             let p: Vec<_> = (0..60).map(|i| vector(i, 1.0)).collect();
             let q: Vec<_> = (0..60).map(|i| if i < 40 { turn * p[i] } else { vector(i, 0.7) }).collect();
-            let found = truncated_rotation(&p, &q, 0.1, freedom).unwrap_or_default();
+            let found = truncated_rotation(&p, &q, 0.1, freedom)?.unwrap_or_default();
             assert!((found - turn).amax() < 1e-6, "{found}");
         }
+        Ok(())
     }
 
     #[test]
-    fn plain_least_squares_where_all_hold_and_nothing_where_none_does() {
+    fn plain_least_squares_where_all_hold_and_nothing_where_none_does() -> Result<()> {
         let p: Vec<_> = (0..20).map(|i| vector(i, 1.0)).collect();
-        let found = truncated_rotation(&p, &p, 0.1, Freedom::Six).unwrap_or_default();
+        let found = truncated_rotation(&p, &p, 0.1, Freedom::Six)?.unwrap_or_default();
         assert!((found - Matrix3::identity()).amax() < 1e-12);
         let q: Vec<_> = (0..20).map(|i| vector(i, 0.7)).collect();
-        assert_eq!(truncated_rotation(&p, &q, 1e-6, Freedom::Six), None);
+        assert_eq!(truncated_rotation(&p, &q, 1e-6, Freedom::Six)?, None);
+        Ok(())
     }
 
     #[test]
-    fn measurements_along_a_line_fix_no_rotation_but_about_z() {
+    fn measurements_along_a_line_fix_no_rotation_but_about_z() -> Result<()> {
         let p: Vec<_> = (1..9).map(|i| Vector3::new(1.0, 2.0, 3.0) * f64::from(i)).collect();
-        assert_eq!(truncated_rotation(&p, &p, 0.1, Freedom::Six), None);
-        assert_eq!(truncated_rotation(&p, &p, 0.1, Freedom::Four), Some(Matrix3::identity()));
+        assert_eq!(truncated_rotation(&p, &p, 0.1, Freedom::Six)?, None);
+        assert_eq!(truncated_rotation(&p, &p, 0.1, Freedom::Four)?, Some(Matrix3::identity()));
+        Ok(())
     }
 
     #[test]

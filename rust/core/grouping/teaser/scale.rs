@@ -3,6 +3,7 @@
 use super::truncated_mean::truncated_mean;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 
 /// Ratios that are looked at: more say little more.
@@ -17,14 +18,15 @@ const BYTES: usize = 48;
 /// Of more than [`MOST_RATIOS`] pairs, those `(i, i + k mod n)` are taken whose k are spread evenly over half the rows.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where the ratios do not fit `execution.max_memory`; [`Error::Interrupted`].
+/// [`Error::InvalidInput`] where the ratios do not fit `execution.max_memory`; [`Error::Interrupted`],
+/// [`Error::OutOfMemory`].
 pub fn truncated_scale(
     source: &Points,
     target: &Points,
     bound: f64,
     execution: &Execution,
 ) -> Result<Option<f64>> {
-    let offsets = offsets(source.len());
+    let offsets = offsets(source.len())?;
     let bytes = BYTES * offsets.len() * source.len();
     if bytes > execution.max_memory {
         let remedy =
@@ -32,7 +34,8 @@ pub fn truncated_scale(
         return Err(Error::invalid("max_memory", execution.max_memory, remedy));
     }
     let (n, zero) = (source.len(), source.zero_length());
-    let (mut ratios, mut ranges) = (Vec::new(), Vec::new());
+    let most = offsets.len() * n;
+    let (mut ratios, mut ranges) = (memory::with_capacity(most)?, memory::with_capacity(most)?);
     for offset in offsets {
         execution.check()?;
         // Where the offset is half the rows, the second half says the same again.
@@ -47,7 +50,7 @@ pub fn truncated_scale(
         }
     }
     execution.check()?;
-    Ok(truncated_mean(&ratios, &ranges).filter(|&scale| scale > 0.0))
+    Ok(truncated_mean(&ratios, &ranges)?.filter(|&scale| scale > 0.0))
 }
 
 /// Whether some pairs are left out.
@@ -56,10 +59,10 @@ pub fn leaves_out(n: usize) -> bool {
 }
 
 /// The k of the pairs `(i, i + k)`: each of 1 to n / 2, or as many of them as there may be.
-fn offsets(n: usize) -> Vec<usize> {
+fn offsets(n: usize) -> Result<Vec<usize>> {
     let half = n / 2;
     let most = most_offsets(n);
-    (0..half.min(most)).map(|m| 1 + m * half / half.min(most)).collect()
+    memory::collect((0..half.min(most)).map(|m| 1 + m * half / half.min(most)))
 }
 
 fn most_offsets(n: usize) -> usize {
@@ -71,10 +74,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn offsets_reach_each_pair_once() {
+    fn offsets_reach_each_pair_once() -> Result<()> {
         for n in 0..9 {
             let mut pairs = Vec::new();
-            for k in offsets(n) {
+            for k in offsets(n)? {
                 let rows = if 2 * k == n { k } else { n };
                 pairs.extend((0..rows).map(|i| (i.min((i + k) % n), i.max((i + k) % n))));
             }
@@ -83,8 +86,9 @@ mod tests {
             assert_eq!(pairs, all, "{n}");
             assert!(!leaves_out(n));
         }
-        let some = offsets(10_000);
+        let some = offsets(10_000)?;
         assert_eq!((some.len(), some[0], some[99]), (100, 1, 4_951));
         assert!(leaves_out(10_000) && some.is_sorted());
+        Ok(())
     }
 }

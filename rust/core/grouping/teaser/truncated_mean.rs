@@ -1,13 +1,18 @@
 //! Truncated least squares of one unknown, by adaptive voting (TEASER, section V-B).
 
+use crate::{Result, memory};
+
 /// The value x that minimises the sum over k of `min((x - x_k)^2 / r_k^2, 1)`, with ranges `r_k > 0`.
 ///
 /// Each measurement holds on an interval `x_k -+ r_k`. Between two ends of intervals the set of those that hold is the
 /// same; the minimum is the weighted mean of one of these sets. Of several that cost the same the lowest is taken.
-pub fn truncated_mean(values: &[f64], ranges: &[f64]) -> Option<f64> {
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub fn truncated_mean(values: &[f64], ranges: &[f64]) -> Result<Option<f64>> {
     let mut best: Option<(f64, f64)> = None;
     let mut held = Held::default();
-    for Event { index, starts, .. } in events(values, ranges) {
+    for Event { index, starts, .. } in events(values, ranges)? {
         let weight = ranges[index as usize].powi(-2);
         if starts {
             held.take_in(values[index as usize], weight);
@@ -19,7 +24,7 @@ pub fn truncated_mean(values: &[f64], ranges: &[f64]) -> Option<f64> {
             best = Some((cost, held.mean));
         }
     }
-    best.map(|(_, mean)| mean)
+    Ok(best.map(|(_, mean)| mean))
 }
 
 /// Costs that differ by less are the same: a member costs 1 at most.
@@ -33,15 +38,16 @@ struct Event {
 }
 
 /// Ascending; what starts at a place comes before what ends there.
-fn events(values: &[f64], ranges: &[f64]) -> Vec<Event> {
+fn events(values: &[f64], ranges: &[f64]) -> Result<Vec<Event>> {
     let ends = |(index, (value, range)): (u32, (&f64, &f64))| {
         [(value - range, true), (value + range, false)].map(|(place, starts)| Event { place, starts, index })
     };
-    let mut events: Vec<Event> = (0..).zip(values.iter().zip(ranges)).flat_map(ends).collect();
+    let mut events = memory::with_capacity(2 * values.len())?;
+    events.extend((0..).zip(values.iter().zip(ranges)).flat_map(ends));
     events.sort_unstable_by(|a, b| {
         a.place.total_cmp(&b.place).then(b.starts.cmp(&a.starts)).then(a.index.cmp(&b.index))
     });
-    events
+    Ok(events)
 }
 
 /// Weighted mean, and weighted sum of squared deviations, of a set that changes (Welford).
@@ -88,12 +94,12 @@ mod tests {
     }
 
     #[test]
-    fn costs_no_more_than_any_other_value() {
+    fn costs_no_more_than_any_other_value() -> Result<()> {
         for seed in 0..30 {
             let number = |i: usize, f: f64| (f * i as f64 + f64::from(seed)).sin();
             let values: Vec<f64> = (0..40).map(|i| 2.0 * number(i, 12.9)).collect();
             let ranges: Vec<f64> = (0..40).map(|i| 0.3 + 0.2 * number(i, 7.1)).collect();
-            let found = truncated_mean(&values, &ranges);
+            let found = truncated_mean(&values, &ranges)?;
             let cost: f64 = values
                 .iter()
                 .zip(&ranges)
@@ -101,12 +107,14 @@ mod tests {
                 .sum();
             assert!(cost <= plain(&values, &ranges) + 1e-9, "{seed}");
         }
+        Ok(())
     }
 
     #[test]
-    fn of_equal_sets_the_lowest_is_taken() {
-        assert_eq!(truncated_mean(&[5.0, -3.0, 9.0], &[1.0; 3]), Some(-3.0));
-        assert_eq!(truncated_mean(&[5.0, -3.0, 5.5], &[1.0; 3]), Some(5.25));
-        assert_eq!(truncated_mean(&[], &[]), None);
+    fn of_equal_sets_the_lowest_is_taken() -> Result<()> {
+        assert_eq!(truncated_mean(&[5.0, -3.0, 9.0], &[1.0; 3])?, Some(-3.0));
+        assert_eq!(truncated_mean(&[5.0, -3.0, 5.5], &[1.0; 3])?, Some(5.25));
+        assert_eq!(truncated_mean(&[], &[])?, None);
+        Ok(())
     }
 }

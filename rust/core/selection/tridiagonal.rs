@@ -1,0 +1,120 @@
+//! The greatest eigenvalue of a symmetric tridiagonal matrix, and its eigenvector.
+
+use crate::error::Result;
+use crate::memory;
+use crate::simd::sums::dot;
+
+/// Solutions that the eigenvector is found by: the first has most of its digits, unless the second eigenvalue is as near as
+/// rounding lets it be.
+const SOLUTIONS: usize = 4;
+
+/// A matrix T, with nowhere negative numbers beside its diagonal.
+#[derive(Debug, Default)]
+pub struct Tridiagonal {
+    /// The diagonal.
+    pub diagonal: Vec<f64>,
+    /// What stands beside each but the last of these.
+    pub beside: Vec<f64>,
+}
+
+impl Tridiagonal {
+    /// The least number that is greater than all eigenvalues, as far as rounding tells.
+    ///
+    /// By bisection: `s - T` is positive definite for such an s alone, and none is below an entry of the diagonal.
+    pub fn greatest_eigenvalue(&self) -> f64 {
+        let greatest_entry = self.diagonal.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (mut low, mut high) = (greatest_entry, self.bound());
+        while self.has_one_from(high) {
+            high += f64::EPSILON * high.abs().max(f64::MIN_POSITIVE); // the bound's own rounding
+        }
+        loop {
+            let middle = f64::midpoint(low, high);
+            if middle <= low || middle >= high {
+                return high;
+            }
+            if self.has_one_from(middle) { low = middle } else { high = middle }
+        }
+    }
+
+    /// The unit eigenvector of what [`Self::greatest_eigenvalue`] returned, nowhere negative.
+    ///
+    /// By inverse iteration: as `s - T` is positive definite and nowhere positive beside its diagonal, it needs no pivots and
+    /// loses no digits.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn eigenvector(&self, eigenvalue: f64) -> Result<Vec<f64>> {
+        let pivots = memory::collect(self.pivots(eigenvalue))?;
+        let mut vector = memory::filled(1.0, self.diagonal.len())?;
+        for _ in 0..SOLUTIONS {
+            self.solve(&pivots, &mut vector);
+            let greatest = vector.iter().copied().fold(0.0, f64::max);
+            vector.iter_mut().for_each(|entry| *entry /= greatest);
+        }
+        let length = dot(&vector, &vector).sqrt();
+        vector.iter_mut().for_each(|entry| *entry /= length);
+        Ok(vector)
+    }
+
+    /// No eigenvalue is greater than the greatest sum of a row.
+    fn bound(&self) -> f64 {
+        let beside = |i: usize| self.beside.get(i).copied().unwrap_or_default();
+        let sums = (0..self.diagonal.len())
+            .map(|i| self.diagonal[i] + beside(i) + i.checked_sub(1).map_or(0.0, beside));
+        sums.fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Whether an eigenvalue is no less.
+    fn has_one_from(&self, least: f64) -> bool {
+        self.pivots(least).any(|pivot| pivot <= 0.0)
+    }
+
+    /// Of the elimination of `shift - T`.
+    fn pivots(&self, shift: f64) -> impl Iterator<Item = f64> + '_ {
+        let before = std::iter::once(0.0).chain(self.beside.iter().copied());
+        self.diagonal.iter().zip(before).scan(1.0, move |last, (&entry, beside)| {
+            *last = shift - entry - beside / *last * beside;
+            Some(*last)
+        })
+    }
+
+    /// Puts the solution of `(s - T) x = b` in the place of b.
+    fn solve(&self, pivots: &[f64], b: &mut [f64]) {
+        for (i, beside) in self.beside.iter().enumerate() {
+            b[i + 1] += beside / pivots[i] * b[i];
+        }
+        for (i, pivot) in pivots.iter().enumerate().rev() {
+            let after = self.beside.get(i).map_or(0.0, |beside| beside * b[i + 1]);
+            b[i] = (b[i] + after) / pivot;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_path_s_eigenpair() -> Result<()> {
+        for n in [1, 2, 3, 50, 400] {
+            let path = Tridiagonal { diagonal: vec![0.0; n], beside: vec![1.0; n - 1] };
+            let angle = std::f64::consts::PI / (n + 1) as f64;
+            let value = path.greatest_eigenvalue();
+            assert!((value - 2.0 * angle.cos()).abs() < 1e-14, "{n}: {value}");
+            let factor = (2.0 / (n + 1) as f64).sqrt();
+            for (i, entry) in path.eigenvector(value)?.into_iter().enumerate() {
+                assert!((entry - factor * ((i + 1) as f64 * angle).sin()).abs() < 1e-9, "{n}: {i}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_zero_beside_the_diagonal_parts_it() -> Result<()> {
+        let parted = Tridiagonal { diagonal: vec![1.0, 3.0, 2.0], beside: vec![0.0, 0.0] };
+        let value = parted.greatest_eigenvalue();
+        assert!((value - 3.0).abs() < 1e-14);
+        assert!((parted.eigenvector(value)?[1] - 1.0).abs() < 1e-14);
+        Ok(())
+    }
+}

@@ -1,0 +1,143 @@
+//! An allocator that refuses blocks on demand, for tests of what a computation makes of that.
+//!
+//! A test binary declares it as its `#[global_allocator]` and calls [`refuse_each_block`]. Only blocks that the
+//! threads of that function's pool ask for are counted and refused, and only those of [`LEAST`] bytes or more: what
+//! does not grow with the input is smaller.
+#![allow(dead_code, reason = "each test file uses its own part")]
+#![expect(unsafe_code, reason = "an allocator can't be written without")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::io::Write;
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use cgroup::{Error, Result};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+/// Size from which blocks are counted.
+pub const LEAST: usize = 1 << 10;
+
+/// Blocks that are refused one by one; of those after them some are drawn.
+const EACH: usize = 250;
+const DRAWN: usize = 60;
+
+/// The system's allocator, but for the blocks that are to be refused.
+pub struct RefusingAllocator;
+
+/// Blocks asked for since the last start, and the first that is refused and the first after it that is not.
+static ASKED: AtomicUsize = AtomicUsize::new(0);
+static FIRST: AtomicUsize = AtomicUsize::new(usize::MAX);
+static END: AtomicUsize = AtomicUsize::new(usize::MAX);
+
+/// The counts are those of one test at a time.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+thread_local! {
+    static WATCHED: Cell<bool> = const { Cell::new(false) };
+}
+
+fn is_refused(bytes: usize) -> bool {
+    if bytes < LEAST || !WATCHED.get() {
+        return false;
+    }
+    let number = ASKED.fetch_add(1, Ordering::SeqCst);
+    (FIRST.load(Ordering::SeqCst)..END.load(Ordering::SeqCst)).contains(&number)
+}
+
+// SAFETY: all blocks come from the system's allocator and go back to it; null says that there is none.
+unsafe impl GlobalAlloc for RefusingAllocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        if is_refused(layout.size()) {
+            return std::ptr::null_mut();
+        }
+        // SAFETY: the caller's promises are those that the system's allocator asks for.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        if is_refused(layout.size()) {
+            return std::ptr::null_mut();
+        }
+        // SAFETY: as above.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        if new_size > layout.size() && is_refused(new_size) {
+            return std::ptr::null_mut();
+        }
+        // SAFETY: as above; the block is the system's.
+        unsafe { System.realloc(block, layout, new_size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+/// Refuses each block that a computation asks for, one at a time, then it and all after it; the outcome must be an
+/// [`Error::OutOfMemory`] or what it is undisturbed. Returns the number of blocks.
+///
+/// A block that is not reserved fallibly ends the process; what was being tried is said on standard error before.
+///
+/// # Panics
+/// Where the outcome is another one.
+pub fn refuse_each_block<T: PartialEq + Send>(
+    name: &str,
+    threads: usize,
+    work: impl Fn() -> Result<T> + Sync,
+) -> Result<usize> {
+    let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let pool = watched_pool(threads)?;
+    announce(&format!("refusing blocks of {name} on {threads} thread(s): "));
+    refusing(0..0, &pool, &work)?; // so that what is kept for the next time is there
+    let undisturbed = refusing(0..0, &pool, &work)?;
+    let blocks = ASKED.load(Ordering::SeqCst);
+    announce(&format!("{blocks} blocks\n"));
+    for first in tried(blocks) {
+        for refused in [first..first + 1, first..usize::MAX] {
+            let what = format!("{name}: blocks {refused:?} of {blocks} refused");
+            match refusing(refused, &pool, &work) {
+                Err(Error::OutOfMemory { .. }) => {}
+                Err(error) => panic!("{what}: {error}"),
+                Ok(outcome) => assert!(outcome == undisturbed, "{what}: the outcome is another one"),
+            }
+        }
+    }
+    Ok(blocks)
+}
+
+/// All of a few blocks, the first of many and some of the others.
+fn tried(blocks: usize) -> impl Iterator<Item = usize> {
+    let rest = blocks.saturating_sub(EACH);
+    let drawn = (0..DRAWN.min(rest)).map(move |k| EACH + k * rest / DRAWN.min(rest));
+    (0..blocks.min(EACH)).chain(drawn)
+}
+
+fn refusing<T: Send>(
+    blocks: Range<usize>,
+    pool: &ThreadPool,
+    work: &(impl Fn() -> Result<T> + Sync),
+) -> Result<T> {
+    pool.install(|| {
+        FIRST.store(blocks.start, Ordering::SeqCst);
+        END.store(blocks.end, Ordering::SeqCst);
+        ASKED.store(0, Ordering::SeqCst);
+        let outcome = work();
+        END.store(0, Ordering::SeqCst);
+        outcome
+    })
+}
+
+fn watched_pool(threads: usize) -> Result<ThreadPool> {
+    let pool = ThreadPoolBuilder::new().num_threads(threads).start_handler(|_| WATCHED.set(true)).build();
+    pool.map_err(|error| Error::invalid("threads", threads, error.to_string()))
+}
+
+/// Straight to standard error: what the test harness keeps back is lost where the process ends.
+fn announce(text: &str) {
+    drop(std::io::stderr().write_all(text.as_bytes()));
+}
