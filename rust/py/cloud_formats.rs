@@ -16,15 +16,15 @@ type PyCloudContent<'py> = (
     Option<Bound<'py, PyArray2<u8>>>,
 );
 
-/// Parses a file's content; `format` is the usual suffix, without its dot.
+/// Parses a file's content; `suffix` is the usual one of its format, without the dot.
 #[pyfunction]
 pub fn parse_cloud<'py>(
     py: Python<'py>,
     content: PyBackedBytes,
-    format: &str,
+    suffix: &str,
     run_options: RunOptions,
 ) -> PyResult<PyCloudContent<'py>> {
-    let parse = choose("format", format, &PARSERS)?;
+    let parse = choose("suffix", suffix, &PARSERS)?;
     let cloud = run(py, &run_options, move |execution| parse(&content, execution))?;
     Ok((
         triples(py, cloud.points)?,
