@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.config import parse_config
-from cgroup.benchmark.records.store import RECORDS, Store
+from cgroup.benchmark.records.reading import RECORDS
+from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.run import Summary, run
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ pairs = ["a", "b"]
 
 
 def serial(text: str, out: Path, **options: object) -> Summary:
-    return run(parse_config(text), out, workers=1, **options)  # pyright: ignore[reportArgumentType]
+    return run(parse_config(text), out, backend="threading", workers=1, **options)  # pyright: ignore[reportArgumentType]
 
 
 def contents(out: Path) -> list[tuple[object, ...]]:
