@@ -33,7 +33,7 @@ def stop_on_signals() -> Generator[None, None, None]:
     """Raise `StoppedError` at the first signal that asks the process to end; end at once at the second.
 
     Ctrl-C, a request to terminate and a terminal that is closed are the same here. Signals that are ignored
-    stay so, as those of a program in the background.
+    stay so, as those of a program in the background. Afterwards the process is expected to end.
     """
     stopped = False
 
@@ -55,5 +55,5 @@ def stop_on_signals() -> Generator[None, None, None]:
         yield
     finally:
         for number, handler in before.items():
-            if handler is not None:
-                signal.signal(number, handler)
+            if handler is not None:  # once it is stopped, the process only has to say so
+                signal.signal(number, signal.SIG_IGN if stopped else handler)

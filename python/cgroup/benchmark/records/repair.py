@@ -9,7 +9,7 @@ from contextlib import closing, suppress
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.records.checksums import decode_text, is_whole
-from cgroup.benchmark.records.integrity import examine
+from cgroup.benchmark.records.integrity import Health, examine
 from cgroup.benchmark.records.layout import (
     SCHEMA_VERSION,
     TABLES,
@@ -44,9 +44,14 @@ def set_damaged_aside(path: Path) -> str:
     if not path.exists() or not path.stat().st_size:
         return ""
     with closing(sqlite3.connect(path, timeout=30)) as connection:
-        if read_version(connection) != SCHEMA_VERSION:
-            return ""
-        health = examine(connection)
+        try:
+            if read_version(connection) != SCHEMA_VERSION:
+                return ""
+            health = examine(connection)
+        except sqlite3.DatabaseError as error:
+            if "malformed" not in str(error):
+                raise
+            health = Health({}, [], [str(error)])
     if health.sound:
         return ""
     kept = _find_free_name(path)

@@ -76,10 +76,10 @@ class Store:
         with report_failures(path):
             self.connection = sqlite3.connect(path, isolation_level=None, timeout=30)
             try:
-                self.connection.execute("pragma journal_mode = wal")
-                self.connection.execute("pragma synchronous = normal")
                 with self.transaction() as connection:
                     prepare_layout(connection, path)
+                self.connection.execute("pragma journal_mode = wal")
+                self.connection.execute("pragma synchronous = normal")
             except BaseException:
                 self.connection.close()
                 raise

@@ -17,7 +17,7 @@ from cgroup.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-_TRIES = 2  # so that a process ended from outside isn't blamed on the call
+_TRIES = 3  # so that a process ended from outside isn't blamed on the call
 
 _THREAD_VARIABLES = (
     *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"),
@@ -52,7 +52,7 @@ class LoneProcess:
         self._closed = False
 
     def call(self, function: Callable[..., Any], *arguments: object, limit: float | None = None) -> Any:  # noqa: ANN401 - whatever it returns
-        """Call a function there; once more in a new process if the first one dies.
+        """Call a function there; again in a new process, twice at most, if it dies.
 
         Parameters
         ----------
