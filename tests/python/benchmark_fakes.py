@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -101,6 +103,38 @@ def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matchin
     log(f"noise {pair.name} {level}")
     points = pair.target.points + rng.normal(scale=level, size=pair.target.points.shape)
     return replace(pair, target=PointCloud(points))
+
+
+def busy(correspondences: Correspondences) -> np.ndarray:
+    """Compute on and on, where FAKES_HOLD says so; the name of the process is in the log."""
+    log(f"busy {os.getpid()}")
+    while os.environ.get("FAKES_HOLD") == "busy":
+        pass
+    return np.ones(len(correspondences), dtype=bool)
+
+
+def slow(correspondences: Correspondences) -> np.ndarray:
+    """Take a moment; the name of the process is in the log."""
+    log(f"slow {os.getpid()}")
+    threading.Event().wait(0.1)
+    return correspondences.source[:, 0] > 50
+
+
+def gated(correspondences: Correspondences) -> np.ndarray:
+    """Wait until so many lines are in FAKES_GATE as calls have begun."""
+    log("gated")
+    place = Path(os.environ["FAKES_LOG"]).read_text(encoding="utf-8").splitlines().count("gated")
+    while len(Path(os.environ["FAKES_GATE"]).read_text(encoding="utf-8").splitlines()) < place:
+        threading.Event().wait(0.01)
+    return correspondences.source[:, 0] > 50
+
+
+def parent(correspondences: Correspondences) -> np.ndarray:
+    """Start a process of its own, and wait for it."""
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+    log(f"parent {os.getpid()}\nchild {child.pid}")
+    child.wait()
+    return np.ones(len(correspondences), dtype=bool)
 
 
 def first(correspondences: Correspondences, *, count: int = 20) -> np.ndarray:

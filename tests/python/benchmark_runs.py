@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 from cgroup.benchmark.config import parse_config
-from cgroup.benchmark.records.store import RECORDS, Store
+from cgroup.benchmark.records.reading import RECORDS
+from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.run import Summary, run
 
-if TYPE_CHECKING:
-    from pathlib import Path
+HERE = Path(__file__).parent
 
 MATCHES = """
 name = "tiny"
@@ -32,7 +35,7 @@ pairs = ["a", "b"]
 
 
 def serial(text: str, out: Path, **options: object) -> Summary:
-    return run(parse_config(text), out, workers=1, **options)  # pyright: ignore[reportArgumentType]
+    return run(parse_config(text), out, backend="threading", workers=1, **options)  # pyright: ignore[reportArgumentType]
 
 
 def contents(out: Path) -> list[tuple[object, ...]]:
@@ -52,3 +55,23 @@ def contents(out: Path) -> list[tuple[object, ...]]:
     ]
     store.close()
     return sorted(rows, key=repr)
+
+
+def start_benchmark(*arguments: object, **environment: str) -> subprocess.Popen[str]:
+    """`cgroup benchmark` as the leader of a process group."""
+    path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
+    return subprocess.Popen(
+        [sys.executable, "-c", "from cgroup.cli import main; main()", "benchmark", *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": path, **environment},
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def cgroup_benchmark(*arguments: object, **environment: str) -> tuple[int, str, str]:
+    """`cgroup benchmark` from its beginning to its end: exit status, output, errors."""
+    with start_benchmark(*arguments, **environment) as process:
+        out, err = process.communicate(timeout=120)
+    return process.returncode, out, err

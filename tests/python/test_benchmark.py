@@ -21,7 +21,7 @@ import benchmark_fakes
 from cgroup.benchmark import records
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.records.lock import only_writer
-from cgroup.benchmark.records.store import RECORDS
+from cgroup.benchmark.records.reading import RECORDS
 from cgroup.benchmark.run import run, scoring, stages, timing
 from cgroup.errors import InputError
 
@@ -163,7 +163,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[object, ...
     return contents(out)
 
 
-@pytest.mark.parametrize(("backend", "workers"), [("loky", 2), ("threading", 3)])
+@pytest.mark.parametrize(("backend", "workers"), [("processes", 2), ("threading", 3)])
 def test_records_do_not_depend_on_the_backend(
     backend: str, workers: int, expected: list[tuple[object, ...]], tmp_path: Path
 ) -> None:
@@ -343,9 +343,9 @@ def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"backend": "ray"}, "backend: got 'ray'; choose one of loky, dask, threading"),
+        ({"backend": "ray"}, "backend: got 'ray'; choose one of processes, dask, threading"),
         ({"backend": "dask"}, "scheduler: needed by the dask backend"),
-        ({"backend": "slurm"}, "backend: got 'slurm'; choose one of loky"),
+        ({"backend": "slurm"}, "backend: got 'slurm'; choose one of processes"),
         ({"workers": 0}, "workers: got 0"),
     ],
 )

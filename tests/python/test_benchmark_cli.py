@@ -47,7 +47,7 @@ def test_presets(capsys: pytest.CaptureFixture[str]) -> None:
         ("run nowhere.toml", "nowhere.toml: no configuration that can be read"),
         ("run smoke --backend mpi", "--backend"),
         ("run smoke --workers 0", "--workers"),
-        ("status --out nowhere", "nowhere: no records there"),
+        ("status --out nowhere", "nowhere: no records; make some"),
         ("frobnicate", "frobnicate"),
     ],
 )

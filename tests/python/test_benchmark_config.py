@@ -16,7 +16,8 @@ from cgroup.benchmark.cases import Case
 from cgroup.benchmark.chained import gc_then_ransac, gtm_then_ransac
 from cgroup.benchmark.config import Config, parse_config, preset_names, read_config, replace_methods
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.records.store import RECORDS, Store
+from cgroup.benchmark.records.reading import RECORDS
+from cgroup.benchmark.records.store import Store
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

@@ -16,7 +16,8 @@ from cgroup.benchmark import records
 from cgroup.benchmark.candidates import candidate
 from cgroup.benchmark.cases import Case
 from cgroup.benchmark.records.packing import pack, unpack
-from cgroup.benchmark.records.store import RECORDS, Store
+from cgroup.benchmark.records.reading import RECORDS
+from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.run import scoring, stages
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError, NoConsensusError
@@ -177,5 +178,5 @@ def test_no_records(tmp_path: Path) -> None:
     (tmp_path / RECORDS).write_text("something else\n" * 100)
     with pytest.raises(InputError, match="not a file of records"):
         records.load(tmp_path)
-    with pytest.raises(InputError, match="can't be used as a store"):
+    with pytest.raises(InputError, match="not a file of records"):
         serial(MATCHES, tmp_path)

@@ -13,8 +13,9 @@ from cgroup.benchmark import records
 from cgroup.benchmark.config import parse_config, read_config
 from cgroup.benchmark.pipelines import PIPELINES
 from cgroup.benchmark.plan import make_plan
+from cgroup.benchmark.records.reading import RECORDS
 from cgroup.benchmark.records.schema import SCHEMA
-from cgroup.benchmark.records.store import RECORDS, Store
+from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.report import write_report
 from cgroup.benchmark.report.registration import answer_table, detail_table, trust_table
 from cgroup.benchmark.run.stages import KILLED
@@ -136,7 +137,7 @@ def test_what_fails_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
         summary.failed == sum(error != "" for error in errors.values()) == summary.counts["register"].failed
     )
     store = Store(tmp_path / RECORDS)
-    assert ("lethal", KILLED) in {failure[:2] for failure in store.failures()}
+    assert ("lethal", KILLED) in {failure[:2] for failure in records.load_failures(tmp_path)}
     store.forget_failures()
     assert store.counts()["register"].failed == 0
     store.close()

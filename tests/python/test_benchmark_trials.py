@@ -14,7 +14,7 @@ from cgroup.benchmark import records
 from cgroup.benchmark.config import parse_config, read_config
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.rankings import bootstrap, comparable, holm, mcnemar, rank_methods, signed_rank
-from cgroup.benchmark.records.schema import ADDED
+from cgroup.benchmark.records.layout import ADDED
 from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.report import write_report
 from cgroup.benchmark.report.trial_tables import (

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,14 +13,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, Tim
 from rich.table import Table
 from rich.text import Text
 
-from cgroup.cli.terminal import INTERRUPTED, print_line, print_table, show_bar, show_stages
+from cgroup.cli.signals import StoppedError, stop_on_signals
+from cgroup.cli.terminal import print_line, print_table, show_bar, show_stages
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence
 
     from cgroup.benchmark.claims import Verdict
-    from cgroup.benchmark.records.store import Counts
+    from cgroup.benchmark.records.progress import Counts
     from cgroup.benchmark.run import Summary
 
 _DONE = {
@@ -32,6 +34,8 @@ _DONE = {
 }
 _VERDICT_STYLES = {"confirmed": "green", "partly": "yellow", "not confirmed": "red", "not testable": "dim"}
 _FAILURES_SHOWN = 10
+DAMAGED = 1
+"""Exit status of ``check`` where something is amiss."""
 
 app = typer.Typer(help="Run the paper's evaluation, draw its figures and check its claims.")
 
@@ -49,9 +53,9 @@ def run_command(
     data: DataOption = None,
     out: OutOption = DEFAULT_OUT,
     backend: Annotated[
-        Literal["loky", "dask", "threading"],
+        Literal["processes", "dask", "threading"],
         typer.Option(help="Processes on this machine, a Dask cluster, or threads of this process."),
-    ] = "loky",
+    ] = "processes",
     workers: Annotated[
         int | None, typer.Option(min=1, help="How many workers.", show_default="one per core")
     ] = None,
@@ -78,7 +82,7 @@ def run_command(
         wanted = replace_methods(wanted, methods.split(","))
     start = time.monotonic()
     try:
-        with _show_counts() as report:
+        with stop_on_signals(), _show_counts() as report:
             summary = run(
                 wanted,
                 out,
@@ -89,9 +93,11 @@ def run_command(
                 retry_failed=retry_failed,
                 progress=report,
             )
-    except KeyboardInterrupt:
-        print_line(f"Everything finished is in {out}/; run the same command again to continue.")
-        raise typer.Exit(INTERRUPTED) from None
+    except StoppedError as stopped:
+        with suppress(OSError):  # of a terminal that is gone
+            print_line(f"Everything finished is in {out}/; run the same command again to continue.")
+            sys.stdout.flush()
+        raise typer.Exit(stopped.status) from None
     _print_summary(summary, out, time.monotonic() - start)
 
 
@@ -99,17 +105,29 @@ def run_command(
 def status_command(out: OutOption = DEFAULT_OUT) -> None:
     """Show how far a run is, and what failed."""
     with _needs_extra():
-        from cgroup.benchmark.records.store import RECORDS, Store  # noqa: PLC0415 - slow to load
-    if not (out / RECORDS).exists():
-        message = f"{out}: no records there; make some with: cgroup benchmark run smoke --out {out}"
-        raise InputError(message)
-    store = Store(out / RECORDS)
-    try:
-        _print_counts(store.counts())
-        _print_missing(store.missing())
-        _print_failures(store.failures())
-    finally:
-        store.close()
+        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+    _print_counts(records.load_counts(out))
+    _print_missing(records.load_missing(out))
+    _print_failures(records.load_failures(out))
+
+
+@app.command("check")
+def check_command(out: OutOption = DEFAULT_OUT) -> None:
+    """Read all records, and say whether they are what was written; exit status 1 if some aren't."""
+    with _needs_extra():
+        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+    health = records.check(out)
+    for table, count in health.whole.items():
+        if count:
+            print_line(f"{table:<20} {count} whole")
+    for damaged in health.damaged:
+        print_line(f"damaged: {damaged.name}")
+    for fault in health.faults:
+        print_line(f"fault of the file: {fault}")
+    if not health.sound:
+        print_line("the next run sets aside what is damaged, keeps the old file, and computes it anew")
+        raise typer.Exit(DAMAGED)
+    print_line("all records are whole" if health.whole else "the file is whole; its layout has no checksums")
 
 
 @app.command("presets")
@@ -215,6 +233,8 @@ def _show_counts() -> Generator[Callable[[str, int, int], None] | None, None, No
 def _print_summary(summary: Summary, out: Path, seconds: float) -> None:
     _print_counts(summary.counts)
     _print_missing(summary.missing)
+    if summary.damaged:
+        print_line(f"computed anew  {summary.damaged}")
     print_line(f"took {_format_duration(seconds)}; records are in {out}/")
     if summary.failed:
         wanted = sum(count.wanted for stage, count in summary.counts.items() if stage != "score")

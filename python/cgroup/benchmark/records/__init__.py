@@ -2,6 +2,8 @@
 
 from cgroup.benchmark.records.growth import exponents
 from cgroup.benchmark.records.means import aggregate
+from cgroup.benchmark.records.progress import load_counts, load_failures, load_missing
+from cgroup.benchmark.records.reading import check
 from cgroup.benchmark.records.registration_tables import load_registrations
 from cgroup.benchmark.records.tables import (
     load,
@@ -9,7 +11,6 @@ from cgroup.benchmark.records.tables import (
     load_datasets,
     load_groups,
     load_machines,
-    load_missing,
     load_timing,
     load_timing_skips,
 )
@@ -17,10 +18,13 @@ from cgroup.benchmark.records.trial_tables import load_trials
 
 __all__ = [
     "aggregate",
+    "check",
     "exponents",
     "load",
     "load_config",
+    "load_counts",
     "load_datasets",
+    "load_failures",
     "load_groups",
     "load_machines",
     "load_missing",

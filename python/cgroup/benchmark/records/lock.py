@@ -22,16 +22,22 @@ def only_writer(folder: Path) -> Generator[None, None, None]:
     InputError
         If another run works in the folder, or it can't be written to.
     """
-    path = folder / "lock.sqlite"
+    with closing(_take(folder)):
+        yield
+
+
+def _take(folder: Path) -> sqlite3.Connection:
     try:
-        lock = sqlite3.connect(path, isolation_level=None, timeout=0)
-    except sqlite3.Error as error:
-        message = f"{folder}: can't be written to ({error})"
-        raise InputError(message) from error
-    with closing(lock):
+        lock = sqlite3.connect(folder / "lock.sqlite", isolation_level=None, timeout=0)
         try:
             lock.execute("begin exclusive")
-        except sqlite3.OperationalError as error:
+        except BaseException:
+            lock.close()
+            raise
+    except sqlite3.Error as error:
+        if "locked" in str(error):
             message = f"{folder}: another run is at work there ({error}); wait for it or use another folder"
-            raise InputError(message) from error
-        yield
+        else:
+            message = f"{folder}: can't be written to ({error}); make room there, or use another folder"
+        raise InputError(message) from error
+    return lock

@@ -5,11 +5,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.records.tables import has_table, query
+from cgroup.benchmark.records.reading import has_table, parse_json, query
 from cgroup.evaluation.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -58,11 +57,11 @@ def load_registrations(path: Path) -> pd.DataFrame:
     if not has_table(path, "registrations"):
         return pd.DataFrame()
     frame = query(path, _REGISTRATIONS)
-    definitions = [json.loads(text) for text in frame.pop("definition")]
+    definitions = [parse_json(text) for text in frame.pop("definition")]
     for name in ("overlap", "probability", "rotation_error", "translation_error", "rmse_pr"):
         frame[name] = frame[name].astype(float)
     frame["ok"] = frame["ok"].astype(bool) & frame.pop("posed").astype(bool)
-    frame["stages"] = [json.loads(text) for text in frame["seconds"]]
+    frame["stages"] = [parse_json(text) for text in frame["seconds"]]
     frame["seconds"] = [sum(stages.values()) if stages else math.nan for stages in frame["stages"]]
     errors = list(zip(frame["rotation_error"], frame["translation_error"], frame["rmse_pr"], strict=True))
     for column, limit in (("right", "loose"), ("accurate", "strict")):

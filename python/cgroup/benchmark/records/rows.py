@@ -6,6 +6,8 @@ import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Literal
 
+from cgroup.benchmark.records.checksums import checksum
+
 if TYPE_CHECKING:
     import sqlite3
 
@@ -100,9 +102,9 @@ def insert(
     *row: object,
     known: Literal["abort", "ignore", "replace"] = "abort",
 ) -> None:
-    """Add a row; `known` says what to do where its key is taken."""
-    marks = ", ".join("?" * len(row))
-    connection.execute(f"insert or {known} into {table} values ({marks})", row)
+    """Add a row with its checksum; `known` says what to do where its key is taken."""
+    marks = ", ".join("?" * (len(row) + 1))
+    connection.execute(f"insert or {known} into {table} values ({marks})", (*row, checksum(row)))
 
 
 def list_origin(provenance: Provenance) -> tuple[str, str, str]:

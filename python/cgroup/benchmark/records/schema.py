@@ -1,7 +1,5 @@
 """Layout of the records' file, and the queries for what it lacks."""
 
-SCHEMA_VERSION = 3
-
 PLAN_TABLES = (
     *("plan", "plan_experiments", "plan_cases", "plan_methods", "plan_epsilons", "plan_timing"),
     *("plan_sets", "plan_pairs", "plan_pipelines"),
@@ -130,9 +128,6 @@ create view wanted_trials as
 """
 """Tables that were added in version 3."""
 
-ADDED = {1: SCHEMA, 2: REGISTRATION_SCHEMA, 3: TRIAL_SCHEMA}
-"""What each version added; a file of an earlier one gets what it lacks."""
-
 # Cases of one pair follow each other, so that a worker loads it once.
 CASE_ORDER = "order by dataset, pair, nuisance, level, nms_radius, combination"
 
@@ -175,28 +170,33 @@ where not exists (
     where s.case_key = w.case_key and s.method_key = w.method_key and s.epsilon = w.epsilon)
 """
 
-FAILURES = """
+# The method or pipeline (empty for the first stage), the error, and how often, by the table of the records.
+FAILURES = {
+    "correspondences": """
 select '', error, count(*) from wanted_cases join correspondences using (case_key)
 where error <> '' group by error
-union all
+""",
+    "groupings": """
 select label, error, count(*) from groupings join (
     select case_key, method_key, min(label) as label
     from plan_cases join plan_methods using (entry) group by case_key, method_key
 ) using (case_key, method_key)
 where error <> '' group by label, error
-union all
+""",
+    "registrations": """
 select label, error, count(*) from registrations join (
     select case_key, pipeline_key, threads, min(label) as label
     from plan_pairs join plan_pipelines using (entry) join plan_sets using (entry)
     group by case_key, pipeline_key, threads
 ) using (case_key, pipeline_key, threads)
 where error <> '' group by label, error
-union all
+""",
+    "trials": """
 select label, error, count(*) from trials join (
     select case_key, method_key, threads, min(label) as label
     from plan_problems join plan_candidates using (entry) join plan_threads using (entry)
     group by case_key, method_key, threads
 ) using (case_key, method_key, threads)
 where error <> '' group by label, error
-order by 3 desc
-"""
+""",
+}

@@ -10,10 +10,12 @@ import itertools
 import json
 import sqlite3
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from cgroup.benchmark.candidates import Candidate
 from cgroup.benchmark.cases import Case
+from cgroup.benchmark.records.layout import prepare_layout
+from cgroup.benchmark.records.progress import Counts, count_records
 from cgroup.benchmark.records.rows import (
     insert,
     insert_dataset,
@@ -24,14 +26,11 @@ from cgroup.benchmark.records.rows import (
     list_origin,
 )
 from cgroup.benchmark.records.schema import (
-    ADDED,
     CASE_ORDER,
-    FAILURES,
     PENDING_CASES,
     PENDING_GROUPINGS,
     PENDING_SCORES,
     PLAN_TABLES,
-    SCHEMA_VERSION,
 )
 from cgroup.errors import InputError
 
@@ -42,18 +41,21 @@ if TYPE_CHECKING:
     from cgroup.benchmark.plan import Plan
     from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord, ScoreRecord
 
-RECORDS = "records.sqlite"
-"""Name of the file in a run's folder."""
 
-_FAILED = "coalesce(r.error, '') <> ''"
-
-
-class Counts(NamedTuple):
-    """How far one stage is."""
-
-    done: int
-    failed: int
-    wanted: int
+@contextmanager
+def report_failures(path: Path) -> Generator[None, None, None]:
+    """Turn what SQLite can't do into an `InputError`: a full disk, an error of the device, a foreign file."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        if "not a database" in str(error):
+            message = f"{path}: not a file of records ({error}); use another folder, or move the file away"
+        else:
+            message = (
+                f"{path}: can't be read or written ({error}); what is finished is kept: once that is mended, "
+                "run the same command again to continue"
+            )
+        raise InputError(message) from error
 
 
 class Store:
@@ -71,39 +73,20 @@ class Store:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        try:
+        with report_failures(path):
             self.connection = sqlite3.connect(path, isolation_level=None, timeout=30)
-            self.connection.execute("pragma journal_mode = wal")
-            self.connection.execute("pragma synchronous = normal")
-            self._prepare()
-            # Worker pools ask for the next task from threads of their own, one at a time.
-            self._reader = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=30)
-        except sqlite3.Error as error:
-            message = f"{path}: can't be used as a store of records: {error}"
-            raise InputError(message) from error
+            try:
+                with self.transaction() as connection:
+                    prepare_layout(connection, path)
+                self.connection.execute("pragma journal_mode = wal")
+                self.connection.execute("pragma synchronous = normal")
+            except BaseException:
+                self.connection.close()
+                raise
 
     def close(self) -> None:
         """Close the file."""
-        self._reader.close()
         self.connection.close()
-
-    def _prepare(self) -> None:
-        with self.transaction() as connection:
-            version = connection.execute("pragma user_version").fetchone()[0]
-            if version == SCHEMA_VERSION:
-                return
-            empty = connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
-            if version not in ADDED and not (version == 0 and empty):
-                message = (
-                    f"{self.path}: its layout is number {version}, this version of cgroup writes "
-                    f"{SCHEMA_VERSION}; use another folder"
-                )
-                raise InputError(message)
-            lacking = "".join(schema for added_in, schema in ADDED.items() if added_in > version)
-            for statement in lacking.split(";\n"):
-                connection.execute(statement)
-            connection.execute(f"pragma user_version = {SCHEMA_VERSION}")
 
     @contextmanager
     def transaction(self) -> Generator[sqlite3.Connection, None, None]:
@@ -111,10 +94,11 @@ class Store:
         self.connection.execute("begin immediate")
         try:
             yield self.connection
+            self.connection.execute("commit")
         except BaseException:
-            self.connection.execute("rollback")
+            if self.connection.in_transaction:  # not where SQLite has rolled back of itself
+                self.connection.execute("rollback")
             raise
-        self.connection.execute("commit")
 
     # --- plan ------------------------------------------------------------------------------------
 
@@ -181,38 +165,14 @@ class Store:
 
     def counts(self) -> dict[str, Counts]:
         """How far the stages are with what the plan asks for."""
-        return {
-            "correspond": self._count("wanted_cases", "correspondences", "using (case_key)", _FAILED),
-            "group": self._count("wanted_groupings", "groupings", "using (case_key, method_key)", _FAILED),
-            "score": self._count("wanted_scores", "scores", "using (case_key, method_key, epsilon)", "0"),
-            "register": self._count(
-                "wanted_registrations", "registrations", "using (case_key, pipeline_key, threads)", _FAILED
-            ),
-            "try": self._count("wanted_trials", "trials", "using (case_key, method_key, threads)", _FAILED),
-        }
-
-    def _count(self, wanted: str, records: str, match: str, failed: str) -> Counts:
-        query = (
-            f"select count(r.case_key), coalesce(sum({failed}), 0), count(*) "
-            f"from {wanted} left join {records} r {match}"
-        )
-        done, bad, total = self.connection.execute(query).fetchone()
-        return Counts(done - bad, bad, total)
-
-    def missing(self) -> dict[str, str]:
-        """Read which data sets aren't at hand, and why."""
-        return json.loads(self.connection.execute("select missing from plan").fetchone()[0])
-
-    def failures(self) -> list[tuple[str, str, int]]:
-        """Read what failed: the method or pipeline (empty for the first stage), the error, and how often."""
-        return list(self.connection.execute(FAILURES))
+        return count_records(self.connection)
 
     # --- records ---------------------------------------------------------------------------------
 
     def content(self, case_key: str) -> bytes:
-        """Packed correspondences of a case; may be called from any thread, one at a time."""
+        """Packed correspondences of a case."""
         query = "select content from arrays where case_key = ?"
-        return self._reader.execute(query, (case_key,)).fetchone()[0]
+        return self.connection.execute(query, (case_key,)).fetchone()[0]
 
     def truth(self, case_key: str) -> tuple[bytes, bytes, bytes, tuple[str, ...]]:
         """Packed correspondences, true pose and overlap sample of a case, and its protocols."""

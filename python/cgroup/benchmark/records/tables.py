@@ -5,21 +5,26 @@
 
 from __future__ import annotations
 
-import json
-import sqlite3
-from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cgroup.benchmark.records.checksums import is_whole
+from cgroup.benchmark.records.layout import WITH_CHECKSUMS, read_version
 from cgroup.benchmark.records.means import add_scores
 from cgroup.benchmark.records.packing import floats_from_bytes, unpack, unpack_mask
-from cgroup.benchmark.records.store import RECORDS
+from cgroup.benchmark.records.reading import (
+    describe_damage,
+    find_file,
+    open_records,
+    parse_json,
+    query,
+    query_one,
+)
 from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
     from pathlib import Path
 
     import pandas as pd
@@ -90,10 +95,10 @@ def load(path: Path) -> pd.DataFrame:
         If there are no records.
     """
     frame = query(path, _SCORES)
-    facts = [json.loads(text) for text in frame.pop("facts")]
+    facts = [parse_json(text) for text in frame.pop("facts")]
     for name in FACTS:
         frame[name] = np.array([of_pair.get(name, np.nan) for of_pair in facts], dtype=float)
-    frame["experiments"] = [tuple(json.loads(text)) for text in frame["experiments"]]
+    frame["experiments"] = [tuple(parse_json(text)) for text in frame["experiments"]]
     _expand_protocols(frame)
     for name in ("level", "nms_radius", "rotation_error", "translation_error", "rmse_pr", "seconds"):
         frame[name] = frame[name].astype(float)
@@ -137,22 +142,17 @@ def load_timing_skips(path: Path) -> pd.DataFrame:
 
 def load_machines(path: Path) -> pd.DataFrame:
     """Read which machines made records: `id, cpu, cores, system, python, numpy`."""
-    return query(path, "select * from machines")
+    return query(path, "select id, cpu, cores, system, python, numpy from machines")
 
 
 def load_datasets(path: Path) -> pd.DataFrame:
     """Read what is known of the data sets: `name, title, role, origin, citation`."""
-    return query(path, "select * from datasets")
+    return query(path, "select name, title, role, origin, citation from datasets")
 
 
 def load_config(path: Path) -> dict[str, Any]:
     """Read the latest configuration: plain values as in its TOML, defaults filled in."""
-    return json.loads(str(query(path, "select config from plan")["config"][0]))
-
-
-def load_missing(path: Path) -> dict[str, str]:
-    """Read which data sets weren't at hand, and why."""
-    return json.loads(str(query(path, "select missing from plan")["missing"][0]))
+    return parse_json(query_one(path, "select config from plan"))
 
 
 def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dict[str, BoolArray]]:
@@ -179,61 +179,23 @@ def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dic
     InputError
         If there are no records of the case.
     """
-    with _reader(path) as connection:
-        query = "select content, truth from arrays where case_key = ?"
-        arrays = connection.execute(query, (case,)).fetchone()
+    with open_records(path) as connection:
+        arrays = connection.execute("select * from arrays where case_key = ?", (case,)).fetchone()
+        checked = read_version(connection) >= WITH_CHECKSUMS
         rows = connection.execute(_GROUPS, (case,)).fetchall()
     if arrays is None:
         message = f"{path}: no records of the case {case}; the column `case` of `load` names those there are"
         raise InputError(message)
-    matches = unpack(arrays[0])
+    if checked and not is_whole(arrays):
+        raise InputError(describe_damage(find_file(path), [f"arrays {case}"]))
+    _, content, truth, *_ = arrays
+    matches = unpack(content)
     masks = {label: unpack_mask(mask, len(matches)) for label, mask, _ in rows}
-    return matches, floats_from_bytes(arrays[1], (4, 4)), masks
-
-
-def has_table(path: Path, name: str) -> bool:
-    """Tell whether the records have a table; those of older versions lack some."""
-    with _reader(path) as connection:
-        found = connection.execute("select count(*) from sqlite_master where name = ?", (name,))
-        return bool(found.fetchone()[0])
-
-
-def query(path: Path, text: str) -> pd.DataFrame:
-    """Read what an SQL statement selects; raises `InputError` if there are no records."""
-    import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
-
-    with _reader(path) as connection:
-        try:
-            return pd.read_sql_query(text, connection)
-        except pd.errors.DatabaseError as error:
-            raise _unreadable(path, error) from error
-
-
-@contextmanager
-def _reader(path: Path) -> Generator[sqlite3.Connection, None, None]:
-    """Open the records for reading; a run may write to them meanwhile."""
-    file = _file(path)
-    if not file.exists():
-        message = f"{file}: no records; make some with: cgroup benchmark run smoke --out {path}"
-        raise InputError(message)
-    try:
-        address = f"{file.absolute().as_uri()}?mode=ro"
-        with closing(sqlite3.connect(address, uri=True, timeout=30)) as connection:
-            yield connection
-    except sqlite3.Error as error:
-        raise _unreadable(path, error) from error
-
-
-def _file(path: Path) -> Path:
-    return path / RECORDS if path.is_dir() else path
-
-
-def _unreadable(path: Path, error: Exception) -> InputError:
-    return InputError(f"{_file(path)}: not a file of records, or of another version: {error}")
+    return matches, floats_from_bytes(truth, (4, 4)), masks
 
 
 def _expand_protocols(frame: pd.DataFrame) -> None:
     """Give each criterion but the paper's, which `registered` is, a column of its own."""
-    verdicts = [json.loads(text) if isinstance(text, str) else {} for text in frame.pop("protocols")]
+    verdicts = [parse_json(text) if isinstance(text, str) else {} for text in frame.pop("protocols")]
     for name in dict.fromkeys(name for row in verdicts for name in row if name != PAPER_PROTOCOL):
         frame[PROTOCOL_PREFIX + name] = np.array([row.get(name) for row in verdicts], dtype=object)

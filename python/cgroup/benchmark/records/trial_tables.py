@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.benchmark.records.means import add_scores
-from cgroup.benchmark.records.tables import has_table, query
+from cgroup.benchmark.records.reading import has_table, parse_json, query
 from cgroup.datasets.generated_matches import GeneratedMatches, read_recipe
 from cgroup.evaluation.protocols import PROTOCOLS
 
@@ -77,7 +76,7 @@ def load_trials(path: Path) -> pd.DataFrame:
     if not has_table(path, "trials"):
         return pd.DataFrame()
     frame = query(path, _TRIALS)
-    definitions = [json.loads(text) for text in frame.pop("definition")]
+    definitions = [parse_json(text) for text in frame.pop("definition")]
     for name in _NUMBERS:
         frame[name] = frame[name].astype(float)
     for name in ("posed", "complete"):

@@ -5,6 +5,7 @@ Each stage computes what the records lack, so that a run that was stopped goes o
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,10 @@ from cgroup._arguments import as_count
 from cgroup._progress import ignore_progress
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.records.lock import only_writer
+from cgroup.benchmark.records.reading import RECORDS
 from cgroup.benchmark.records.registrations import Registrations
-from cgroup.benchmark.records.store import RECORDS, Counts, Store
+from cgroup.benchmark.records.repair import set_damaged_aside
+from cgroup.benchmark.records.store import Store, report_failures
 from cgroup.benchmark.records.timings import Timings
 from cgroup.benchmark.records.trials import Trials
 from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
     from typing import Any, TypeAlias
 
     from cgroup.benchmark.config import Config
+    from cgroup.benchmark.records.progress import Counts
     from cgroup.benchmark.run.workers import CallUnordered
 
     Progress: TypeAlias = Callable[[str, int, int], Any]
@@ -47,10 +51,14 @@ class Summary:
         Done, failed and wanted records of each stage.
     missing : dict of str to str
         Data sets and pipelines that are not at hand, and why.
+    damaged : str
+        Which records of earlier runs weren't what had been written, and so were computed anew, and where
+        they are kept; empty where all were.
     """
 
     counts: dict[str, Counts]
     missing: dict[str, str]
+    damaged: str = ""
 
     @property
     def failed(self) -> int:
@@ -63,7 +71,7 @@ def run(
     out: Path,
     *,
     root: Path | None = None,
-    backend: str = "loky",
+    backend: str = "processes",
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
@@ -72,7 +80,8 @@ def run(
     """Compute every record that a configuration asks for and the folder lacks.
 
     The records do not depend on backend or workers. Stopped at any moment, by a signal or for good, it
-    loses only what was under way; called again, it continues.
+    loses only what was under way; called again, it continues. Records that aren't what was written are set
+    aside and computed anew.
 
     Parameters
     ----------
@@ -83,7 +92,7 @@ def run(
     root : path, optional
         Folder with the data, at the same place on every machine; the environment says by default.
     backend : str
-        "loky" (processes on this machine), "dask" (a cluster) or "threading".
+        "processes" of this machine, "dask" (a cluster) or "threading".
     workers : int, optional
         How many; one per core by default. A cluster's own number counts with "dask".
     scheduler : str, optional
@@ -101,15 +110,18 @@ def run(
     Raises
     ------
     InputError
-        If no data set is at hand, the backend isn't, or another run uses the folder.
+        If no data set is at hand, the backend isn't, another run uses the folder, or the records can't be
+        read or written: the disk is full, say. What is finished is kept then.
     """
     if workers is not None:
         as_count("workers", workers, 1)
+    stages.forget_pairs()
     plan = make_plan(config, root)
     _make_folder(out)
-    with only_writer(out):
-        store = Store(out / RECORDS)
-        try:
+    file = out / RECORDS
+    with only_writer(out), report_failures(file):
+        damaged = set_damaged_aside(file)
+        with closing(Store(file)) as store:
             store.replace_plan(plan)
             if retry_failed:
                 store.forget_failures()
@@ -124,9 +136,7 @@ def run(
                 _register(store, root, stage)
             if config.trials is not None:
                 _try(store, root, stage)
-            return Summary(store.counts(), plan.missing)
-        finally:
-            store.close()
+            return Summary(store.counts(), plan.missing, damaged)
 
 
 def _correspond(

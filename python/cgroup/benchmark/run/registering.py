@@ -39,7 +39,7 @@ def register_pairs(
     """
     folder = None if root is None else str(root)
     for threads in sorted({each.threads for each in pending}):
-        with closing(LoneProcess(threads)) as process:
+        with closing(LoneProcess(threads, cores=threads)) as process:
             for each in pending:
                 if each.threads == threads:
                     made = _register(process, each, folder)

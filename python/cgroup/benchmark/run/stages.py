@@ -173,6 +173,12 @@ def _load_with_normals(dataset: str, name: str, root: str | None) -> tuple[Point
     return _add_normals(pair)
 
 
+def forget_pairs() -> None:
+    """Let go of what was loaded: it may have changed since."""
+    for kept in (open_once, load_pair, _load_with_normals):
+        kept.cache_clear()
+
+
 def _add_normals(pair: MatchingPair) -> tuple[PointCloud, PointCloud]:
     return (
         _with_normals(pair.source, pair.normals, pair.source_viewpoint),
@@ -211,7 +217,11 @@ def group_case(
     list of GroupingRecord
         One each, with the error where there was one.
     """
-    correspondences = unpack(content)
+    try:
+        correspondences = unpack(content)
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this case alone
+        message = describe_error(error)
+        return [GroupingRecord(case_key, method.key, error=message) for method in methods]
     return [_group(case_key, seed, correspondences, method) for method in methods]
 
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.records.types import TrialRecord
-from cgroup.benchmark.run.lone_process import ALL_CORES, LoneProcess, OutOfTimeError, ProcessDiedError
+from cgroup.benchmark.run.lone_process import LoneProcess, OutOfTimeError, ProcessDiedError
 from cgroup.benchmark.run.problems import PreparedProblem, try_to_prepare
 from cgroup.benchmark.run.stages import KILLED
 from cgroup.benchmark.run.try_method import make_ready, try_method
+from cgroup.benchmark.run.worker import ALL_CORES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,7 +48,7 @@ def try_methods(
     folder = None if root is None else str(root)
     with closing(LoneProcess(ALL_CORES)) as maker:
         for threads in sorted({each.threads for each in pending}):
-            with closing(LoneProcess(threads)) as process:
+            with closing(LoneProcess(threads, cores=threads)) as process:
                 trials = _Trials(process)
                 for each in pending:
                     if each.threads == threads:

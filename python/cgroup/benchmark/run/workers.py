@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import functools
-import signal
-import warnings
+import itertools
+import os
+import queue
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing, contextmanager
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from joblib import Parallel, delayed, parallel_config
-from joblib.externals.loky.process_executor import TerminatedWorkerError
-
+from cgroup.benchmark.run.lone_process import LoneProcess, ProcessDiedError
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Generator
 
-BACKENDS = ("loky", "dask", "threading")
+BACKENDS = ("processes", "dask", "threading")
 
 Task: TypeAlias = tuple[Any, ...]
 CallUnordered: TypeAlias = Callable[[Callable[..., Any], Iterable[Task]], Iterator[tuple[Task, Any]]]
 """Calls a function with each of many tuples of arguments, and yields tuple and result as they are ready.
 
 Tuples are drawn as workers become free, so that they needn't all be in memory. The result of a task that
-killed its worker is None.
+killed its workers is None.
 """
 
 
@@ -56,15 +56,15 @@ def open_workers(
     if backend not in BACKENDS:
         message = f"backend: got {backend!r}; choose one of {', '.join(BACKENDS)}"
         raise InputError(message)
+    count = count or os.cpu_count() or 1
     if backend == "dask":
-        with _open_cluster(scheduler) as call:
-            yield call
-        return
-    options: dict[str, Any] = {}
-    if backend == "loky":
-        options = {"inner_max_num_threads": 1, "initializer": _ignore_interrupts}
-    with parallel_config(backend, **options):
-        yield functools.partial(_call_unordered, -1 if count is None else count)
+        opened = _open_cluster(scheduler)
+    elif backend == "processes":
+        opened = _open_processes(count)
+    else:
+        opened = _open_threads(count, _call)
+    with opened as call:
+        yield call
 
 
 @contextmanager
@@ -78,58 +78,54 @@ def _open_cluster(scheduler: str | None) -> Generator[CallUnordered, None, None]
         yield call
 
 
-def _call_unordered(
-    workers: int, function: Callable[..., Any], tasks: Iterable[Task]
-) -> Iterator[tuple[Task, Any]]:
-    under_way: dict[int, Task] = {}
-    calls = _number_calls(function, tasks, under_way)
-    while True:
+@contextmanager
+def _open_processes(count: int) -> Generator[CallUnordered, None, None]:
+    processes = [LoneProcess(threads=1) for _ in range(count)]
+    idle: queue.SimpleQueue[LoneProcess] = queue.SimpleQueue()
+    for process in processes:
+        idle.put(process)
+
+    def call(function: Callable[..., Any], *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
+        process = idle.get()
         try:
-            for number, result in _stream(workers, calls):
-                yield under_way.pop(number), result
-        except TerminatedWorkerError:  # noqa: PERF203 - rare
-            # One of those under way did it; each gets a worker of its own to show which.
-            for number in list(under_way):
-                task = under_way.pop(number)
-                yield task, _call_alone(function, task)
-        else:
-            return
+            return process.call(function, *arguments)
+        except ProcessDiedError:
+            return None
+        finally:
+            idle.put(process)
+
+    with _open_threads(count, call) as call_unordered:
+        try:
+            yield call_unordered
+        finally:
+            for process in processes:
+                process.close()
 
 
-def _stream(workers: int, calls: Iterator[Any]) -> Iterator[tuple[int, Any]]:
-    results = _parallel(workers, return_as="generator_unordered")(calls)
-    with warnings.catch_warnings():
-        # On the way out after an interrupt joblib warns of what it couldn't hand over.
-        warnings.filterwarnings("ignore", "[0-9]+ tasks", UserWarning)
-        with closing(results):
-            yield from results
-
-
-def _parallel(workers: int, **options: Any) -> Callable[[Iterable[Any]], Any]:  # noqa: ANN401 - joblib's
-    # One task per message: a task takes long enough, and what is under way is lost when a run is killed.
-    return Parallel(workers, **options, batch_size=1)  # pyright: ignore[reportArgumentType]
-
-
-def _number_calls(
-    function: Callable[..., Any], tasks: Iterable[Task], under_way: dict[int, Task]
-) -> Iterator[tuple[Callable[..., Any], Task, dict[str, Any]]]:
-    for number, task in enumerate(tasks):
-        under_way[number] = task
-        yield delayed(_call_numbered)(number, function, *task)
-
-
-def _call_numbered(number: int, function: Callable[..., Any], *arguments: object) -> tuple[int, Any]:
-    return number, function(*arguments)
-
-
-def _call_alone(function: Callable[..., Any], task: Task) -> Any:  # noqa: ANN401 - whatever it returns
+@contextmanager
+def _open_threads(count: int, call: Callable[..., Any]) -> Generator[CallUnordered, None, None]:
+    pool = ThreadPoolExecutor(count)
     try:
-        # Two workers, although one task: with one, joblib would work in this very process.
-        return _parallel(2)([delayed(function)(*task)])[0]
-    except TerminatedWorkerError:
-        return None
+        # One more is under way than there are threads, so that none waits for the next.
+        yield functools.partial(_call_unordered, functools.partial(pool.submit, call), count + 1)
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C, which a terminal sends to every process, to the one that ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _call_unordered(
+    submit: Callable[..., Future[Any]], at_once: int, function: Callable[..., Any], tasks: Iterable[Task]
+) -> Iterator[tuple[Task, Any]]:
+    waiting = iter(tasks)
+    under_way: dict[Future[Any], Task] = {}
+    while True:
+        for task in itertools.islice(waiting, at_once - len(under_way)):
+            under_way[submit(function, *task)] = task
+        if not under_way:
+            return
+        done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+        for future in done:
+            yield under_way.pop(future), future.result()
+
+
+def _call(function: Callable[..., Any], *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
+    return function(*arguments)

@@ -1,0 +1,85 @@
+"""The layout of the records' file: made, brought up to date, and told from others."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from cgroup.benchmark.records.checksums import checksum
+from cgroup.benchmark.records.schema import REGISTRATION_SCHEMA, SCHEMA, TRIAL_SCHEMA
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    import sqlite3
+    from pathlib import Path
+
+TABLES = tuple(re.findall(r"create table (\w+)", SCHEMA + REGISTRATION_SCHEMA + TRIAL_SCHEMA))
+"""Names of all tables."""
+
+_CHECKSUM_SCHEMA = "".join(f"alter table {table} add column checksum blob;\n" for table in TABLES)
+
+ADDED = {1: SCHEMA, 2: REGISTRATION_SCHEMA, 3: TRIAL_SCHEMA, 4: _CHECKSUM_SCHEMA}
+"""What each version added; a file of an earlier one gets what it lacks."""
+
+SCHEMA_VERSION = max(ADDED)
+
+WITH_CHECKSUMS = 4
+"""Rows bear a checksum, their last column, from this version on."""
+
+
+def prepare_layout(connection: sqlite3.Connection, path: Path) -> None:
+    """Make the layout in an empty file, or bring that of an earlier version up to date.
+
+    Raises
+    ------
+    InputError
+        If the file has another layout.
+    """
+    version = read_version(connection)
+    if version == SCHEMA_VERSION:
+        return
+    if version or not is_empty(connection):
+        check_version(version, path)
+    lacking = "".join(schema for added_in, schema in ADDED.items() if added_in > version)
+    for statement in lacking.split(";\n"):
+        connection.execute(statement)
+    if version:
+        _add_checksums(connection)
+    connection.execute(f"pragma user_version = {SCHEMA_VERSION}")
+
+
+def check_version(version: int, path: Path) -> None:
+    """Raise `InputError` for a layout that isn't known."""
+    if version == 0:
+        message = f"{path}: not a file of records; use another folder, or move the file away"
+        raise InputError(message)
+    if version not in ADDED:
+        message = (
+            f"{path}: its layout is number {version}, this version of cgroup knows {SCHEMA_VERSION}; "
+            "use the version that made it, or another folder"
+        )
+        raise InputError(message)
+
+
+def read_version(connection: sqlite3.Connection) -> int:
+    """Read the number of a file's layout; 0 where it has none."""
+    return connection.execute("pragma user_version").fetchone()[0]
+
+
+def is_empty(connection: sqlite3.Connection) -> bool:
+    """Tell whether there is nothing in a file."""
+    return connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
+
+
+def list_columns(connection: sqlite3.Connection, table: str) -> tuple[list[str], list[str]]:
+    """Names of a table's columns, and those of its key."""
+    rows = connection.execute(f"pragma table_info({table})").fetchall()
+    return [row[1] for row in rows], [row[1] for row in sorted(rows, key=lambda row: row[5]) if row[5]]
+
+
+def _add_checksums(connection: sqlite3.Connection) -> None:
+    """Give rows of earlier versions theirs."""
+    connection.create_function("checksum_of", -1, lambda *row: checksum(row))
+    for table in TABLES:
+        *columns, _ = list_columns(connection, table)[0]
+        connection.execute(f"update {table} set checksum = checksum_of({', '.join(columns)})")

@@ -1,0 +1,59 @@
+"""Signals that end a long computation in good order."""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+    from types import FrameType
+
+_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows lacks the last
+
+
+class StoppedError(KeyboardInterrupt):
+    """The process was told to end.
+
+    Attributes
+    ----------
+    status : int
+        Exit status that says by which signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.status = 128 + number
+
+
+@contextmanager
+def stop_on_signals() -> Generator[None, None, None]:
+    """Raise `StoppedError` at the first signal that asks the process to end; end at once at the second.
+
+    Ctrl-C, a request to terminate and a terminal that is closed are the same here. Signals that are ignored
+    stay so, as those of a program in the background. Afterwards the process is expected to end.
+    """
+    stopped = False
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        nonlocal stopped
+        if stopped:
+            with suppress(OSError):
+                os.write(2, b"cgroup: interrupted\n")
+            os._exit(128 + number)
+        stopped = True
+        raise StoppedError(number)
+
+    numbers = [getattr(signal, name) for name in _ENDING if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number, handler in before.items():
+        if handler not in (signal.SIG_IGN, None):
+            signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None:  # once it is stopped, the process only has to say so
+                signal.signal(number, signal.SIG_IGN if stopped else handler)

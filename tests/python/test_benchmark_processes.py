@@ -1,0 +1,300 @@
+"""The benchmark's processes: whoever is killed, whenever, none stays behind and no record is lost."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from benchmark_runs import MATCHES, cgroup_benchmark, contents, serial, start_benchmark
+from cgroup.benchmark import records
+from cgroup.benchmark.records.reading import RECORDS
+from cgroup.benchmark.run import stages
+from cgroup.cli import main
+
+if TYPE_CHECKING:
+    import subprocess
+    from collections.abc import Callable
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are sent differently there")
+
+THOROUGH = os.environ.get("HYPOTHESIS_PROFILE") == "thorough"
+KILLS = 120 if THOROUGH else 10
+SLOW = MATCHES.replace('"ransac", "gtm"', '"ransac", "benchmark_fakes:slow"')
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "calls.log"
+    path.touch()
+    monkeypatch.setenv("FAKES_LOG", str(path))
+    return path
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def wait_until(condition: Callable[[], object], what: str) -> None:
+    deadline = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.02)
+
+
+def find_pids(log: Path, word: str) -> set[int]:
+    return {int(line.split()[1]) for line in log.read_text().splitlines() if line.startswith(word)}
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        with suppress(ProcessLookupError):
+            os.kill(pid, 0)
+            return not Path("/proc/self").exists()
+        return False
+    return state != "Z"
+
+
+def find_processes(folder: Path) -> list[int]:
+    """Processes that were started with this log, of whatever parent."""
+    marker = f"FAKES_LOG={folder / 'calls.log'}".encode()
+    found: list[int] = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if int(process.name) != os.getpid() and marker in (process / "environ").read_bytes():
+                found.append(int(process.name))
+    return [pid for pid in found if is_alive(pid)]
+
+
+def wait_for_end_of_all(folder: Path) -> None:
+    wait_until(lambda: not find_processes(folder), "some process stays behind")
+
+
+linux_only = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs /proc")
+
+
+# --- ends ----------------------------------------------------------------------------------------------
+
+
+@linux_only
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_workers_end_with_the_run_even_while_they_compute(
+    how: signal.Signals, tmp_path: Path, log: Path
+) -> None:
+    config = write(tmp_path / "t.toml", MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:busy"'))
+    run = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2, FAKES_HOLD="busy")
+    wait_until(lambda: len(find_pids(log, "busy")) == 2, "no two workers")
+    os.kill(run.pid, how)
+    out, err = run.communicate(timeout=30)
+    wait_for_end_of_all(tmp_path)
+    if how == signal.SIGKILL:
+        assert (run.returncode, out, err) == (-how, "", "")
+    else:
+        assert run.returncode == 128 + how
+        assert "run the same command again to continue" in out
+        assert err == ("cgroup: interrupted\n" if how == signal.SIGINT else "")
+    assert records.check(tmp_path / "out").sound
+    status, out, err = cgroup_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
+    assert (status, err) == (0, "")
+    assert "groupings      8 of 8" in out
+
+
+@linux_only
+def test_what_a_worker_has_started_ends_with_it(tmp_path: Path, log: Path) -> None:
+    config = write(tmp_path / "t.toml", MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:parent"'))
+    run = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 1)
+    wait_until(lambda: find_pids(log, "child"), "no child")
+    run.kill()
+    run.communicate()
+    wait_for_end_of_all(tmp_path)
+
+
+@linux_only
+@pytest.mark.parametrize("pause", [0.0, 0.2])
+def test_two_interrupts_are_as_one(pause: float, tmp_path: Path, log: Path) -> None:
+    config = write(tmp_path / "t.toml", SLOW)
+    run = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
+    wait_until(lambda: find_pids(log, "slow"), "no worker")
+    os.killpg(run.pid, signal.SIGINT)
+    time.sleep(pause)
+    with suppress(ProcessLookupError):
+        os.killpg(run.pid, signal.SIGINT)
+    out, err = run.communicate(timeout=30)
+    assert (run.returncode, err) == (130, "cgroup: interrupted\n")
+    assert out.count("\n") <= 1
+    wait_for_end_of_all(tmp_path)
+    status, _, err = cgroup_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
+    assert (status, err) == (0, "")
+
+
+def test_a_run_in_the_background_stays_deaf_to_ctrl_c(tmp_path: Path, log: Path) -> None:
+    config = write(tmp_path / "t.toml", SLOW)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        run = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    wait_until(lambda: find_pids(log, "slow"), "no worker")
+    os.killpg(run.pid, signal.SIGINT)
+    _, err = run.communicate(timeout=60)
+    assert (run.returncode, err) == (0, "")
+
+
+# --- kills ---------------------------------------------------------------------------------------------
+
+
+@linux_only
+def test_killed_at_random_the_records_are_those_of_an_undisturbed_run(
+    tmp_path: Path, log: Path, record_property: Callable[[str, object], None]
+) -> None:
+    """Kills the run or one of its workers at any moment, and continues, again and again.
+
+    A task whose workers were killed three times in a row counts as failed, and is tried again.
+    """
+    rng = np.random.default_rng(0)
+    config = write(tmp_path / "t.toml", SLOW)
+    serial(SLOW, tmp_path / "whole")
+    expected = contents(tmp_path / "whole")
+    kills, finished = {"run": 0, "worker": 0}, 0
+    out = tmp_path / "0"
+    while sum(kills.values()) < KILLS:
+        log.write_text("")
+        run = start_benchmark("run", config, "--out", out, "--workers", 2, "--retry-failed")
+        killed = _disturb(run, log, rng, kills)
+        wait_for_end_of_all(tmp_path)
+        if (out / RECORDS).exists() and (out / RECORDS).stat().st_size:
+            assert records.check(out).sound
+        if not killed and set(records.load(out)["error"]) == {""}:
+            assert contents(out) == expected
+            finished += 1
+            out = tmp_path / str(finished)
+    status, _, err = cgroup_benchmark("run", config, "--out", out, "--workers", 2, "--retry-failed")
+    assert (status, err) == (0, "")
+    assert contents(out) == expected
+    assert min(kills.values())
+    record_property("kills", kills)
+
+
+def _disturb(run: subprocess.Popen[str], log: Path, rng: np.random.Generator, kills: dict[str, int]) -> bool:
+    """Kill workers of a run, one after the other, and perhaps the run itself; return whether it was killed."""
+    started = time.monotonic()
+    doomed_after = rng.uniform(0.2, 3) if rng.random() < 0.7 else np.inf
+    next_worker = 0.0
+    while run.poll() is None:
+        passed = time.monotonic() - started
+        if passed > doomed_after:
+            run.kill()
+            kills["run"] += 1
+            break
+        workers = [pid for pid in find_pids(log, "slow") if is_alive(pid)]
+        if workers and passed > next_worker:
+            with suppress(ProcessLookupError):
+                os.kill(int(rng.choice(workers)), signal.SIGKILL)
+                kills["worker"] += 1
+            next_worker = passed + rng.uniform(0.1, 1)
+        time.sleep(0.01)
+    _, err = run.communicate()
+    assert err == ""
+    assert run.returncode in {0, -signal.SIGKILL}
+    return run.returncode != 0
+
+
+def test_a_worker_killed_from_outside_is_not_blamed_on_its_task(tmp_path: Path, log: Path) -> None:
+    config = write(tmp_path / "t.toml", SLOW)
+    run = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
+    wait_until(lambda: find_pids(log, "slow"), "no worker")
+    os.kill(find_pids(log, "slow").pop(), signal.SIGKILL)
+    out, err = run.communicate(timeout=60)
+    assert (run.returncode, err) == (0, "")
+    assert "failed" not in out
+    assert stages.KILLED not in set(records.load(tmp_path / "out")["error"])
+
+
+# --- at the same time ----------------------------------------------------------------------------------
+
+
+class Gate:
+    """Lets calls of a method pass, one by one."""
+
+    def __init__(self, folder: Path, log: Path) -> None:
+        self._path = write(folder / "gate", "")
+        self._log = log
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {"FAKES_GATE": str(self._path)}
+
+    def open_for(self, calls: int) -> None:
+        with self._path.open("a") as file:
+            file.write("pass\n" * calls)
+
+    def wait_for(self, calls: int) -> None:
+        """Wait until so many calls have begun."""
+        wait_until(lambda: self._log.read_text().splitlines().count("gated") >= calls, "no call")
+
+
+GATED = MATCHES.replace('"ransac", "gtm"', '"ransac", "benchmark_fakes:gated"')
+
+
+@pytest.fixture
+def gate(tmp_path: Path, log: Path) -> Gate:
+    return Gate(tmp_path, log)
+
+
+def test_two_runs_at_once_and_readers_beside_them(
+    tmp_path: Path, gate: Gate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = write(tmp_path / "t.toml", GATED)
+    out = tmp_path / "out"
+    run = start_benchmark("run", config, "--out", out, "--workers", 2, **gate.environment)
+    gate.wait_for(1)
+    status, printed, err = cgroup_benchmark("run", config, "--out", out)
+    assert (status, printed, err.count("\n")) == (2, "", 1)
+    assert "another run is at work there" in err
+    seen = 0
+    for calls in range(8):
+        gate.open_for(1)
+        gate.wait_for(min(calls + 2, 8))
+        frame = records.load(out)
+        assert len(frame) >= seen
+        assert records.check(out).sound
+        seen = len(frame)
+        shutil.copytree(out, tmp_path / f"copy{calls}")
+    _, err = run.communicate(timeout=60)
+    assert (run.returncode, err) == (0, "")
+    monkeypatch.setenv("FAKES_GATE", gate.environment["FAKES_GATE"])
+    gate.open_for(100)
+    expected = contents(out)
+    for calls in range(8):
+        copy = tmp_path / f"copy{calls}"
+        serial(GATED, copy)
+        assert contents(copy) == expected
+        assert records.check(copy).sound
+
+
+def test_a_report_while_a_run_is_at_work(
+    tmp_path: Path, gate: Gate, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = write(tmp_path / "t.toml", GATED)
+    out = tmp_path / "out"
+    run = start_benchmark("run", config, "--out", out, "--workers", 2, **gate.environment)
+    gate.open_for(4)
+    gate.wait_for(5)
+    for command in ("report", "claims", "status", "check"):
+        with pytest.raises(SystemExit, match="^0$"):
+            main(["benchmark", command, "--out", str(out)])
+    assert capsys.readouterr().err == ""
+    assert (out / "report.html").exists()
+    gate.open_for(100)
+    _, err = run.communicate(timeout=60)
+    assert (run.returncode, err) == (0, "")
