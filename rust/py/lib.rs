@@ -2,6 +2,7 @@
 
 #![expect(clippy::needless_pass_by_value, reason = "pyo3 extracts arguments by value")]
 
+mod background;
 mod cloud;
 mod cloud_formats;
 mod convert;
@@ -16,7 +17,7 @@ mod verification;
 use pyo3::prelude::*;
 
 /// The compiled core of cgroup. Use it through the `cgroup` package.
-#[pymodule(gil_used = false)]
+#[pymodule(gil_used = true)]
 mod _core {
     #[pymodule_export]
     use super::cloud::Cloud;

@@ -152,7 +152,7 @@ impl Response {
 }
 
 /// Accepts as many normals as there are points.
-pub(super) fn check_normals(points: &Points, normals: Option<&[Vector3<f64>]>) -> Result<()> {
+pub(crate) fn check_normals(points: &Points, normals: Option<&[Vector3<f64>]>) -> Result<()> {
     let Some(normals) = normals else { return Ok(()) };
     if normals.len() == points.len() {
         return Ok(());

@@ -48,6 +48,15 @@ pub struct Evidence {
 }
 
 impl Evidence {
+    fn check(&self) -> Result<()> {
+        let (given, expected) = (self.target.len(), self.source.len());
+        if given == expected {
+            return Ok(());
+        }
+        let remedy = format!("give one target point per source point, here {expected}");
+        Err(Error::invalid("matches", format!("{given} target points"), remedy))
+    }
+
     fn count(&self, pose: &Rigid) -> usize {
         let (p, q) = (&self.source, &self.target);
         let shift = pose.rotation * p.center() + pose.translation - q.center();
@@ -98,7 +107,8 @@ pub fn score_poses(
 /// The best of the poses, refined, best first; none lies within 3 units of a better one.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] unless both surfaces have one unit, [`Error::Interrupted`].
+/// [`Error::InvalidInput`] unless both surfaces have one unit and the evidence as many points on both sides,
+/// [`Error::Interrupted`].
 pub fn verify(
     source: &Surface,
     target: &Surface,
@@ -107,6 +117,7 @@ pub fn verify(
     execution: &Execution,
 ) -> Result<Vec<Verified>> {
     check_units(source, target)?;
+    evidence.map_or(Ok(()), Evidence::check)?;
     let radius = source.radius().max(target.radius());
     let poses: Vec<Pose> = poses.iter().map(|pose| Pose::between(source, target, pose)).collect();
     let all = map(&poses, execution, |pose| ranked_by_score(source, target, *pose, &FIRST))?;
@@ -183,4 +194,18 @@ pub(super) fn check_units(source: &Surface, target: &Surface) -> Result<()> {
     }
     let remedy = "make both surfaces with the same unit";
     Err(Error::invalid("source, target", format!("surfaces of unit {a} and {b}"), remedy))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evidence_needs_as_many_points_on_both_sides() -> Result<()> {
+        let side = |count: usize| Points::from_rows("matches", &vec![[0.0; 3]; count]);
+        let check = |target| Ok(Evidence { source: side(2)?, target: side(target)?, tolerance: 1.0 }.check());
+        assert_eq!(check(2)?, Ok(()));
+        assert!(matches!(check(1)?, Err(Error::InvalidInput { what, .. }) if what == "matches"));
+        Ok(())
+    }
 }

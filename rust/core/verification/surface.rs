@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
+use crate::features::harris3d::check_normals;
 use crate::points::Points;
 use crate::verification::group::{Coordinates, Group, LANES};
 use crate::verification::nearest_grid::{NONE, NearestGrid};
@@ -64,8 +65,9 @@ impl Surface {
     /// Points and their normals, NaN for none; the unit is some 0.4 of the distance between points.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a wrong unit, fewer than 10 points with a normal, points that span fewer than 10 units
-    /// or too many for the grids, or a viewpoint too far away; [`Error::Interrupted`].
+    /// [`Error::InvalidInput`] for a wrong unit, normals that are not one per point, fewer than 10 points with a normal,
+    /// points that span fewer than 10 units or too many for the grids, or a viewpoint too far away;
+    /// [`Error::Interrupted`].
     pub fn new(
         points: &Points,
         normals: &[Vector3<f64>],
@@ -74,6 +76,7 @@ impl Surface {
         execution: &Execution,
     ) -> Result<Self> {
         let unit = positive("unit", unit)?;
+        check_normals(points, Some(normals))?;
         check_span(points, unit)?;
         let eye = viewpoint(points, unit, side)?;
         let elements = elements(points, normals, unit);
@@ -207,4 +210,21 @@ fn unit_length(normal: &Vector3<f64>) -> Vector3<f64> {
 fn root_mean_square(points: &[Vector3<f32>]) -> f32 {
     let sum: f64 = points.iter().map(|p| f64::from(p.norm_squared())).sum();
     (sum / points.len().max(1) as f64).sqrt() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn takes_one_normal_per_point() -> Result<()> {
+        let rows: Vec<[f64; 3]> = (0..20).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        let points = Points::from_rows("points", &rows)?;
+        for count in [19, 21] {
+            let normals = vec![Vector3::z(); count];
+            let built = Surface::new(&points, &normals, 1.0, Side::Unknown, &Execution::default());
+            assert!(matches!(built, Err(Error::InvalidInput { what, .. }) if what == "normals"));
+        }
+        Ok(())
+    }
 }

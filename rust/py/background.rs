@@ -1,0 +1,125 @@
+//! Work on threads of its own while the caller waits and looks around; free of Python, so that `tests/background.rs` can
+//! try it under the thread sanitizer.
+
+use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use cgroup::Execution;
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+
+/// Time between two looks around.
+const POLL: Duration = Duration::from_millis(50);
+
+/// Time that interrupted work gets to end by itself before it is left to end in the background.
+const GRACE: Duration = Duration::from_millis(500);
+
+/// Pools of this process; threads do not survive a fork, so each process has its own.
+#[derive(Default)]
+struct Pools {
+    process: u32,
+    /// Pools that callers share, by number of threads.
+    shared: HashMap<usize, Arc<ThreadPool>>,
+    /// Pools of one thread that nobody uses at the moment: callers who ask for one thread run side by side.
+    single: Vec<Arc<ThreadPool>>,
+}
+
+static POOLS: Mutex<Option<Pools>> = Mutex::new(None);
+
+/// Idle pools of one thread that are kept.
+const MOST_IDLE: usize = 64;
+
+/// Why there is no result.
+#[derive(Debug)]
+pub enum Failure<E> {
+    /// The work panicked.
+    Panicked,
+    /// Looking around failed; the work was asked to stop.
+    Interrupted(E),
+    /// The thread is gone, which does not happen.
+    Lost,
+}
+
+/// Does `work` on the pool and returns its result. Meanwhile, every now and then, `look_around` may end the waiting; at the
+/// deadline the work is asked to end early.
+pub fn compute<T: Send + 'static, E>(
+    pool: &ThreadPool,
+    execution: &Arc<Execution>,
+    deadline: Option<Instant>,
+    work: impl FnOnce(&Execution) -> T + Send + 'static,
+    look_around: impl FnMut() -> Result<(), E>,
+) -> Result<T, Failure<E>> {
+    let (sender, receiver) = channel();
+    let shared = Arc::clone(execution);
+    pool.spawn(move || {
+        let outcome = catch_unwind(AssertUnwindSafe(|| work(&shared)));
+        // The receiver is gone where the caller was interrupted and did not wait.
+        drop(sender.send(outcome));
+    });
+    wait(&receiver, execution, deadline, look_around)?.map_err(|_| Failure::Panicked)
+}
+
+fn wait<T, E>(
+    receiver: &Receiver<T>,
+    execution: &Execution,
+    mut deadline: Option<Instant>,
+    mut look_around: impl FnMut() -> Result<(), E>,
+) -> Result<T, Failure<E>> {
+    loop {
+        let left = deadline.map_or(POLL, |end| end.saturating_duration_since(Instant::now()));
+        match receiver.recv_timeout(left.min(POLL)) {
+            Ok(outcome) => return Ok(outcome),
+            Err(RecvTimeoutError::Disconnected) => return Err(Failure::Lost),
+            Err(RecvTimeoutError::Timeout) => {
+                if deadline.take_if(|end| *end <= Instant::now()).is_some() {
+                    execution.stop();
+                }
+                if let Err(reason) = look_around() {
+                    execution.interrupt();
+                    drop(receiver.recv_timeout(GRACE));
+                    return Err(Failure::Interrupted(reason));
+                }
+            }
+        }
+    }
+}
+
+/// A pool of that many threads, kept from an earlier call where there is one.
+pub fn take_pool(threads: usize) -> Result<Arc<ThreadPool>, ThreadPoolBuildError> {
+    let kept = with_pools(|pools| match threads {
+        1 => pools.single.pop(),
+        _ => pools.shared.get(&threads).map(Arc::clone),
+    });
+    if let Some(pool) = kept {
+        return Ok(pool);
+    }
+    // Built outside the lock, which a fork in the meantime would leave locked for ever.
+    let builder = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("cgroup-{i}"));
+    Ok(Arc::new(builder.build()?))
+}
+
+/// Keeps a pool for the next call.
+pub fn give_back(pool: Arc<ThreadPool>) {
+    let threads = pool.current_num_threads();
+    with_pools(|pools| {
+        if threads > 1 {
+            pools.shared.entry(threads).or_insert(pool);
+        } else if pools.single.len() < MOST_IDLE {
+            pools.single.push(pool);
+        }
+    });
+}
+
+fn with_pools<T>(work: impl FnOnce(&mut Pools) -> T) -> T {
+    let mut guard = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+    let pools = guard.get_or_insert_default();
+    let process = std::process::id();
+    if pools.process != process {
+        // The threads of a parent's pools are not here; joining them would wait for ever.
+        std::mem::forget(std::mem::take(pools));
+        pools.process = process;
+    }
+    work(pools)
+}

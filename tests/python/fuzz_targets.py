@@ -1,0 +1,172 @@
+"""What is fuzzed of the Python face and of the command line; each target takes bytes, and raises what nobody should see.
+
+`make fuzz` runs them under atheris, test_fuzz_targets.py on seeded bytes. An error of cgroup's own is a fine answer, and so is the
+end of the program with a status that its help names; any other error is a finding.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import io
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import cgroup
+import cgroup.cli
+from cgroup import features
+from cgroup.datasets import make_problem
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+# Statuses that `cgroup --help` and the documentation name.
+STATUSES = {0, 2, 3}
+
+# Values that no argument, or hardly any, takes.
+ODD: tuple[Any, ...] = (
+    None, True, False, np.True_, 0, -1, 1, 2**64, -(2**70), 10**400, 0.5, -0.0, float("nan"), float("inf"), 1e308, 5e-324,
+    1j, "", "otsu", "\ud800", b"1", bytearray(b"2"), (), [], {}, set(), object(), [1, [2]], "1", range(3), np.float32(0.5), np.int8(-3),
+    np.array(3.0), np.array([1.0]), np.zeros((0, 3)), np.zeros((3, 0)), np.zeros((4, 3)), np.zeros((4, 3), complex), np.full((4, 3), np.nan),
+    np.full((4, 3), 1e308), np.full((4, 3), 5e-324), np.zeros((4, 3), bool), np.array([["a", "b", "c"]] * 4), np.array([None] * 4),
+    np.ma.masked_array(np.ones((4, 3)), mask=[[0, 0, 1]] * 4), np.zeros(4), np.zeros((4, 3, 3)), np.zeros((4, 3), np.float16),
+    np.zeros((4, 3), ">f8"), np.zeros((4, 3), np.int64)[::-1], np.arange(4, dtype=np.uint64), np.array(["2020-01-01"] * 4, "datetime64[D]"),
+)  # fmt: skip
+
+FEATURES = (
+    "choose_voxel", "drop_isolated", "fpfh", "harris3d", "iss", "lfsh", "match", "mesh_normals", "normals", "rcs", "resolution", "shot",
+    "shot_lrf", "toldi_lrf", "voxel_downsample",
+)  # fmt: skip
+
+FUNCTIONS: tuple[Callable[..., Any], ...] = (
+    *cgroup.METHODS.values(),
+    *(getattr(features, name) for name in FEATURES),
+    cgroup.group,
+    cgroup.Correspondences,
+)
+
+
+class Draws:
+    """Choices made of bytes; where they end, the first of each."""
+
+    def __init__(self, data: bytes) -> None:
+        self._bytes: Iterator[int] = iter(data)
+        self._data = data
+
+    def number(self, count: int) -> int:
+        """Return a number below `count`."""
+        high, low = next(self._bytes, 0), next(self._bytes, 0)
+        return (256 * high + low) % count
+
+    def one_of(self, values: tuple[Any, ...]) -> Any:
+        """Return one of the values."""
+        return values[self.number(len(values))]
+
+    def rest(self) -> bytes:
+        """Return the bytes that are left."""
+        return bytes(self._bytes)
+
+
+def call_function(data: bytes) -> None:
+    """Call a public function with arguments that suit it, up to three of which do not."""
+    draws = Draws(data)
+    function = draws.one_of(FUNCTIONS)
+    suitable = _suitable(draws.number(40))
+    parameters = inspect.signature(function).parameters.values()
+    kinds = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
+    names = tuple(parameter.name for parameter in parameters if parameter.kind not in kinds)
+    required = [parameter.name for parameter in parameters if parameter.default is inspect.Parameter.empty]
+    arguments = {name: suitable[name] for name in names if name in suitable and (name in required or draws.number(2))}
+    arguments |= {name: None for name in required if name in names and name not in arguments}
+    arguments |= {draws.one_of(names): draws.one_of(ODD) for _ in range(draws.number(4))}
+    with contextlib.suppress(cgroup.CgroupError):
+        function(**arguments)
+
+
+def _suitable(count: int) -> dict[str, Any]:
+    """Return arguments for `count` correspondences or points."""
+    problem = make_problem(np.random.default_rng(count), count)
+    fields = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "resolution")
+    rows = np.arange(count // 2)
+    return {name: getattr(problem, name) for name in fields} | {
+        "method": "gc",
+        "cloud": problem.source,
+        "clouds": [problem.source, problem.target],
+        "normals": problem.source_lrf[:, 2],
+        "keypoints": rows,
+        "faces": np.stack([rows, rows, rows], axis=1),
+        "radius": 30.0,
+        "voxel": 5.0,
+        "iterations": 20,
+        "salient_radius": 30.0,
+        "nms_radius": 20.0,
+    }
+
+
+COMMANDS: tuple[tuple[str, ...], ...] = (
+    ("detect", "FILE"),
+    ("describe", "FILE"),
+    ("group", "FILE"),
+    ("register", "FILE", "FILE"),
+    ("register", "FILE", "GOOD"),
+    ("compare", "GOOD", "GOOD", "--truth", "FILE"),
+    ("recognize", "FILE", "GOOD"),
+    ("benchmark", "run", "FILE", "--out", "OUT"),
+    ("benchmark", "status", "FILE", "--out", "OUT"),
+)
+ENDINGS = (".ply", ".pcd", ".xyz", ".obj", ".off", ".stl", ".txt", ".npy", ".npz", ".csv", ".pts", ".bin", ".toml", "")
+HEADS = (
+    b"",
+    b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n",
+    b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double z\nend_header\n",
+    b"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA ascii\n0 0 0\n",
+    b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    b"0 0 0 1 0 0\n1 0 0 2 0 0\n0 1 0 1 1 0\n",
+    b"1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
+    b'[[experiments]]\nname = "a"\n',
+    b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }" + b" " * 58 + b"\n",
+)
+
+
+def run_command(data: bytes) -> None:
+    """Run a command on a file of any bytes."""
+    draws = Draws(data)
+    command, ending, head = draws.one_of(COMMANDS), draws.one_of(ENDINGS), draws.one_of(HEADS)
+    content = _spliced(head, draws)
+    with tempfile.TemporaryDirectory() as folder:
+        names = {"FILE": Path(folder, f"file{ending}"), "GOOD": Path(folder, "good.xyz"), "OUT": Path(folder, "out")}
+        names["FILE"].write_bytes(content)
+        names["GOOD"].write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n", encoding="ascii")
+        _run([str(names.get(word, word)) for word in command])
+
+
+def _spliced(head: bytes, draws: Draws) -> bytes:
+    """Return the head with a piece of it replaced by the bytes that are left."""
+    start, length = draws.number(len(head) + 1), draws.number(8)
+    return head[:start] + draws.rest() + head[start + length :]
+
+
+def _run(arguments: list[str]) -> None:
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+        try:
+            cgroup.cli.main(arguments)
+        except SystemExit as end:
+            status = end.code
+    if status not in STATUSES:
+        message = f"{arguments} ended with status {status}: {output.getvalue()}"
+        raise RuntimeError(message)
+    if "Traceback" in output.getvalue():
+        raise RuntimeError(output.getvalue())
+
+
+TARGETS = {"call_function": call_function, "run_command": run_command}
+
+if __name__ == "__main__":
+    # python fuzz_targets.py <target> <file>: an input that `make fuzz` found, without atheris.
+    TARGETS[sys.argv[1]](Path(sys.argv[2]).read_bytes())
