@@ -84,7 +84,7 @@ fn surfaces_of(criterion: &mut Criterion, count: u32) -> Result<()> {
         bencher.iter(|| score_poses(&source, &target, black_box(&all), &execution));
     });
     group.bench_function(id("overlap"), |bencher| {
-        bencher.iter(|| overlap(&source, &target, black_box(&all[0])));
+        bencher.iter(|| overlap(&source, &target, black_box(&all[0]), &execution));
     });
     group.bench_function(id("places"), |bencher| {
         bencher.iter(|| places(&source, &target, black_box(&all[0]), &execution));

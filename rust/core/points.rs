@@ -207,7 +207,8 @@ fn validate(name: &str, x: &[f64], y: &[f64], z: &[f64]) -> Result<()> {
 /// The power of two, which scales exactly, by which lengths up to `extent` come to about 1; their squares in f32
 /// would under- or overflow without it.
 pub fn unit_scale(extent: f64) -> f64 {
-    if extent > 0.0 { (-extent.log2().round()).exp2() } else { 1.0 }
+    // The inverse of anything smaller than the least normal number is infinite.
+    if extent > 0.0 { (-extent.max(f64::MIN_POSITIVE).log2().round()).exp2() } else { 1.0 }
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Between numpy arrays and the core's types; nothing else touches arrays.
 
 use cgroup::frames::Frames;
-use cgroup::{Alternative, Correspondences, Error, Grouping, Points};
-use nalgebra::Matrix4;
-use numpy::ndarray::{Array2, Array3, Dimension, Ix1, Ix2, Ix3, arr2};
-use numpy::{PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray};
+use cgroup::{Alternative, Correspondences, Error, Grouping, Points, memory};
+use nalgebra::{Matrix4, SMatrix};
+use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3};
+use numpy::{Element, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -78,7 +78,8 @@ impl Fields<'_> {
     }
 }
 
-fn checked<T>(result: Result<T, Error>) -> PyResult<T> {
+/// A result of the core, for Python.
+pub fn checked<T>(result: Result<T, Error>) -> PyResult<T> {
     result.map_err(|error| to_python(&error))
 }
 
@@ -109,9 +110,9 @@ impl Reals<'_, Ix1> {
 
     /// The numbers.
     pub fn vector(&self) -> PyResult<Vec<f64>> {
-        Ok(match self {
-            Self::Single(array) => array.as_slice()?.iter().copied().map(f64::from).collect(),
-            Self::Double(array) => array.as_slice()?.to_vec(),
+        checked(match self {
+            Self::Single(array) => memory::collect(array.as_slice()?.iter().copied().map(f64::from)),
+            Self::Double(array) => memory::copied(array.as_slice()?),
         })
     }
 }
@@ -124,29 +125,47 @@ impl Reals<'_, Ix3> {
 
     /// Frames, one per block.
     pub fn frames(&self) -> PyResult<Frames> {
-        Ok(match self {
-            Self::Single(array) => Frames::Single(array.as_slice()?.as_chunks().0.to_vec()),
-            Self::Double(array) => Frames::Double(array.as_slice()?.as_chunks().0.to_vec()),
+        checked(match self {
+            Self::Single(array) => memory::copied(array.as_slice()?.as_chunks().0).map(Frames::Single),
+            Self::Double(array) => memory::copied(array.as_slice()?.as_chunks().0).map(Frames::Double),
         })
     }
 }
 
+/// An array of the items.
+pub fn array<T: Element>(
+    py: Python<'_>,
+    items: impl IntoIterator<Item = T>,
+) -> PyResult<Bound<'_, PyArray1<T>>> {
+    Ok(PyArray1::from_vec(py, checked(memory::collect(items))?))
+}
+
+/// Rows of a matrix, as numpy has them.
+pub fn rows<const R: usize, const C: usize>(matrix: &SMatrix<f64, R, C>) -> [[f64; C]; R] {
+    // Transposed, because nalgebra stores columns.
+    matrix.transpose().into()
+}
+
 /// A 4x4 array.
-pub fn matrix<'py>(py: Python<'py>, matrix: &Matrix4<f64>) -> Bound<'py, PyArray2<f64>> {
-    // Transposed, because nalgebra stores columns and numpy rows.
-    let rows: [[f64; 4]; 4] = matrix.transpose().into();
-    PyArray2::from_owned_array(py, arr2(&rows))
+pub fn matrix<'py>(py: Python<'py>, matrix: &Matrix4<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    array(py, rows(matrix).into_iter().flatten())?.reshape([4, 4])
 }
 
 /// An array (k,4,4).
-fn models<'py>(py: Python<'py>, found: &[Alternative]) -> Bound<'py, PyArray3<f64>> {
-    let entry = |(k, row, column): (usize, usize, usize)| found[k].model[(row, column)];
-    PyArray3::from_owned_array(py, Array3::from_shape_fn((found.len(), 4, 4), entry))
+pub fn matrices(
+    py: Python<'_>,
+    found: impl ExactSizeIterator<Item = Matrix4<f64>>,
+) -> PyResult<Bound<'_, PyArray3<f64>>> {
+    let shape = [found.len(), 4, 4];
+    let found = checked(memory::collect(found.map(|matrix| rows(&matrix))))?;
+    PyArray1::from_vec(py, found.into_flattened().into_flattened()).reshape(shape)
 }
 
 /// An array (m,n).
-fn masks<'py>(py: Python<'py>, found: &[Vec<bool>], n: usize) -> Bound<'py, PyArray2<bool>> {
-    PyArray2::from_owned_array(py, Array2::from_shape_fn((found.len(), n), |(k, i)| found[k][i]))
+fn masks<'py>(py: Python<'py>, found: &[Vec<bool>], n: usize) -> PyResult<Bound<'py, PyArray2<bool>>> {
+    let mut numbers = checked(memory::with_capacity(found.len() * n))?;
+    found.iter().for_each(|mask| numbers.extend_from_slice(mask));
+    PyArray1::from_vec(py, numbers).reshape([found.len(), n])
 }
 
 /// What Python gets of a grouping: mask, scores, threshold, model, diagnostics, alternatives and their scores,
@@ -170,15 +189,18 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyGrouping<'_>> {
     for (name, value) in &result.diagnostics {
         diagnostics.set_item(name, value)?;
     }
-    let instances = result.instances.as_ref().map(|found| masks(py, found, result.mask.len()));
+    let instances = result.instances.as_ref().map(|found| masks(py, found, result.mask.len())).transpose()?;
+    let alternatives = result.alternatives.as_deref();
+    let models = |found: &[Alternative]| matrices(py, found.iter().map(|one| one.model));
+    let scores = |found: &[Alternative]| array(py, found.iter().map(|one| one.score));
     Ok((
         PyArray1::from_vec(py, result.mask),
         result.scores.map(|scores| PyArray1::from_vec(py, scores)),
         result.threshold,
-        result.model.map(|model| matrix(py, &model)),
+        result.model.map(|model| matrix(py, &model)).transpose()?,
         diagnostics,
-        result.alternatives.as_ref().map(|found| models(py, found)),
-        result.alternatives.map(|found| PyArray1::from_iter(py, found.iter().map(|one| one.score))),
+        alternatives.map(models).transpose()?,
+        alternatives.map(scores).transpose()?,
         result.ok,
         result.false_alarms,
         instances,

@@ -14,16 +14,14 @@ use cgroup::features::shot::Shot;
 use cgroup::features::shot_lrf::shot_frames;
 use cgroup::features::toldi_lrf::toldi_frames;
 use cgroup::features::voxels;
+use cgroup::memory;
 use nalgebra::{Point3, Vector3};
 use numpy::ndarray::{Ix2, Ix3};
-use numpy::{
-    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-};
+use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::cloud::Cloud;
-use crate::convert::{Reals, choose};
-use crate::error::to_python;
+use crate::convert::{Reals, array, checked, choose, rows};
 use crate::run::{RunOptions, run};
 
 /// Neighbours that a plane is fitted to where nothing else is asked for.
@@ -61,7 +59,7 @@ pub fn voxel_downsample<'py>(
         voxels::voxel_downsample(cloud.points(), normals.as_deref(), voxel, execution)
     })?;
     let means = has_normals.then(|| vectors(py, found.normals)).transpose()?;
-    Ok((table(py, found.points)?, means, indices(py, found.indices.into_iter().map(|i| i as usize))))
+    Ok((table(py, found.points)?, means, array(py, found.indices.into_iter().map(i64::from))?))
 }
 
 /// The size at which clouds have so many voxels.
@@ -107,11 +105,12 @@ pub fn mesh_normals<'py>(
     py: Python<'py>,
     cloud: &Cloud,
     faces: PyReadonlyArray2<'py, i64>,
+    run_options: RunOptions,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let cloud = cloud.core();
-    let faces: Vec<[usize; 3]> =
-        faces.as_slice()?.as_chunks::<3>().0.iter().map(|face| face.map(index)).collect();
-    let normals = py.detach(|| mesh_normals_of(cloud.points(), &faces)).map_err(|error| to_python(&error))?;
+    let faces = faces.as_slice()?.as_chunks::<3>().0.iter().map(|face| face.map(index));
+    let faces = checked(memory::collect(faces))?;
+    let normals = run(py, &run_options, move |execution| mesh_normals_of(cloud.points(), &faces, execution))?;
     vectors(py, normals)
 }
 
@@ -144,7 +143,7 @@ pub fn harris3d<'py>(
     let normals = normals.as_ref().map(directions).transpose()?;
     let found =
         run(py, &run_options, move |execution| detector.detect(&cloud, normals.as_deref(), execution))?;
-    Ok(indices(py, found))
+    indices(py, found)
 }
 
 /// ISS keypoints.
@@ -177,7 +176,7 @@ pub fn iss<'py>(
         count,
     };
     let cloud = cloud.core();
-    Ok(indices(py, run(py, &run_options, move |execution| detector.detect(&cloud, execution))?))
+    indices(py, run(py, &run_options, move |execution| detector.detect(&cloud, execution))?)
 }
 
 /// Keypoints with enough points around them.
@@ -194,7 +193,7 @@ pub fn drop_isolated<'py>(
     let kept = run(py, &run_options, move |execution| {
         support::drop_isolated(&cloud, &keypoints, radius, min_points, execution)
     })?;
-    Ok(indices(py, kept))
+    indices(py, kept)
 }
 
 /// SHOT's local reference frames.
@@ -332,24 +331,24 @@ pub fn match_descriptors<'py>(
     let (source, target) = (descriptors("source", &source)?, descriptors("target", &target)?);
     let matching = Matching { k, mutual, max_distance };
     let matches = run(py, &run_options, move |execution| matching.run(&source, &target, execution))?;
-    let column = |value: fn(&Match) -> f64| matches.iter().map(value).collect::<Vec<_>>().into_pyarray(py);
+    let column = |value: fn(&Match) -> f64| array(py, matches.iter().map(value));
     Ok((
-        indices(py, matches.iter().map(|m| m.source)),
-        indices(py, matches.iter().map(|m| m.target)),
-        indices(py, matches.iter().map(|m| m.rank)),
-        column(|m| m.distance),
-        column(|m| m.second_distance),
-        column(|m| m.similarity),
-        column(Match::ratio),
-        matches.iter().map(|m| m.is_mutual).collect::<Vec<_>>().into_pyarray(py),
+        indices(py, matches.iter().map(|m| m.source))?,
+        indices(py, matches.iter().map(|m| m.target))?,
+        indices(py, matches.iter().map(|m| m.rank))?,
+        column(|m| m.distance)?,
+        column(|m| m.second_distance)?,
+        column(|m| m.similarity)?,
+        column(Match::ratio)?,
+        array(py, matches.iter().map(|m| m.is_mutual))?,
     ))
 }
 
 /// Directions, one per row; they need not be numbers.
 pub fn directions(array: &Reals<'_, Ix2>) -> PyResult<Vec<Vector3<f64>>> {
-    Ok(match array {
-        Reals::Single(array) => array.as_slice()?.as_chunks::<3>().0.iter().map(widened).collect(),
-        Reals::Double(array) => array.as_slice()?.as_chunks::<3>().0.iter().map(widened).collect(),
+    checked(match array {
+        Reals::Single(array) => memory::collect(array.as_slice()?.as_chunks::<3>().0.iter().map(widened)),
+        Reals::Double(array) => memory::collect(array.as_slice()?.as_chunks::<3>().0.iter().map(widened)),
     })
 }
 
@@ -360,15 +359,14 @@ fn widened<T: Copy + Into<f64>>(row: &[T; 3]) -> Vector3<f64> {
 /// Frames, one per block; a block with NaN is none.
 fn frames(array: &Reals<'_, Ix3>) -> PyResult<Vec<Frame>> {
     let frames = array.frames()?;
-    Ok((0..frames.len()).map(|i| frames.get(i)).collect())
+    checked(memory::collect((0..frames.len()).map(|i| frames.get(i))))
 }
 
 fn descriptors(name: &str, array: &Reals<'_, Ix2>) -> PyResult<Descriptors> {
-    let table = match array {
+    checked(match array {
         Reals::Single(array) => Descriptors::new(name, array.as_slice()?, array.as_array().ncols()),
         Reals::Double(array) => Descriptors::new(name, array.as_slice()?, array.as_array().ncols()),
-    };
-    table.map_err(|error| to_python(&error))
+    })
 }
 
 /// Negative numbers become an index that no cloud has; the Python side has refused them already.
@@ -377,28 +375,27 @@ fn index(value: i64) -> usize {
 }
 
 fn rows_of(array: &PyReadonlyArray1<'_, i64>) -> PyResult<Vec<usize>> {
-    Ok(array.as_slice()?.iter().copied().map(index).collect())
+    checked(memory::collect(array.as_slice()?.iter().copied().map(index)))
 }
 
-fn indices(py: Python<'_>, found: impl IntoIterator<Item = usize>) -> Bound<'_, PyArray1<i64>> {
-    found.into_iter().map(|i| i as i64).collect::<Vec<_>>().into_pyarray(py)
+fn indices(py: Python<'_>, found: impl IntoIterator<Item = usize>) -> PyResult<Bound<'_, PyArray1<i64>>> {
+    array(py, found.into_iter().map(|i| i as i64))
 }
 
 fn vectors(
     py: Python<'_>,
     vectors: impl IntoIterator<Item = Vector3<f64>>,
 ) -> PyResult<Bound<'_, PyArray2<f64>>> {
-    table(py, vectors.into_iter().map(<[f64; 3]>::from).collect())
+    table(py, checked(memory::collect(vectors.into_iter().map(<[f64; 3]>::from)))?)
 }
 
 fn table<T: Element, const N: usize>(py: Python<'_>, rows: Vec<[T; N]>) -> PyResult<Bound<'_, PyArray2<T>>> {
     let shape = [rows.len(), N];
-    rows.into_flattened().into_pyarray(py).reshape(shape)
+    PyArray1::from_vec(py, rows.into_flattened()).reshape(shape)
 }
 
 fn frame_blocks<'py>(py: Python<'py>, frames: &[Frame]) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    // Transposed, because nalgebra stores columns and numpy rows.
-    let block = |frame: &Frame| frame.map_or([[f64::NAN; 3]; 3], |axes| axes.transpose().into());
-    let values = frames.iter().flat_map(|frame| block(frame).concat()).collect::<Vec<_>>();
-    values.into_pyarray(py).reshape([frames.len(), 3, 3])
+    let block = |frame: &Frame| frame.map_or([[f64::NAN; 3]; 3], |axes| rows(&axes));
+    let blocks = checked(memory::collect(frames.iter().map(block)))?;
+    PyArray1::from_vec(py, blocks.into_flattened().into_flattened()).reshape([frames.len(), 3, 3])
 }

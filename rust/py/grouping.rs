@@ -18,6 +18,7 @@ use cgroup::grouping::similarity_score::SimilarityScore;
 use cgroup::grouping::spectral::{Affinity, Conflict, Diagonal, Spectral};
 use cgroup::grouping::teaser::{Freedom, Prune, Scale, Teaser};
 use cgroup::grouping::turboreg::TurboReg;
+use cgroup::memory;
 use cgroup::selection::eigenvector::Eigensolver;
 use numpy::PyArray2;
 use numpy::ndarray::Ix2;
@@ -228,8 +229,8 @@ pub fn rigid_fit<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (source, target) = (source.points("source")?, target.points("target")?);
     let fit = run_inline(py, |_| {
-        let all: Vec<usize> = (0..source.len()).collect();
+        let all = memory::collect(0..source.len())?;
         fit_group(&source, &target, &all)
     });
-    Ok(convert::matrix(py, &fit?.to_matrix()))
+    convert::matrix(py, &fit?.to_matrix())
 }

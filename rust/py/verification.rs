@@ -2,20 +2,20 @@
 
 use std::sync::Arc;
 
-use cgroup::Error;
 use cgroup::geometry::rigid::Rigid;
 use cgroup::verification::{
     self as core, Evidence, FineSurface as CoreFineSurface, Overlap, Resistance, Side,
     Surface as CoreSurface, Verified, margin, overlap,
 };
+use cgroup::{Error, memory};
 use nalgebra::{Matrix3, Vector3};
 use numpy::ndarray::Ix2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::cloud::Cloud;
-use crate::convert::Reals;
+use crate::convert::{Reals, array, checked, matrices, matrix};
 use crate::features::directions;
 use crate::run::{RunOptions, run};
 
@@ -67,7 +67,7 @@ pub fn score_poses<'py>(
     let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&poses)?);
     let scores =
         run(py, &run_options, move |execution| core::score_poses(&source, &target, &poses, execution))?;
-    Ok(scores.into_pyarray(py))
+    array(py, scores)
 }
 
 /// Where the points of one surface lie under a pose, as numbers of [`core::Place`].
@@ -81,10 +81,15 @@ pub fn places<'py>(
 ) -> PyResult<Bound<'py, PyArray1<u8>>> {
     let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&pose)?);
     let found = run(py, &run_options, move |execution| {
-        let places = poses.iter().map(|pose| core::places(&source, &target, pose, execution));
-        Ok(places.collect::<Result<Vec<_>, _>>()?.concat())
+        let mut all = Vec::new();
+        for pose in &poses {
+            let places = core::places(&source, &target, pose, execution)?;
+            memory::reserve(&mut all, places.len())?;
+            all.extend(places.into_iter().map(|place| place as u8));
+        }
+        Ok(all)
     })?;
-    Ok(found.iter().map(|&place| place as u8).collect::<Vec<_>>().into_pyarray(py))
+    array(py, found)
 }
 
 /// Matched points, and the distance within which a match speaks for a pose.
@@ -120,7 +125,7 @@ pub fn verify<'py>(
             let remedy = "give at least one pose whose numbers are finite";
             return Err(Error::invalid("poses", format!("{} that can be judged", found.len()), remedy));
         };
-        let shared = overlap(&source, &target, &best.pose);
+        let shared = overlap(&source, &target, &best.pose, execution)?;
         let lead = margin(&source, &target, &found);
         Ok((found, lead, shared))
     })?;
@@ -133,22 +138,20 @@ fn verified<'py>(
     lead: f64,
     shared: &Overlap,
 ) -> PyResult<PyVerified<'py>> {
-    // Transposed, because nalgebra stores columns and numpy rows.
-    let poses = found.iter().map(|found| found.pose.to_matrix().transpose());
-    let numbers: Vec<f64> = poses.flat_map(|pose| <[[f64; 4]; 4]>::from(pose).concat()).collect();
     Ok((
-        numbers.into_pyarray(py).reshape([found.len(), 4, 4])?,
-        found.iter().map(|found| found.score).collect::<Vec<_>>().into_pyarray(py),
-        found.iter().map(|found| found.evidence as i64).collect::<Vec<_>>().into_pyarray(py),
+        matrices(py, found.iter().map(|found| found.pose.to_matrix()))?,
+        array(py, found.iter().map(|found| found.score))?,
+        array(py, found.iter().map(|found| found.evidence as i64))?,
         lead,
         (shared.fitness, shared.inlier_rmse, resisted(py, &shared.resistance)?),
     ))
 }
 
 fn resisted<'py>(py: Python<'py>, resistance: &Resistance) -> PyResult<PyResistance<'py>> {
-    let information = <[[f64; 6]; 6]>::from(resistance.information).concat();
-    let open = resistance.open_motion.map(|motion| motion.as_slice().to_vec().into_pyarray(py));
-    Ok((information.into_pyarray(py).reshape([6, 6])?, open))
+    // Column by column, as nalgebra stores it: the matrix is symmetric.
+    let information = array(py, resistance.information.iter().copied())?.reshape([6, 6])?;
+    let open = resistance.open_motion.map(|motion| array(py, motion.iter().copied())).transpose()?;
+    Ok((information, open))
 }
 
 /// A surface in detail; use it through `cgroup.verification.FineSurface`.
@@ -193,15 +196,14 @@ pub fn align<'py>(
 ) -> PyResult<Vec<PyAlignment<'py>>> {
     let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&poses)?);
     let found = run(py, &run_options, move |execution| {
-        let aligned = poses.par_iter().map(|pose| core::align(&source, &target, pose, samples, execution));
-        aligned.collect::<Result<Vec<_>, _>>()
+        let align = |pose| core::align(&source, &target, pose, samples, execution).map(Some);
+        memory::par_try_collect(poses.par_iter().map(align))
     })?;
-    let aligned = found.into_iter().map(|found| {
-        let pose = <[[f64; 4]; 4]>::from(found.pose.to_matrix().transpose()).concat();
+    let aligned = found.into_iter().flatten().map(|found| {
         Ok((
-            pose.into_pyarray(py).reshape([4, 4])?,
-            found.residuals.into_pyarray(py),
-            found.deviations.into_pyarray(py),
+            matrix(py, &found.pose.to_matrix())?,
+            PyArray1::from_vec(py, found.residuals),
+            PyArray1::from_vec(py, found.deviations),
             found.samples,
             resisted(py, &found.resistance)?,
         ))
@@ -217,12 +219,16 @@ fn evidence((source, target, tolerance): Matches<'_>) -> PyResult<Evidence> {
     })
 }
 
-/// Poses, which the caller has checked.
+/// Poses. The caller has checked them; that they are still numbers is checked in the copy.
 fn transforms(poses: &PyReadonlyArray3<'_, f64>) -> PyResult<Vec<Rigid>> {
-    let rows = poses.as_slice()?.as_chunks::<16>().0.iter();
+    let copy = checked(memory::copied(poses.as_slice()?.as_chunks::<16>().0))?;
+    if let Some(row) = copy.iter().position(|pose| !pose.iter().all(|number| number.is_finite())) {
+        let remedy = "give finite numbers, and leave the array alone while it is read";
+        return checked(Err(Error::invalid("poses", format!("NaN or infinity in pose {row}"), remedy)));
+    }
     let rigid = |m: &[f64; 16]| Rigid {
         rotation: Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]),
         translation: Vector3::new(m[3], m[7], m[11]),
     };
-    Ok(rows.map(rigid).collect())
+    checked(memory::collect(copy.iter().map(rigid)))
 }

@@ -102,4 +102,4 @@ def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
             f"faces: got shape {array.shape} of {array.dtype}; give (F,3) whole numbers, rows of `points`"
         )
         raise InputError(message)
-    return _core.mesh_normals(core_cloud(points), np.ascontiguousarray(array, dtype=np.int64))
+    return _core.mesh_normals(core_cloud(points), np.ascontiguousarray(array, dtype=np.int64), run_options(1))

@@ -12,6 +12,7 @@ use crate::execution::Execution;
 use crate::features::maxima::{Suppression, local_maxima, maxima_of_about};
 use crate::features::normals::{Neighborhood, Surface, add_products, surfaces, symmetric};
 use crate::geometry::symmetric::eigen;
+use crate::memory;
 use crate::points::Points;
 
 /// Weight of the squared trace, and the constant that PCL adds to make flat regions zero.
@@ -101,9 +102,9 @@ impl Harris3d {
         if normals.is_none() || self.response == Response::Curvature {
             let fits = surfaces(cloud, Neighborhood::Radius(self.radius), Point3::origin(), execution)?;
             if self.response == Response::Curvature {
-                return Ok(fits.iter().map(|fit| fit.curvature).collect());
+                return memory::collect(fits.iter().map(|fit| fit.curvature));
             }
-            let normals: Vec<_> = fits.iter().map(|fit: &Surface| fit.normal).collect();
+            let normals = memory::collect(fits.iter().map(|fit: &Surface| fit.normal))?;
             return self.tensor_responses(cloud, &normals, execution);
         }
         self.tensor_responses(cloud, normals.unwrap_or_default(), execution)

@@ -15,6 +15,7 @@ pub mod keypoints;
 pub mod lfsh;
 pub mod matching;
 pub mod maxima;
+mod mesh_edges;
 pub mod mesh_normals;
 pub mod normals;
 mod pair_angles;

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
@@ -48,11 +49,11 @@ impl Grid {
     }
 
     /// Cell of every point.
-    fn cells_of(&self, points: &Points) -> Vec<u64> {
-        let mut cells = vec![0; points.len()];
+    fn cells_of(&self, points: &Points) -> Result<Vec<u64>> {
+        let mut cells = memory::filled(0, points.len())?;
         let chunks = cells.par_chunks_mut(CHUNK).with_min_len(16).enumerate();
         chunks.for_each(|(chunk, cells)| self.fill_cells(points, chunk * CHUNK, cells));
-        cells
+        Ok(cells)
     }
 
     /// Cells of the points from `first` on.
@@ -74,14 +75,14 @@ impl Grid {
     }
 
     /// Number of occupied cells, or one greater than `most` where there are more than that.
-    pub fn count(&self, points: &Points, most: usize) -> usize {
+    pub fn count(&self, points: &Points, most: usize) -> Result<usize> {
         if self.total() > MAX_BITS {
-            let mut cells = self.cells_of(points);
+            let mut cells = self.cells_of(points)?;
             cells.par_sort_unstable();
             cells.dedup();
-            return cells.len();
+            return Ok(cells.len());
         }
-        let mut occupied = vec![0_u64; self.total().div_ceil(64) as usize];
+        let mut occupied = memory::filled(0_u64, self.total().div_ceil(64) as usize)?;
         let mut count = 0;
         // Points from all over the cloud first, so that too many voxels are soon noticed.
         let chunks = points.len().div_ceil(CHUNK);
@@ -97,19 +98,19 @@ impl Grid {
                 break;
             }
         }
-        count
+        Ok(count)
     }
 
     /// The voxel of every point, numbered by cells, and how many there are.
     pub fn number(&self, points: &Points, execution: &Execution) -> Result<(Vec<u32>, usize)> {
-        let cells = self.cells_of(points);
+        let cells = self.cells_of(points)?;
         execution.check()?;
         if self.total() <= MAX_BITS.min(BITS_PER_POINT * points.len() as u64) {
-            return Ok(number_by_bits(&cells, self.total()));
+            return number_by_bits(&cells, self.total());
         }
-        let mut entries: Vec<(u64, u32)> = cells.into_iter().zip(0..).collect();
+        let mut entries = memory::collect(cells.into_iter().zip(0_u32..))?;
         entries.par_sort_unstable();
-        let (mut indices, mut count) = (vec![0; points.len()], 0);
+        let (mut indices, mut count) = (memory::filled(0, points.len())?, 0);
         for members in entries.chunk_by(|a, b| a.0 == b.0) {
             members.iter().for_each(|&(_, i)| indices[i as usize] = count);
             count += 1;
@@ -119,22 +120,19 @@ impl Grid {
 }
 
 /// The rank of every cell among those that occur, and how many these are.
-fn number_by_bits(cells: &[u64], total: u64) -> (Vec<u32>, usize) {
-    let mut occupied = vec![0_u64; total.div_ceil(64) as usize];
+fn number_by_bits(cells: &[u64], total: u64) -> Result<(Vec<u32>, usize)> {
+    let mut occupied = memory::filled(0_u64, total.div_ceil(64) as usize)?;
     cells.iter().for_each(|cell| occupied[(cell / 64) as usize] |= 1 << (cell % 64));
     let mut count = 0;
-    let before: Vec<u32> = occupied
-        .iter()
-        .map(|word| {
-            count += word.count_ones();
-            count - word.count_ones()
-        })
-        .collect();
+    let before = memory::collect(occupied.iter().map(|word| {
+        count += word.count_ones();
+        count - word.count_ones()
+    }))?;
     let rank = |cell: &u64| {
         let word = (cell / 64) as usize;
         before[word] + (occupied[word] & ((1 << (cell % 64)) - 1)).count_ones()
     };
-    (cells.iter().map(rank).collect(), count as usize)
+    Ok((memory::collect(cells.iter().map(rank))?, count as usize))
 }
 
 #[cfg(test)]
@@ -151,13 +149,13 @@ mod tests {
         let points = wave(3000)?;
         for size in [1e-3, 0.02, 0.3, 5.0] {
             let grid = Grid::new(&points, size)?;
-            let cells = grid.cells_of(&points);
+            let cells = grid.cells_of(&points)?;
             let mut sorted = cells.clone();
             sorted.sort_unstable();
             sorted.dedup();
             let (indices, count) = grid.number(&points, &Execution::default())?;
             assert!(indices.iter().zip(&cells).all(|(&i, cell)| sorted[i as usize] == *cell));
-            assert_eq!((count, grid.count(&points, usize::MAX)), (sorted.len(), sorted.len()));
+            assert_eq!((count, grid.count(&points, usize::MAX)?), (sorted.len(), sorted.len()));
         }
         assert!(Grid::new(&points, 1e-3)?.total() > MAX_BITS && Grid::new(&points, 5.0)?.total() < 9);
         Ok(())
@@ -166,9 +164,9 @@ mod tests {
     #[test]
     fn counting_ends_beyond_the_most() -> Result<()> {
         let grid = Grid::new(&wave(3000)?, 0.02)?;
-        let all = grid.count(&wave(3000)?, usize::MAX);
+        let all = grid.count(&wave(3000)?, usize::MAX)?;
         for most in [0, 1, 500, all - 1, all, all + 1] {
-            let count = grid.count(&wave(3000)?, most);
+            let count = grid.count(&wave(3000)?, most)?;
             assert!(if most < all { count > most && count <= all } else { count == all });
         }
         Ok(())

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result, at_least_one};
 use crate::execution::Execution;
 use crate::features::voxel_grid::Grid;
+use crate::memory;
 use crate::points::Points;
 
 /// Sizes that are tried per factor of two.
@@ -35,7 +36,7 @@ pub struct Voxels {
 ///
 /// # Errors
 /// [`Error::InvalidInput`] for a size that is not positive or leaves more than 2^62 cells, or normals that are not
-/// one per point; [`Error::Interrupted`].
+/// one per point; [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn voxel_downsample(
     points: &Points,
     normals: Option<&[Vector3<f64>]>,
@@ -49,14 +50,16 @@ pub fn voxel_downsample(
         return Err(Error::invalid("normals", got, format!("give one per point, {}", points.len())));
     }
     let (indices, count) = Grid::new(points, size)?.number(points, execution)?;
-    let (mut sums, mut members) = (vec![Vector3::zeros(); count], vec![0_u32; count]);
+    let mut sums = memory::filled(Vector3::zeros(), count)?;
+    let mut members = memory::filled(0_u32, count)?;
     for (i, &voxel) in indices.iter().enumerate() {
         sums[voxel as usize] += points.get(i).coords;
         members[voxel as usize] += 1;
     }
     let mean = |(sum, &count): (&Vector3<f64>, &u32)| (sum / f64::from(count) + points.center()).into();
-    let normals = normals.map_or_else(Vec::new, |normals| mean_directions(normals, &indices, count));
-    Ok(Voxels { points: sums.iter().zip(&members).map(mean).collect(), normals, indices })
+    let normals = normals.map(|normals| mean_directions(normals, &indices, count)).transpose()?;
+    let points = memory::collect(sums.iter().zip(&members).map(mean))?;
+    Ok(Voxels { points, normals: normals.unwrap_or_default(), indices })
 }
 
 /// The smallest size 2^(k/4), k whole, at which clouds have at most `most` voxels each on average, and at least two
@@ -80,7 +83,7 @@ pub fn choose_voxel(clouds: &[&Points], most: usize, execution: &Execution) -> R
     let size = |k: i32| (f64::from(k) / STEPS_PER_OCTAVE).exp2();
     let fits = |k: i32| -> Result<bool> {
         execution.check()?;
-        let counts = clouds.par_iter().map(|cloud| Ok(Grid::new(cloud, size(k))?.count(cloud, most)));
+        let counts = clouds.par_iter().map(|cloud| Grid::new(cloud, size(k))?.count(cloud, most));
         Ok(counts.collect::<Result<Vec<usize>>>()?.iter().sum::<usize>() <= most)
     };
     // At the highest k each cloud lies in one cell.
@@ -96,19 +99,20 @@ pub fn choose_voxel(clouds: &[&Points], most: usize, execution: &Execution) -> R
 /// Number of voxels of a size.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for a size that is not positive or leaves more than 2^62 cells.
+/// [`Error::InvalidInput`] for a size that is not positive or leaves more than 2^62 cells; [`Error::OutOfMemory`].
 pub fn count_voxels(points: &Points, size: f64) -> Result<usize> {
-    Ok(Grid::new(points, size)?.count(points, usize::MAX))
+    Grid::new(points, size)?.count(points, usize::MAX)
 }
 
-fn mean_directions(normals: &[Vector3<f64>], indices: &[u32], count: usize) -> Vec<Vector3<f64>> {
-    let mut sums = vec![Vector3::zeros(); count];
+fn mean_directions(normals: &[Vector3<f64>], indices: &[u32], count: usize) -> Result<Vec<Vector3<f64>>> {
+    let mut sums = memory::filled(Vector3::zeros(), count)?;
     for (normal, &voxel) in normals.iter().zip(indices).filter(|(normal, _)| !normal.x.is_nan()) {
         sums[voxel as usize] += normal;
     }
-    let unit =
-        |sum: &Vector3<f64>| sum.try_normalize(f64::EPSILON).unwrap_or_else(|| Vector3::repeat(f64::NAN));
-    sums.iter().map(unit).collect()
+    for sum in &mut sums {
+        *sum = sum.try_normalize(f64::EPSILON).unwrap_or_else(|| Vector3::repeat(f64::NAN));
+    }
+    Ok(sums)
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::verification::fine_surface::{FineSurface, REACH, Sample};
 use crate::verification::overlap::Resistance;
 
@@ -45,6 +46,7 @@ pub struct Alignment {
 }
 
 /// A sample laid on a point: coordinates relative to the target's mean, in spacings.
+#[derive(Clone)]
 struct Pair {
     place: Vector3<f64>,
     normal: Vector3<f64>,
@@ -56,7 +58,7 @@ struct Pair {
 /// Refines a pose that is right to about a spacing or two, with at most so many samples of either surface.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] unless both surfaces have the same spacing, [`Error::Interrupted`].
+/// [`Error::InvalidInput`] unless both surfaces have the same spacing; [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn align(
     source: &FineSurface,
     target: &FineSurface,
@@ -76,7 +78,7 @@ pub fn align(
         let reach = REACH + (LAST_REACH - REACH) * share;
         let most = if step < FIRST_STEPS { samples.min(FIRST_SAMPLES) } else { samples };
         let pairs = pair(source, target, &pose, reach, most, execution)?;
-        let Some(motion) = solve(&equations(&pairs, reach)) else { break };
+        let Some(motion) = solve(&equations(&pairs, reach)?) else { break };
         let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
         pose = followed_by(&pose, turn, shift * a);
         if share >= 1.0 && turn.norm() * radius + shift.norm() < STILL {
@@ -85,11 +87,11 @@ pub fn align(
     }
     pose.rotation = nearest_rotation(&pose);
     let pairs = pair(source, target, &pose, REACH, samples, execution)?;
-    let sums = equations(&pairs, LAST_REACH);
+    let sums = equations(&pairs, LAST_REACH)?;
     Ok(Alignment {
         pose: in_data(source, target, &pose),
-        residuals: pairs.iter().map(|pair| pair.residual * a).collect(),
-        deviations: pairs.iter().map(|pair| pair.deviation).collect(),
+        residuals: memory::collect(pairs.iter().map(|pair| pair.residual * a))?,
+        deviations: memory::collect(pairs.iter().map(|pair| pair.deviation))?,
         samples: source.samples(samples).len() + target.samples(samples).len(),
         resistance: Resistance::new(&sums.matrix, sums.weight, radius, a, &target.center()),
     })
@@ -163,8 +165,8 @@ fn pair(
         execution.check()?;
         Ok(backward(sample).and_then(|found| as_pair(sample, found)))
     });
-    let pairs = moved.chain(still).collect::<Result<Vec<Option<Pair>>>>()?;
-    Ok(pairs.into_iter().flatten().collect())
+    let pairs = memory::par_try_collect(moved.chain(still))?;
+    memory::collect(pairs.into_iter().flatten())
 }
 
 /// The normal equations of one step: `A x = b` with x a rotation vector and a translation.
@@ -176,10 +178,10 @@ struct Equations {
 }
 
 /// Pairs within reach, weighted by their distance, and by Tukey's function of their residual.
-fn equations(pairs: &[Pair], reach: f64) -> Equations {
+fn equations(pairs: &[Pair], reach: f64) -> Result<Equations> {
     let square = reach * reach;
     let near = || pairs.iter().filter(|pair| pair.squared_distance < square);
-    let cut = CUT * standard_deviation(near());
+    let cut = CUT * standard_deviation(near())?;
     let mut sums =
         Equations { matrix: Matrix6::zeros(), right: Vector6::zeros(), weight: 0.0, pairs: near().count() };
     for pair in near() {
@@ -193,17 +195,17 @@ fn equations(pairs: &[Pair], reach: f64) -> Equations {
             sums.weight += weight;
         }
     }
-    sums
+    Ok(sums)
 }
 
 /// Of the residuals, from their median.
-fn standard_deviation<'a>(pairs: impl Iterator<Item = &'a Pair>) -> f64 {
-    let mut sizes: Vec<f64> = pairs.map(|pair| pair.residual.abs()).collect();
+fn standard_deviation<'a>(pairs: impl Iterator<Item = &'a Pair>) -> Result<f64> {
+    let mut sizes = memory::collect(pairs.map(|pair| pair.residual.abs()))?;
     let middle = sizes.len() / 2;
     if sizes.is_empty() {
-        return LEAST_DEVIATION;
+        return Ok(LEAST_DEVIATION);
     }
-    (PER_MEDIAN * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1).max(LEAST_DEVIATION)
+    Ok((PER_MEDIAN * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1).max(LEAST_DEVIATION))
 }
 
 fn solve(equations: &Equations) -> Option<Vector6<f64>> {
@@ -279,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn residuals_are_weighted_by_tukeys_function() {
+    fn residuals_are_weighted_by_tukeys_function() -> Result<()> {
         let pair = |residual: f64| Pair {
             place: Vector3::x(),
             normal: Vector3::z(),
@@ -289,13 +291,14 @@ mod tests {
         };
         // The median is 0.1, the bound 4.685 * 1.4826 * 0.1 = 0.695.
         let pairs = [0.1, -0.1, 0.1, 0.5, 0.7].map(pair);
-        assert!((standard_deviation(pairs.iter()) - 0.14826).abs() < 1e-12);
+        assert!((standard_deviation(pairs.iter())? - 0.14826).abs() < 1e-12);
         let tukey = |residual: f64| (1.0 - (residual / (CUT * 0.14826)).powi(2)).powi(2);
-        let sums = equations(&pairs, 1.0);
+        let sums = equations(&pairs, 1.0)?;
         assert!((sums.weight - 0.81 * (3.0 * tukey(0.1) + tukey(0.5))).abs() < 1e-12);
         assert!((sums.right[5] + 0.81 * (0.1 * tukey(0.1) + 0.5 * tukey(0.5))).abs() < 1e-12);
         assert!((sums.matrix[(1, 1)] - sums.weight).abs() < 1e-12);
-        assert!((standard_deviation([].iter()) - LEAST_DEVIATION).abs() < f64::EPSILON);
+        assert!((standard_deviation([].iter())? - LEAST_DEVIATION).abs() < f64::EPSILON);
+        Ok(())
     }
 
     #[test]

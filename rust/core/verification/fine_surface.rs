@@ -53,7 +53,7 @@ impl FineSurface {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] for a spacing that is not positive or so small that voxels can't be numbered, or so large or
-    /// small that few places have a plane; [`Error::Interrupted`].
+    /// small that few places have a plane; [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn new(cloud: &Points, spacing: f64, execution: &Execution) -> Result<Self> {
         let spacing = positive("spacing", spacing)?;
         let points = Points::from_rows("points", &voxel_downsample(cloud, None, spacing, execution)?.points)?;
@@ -107,23 +107,22 @@ fn root_mean_square(samples: &[Sample]) -> f64 {
 /// Places spread over the surface, drawn against the frequency of their normals.
 fn sample(points: &Points, around: &BallSearch, spacing: f64, execution: &Execution) -> Result<Vec<Sample>> {
     let step = points.len().div_ceil(PLANES).max(1);
-    let rows: Vec<usize> = (0..points.len()).step_by(step).collect();
+    let rows = memory::collect((0..points.len()).step_by(step))?;
     let planes = rows.par_iter().map_init(Ball::default, |ball, &row| {
         execution.check()?;
         around.within(&points.get(row), ball)?;
         Ok(plane(points.get(row), ball))
     });
-    let places: Vec<Sample> = memory::par_try_collect(planes)?.into_iter().flatten().collect();
+    let places = memory::collect(memory::par_try_collect(planes)?.into_iter().flatten())?;
     if places.is_empty() || (places.len() as f64) < LEAST_SHARE * rows.len() as f64 {
         let got = format!("{spacing:.3e}, at which {} of {} places have a plane", places.len(), rows.len());
         let across = points.diagonal();
         let remedy = format!("the cloud is {across:.3e} across; give about the distance between points");
         return Err(Error::invalid("spacing", got, remedy));
     }
-    let normals: Vec<Vector3<f32>> =
-        places.iter().map(|place| place.normal.map(|number| number as f32)).collect();
-    let drawn = sampling::draw(&normals, false, SAMPLES);
-    Ok(drawn.into_iter().map(|index| places[index as usize]).collect())
+    let normals = memory::collect(places.iter().map(|place| place.normal.map(|number| number as f32)))?;
+    let drawn = sampling::draw(&normals, false, SAMPLES)?;
+    memory::collect(drawn.into_iter().map(|index| places[index as usize]))
 }
 
 fn plane(point: Point3<f64>, ball: &Ball) -> Option<Sample> {

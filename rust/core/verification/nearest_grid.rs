@@ -9,10 +9,13 @@
 #![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::Vector3;
 
 use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::memory;
 use crate::simd;
 use crate::verification::group::{Coordinates, LANES};
 
@@ -27,6 +30,8 @@ const PART_RADIUS: f32 = 3.0;
 
 /// Entries of the table of blocks: 64 MiB.
 const MOST_BLOCKS_IN_BOX: f64 = (1 << 24) as f64;
+/// Points between two looks for an interruption.
+const STRETCH: usize = 1 << 16;
 /// Blocks that exist: 512 MiB once all are filled.
 const MOST_BLOCKS: usize = 1 << 18;
 
@@ -34,6 +39,11 @@ const MOST_BLOCKS: usize = 1 << 18;
 pub(super) const NONE: u32 = u32::MAX;
 /// No cell.
 const OUTSIDE: u32 = u32::MAX;
+
+/// The error of a block that the system gave no memory for.
+pub(super) fn refused() -> Error {
+    Error::OutOfMemory { bytes: size_of::<[u32; CELLS]>() }
+}
 
 /// A point with its number.
 type Member = (Vector3<f32>, u32);
@@ -53,6 +63,8 @@ pub(super) struct NearestGrid {
     members: Vec<Member>,
     /// Nearest point of each cell of a block.
     nearest: Vec<OnceLock<Box<[u32; CELLS]>>>,
+    /// Blocks that could not be filled for want of memory.
+    refusals: AtomicUsize,
 }
 
 impl NearestGrid {
@@ -60,17 +72,18 @@ impl NearestGrid {
     /// The reach must not exceed 8 cells.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where the points lie too far apart for cells that small.
-    pub fn new(points: &[Vector3<f32>], cell: f32, reach: f32) -> Result<Self> {
+    /// [`Error::InvalidInput`] where the points lie too far apart for cells that small; [`Error::Interrupted`],
+    /// [`Error::OutOfMemory`].
+    pub fn new(points: &[Vector3<f32>], (cell, reach): (f32, f32), execution: &Execution) -> Result<Self> {
         let mut grid = Self::around(points, cell, reach)?;
-        let count = grid.number_blocks(points);
+        let count = grid.number_blocks(points, execution)?;
         if count > MOST_BLOCKS {
             let remedy = "thin the points first (features.voxel_downsample), or give a larger unit";
             let got = format!("{} points over a wide surface", points.len());
             return Err(Error::invalid("points", got, remedy));
         }
-        grid.nearest.resize_with(count, OnceLock::new);
-        grid.sort(points);
+        grid.nearest = memory::collect((0..count).map(|_| OnceLock::new()))?;
+        grid.sort(points, execution)?;
         Ok(grid)
     }
 
@@ -95,17 +108,21 @@ impl NearestGrid {
             cells_per_length: cell.recip(),
             reach,
             size: [0, 1, 2].map(|k| blocks[k] as usize),
-            blocks: vec![0; blocks.product() as usize],
+            blocks: memory::filled(0, blocks.product() as usize)?,
             starts: Vec::new(),
             members: Vec::new(),
             nearest: Vec::new(),
+            refusals: AtomicUsize::new(0),
         })
     }
 
     /// Numbers the blocks that the ball around any point may reach; returns how many they are.
-    fn number_blocks(&mut self, points: &[Vector3<f32>]) -> usize {
+    fn number_blocks(&mut self, points: &[Vector3<f32>], execution: &Execution) -> Result<usize> {
         let mut count = 0;
-        for point in points {
+        for (i, point) in points.iter().enumerate() {
+            if i.is_multiple_of(STRETCH) {
+                execution.check()?;
+            }
             let [first, last] =
                 [-self.reach, self.reach].map(|shift| self.block_of(&point.add_scalar(shift)));
             for (z, y) in (first[2]..=last[2]).flat_map(|z| (first[1]..=last[1]).map(move |y| (z, y))) {
@@ -116,18 +133,19 @@ impl NearestGrid {
                 }
             }
         }
-        count as usize
+        Ok(count as usize)
     }
 
     /// Sorts the points into the blocks.
-    fn sort(&mut self, points: &[Vector3<f32>]) {
+    fn sort(&mut self, points: &[Vector3<f32>], execution: &Execution) -> Result<()> {
         let number = |point: &Vector3<f32>| self.blocks[self.block_at(self.block_of(point))] as usize;
-        let mut starts = vec![0; self.nearest.len() + 1];
+        let mut starts = memory::filled(0, self.nearest.len() + 1)?;
         points.iter().for_each(|point| starts[number(point)] += 1);
         for block in 1..starts.len() {
             starts[block] += starts[block - 1];
         }
-        let mut members = vec![(Vector3::zeros(), NONE); points.len()];
+        execution.check()?;
+        let mut members = memory::filled((Vector3::zeros(), NONE), points.len())?;
         for (index, point) in points.iter().enumerate().rev() {
             let place = &mut starts[number(point)];
             *place -= 1;
@@ -136,6 +154,7 @@ impl NearestGrid {
         starts[0] = points.len() as u32;
         starts.rotate_left(1);
         (self.starts, self.members) = (starts, members);
+        Ok(())
     }
 
     fn block_of(&self, place: &Vector3<f32>) -> [usize; 3] {
@@ -149,13 +168,35 @@ impl NearestGrid {
         (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// The nearest point of every cell of the block at a place in the table.
+    /// Blocks that the system gave no memory for so far: what was found in the meantime may be wrong.
+    pub fn refusals(&self) -> usize {
+        self.refusals.load(Ordering::Relaxed)
+    }
+
+    /// The nearest points of a block, which is filled if it is looked into for the first time; `None` without memory.
+    #[inline(always)]
+    fn block(&self, number: usize, at: usize) -> Option<&[u32; CELLS]> {
+        let slot = &self.nearest[number - 1];
+        slot.get().map_or_else(|| self.fill_slot(slot, at), |filled| Some(filled))
+    }
+
     #[cold]
-    fn fill(&self, at: usize) -> Box<[u32; CELLS]> {
+    fn fill_slot<'a>(&self, slot: &'a OnceLock<Box<[u32; CELLS]>>, at: usize) -> Option<&'a [u32; CELLS]> {
+        // Two threads may fill it at a time, with the same numbers.
+        let filled = self.fill(at);
+        if filled.is_err() {
+            self.refusals.fetch_add(1, Ordering::Relaxed);
+        }
+        filled.ok().map(|filled| &**slot.get_or_init(|| filled))
+    }
+
+    /// The nearest point of every cell of the block at a place in the table.
+    fn fill(&self, at: usize) -> Result<Box<[u32; CELLS]>> {
         let corner =
             [at % self.size[0], at / self.size[0] % self.size[1], at / (self.size[0] * self.size[1])];
-        let around = self.members_around(corner);
-        let mut cells = Box::new([NONE; CELLS]);
+        let around = self.members_around(corner)?;
+        let cells = memory::filled(NONE, CELLS)?.into_boxed_slice();
+        let mut cells = Box::<[u32; CELLS]>::try_from(cells).map_err(|_| refused())?;
         for part in 0..(EDGE / PART).pow(3) {
             let first = [part % 2, part / 2 % 2, part / 4].map(|half| half * PART);
             let nearest = self.fill_part([0, 1, 2].map(|k| corner[k] * EDGE + first[k]), &around);
@@ -164,11 +205,11 @@ impl NearestGrid {
                 cells[start..start + PART].copy_from_slice(values);
             }
         }
-        cells
+        Ok(cells)
     }
 
     /// The points of a block and of those around it.
-    fn members_around(&self, corner: [usize; 3]) -> Vec<Member> {
+    fn members_around(&self, corner: [usize; 3]) -> Result<Vec<Member>> {
         let [x, y, z] =
             [0, 1, 2].map(|k| corner[k].saturating_sub(1)..=(corner[k] + 1).min(self.size[k] - 1));
         let rows = z.flat_map(|z| y.clone().map(move |y| (z, y)));
@@ -179,7 +220,7 @@ impl NearestGrid {
             let number = number as usize;
             &self.members[self.starts[number - 1] as usize..self.starts[number] as usize]
         });
-        members.copied().collect()
+        memory::collect(members.copied())
     }
 
     /// The nearest of the members to the centre of every cell of a part, whose first cell is given.
@@ -251,8 +292,8 @@ impl NearestGrid {
             }
             let number = self.blocks[blocks[lane] as usize] as usize;
             if number > 0 {
-                let filled = self.nearest[number - 1].get_or_init(|| self.fill(blocks[lane] as usize));
-                nearest[lane] = filled[cells[lane] as usize % CELLS];
+                let filled = self.block(number, blocks[lane] as usize);
+                nearest[lane] = filled.map_or(NONE, |filled| filled[cells[lane] as usize % CELLS]);
             }
         }
         nearest
@@ -283,7 +324,7 @@ mod tests {
     fn cells_name_the_point_nearest_to_their_centre() -> Result<()> {
         let points = scattered(300);
         for (cell, reach) in [(1.5, 8.0), (1.0, 4.0)] {
-            let grid = NearestGrid::new(&points, cell, reach)?;
+            let grid = NearestGrid::new(&points, (cell, reach), &Execution::default())?;
             for place in scattered(2000).iter().map(|p| p * 1.3 + Vector3::repeat(0.37)) {
                 let center =
                     (place - grid.low).map(|length| ((length / cell).floor() + 0.5) * cell) + grid.low;
@@ -302,19 +343,19 @@ mod tests {
     #[test]
     fn stray_points_are_refused_and_places_outside_are_empty() -> Result<()> {
         let mut points = scattered(30);
-        let grid = NearestGrid::new(&points, 1.0, 4.0)?;
+        let grid = NearestGrid::new(&points, (1.0, 4.0), &Execution::default())?;
         for far in [1e3, -1e3, f32::INFINITY, f32::NAN] {
             assert_eq!(look(&grid, &Vector3::new(far, 0.0, 0.0)), None);
         }
         points.push(Vector3::repeat(1e7));
-        assert!(NearestGrid::new(&points, 1.0, 4.0).is_err());
+        assert!(NearestGrid::new(&points, (1.0, 4.0), &Execution::default()).is_err());
         Ok(())
     }
 
     #[test]
     fn a_wide_thin_scan_takes_memory_by_its_surface() -> Result<()> {
         let points: Vec<_> = (0..2000).map(|i| Vector3::new(i as f32 * 2.0, (i % 7) as f32, 0.0)).collect();
-        let grid = NearestGrid::new(&points, 1.0, 4.0)?;
+        let grid = NearestGrid::new(&points, (1.0, 4.0), &Execution::default())?;
         assert!(grid.nearest.len() * CELLS < points.len() * 2 * 24 * 24);
         assert!(grid.nearest.iter().all(|block| block.get().is_none()));
         assert_eq!(look(&grid, &points[70]), Some(70));

@@ -5,13 +5,16 @@
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
 use rayon::prelude::*;
 
+use crate::error::Result;
+use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::simd;
 use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
 use crate::verification::refine::equations;
 use crate::verification::schedule::{FINELY, LAST};
-use crate::verification::surface::{Element, Surface};
+use crate::verification::surface::{Element, Surface, look_at};
 
 /// A motion is open where its resistance is below this share of that of all pairs facing it: planes whose normals are
 /// known to 5 degrees have 0.008.
@@ -61,40 +64,48 @@ impl Resistance {
 }
 
 /// Measures the overlap of two surfaces.
-pub fn overlap(source: &Surface, target: &Surface, pose: &Rigid) -> Overlap {
+///
+/// # Errors
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+pub fn overlap(source: &Surface, target: &Surface, pose: &Rigid, execution: &Execution) -> Result<Overlap> {
+    look_at(source, target, || measure(source, target, pose, execution))
+}
+
+fn measure(source: &Surface, target: &Surface, pose: &Rigid, execution: &Execution) -> Result<Overlap> {
     let local = Pose::between(source, target, pose);
-    let (fitness, rmse) = shared(source, target, &local);
+    let (fitness, rmse) = shared(source, target, &local, execution)?;
     let sums = equations(source, target, &local, FINELY.reach.1, &FINELY);
     let matrix = sums.matrix();
     let radius = f64::from(source.radius().max(target.radius()));
-    Overlap {
+    Ok(Overlap {
         fitness,
         inlier_rmse: rmse * source.unit(),
         resistance: Resistance::new(&matrix, sums.weight, radius, target.unit(), &target.center()),
-    }
+    })
 }
 
 /// Share of the source's points on the target, and root mean square of their distances in units.
-fn shared(source: &Surface, target: &Surface, pose: &Pose) -> (f64, f64) {
+fn shared(source: &Surface, target: &Surface, pose: &Pose, execution: &Execution) -> Result<(f64, f64)> {
     let oriented = source.is_oriented() && target.is_oriented();
     let of_chunk = |elements: &[Element]| {
+        execution.check()?;
         let mut sums = Shared::default();
         simd::run(
             #[inline(always)]
             || elements.chunks(LANES).for_each(|elements| sums.add(elements, target, pose, oriented)),
         );
-        sums
+        Ok(sums)
     };
     // Chunks of a fixed size, so that the sums are the same on any number of threads.
-    let chunks: Vec<Shared> = source.elements().par_chunks(CHUNK).map(of_chunk).collect();
+    let chunks = memory::par_try_collect(source.elements().par_chunks(CHUNK).map(of_chunk))?;
     let [points, inliers] = [|sums: &Shared| sums.points, |sums: &Shared| sums.inliers]
         .map(|count| chunks.iter().map(count).sum::<usize>() as f64);
     let squares: f64 = chunks.iter().map(|sums| sums.squares).sum();
-    (inliers / points, (squares / inliers).sqrt())
+    Ok((inliers / points, (squares / inliers).sqrt()))
 }
 
 /// Points with a normal, those that lie on the other surface, and the sum of their squared distances to its planes.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Shared {
     points: usize,
     inliers: usize,

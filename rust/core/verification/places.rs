@@ -8,13 +8,14 @@ use rayon::prelude::*;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::simd;
 use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
 use crate::verification::range_map::{RangeMap, Sights};
 use crate::verification::schedule::{LAST, check_units};
 use crate::verification::score::{ALONG, FACING};
-use crate::verification::surface::{Element, Surface};
+use crate::verification::surface::{Element, Surface, look_at};
 
 /// Points per task.
 const CHUNK: usize = 64 * LANES;
@@ -39,32 +40,45 @@ pub enum Place {
 /// Places of all points of the source, by the tolerances of the last round of scoring.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] unless both surfaces have one unit, [`crate::Error::Interrupted`].
+/// [`crate::Error::InvalidInput`] unless both surfaces have one unit; [`crate::Error::Interrupted`],
+/// [`crate::Error::OutOfMemory`].
 pub fn places(source: &Surface, target: &Surface, pose: &Rigid, execution: &Execution) -> Result<Vec<Place>> {
     check_units(source, target)?;
-    execution.check()?;
     let pose = Pose::between(source, target, pose);
     let own = target.ranges().map(|ranges| {
         let moved = |element: &Element| pose.rotation * element.point + pose.translation;
-        RangeMap::new(&source.elements().iter().map(moved).collect::<Vec<_>>(), ranges.eye())
+        RangeMap::new(&memory::collect(source.elements().iter().map(moved))?, ranges.eye(), execution)
     });
+    let own = own.transpose()?;
+    look_at(source, target, || moved_places(source, target, &pose, own.as_ref(), execution))
+}
+
+/// Places of the points moved by a pose between the surfaces; `own` are the ranges of the moved source.
+fn moved_places(
+    source: &Surface,
+    target: &Surface,
+    pose: &Pose,
+    own: Option<&RangeMap>,
+    execution: &Execution,
+) -> Result<Vec<Place>> {
+    let mut places = memory::filled(Place::Unknown, source.len())?;
     let oriented = source.is_oriented() && target.is_oriented();
-    let of_chunk = |elements: &[Element]| {
-        let mut found = Vec::with_capacity(elements.len());
+    let chunks = places.par_chunks_mut(CHUNK).zip(source.elements().par_chunks(CHUNK));
+    chunks.try_for_each(|(places, elements)| {
+        execution.check()?;
         simd::run(
             #[inline(always)]
             || {
-                for elements in elements.chunks(LANES) {
-                    let moved = Group::of(elements).moved(&pose);
-                    found.extend_from_slice(
-                        &of_group(&moved, target, own.as_ref(), oriented)[..elements.len()],
-                    );
+                for (places, elements) in places.chunks_mut(LANES).zip(elements.chunks(LANES)) {
+                    let moved = Group::of(elements).moved(pose);
+                    let found = of_group(&moved, target, own, oriented);
+                    places.copy_from_slice(&found[..elements.len()]);
                 }
             },
         );
-        found
-    };
-    Ok(source.elements().par_chunks(CHUNK).flat_map_iter(of_chunk).collect())
+        Ok(())
+    })?;
+    Ok(places)
 }
 
 #[inline(always)]

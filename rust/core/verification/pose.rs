@@ -6,7 +6,7 @@ use crate::geometry::rigid::Rigid;
 use crate::verification::surface::Surface;
 
 /// `x' = R x + t` in single precision.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Pose {
     pub rotation: Matrix3<f32>,
     pub translation: Vector3<f32>,

@@ -4,12 +4,17 @@
 
 use nalgebra::Vector3;
 
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::memory;
 use crate::verification::group::{Group, LANES};
 
 /// Width of a pixel at the median range, in units.
 const PIXEL: f32 = 2.5;
 /// Pixels of all faces: 64 MiB.
 const MOST_PIXELS: i64 = 1 << 24;
+/// Points between two looks for an interruption.
+const STRETCH: usize = 1 << 16;
 
 #[derive(Debug)]
 pub(super) struct RangeMap {
@@ -43,16 +48,20 @@ pub(super) struct Sights {
 
 impl RangeMap {
     /// Ranges of points from a viewpoint.
-    pub fn new(points: &[Vector3<f32>], eye: Vector3<f32>) -> Self {
-        let mut ranges: Vec<f32> = points.iter().map(|p| (p - eye).norm()).collect();
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+    pub fn new(points: &[Vector3<f32>], eye: Vector3<f32>, execution: &Execution) -> Result<Self> {
+        let mut ranges = memory::collect(points.iter().map(|p| (p - eye).norm()))?;
         let middle = ranges.len() / 2;
         let median = *ranges.select_nth_unstable_by(middle, f32::total_cmp).1;
         let mut map = Self { eye, scale: (median / PIXEL).max(1.0), faces: Default::default() };
         while map.lay_out(points) > MOST_PIXELS {
+            execution.check()?;
             map.scale /= 2.0;
         }
-        map.enter(points);
-        map
+        map.enter(points, execution)?;
+        Ok(map)
     }
 
     /// The viewpoint.
@@ -67,22 +76,27 @@ impl RangeMap {
             let seen = self.project(point.x, point.y, point.z);
             let (low, high) = &mut boxes[seen.face as usize];
             for k in 0..2 {
-                low[k] = low[k].min(seen.pixel[k] - 1);
-                high[k] = high[k].max(seen.pixel[k] + 1);
+                low[k] = low[k].min(seen.pixel[k].saturating_sub(1));
+                high[k] = high[k].max(seen.pixel[k].saturating_add(1));
             }
         }
         for (face, (low, high)) in self.faces.iter_mut().zip(boxes) {
-            let size = [0, 1].map(|k| if low[k] > high[k] { 0 } else { high[k] - low[k] + 1 });
+            let size = [0, 1]
+                .map(|k| if low[k] > high[k] { 0 } else { high[k].saturating_sub(low[k]).saturating_add(1) });
             *face = Face { low, size, ranges: Vec::new() };
         }
-        self.faces.iter().map(|face| i64::from(face.size[0]) * i64::from(face.size[1])).sum()
+        let pixels = |face: &Face| i64::from(face.size[0]) * i64::from(face.size[1]);
+        self.faces.iter().map(pixels).fold(0, i64::saturating_add)
     }
 
-    fn enter(&mut self, points: &[Vector3<f32>]) {
+    fn enter(&mut self, points: &[Vector3<f32>], execution: &Execution) -> Result<()> {
         for face in &mut self.faces {
-            face.ranges = vec![f32::INFINITY; face.size[0] as usize * face.size[1] as usize];
+            face.ranges = memory::filled(f32::INFINITY, face.size[0] as usize * face.size[1] as usize)?;
         }
-        for point in points {
+        for (i, point) in points.iter().enumerate() {
+            if i.is_multiple_of(STRETCH) {
+                execution.check()?;
+            }
             let seen = self.project(point.x, point.y, point.z);
             let face = &mut self.faces[seen.face as usize];
             for a in -1..=1 {
@@ -94,6 +108,7 @@ impl RangeMap {
                 }
             }
         }
+        Ok(())
     }
 
     #[inline(always)]
@@ -164,8 +179,8 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_hides_what_is_behind_it() {
-        let map = RangeMap::new(&wall(), Vector3::zeros());
+    fn a_wall_hides_what_is_behind_it() -> Result<()> {
+        let map = RangeMap::new(&wall(), Vector3::zeros(), &Execution::default())?;
         let towards = Vector3::z();
         let in_front = |z: f32| look(&map, Vector3::new(0.5, 0.5, z), towards).0;
         assert!((in_front(-30.0) - 20.0).abs() < 0.5);
@@ -173,21 +188,24 @@ mod tests {
         for beside in [Vector3::new(40.0, 0.0, -50.0), Vector3::new(0.0, 0.0, 50.0), Vector3::zeros()] {
             assert!(look(&map, beside, towards).0 == f32::INFINITY, "{beside:?}");
         }
+        Ok(())
     }
 
     #[test]
-    fn background_knows_which_way_a_surface_faces() {
-        let map = RangeMap::new(&wall(), Vector3::zeros());
+    fn background_knows_which_way_a_surface_faces() -> Result<()> {
+        let map = RangeMap::new(&wall(), Vector3::zeros(), &Execution::default())?;
         for sign in [1.0, -1.0] {
             let (in_front, facing) = look(&map, Vector3::new(60.0, 0.0, -60.0), Vector3::z() * sign);
             assert!(in_front == f32::INFINITY && (facing - sign * 0.5_f32.sqrt()).abs() < 1e-6);
         }
+        Ok(())
     }
 
     #[test]
-    fn a_viewpoint_on_a_point_does_no_harm() {
-        let map = RangeMap::new(&wall(), wall()[7]);
+    fn a_viewpoint_on_a_point_does_no_harm() -> Result<()> {
+        let map = RangeMap::new(&wall(), wall()[7], &Execution::default())?;
         let (in_front, _) = look(&map, wall()[7], Vector3::z());
         assert!(in_front <= 0.0 || in_front == f32::INFINITY, "{in_front}");
+        Ok(())
     }
 }

@@ -6,6 +6,8 @@
 use nalgebra::Vector3;
 
 use crate::consensus::counter_rng::random_words;
+use crate::error::Result;
+use crate::memory;
 
 const POWER: f64 = 0.75;
 /// Bins along an edge of each face of the cube of directions.
@@ -14,16 +16,24 @@ const EDGE: usize = 4;
 /// Indices of up to `most` points in the order drawn, without those that have no normal (a zero vector).
 ///
 /// Weighted sampling without replacement (Efraimidis and Spirakis 2006): the smallest `-ln(random) / weight` first.
-pub(super) fn draw(normals: &[Vector3<f32>], oriented: bool, most: usize) -> Vec<u32> {
-    let bins: Vec<Option<usize>> = normals.iter().map(|normal| bin(normal, oriented)).collect();
+///
+/// # Errors
+/// [`crate::Error::OutOfMemory`].
+pub(super) fn draw(normals: &[Vector3<f32>], oriented: bool, most: usize) -> Result<Vec<u32>> {
+    let bins = memory::collect(normals.iter().map(|normal| bin(normal, oriented)))?;
     let mut counts = [0_u32; 6 * EDGE * EDGE];
     bins.iter().flatten().for_each(|&bin| counts[bin] += 1);
     let per_weight = counts.map(|count| f64::from(count).powf(POWER));
     let key = |index: usize, bin: usize| -uniform(index).ln() * per_weight[bin];
     let keyed = bins.iter().enumerate().filter_map(|(i, bin)| bin.map(|bin| (key(i, bin), i as u32)));
-    let mut keyed: Vec<(f64, u32)> = keyed.collect();
-    keyed.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    keyed.into_iter().take(most).map(|(_, index)| index).collect()
+    let mut keyed = memory::collect(keyed)?;
+    let by_key = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    if most < keyed.len() {
+        keyed.select_nth_unstable_by(most, by_key);
+        keyed.truncate(most);
+    }
+    keyed.sort_unstable_by(by_key);
+    memory::collect(keyed.iter().map(|&(_, index)| index))
 }
 
 /// In the open interval from 0 to 1.
@@ -53,22 +63,25 @@ mod tests {
     }
 
     #[test]
-    fn rare_normals_are_drawn_more_often() {
+    fn rare_normals_are_drawn_more_often() -> Result<()> {
         let normals = floor_and_post();
-        let drawn = draw(&normals, true, 200);
+        let drawn = draw(&normals, true, 200)?;
         let rare = drawn.iter().filter(|&&i| normals[i as usize] == Vector3::x()).count();
         // 1000^.25 : 100^.25 is 16 : 9; by frequency it were 10 : 1.
         assert!((55..=90).contains(&rare), "{rare}");
+        assert_eq!(drawn, draw(&normals, true, usize::MAX)?[..200]);
+        Ok(())
     }
 
     #[test]
-    fn each_point_is_drawn_once_and_none_without_a_normal() {
+    fn each_point_is_drawn_once_and_none_without_a_normal() -> Result<()> {
         let mut normals = floor_and_post();
         normals[5] = Vector3::zeros();
-        let mut drawn = draw(&normals, true, usize::MAX);
+        let mut drawn = draw(&normals, true, usize::MAX)?;
         drawn.sort_unstable();
         let expected: Vec<u32> = (0..1100).filter(|&i| i != 5).collect();
         assert_eq!(drawn, expected);
+        Ok(())
     }
 
     #[test]

@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::points::Points;
 use crate::verification::pose::Pose;
 use crate::verification::refine::{Refinement, refine};
 use crate::verification::score::{Round, score};
-use crate::verification::surface::Surface;
+use crate::verification::surface::{Surface, look_at};
 
 pub(super) const FIRST: Round =
     Round { samples: 300, tolerance: 8.0, in_front: 8.0, cosine: 0.7, coarse: true };
@@ -82,7 +83,7 @@ pub struct Verified {
 }
 
 /// A pose and what it is ranked by.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Ranked {
     pose: Pose,
     value: f64,
@@ -91,7 +92,7 @@ struct Ranked {
 /// Scores of the poses as they are, by the measure of the last round.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] unless both surfaces have one unit, [`Error::Interrupted`].
+/// [`Error::InvalidInput`] unless both surfaces have one unit; [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn score_poses(
     source: &Surface,
     target: &Surface,
@@ -99,16 +100,17 @@ pub fn score_poses(
     execution: &Execution,
 ) -> Result<Vec<f64>> {
     check_units(source, target)?;
-    let poses: Vec<Pose> = poses.iter().map(|pose| Pose::between(source, target, pose)).collect();
-    let ranked = map(&poses, execution, |pose| ranked_by_score(source, target, *pose, &LAST))?;
-    Ok(ranked.iter().map(|found| found.value).collect())
+    let poses = memory::collect(poses.iter().map(|pose| Pose::between(source, target, pose)))?;
+    look_at(source, target, || {
+        map(&poses, 0.0, execution, |pose| f64::from(score(source, target, pose, &LAST)))
+    })
 }
 
 /// The best of the poses, refined, best first; none lies within 3 units of a better one.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] unless both surfaces have one unit and the evidence as many points on both sides,
-/// [`Error::Interrupted`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn verify(
     source: &Surface,
     target: &Surface,
@@ -118,21 +120,36 @@ pub fn verify(
 ) -> Result<Vec<Verified>> {
     check_units(source, target)?;
     evidence.map_or(Ok(()), Evidence::check)?;
+    let poses = memory::collect(poses.iter().map(|pose| Pose::between(source, target, pose)))?;
+    look_at(source, target, || verify_local(source, target, &poses, evidence, execution))
+}
+
+/// The same of poses between the surfaces.
+fn verify_local(
+    source: &Surface,
+    target: &Surface,
+    poses: &[Pose],
+    evidence: Option<&Evidence>,
+    execution: &Execution,
+) -> Result<Vec<Verified>> {
     let radius = source.radius().max(target.radius());
-    let poses: Vec<Pose> = poses.iter().map(|pose| Pose::between(source, target, pose)).collect();
-    let all = map(&poses, execution, |pose| ranked_by_score(source, target, *pose, &FIRST))?;
-    let best = take(&all, &suppress(&all, SAME.0, radius, KEPT.0));
-    let refined = map(&best, execution, |pose| {
+    let none = Ranked::default();
+    let all = map(poses, none, execution, |pose| ranked_by_score(source, target, *pose, &FIRST))?;
+    let best = take(&all, &suppress(&all, SAME.0, radius, KEPT.0)?)?;
+    let refined = map(&best, none, execution, |pose| {
         ranked_by_score(source, target, refine(source, target, pose, &COARSELY), &SECOND)
     })?;
-    let best = take(&refined, &suppress(&refined, SAME.1, radius, KEPT.1));
-    let last = map(&best, execution, |pose| {
+    let best = take(&refined, &suppress(&refined, SAME.1, radius, KEPT.1)?)?;
+    let judged = map(&best, None, execution, |pose| {
         let pose = refine(source, target, pose, &FINELY);
-        let judged = judge(source, target, &pose, evidence);
-        (Ranked { pose, value: judged.value }, judged)
+        Some((pose, judge(source, target, &pose, evidence)))
     })?;
-    let (last, judged): (Vec<Ranked>, Vec<Verified>) = last.into_iter().unzip();
-    Ok(suppress(&last, SAME.1, radius, KEPT.1).into_iter().map(|i| judged[i].clone()).collect())
+    let (last, judged): (Vec<Ranked>, Vec<Verified>) = judged
+        .into_iter()
+        .flatten()
+        .map(|(pose, found)| (Ranked { pose, value: found.value }, found))
+        .unzip();
+    memory::collect(suppress(&last, SAME.1, radius, KEPT.1)?.into_iter().map(|i| judged[i].clone()))
 }
 
 /// Lead of the first pose's value over the best that differs from it by more than 10 degrees or 20 units; infinite where
@@ -161,17 +178,22 @@ fn ranked_by_score(source: &Surface, target: &Surface, pose: Pose, round: &Round
     Ranked { pose, value: f64::from(score(source, target, &pose, round)) }
 }
 
-/// A result for each pose, in parallel.
-fn map<T: Send>(poses: &[Pose], execution: &Execution, by: impl Fn(&Pose) -> T + Sync) -> Result<Vec<T>> {
+/// A result for each pose, in parallel; `value` until it is computed.
+fn map<T: Send + Clone>(
+    poses: &[Pose],
+    value: T,
+    execution: &Execution,
+    by: impl Fn(&Pose) -> T + Sync,
+) -> Result<Vec<T>> {
     let checked = |pose: &Pose| execution.check().map(|()| by(pose));
-    poses.par_iter().with_max_len(16).map(checked).collect()
+    memory::par_try_fill(value, poses.par_iter().with_max_len(16).map(checked))
 }
 
 /// The best `most` poses, without those within a distance of a better one; best first, ties to the earlier.
-fn suppress(poses: &[Ranked], within: f32, radius: f32, most: usize) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..poses.len()).filter(|&i| poses[i].pose.is_finite()).collect();
-    order.sort_by(|&i, &j| poses[j].value.total_cmp(&poses[i].value));
-    let mut kept = Vec::with_capacity(most);
+fn suppress(poses: &[Ranked], within: f32, radius: f32, most: usize) -> Result<Vec<usize>> {
+    let mut order = memory::collect((0..poses.len()).filter(|&i| poses[i].pose.is_finite()))?;
+    order.sort_unstable_by(|&i, &j| poses[j].value.total_cmp(&poses[i].value).then(i.cmp(&j)));
+    let mut kept = memory::with_capacity(most.min(order.len()))?;
     for i in order {
         if kept.len() == most {
             break;
@@ -180,11 +202,11 @@ fn suppress(poses: &[Ranked], within: f32, radius: f32, most: usize) -> Vec<usiz
             kept.push(i);
         }
     }
-    kept
+    Ok(kept)
 }
 
-fn take(poses: &[Ranked], rows: &[usize]) -> Vec<Pose> {
-    rows.iter().map(|&i| poses[i].pose).collect()
+fn take(poses: &[Ranked], rows: &[usize]) -> Result<Vec<Pose>> {
+    memory::collect(rows.iter().map(|&i| poses[i].pose))
 }
 
 pub(super) fn check_units(source: &Surface, target: &Surface) -> Result<()> {

@@ -7,9 +7,10 @@ use nalgebra::Vector3;
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
 use crate::features::harris3d::check_normals;
+use crate::memory;
 use crate::points::Points;
 use crate::verification::group::{Coordinates, Group, LANES};
-use crate::verification::nearest_grid::{NONE, NearestGrid};
+use crate::verification::nearest_grid::{self, NONE, NearestGrid};
 use crate::verification::range_map::RangeMap;
 use crate::verification::sampling;
 
@@ -67,7 +68,7 @@ impl Surface {
     /// # Errors
     /// [`Error::InvalidInput`] for a wrong unit, normals that are not one per point, fewer than 10 points with a normal,
     /// points that span fewer than 10 units or too many for the grids, or a viewpoint too far away;
-    /// [`Error::Interrupted`].
+    /// [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn new(
         points: &Points,
         normals: &[Vector3<f64>],
@@ -79,26 +80,27 @@ impl Surface {
         check_normals(points, Some(normals))?;
         check_span(points, unit)?;
         let eye = viewpoint(points, unit, side)?;
-        let elements = elements(points, normals, unit);
-        let normals: Vec<Vector3<f32>> = elements.iter().map(|element| element.normal).collect();
+        let elements = elements(points, normals, unit)?;
+        execution.check()?;
+        let normals = memory::collect(elements.iter().map(|element| element.normal))?;
         let oriented = side != Side::Unknown;
-        let drawn = sampling::draw(&normals, oriented, MOST_SAMPLES);
+        let drawn = sampling::draw(&normals, oriented, MOST_SAMPLES)?;
         if drawn.len() < LEAST_POINTS {
             let remedy = format!("give at least {LEAST_POINTS} points that have one");
             return Err(Error::invalid("normals", format!("{} that are numbers", drawn.len()), remedy));
         }
         execution.check()?;
-        let places: Vec<Vector3<f32>> = elements.iter().map(|element| element.point).collect();
+        let places = memory::collect(elements.iter().map(|element| element.point))?;
         Ok(Self {
             unit,
             center: points.center(),
             radius: root_mean_square(&places),
             oriented,
-            samples: in_groups(drawn.iter().map(|&i| elements[i as usize])),
+            samples: in_groups(drawn.iter().map(|&i| elements[i as usize]))?,
             drawn: drawn.len(),
-            coarse: NearestGrid::new(&places, COARSE.0, COARSE.1)?,
-            fine: NearestGrid::new(&places, FINE.0, FINE.1)?,
-            ranges: eye.map(|eye| RangeMap::new(&places, eye)),
+            coarse: NearestGrid::new(&places, COARSE, execution)?,
+            fine: NearestGrid::new(&places, FINE, execution)?,
+            ranges: eye.map(|eye| RangeMap::new(&places, eye, execution)).transpose()?,
             elements,
         })
     }
@@ -142,6 +144,11 @@ impl Surface {
         (&self.samples[..count.div_ceil(LANES)], count)
     }
 
+    /// Blocks of the grids that the system gave no memory for so far.
+    fn refusals(&self) -> usize {
+        self.coarse.refusals() + self.fine.refusals()
+    }
+
     pub(super) fn ranges(&self) -> Option<&RangeMap> {
         self.ranges.as_ref()
     }
@@ -162,8 +169,16 @@ impl Surface {
     }
 }
 
-fn in_groups(elements: impl Iterator<Item = Element>) -> Vec<Group> {
-    elements.collect::<Vec<_>>().chunks(LANES).map(Group::of).collect()
+/// What a look at two surfaces finds, unless blocks of their grids lacked the memory to be filled in the meantime.
+pub(super) fn look_at<T>(source: &Surface, target: &Surface, look: impl FnOnce() -> Result<T>) -> Result<T> {
+    let refusals = || source.refusals() + target.refusals();
+    let before = refusals();
+    let found = look()?;
+    if refusals() == before { Ok(found) } else { Err(nearest_grid::refused()) }
+}
+
+fn in_groups(elements: impl Iterator<Item = Element>) -> Result<Vec<Group>> {
+    memory::collect(memory::collect(elements)?.chunks(LANES).map(Group::of))
 }
 
 fn check_span(points: &Points, unit: f64) -> Result<()> {
@@ -190,12 +205,12 @@ fn viewpoint(points: &Points, unit: f64, side: Side) -> Result<Option<Vector3<f3
     Err(Error::invalid("viewpoint", format!("{viewpoint:?}"), remedy))
 }
 
-fn elements(points: &Points, normals: &[Vector3<f64>], unit: f64) -> Vec<Element> {
+fn elements(points: &Points, normals: &[Vector3<f64>], unit: f64) -> Result<Vec<Element>> {
     let element = |(i, normal): (usize, &Vector3<f64>)| Element {
         point: (points.get(i).coords / unit).map(|number| number as f32),
         normal: unit_length(normal).map(|number| number as f32),
     };
-    normals.iter().enumerate().map(element).collect()
+    memory::collect(normals.iter().enumerate().map(element))
 }
 
 /// A direction of unit length, or zero where there is none.

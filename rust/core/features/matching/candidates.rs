@@ -2,6 +2,9 @@
 
 #![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
 
+use crate::error::Result;
+use crate::memory;
+
 /// Values that are tested at once against the bound.
 const CHUNK: usize = 32;
 /// Candidates kept before the list is thinned out.
@@ -17,8 +20,8 @@ pub(super) struct Candidates {
 
 impl Candidates {
     /// For the `count` nearest, with values that are off by up to `slack`.
-    pub fn new(count: usize, slack: f32) -> Self {
-        Self { slack: 2.0 * slack, lowest: vec![f32::INFINITY; count], found: Vec::new() }
+    pub fn new(count: usize, slack: f32) -> Result<Self> {
+        Ok(Self { slack: 2.0 * slack, lowest: memory::filled(f32::INFINITY, count)?, found: Vec::new() })
     }
 
     /// A value above this can't belong to the nearest.
@@ -29,37 +32,40 @@ impl Candidates {
 
     /// Looks at `product + squared norm` of targets from `first` on.
     #[inline(always)]
-    pub fn scan(&mut self, products: &[f32], squared_norms: &[f32], first: u32) {
+    pub fn scan(&mut self, products: &[f32], squared_norms: &[f32], first: u32) -> Result<()> {
         let chunks = products.chunks(CHUNK).zip(squared_norms.chunks(CHUNK));
         for ((products, norms), start) in chunks.zip((first..).step_by(CHUNK)) {
             let limit = self.limit();
             let hits: u32 = products.iter().zip(norms).map(|(p, n)| u32::from(p + n <= limit)).sum();
             if hits > 0 {
-                self.offer_all(products, norms, start);
+                self.offer_all(products, norms, start)?;
             }
         }
+        Ok(())
     }
 
-    fn offer_all(&mut self, products: &[f32], norms: &[f32], start: u32) {
+    fn offer_all(&mut self, products: &[f32], norms: &[f32], start: u32) -> Result<()> {
         for ((product, norm), index) in products.iter().zip(norms).zip(start..) {
-            self.offer(product + norm, index);
+            self.offer(product + norm, index)?;
         }
+        Ok(())
     }
 
-    fn offer(&mut self, value: f32, index: u32) {
+    fn offer(&mut self, value: f32, index: u32) -> Result<()> {
         if value > self.limit() {
-            return;
+            return Ok(());
         }
         let place = self.lowest.partition_point(|&lower| lower <= value);
         if place < self.lowest.len() {
             self.lowest[place..].rotate_right(1);
             self.lowest[place] = value;
         }
-        self.found.push((value, index));
+        memory::push(&mut self.found, (value, index))?;
         if self.found.len().is_multiple_of(MAX_CANDIDATES) {
             let limit = self.limit();
             self.found.retain(|&(value, _)| value <= limit);
         }
+        Ok(())
     }
 
     /// The candidates in ascending order.

@@ -2,8 +2,12 @@
 
 #![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
 
+use crate::error::Result;
+use crate::memory;
+
 /// For every target the smallest and second-smallest value so far, and the source row of the smallest. Merged in any
 /// order it is the same, but for which row is named where the two are equal.
+#[derive(Debug, Clone, Default)]
 pub(super) struct Columns {
     smallest: Vec<f32>,
     second: Vec<f32>,
@@ -11,9 +15,13 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    pub fn new(targets: usize) -> Self {
-        let none = vec![f32::INFINITY; targets];
-        Self { smallest: none.clone(), second: none, rows: vec![0; targets] }
+    /// These, or columns for so many targets in place of none.
+    pub fn or_new(self, targets: usize) -> Result<Self> {
+        if !self.rows.is_empty() {
+            return Ok(self);
+        }
+        let none = || memory::filled(f32::INFINITY, targets);
+        Ok(Self { smallest: none()?, second: none()?, rows: memory::filled(0, targets)? })
     }
 
     /// Takes in `product + squared norm` of source row `row` for targets from `first` on.
@@ -27,8 +35,11 @@ impl Columns {
     }
 
     /// Takes in what another part of the source rows gave.
-    pub fn merge(mut self, other: &Self) -> Self {
-        for j in 0..self.rows.len() {
+    pub fn merge(mut self, other: Self) -> Self {
+        if self.rows.is_empty() {
+            return other;
+        }
+        for j in 0..other.rows.len() {
             insert(
                 other.smallest[j],
                 other.rows[j],
@@ -67,17 +78,19 @@ mod tests {
     use crate::simd::run_on_each;
 
     #[test]
-    fn the_two_smallest_of_every_column_in_any_order_of_parts() {
+    fn the_two_smallest_of_every_column_in_any_order_of_parts() -> Result<()> {
         let value = |row: u32, j: usize| (f64::from(row) * 1.7 + j as f64 * 0.9).sin() as f32;
-        let part = |rows: std::ops::Range<u32>| {
-            let mut columns = Columns::new(70);
+        let part = |rows: std::ops::Range<u32>| -> Result<Columns> {
+            let mut columns = Columns::default().or_new(70)?;
             for row in rows {
                 let products: Vec<f32> = (3..70).map(|j| value(row, j)).collect();
                 columns.scan(&products, 0.5, row, 3);
             }
-            columns
+            Ok(columns)
         };
-        for columns in run_on_each(|| part(20..50).merge(&part(0..20))) {
+        let (first, last) = (part(0..20)?, part(20..50)?);
+        let merged = || Columns::default().merge(last.clone()).merge(first.clone());
+        for columns in run_on_each(merged) {
             for j in 3..70 {
                 let mut values: Vec<_> = (0..50).map(|row| (value(row, j) + 0.5, row)).collect();
                 values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
@@ -86,5 +99,6 @@ mod tests {
             }
             assert!(columns.lead(0).is_nan(), "no value was seen");
         }
+        Ok(())
     }
 }

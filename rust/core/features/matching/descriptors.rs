@@ -1,6 +1,7 @@
 //! Descriptors of one side.
 
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Descriptors of one side; rows that are not finite stand for keypoints without a descriptor and are
 /// left out.
@@ -17,16 +18,22 @@ impl Descriptors {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] for a length of 0 or an incomplete last row; `name` is used in it.
+    /// [`Error::OutOfMemory`].
     pub fn new<T: Copy + Into<f64>>(name: &str, values: &[T], length: usize) -> Result<Self> {
         if length == 0 || !values.len().is_multiple_of(length) {
             let got = format!("{} values for rows of {length}", values.len());
             return Err(Error::invalid(name, got, "give one row of equal length per keypoint"));
         }
-        let is_complete = |row: &&[T]| row.iter().all(|&value| value.into().is_finite());
-        let complete = values.chunks_exact(length).enumerate().filter(|(_, row)| is_complete(row));
-        let rows = complete.map(|(i, _)| i).collect::<Vec<_>>();
-        let kept = rows.iter().flat_map(|&i| &values[i * length..(i + 1) * length]);
-        let values = kept.map(|&value| value.into()).collect();
+        let mut values = copied(values)?;
+        let mut rows = Vec::new();
+        for i in 0..values.len() / length {
+            let row = i * length..(i + 1) * length;
+            if values[row.clone()].iter().all(|value| value.is_finite()) {
+                values.copy_within(row, rows.len() * length);
+                memory::push(&mut rows, i)?;
+            }
+        }
+        values.truncate(rows.len() * length);
         Ok(Self { values, length, rows })
     }
 
@@ -49,12 +56,20 @@ impl Descriptors {
     }
 
     /// Those of the descriptors alone.
-    pub(super) fn subset(&self, indices: &[usize]) -> Self {
-        let values = indices.iter().flat_map(|&i| self.row(i)).copied().collect();
-        Self { values, length: self.length, rows: indices.to_vec() }
+    pub(super) fn subset(&self, indices: &[usize]) -> Result<Self> {
+        let mut values = memory::with_capacity(indices.len() * self.length)?;
+        indices.iter().for_each(|&i| values.extend_from_slice(self.row(i)));
+        Ok(Self { values, length: self.length, rows: memory::copied(indices)? })
     }
 
     pub(super) fn largest(&self) -> f64 {
         self.values.iter().fold(0.0, |largest, value| value.abs().max(largest))
     }
+}
+
+/// The numbers, read once: another process may write to them meanwhile. Never inlined, so that no compiler reads
+/// them again in place of the copy.
+#[inline(never)]
+fn copied<T: Copy + Into<f64>>(values: &[T]) -> Result<Vec<f64>> {
+    memory::collect(values.iter().map(|&value| value.into()))
 }

@@ -15,6 +15,7 @@ pub use descriptors::Descriptors;
 
 use crate::error::{Error, Result, at_least_one, positive};
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::unit_scale;
 use product::{Found, Product};
 
@@ -73,8 +74,9 @@ impl Matching {
     /// Matches in ascending order of the source row, then of the rank.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for descriptors of different lengths or so unlike in size that distances vanish, a `k`
-    /// of 0 or beyond the memory bound, or a `max_distance` that is not positive; [`Error::Interrupted`].
+    /// [`Error::InvalidInput`] for descriptors of different lengths or so unlike in size that squared distances lose
+    /// digits, a `k` of 0 or beyond the memory bound, or a `max_distance` that is not positive;
+    /// [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn run(
         &self,
         source: &Descriptors,
@@ -91,27 +93,27 @@ impl Matching {
             let remedy = format!("matches of {} rows would exceed max_memory; give less", source.len());
             return Err(Error::invalid("k", self.k, remedy));
         }
-        let product = Product::new(source, target);
+        let product = Product::new(source, target)?;
         // The second is needed for the ratio.
         let found = product.nearest(k.max(2), execution)?;
         let owners = owners(&product, &found, k, execution)?;
         let pair = Pair { source, target, unit: product.unit };
         let all = (0..source.len()).flat_map(|i| (0..k).map(move |place| (i, place)));
         let matches = all.map(|(i, place)| pair.at(i, place, &found, &owners));
-        Ok(matches.filter(|m| m.distance <= limit && (m.is_mutual || !self.mutual)).collect())
+        memory::collect(matches.filter(|m| m.distance <= limit && (m.is_mutual || !self.mutual)))
     }
 }
 
 /// The nearest source row of every target that is among the `k` nearest of one.
 fn owners(product: &Product<'_>, found: &Found, k: usize, execution: &Execution) -> Result<Vec<u32>> {
-    let mut is_wanted = vec![false; product.targets()];
+    let mut is_wanted = memory::filled(false, product.targets())?;
     found.rows().for_each(|row| row.iter().take(k).for_each(|near| is_wanted[near.index as usize] = true));
-    let mut owners = found.columns.lowest().to_vec();
-    let open: Vec<usize> =
-        (0..is_wanted.len()).filter(|&j| is_wanted[j] && product.is_open(&found.columns, j)).collect();
+    let mut owners = memory::copied(found.columns.lowest())?;
+    let open = (0..is_wanted.len()).filter(|&j| is_wanted[j] && product.is_open(&found.columns, j));
+    let open = memory::collect(open)?;
     if !open.is_empty() {
-        let back = product.reversed(&open);
-        let exact = Product::with_unit(&back.0, back.1, product.unit).nearest(1, execution)?;
+        let back = product.reversed(&open)?;
+        let exact = Product::with_unit(&back.0, back.1, product.unit)?.nearest(1, execution)?;
         open.iter().zip(exact.rows()).for_each(|(&j, row)| owners[j] = row[0].index);
     }
     Ok(owners)

@@ -9,6 +9,7 @@ use super::columns::Columns;
 use super::descriptors::Descriptors;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
+use crate::memory;
 use crate::points::unit_scale;
 use crate::simd;
 
@@ -17,6 +18,9 @@ const SOURCE_BLOCK: usize = 96;
 const TARGET_BLOCK: usize = 1024;
 /// Half a unit in the last place of 1 in single precision.
 const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
+
+/// Squares below this, which are those of lengths around 1, have lost digits, or their terms have.
+const LEAST_SQUARE: f64 = 1e-270;
 
 /// A target, and its distance from a source row, scaled.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -51,13 +55,13 @@ struct Scaled {
 }
 
 impl Scaled {
-    fn new(side: &Descriptors, unit: f64) -> Self {
-        let values = side.values().iter().map(|value| (value * unit) as f32).collect();
+    fn new(side: &Descriptors, unit: f64) -> Result<Self> {
+        let values = memory::collect(side.values().iter().map(|value| (value * unit) as f32))?;
         let norm = |row: &[f64]| row.iter().map(|value| (value * unit).powi(2)).sum::<f64>().sqrt();
-        let norms: Vec<f64> = side.values().chunks_exact(side.length.max(1)).map(norm).collect();
-        let squared_norms = norms.iter().map(|norm| (norm * norm) as f32).collect();
+        let norms = memory::collect(side.values().chunks_exact(side.length.max(1)).map(norm))?;
+        let squared_norms = memory::collect(norms.iter().map(|norm| (norm * norm) as f32))?;
         let farthest = norms.iter().copied().fold(0.0, f64::max);
-        Self { values, squared_norms, norms, farthest }
+        Ok(Self { values, squared_norms, norms, farthest })
     }
 }
 
@@ -72,15 +76,13 @@ pub(super) struct Product<'a> {
 }
 
 impl<'a> Product<'a> {
-    pub fn new(source: &'a Descriptors, target: &'a Descriptors) -> Self {
+    pub fn new(source: &'a Descriptors, target: &'a Descriptors) -> Result<Self> {
         let largest = source.largest().max(target.largest());
-        // The inverse of anything smaller is infinite.
-        let unit = if largest > 0.0 { unit_scale(largest.max(f64::MIN_POSITIVE)) } else { 1.0 };
-        Self::with_unit(source, target, unit)
+        Self::with_unit(source, target, unit_scale(largest))
     }
 
-    pub fn with_unit(source: &'a Descriptors, target: &'a Descriptors, unit: f64) -> Self {
-        Self { source, target, a: Scaled::new(source, unit), b: Scaled::new(target, unit), unit }
+    pub fn with_unit(source: &'a Descriptors, target: &'a Descriptors, unit: f64) -> Result<Self> {
+        Ok(Self { source, target, a: Scaled::new(source, unit)?, b: Scaled::new(target, unit)?, unit })
     }
 
     /// Number of targets.
@@ -89,8 +91,8 @@ impl<'a> Product<'a> {
     }
 
     /// Some of the targets as sources, and the sources as targets.
-    pub fn reversed(&self, targets: &[usize]) -> (Descriptors, &'a Descriptors) {
-        (self.target.subset(targets), self.source)
+    pub fn reversed(&self, targets: &[usize]) -> Result<(Descriptors, &'a Descriptors)> {
+        Ok((self.target.subset(targets)?, self.source))
     }
 
     /// Whether single precision leaves open which source row is nearest to target `j`.
@@ -101,21 +103,20 @@ impl<'a> Product<'a> {
     /// The `count` nearest targets of every source row, as many as there are, by (distance, index).
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where descriptors that are not equal have a distance of 0; [`Error::Interrupted`].
+    /// [`Error::InvalidInput`] where descriptors that are not equal have a distance too small to square;
+    /// [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn nearest(&self, count: usize, execution: &Execution) -> Result<Found> {
         let (targets, width) = (self.targets(), count.min(self.targets()));
-        let mut nearest = vec![Near::default(); width * self.source.len()];
+        let mut nearest = memory::filled(Near::default(), width * self.source.len())?;
         let blocks = nearest.par_chunks_mut((SOURCE_BLOCK * width).max(1)).enumerate();
         let columns = blocks
-            .try_fold(
-                || Columns::new(targets),
-                |mut columns, (block, results)| {
-                    self.search(block * SOURCE_BLOCK, width, results, &mut columns, execution)?;
-                    Ok(columns)
-                },
-            )
-            .try_reduce(|| Columns::new(targets), |one, other| Ok(one.merge(&other)))?;
-        Ok(Found { width, nearest, columns })
+            .try_fold(Columns::default, |columns, (block, results)| {
+                let mut columns = columns.or_new(targets)?;
+                self.search(block * SOURCE_BLOCK, width, results, &mut columns, execution)?;
+                Ok(columns)
+            })
+            .try_reduce(Columns::default, |one, other| Ok(one.merge(other)))?;
+        Ok(Found { width, nearest, columns: columns.or_new(targets)? })
     }
 
     /// The nearest targets of the source rows from `start` on.
@@ -130,7 +131,7 @@ impl<'a> Product<'a> {
         let length = self.source.length;
         let slack = |i: usize| error_bound(length, self.a.norms[i], self.b.farthest);
         let end = start + results.len() / width;
-        let mut candidates: Vec<_> = (start..end).map(|i| Candidates::new(width, slack(i))).collect();
+        let mut candidates = memory::try_collect((start..end).map(|i| Candidates::new(width, slack(i))))?;
         self.scan_targets(start, &mut candidates, columns, execution)?;
         for ((i, found), result) in (start..).zip(&candidates).zip(results.chunks_exact_mut(width)) {
             self.select(i, found.indices(), result)?;
@@ -153,7 +154,7 @@ impl<'a> Product<'a> {
             length,
         );
         let own_norms = &self.a.squared_norms[start..start + count];
-        let mut product = vec![0.0_f32; count * TARGET_BLOCK];
+        let mut product = memory::filled(0.0_f32, count * TARGET_BLOCK)?;
         for (block, values) in self.b.values.chunks(TARGET_BLOCK * length).enumerate() {
             execution.check()?;
             let width = values.len() / length;
@@ -174,10 +175,10 @@ impl<'a> Product<'a> {
                 simd::run(
                     #[inline(always)]
                     || {
-                        found.scan(products, squared_norms, first as u32);
                         columns.scan(products, own, row, first);
+                        found.scan(products, squared_norms, first as u32)
                     },
-                );
+                )?;
             }
         }
         Ok(())
@@ -186,17 +187,16 @@ impl<'a> Product<'a> {
     /// The nearest of the candidates, in double precision.
     fn select(&self, i: usize, candidates: impl Iterator<Item = u32>, result: &mut [Near]) -> Result<()> {
         let row = self.source.row(i);
-        let mut exact = Vec::with_capacity(result.len());
+        let mut exact = memory::with_capacity(result.len())?;
         for index in candidates {
             let other = self.target.row(index as usize);
             let difference = row.iter().zip(other).map(|(a, b)| a * self.unit - b * self.unit);
             let square: f64 = difference.map(|d| d * d).sum();
-            if square == 0.0 && row != other {
-                let remedy =
-                    "their squares vanish beside the largest value; leave such rows out or scale them";
+            if square < LEAST_SQUARE && row != other {
+                let remedy = "squares of their differences vanish beside the largest value; leave such rows out or scale them";
                 return Err(Error::invalid("source, target", "descriptors of very different size", remedy));
             }
-            exact.push(Near { index, distance: square.sqrt() });
+            memory::push(&mut exact, Near { index, distance: square.sqrt() })?;
         }
         exact.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.index.cmp(&b.index)));
         result.copy_from_slice(&exact[..result.len()]);
