@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 PROGRAM = """
-import resource, sys
+import inspect, resource, sys
 import numpy as np
 import cgroup
 from cgroup.datasets import make_problem
@@ -30,7 +30,8 @@ def limit(room):
 
 def outcome(method, matches):
     try:
-        bound = {"max_memory": 10**12} if "max_memory" in cgroup.METHODS[method].options else {}
+        takes_bound = "max_memory" in inspect.signature(cgroup.METHODS[method]).parameters
+        bound = {"max_memory": 10**12} if takes_bound else {}
         cgroup.group(matches, method, threads=2, **bound, **OPTIONS.get(method, {}))
     except cgroup.OutOfMemoryError as error:
         assert "no memory for a block of" in str(error)
@@ -42,6 +43,7 @@ def outcome(method, matches):
 drawn = make_problem(np.random.default_rng(0), 6000, inlier_ratio=0.02)
 names = ["source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "resolution"]
 matches = cgroup.Correspondences(**{name: getattr(drawn, name) for name in names})
+cgroup.ransac(drawn.source[:9], drawn.target[:9], tolerance=1.0, threads=2)  # starts the threads
 for name in sys.argv[2:]:
     limit(int(sys.argv[1]) << 20)
     print(name, outcome(name, matches), flush=True)
