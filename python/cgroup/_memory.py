@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
+import re
+import sys
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+if sys.platform != "win32":
+    import resource
 
 MOST = 3 << 29
 """A dense matrix never takes more than 1.5 GiB by default."""
@@ -18,10 +25,11 @@ SMALL = 32 << 20
 """Bytes that a problem gets without a look at what is free, which takes longer than to solve it."""
 
 _LARGEST_PAIR = 40
-"""Bytes per pair of correspondences that the most demanding method, ST's dense eigensolver, needs."""
+"""Bytes per pair of correspondences that suffice for the most demanding method."""
 
-MEMINFO = Path("/proc/meminfo")
-CONTAINER = Path("/sys/fs/cgroup")
+PROC = Path("/proc")
+CONTROL_GROUPS = Path("/sys/fs/cgroup")
+"""Where control groups are mounted unless the system says otherwise."""
 
 
 def max_memory_for(correspondences: int) -> int:
@@ -32,12 +40,13 @@ def max_memory_for(correspondences: int) -> int:
 
 def default_max_memory() -> int:
     """Bytes that a pairwise matrix may take: a quarter of what is free, at most 1.5 GiB."""
-    return min(MOST, max(min(_free_on_machine(), _free_in_container()), 0) // SHARE_OF_FREE)
+    free = min(_free_on_machine(), _free_address_space(), _free_in_groups())
+    return min(MOST, max(free, 0) // SHARE_OF_FREE)
 
 
 def _free_on_machine() -> int:
     try:
-        for line in MEMINFO.read_text(encoding="ascii").splitlines():
+        for line in (PROC / "meminfo").read_text(encoding="ascii").splitlines():
             if line.startswith("MemAvailable:"):
                 return int(line.split()[1]) << 10
     except (OSError, ValueError):
@@ -48,12 +57,111 @@ def _free_on_machine() -> int:
         return UNKNOWN_FREE
 
 
-def _free_in_container() -> int:
-    """Bytes up to the limit that a container sets, if it does."""
-    try:
-        limit, used = (
-            (CONTAINER / name).read_text(encoding="ascii") for name in ("memory.max", "memory.current")
-        )
-        return int(limit) - int(used)
-    except (OSError, ValueError):
+def _free_address_space() -> int:
+    """Bytes up to the process's limit of address space (`ulimit -v`), if there is one."""
+    if sys.platform == "win32":
         return MOST * SHARE_OF_FREE
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return MOST * SHARE_OF_FREE
+    try:
+        pages = int((PROC / "self/statm").read_text(encoding="ascii").split()[0])
+        return limit - pages * resource.getpagesize()
+    except (OSError, ValueError, IndexError):
+        return limit
+
+
+class _Names(NamedTuple):
+    """What a control group's files are called."""
+
+    limit: str
+    used: str
+    reclaimable: str
+
+
+_NO_LIMIT = 1 << 60
+"""Version 1 has a number like this where there is no limit."""
+
+_SECOND = _Names("memory.max", "memory.current", "inactive_file")
+_FIRST = _Names("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+
+
+def _free_in_groups() -> int:
+    """Bytes up to the nearest of the limits of the process's control groups and those around them."""
+    return min((_free_in_group(folder, names) for folder, names in _groups()), default=MOST * SHARE_OF_FREE)
+
+
+def _free_in_group(folder: Path, names: _Names) -> int:
+    plenty = MOST * SHARE_OF_FREE
+    try:
+        limit = int((folder / names.limit).read_text(encoding="ascii"))
+        free = limit - int((folder / names.used).read_text(encoding="ascii")) if limit < _NO_LIMIT else plenty
+    except (OSError, ValueError):  # "max", or nothing
+        return plenty
+    return free if free >= plenty else free + _reclaimable(folder, names)
+
+
+def _reclaimable(folder: Path, names: _Names) -> int:
+    """Bytes of files that the system keeps only while nobody needs the memory."""
+    try:
+        for line in (folder / "memory.stat").read_text(encoding="ascii").splitlines():
+            if line.startswith(names.reclaimable + " "):
+                return int(line.split()[1])
+    except (OSError, ValueError):
+        pass
+    return 0
+
+
+@cache
+def _groups() -> list[tuple[Path, _Names]]:
+    """Return the folders of the process's memory groups, of either version, and of all around them."""
+    return [
+        (folder, names)
+        for names, place, root, path in _memberships()
+        for folder in _with_ancestors(place, root, path)
+        if (folder / names.limit).exists()
+    ]
+
+
+def _memberships() -> list[tuple[_Names, Path, str, str]]:
+    """Return, for each version in use, its mount point, the group mounted there, and the process's group."""
+    try:
+        lines = (PROC / "self/cgroup").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    found = []
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        if not controllers:
+            found.append((_SECOND, *_mount("cgroup2", ""), path))
+        elif "memory" in controllers.split(","):
+            found.append((_FIRST, *_mount("cgroup", "memory"), path))
+    return found or [(_SECOND, CONTROL_GROUPS, "/", "/"), (_FIRST, CONTROL_GROUPS / "memory", "/", "/")]
+
+
+def _mount(kind: str, controller: str) -> tuple[Path, str]:
+    """Return the mount point of a hierarchy of control groups, and the group that is mounted there."""
+    try:
+        lines = (PROC / "self/mountinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    for line in lines:
+        place, _, rest = line.partition(" - ")
+        fields, described = place.split(), rest.split()
+        if len(fields) < 5 or not described or described[0] != kind:
+            continue
+        if not controller or controller in described[-1].split(","):
+            return Path(_unescaped(fields[4])), _unescaped(fields[3])
+    return CONTROL_GROUPS / controller, "/"
+
+
+def _with_ancestors(place: Path, root: str, path: str) -> list[Path]:
+    """Return the folder of a group and of those around it, up to the mount point."""
+    group = PurePosixPath(path)
+    inside = group.relative_to(root) if group.is_relative_to(root) else PurePosixPath()
+    return [place / inside, *(place / around for around in inside.parents)]
+
+
+def _unescaped(text: str) -> str:
+    """Undo what mountinfo writes for blanks."""
+    return re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), text)

@@ -20,8 +20,8 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 pub const LEAST: usize = 1 << 10;
 
 /// Blocks that are refused one by one; of those after them some are drawn.
-const EACH: usize = 250;
-const DRAWN: usize = 60;
+const EACH: usize = 100;
+const DRAWN: usize = 25;
 
 /// The system's allocator, but for the blocks that are to be refused.
 pub struct RefusingAllocator;

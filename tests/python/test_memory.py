@@ -2,49 +2,123 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from cgroup import _memory
 
 GIB = 1 << 30
+PLENTY = 400 << 20
+
+
+class System:
+    """Made-up folders in the place of /proc and /sys/fs/cgroup."""
+
+    def __init__(self, root, monkeypatch):
+        self.proc, self.groups = root / "proc", root / "control groups"
+        for folder in (self.proc / "self", self.groups):
+            folder.mkdir(parents=True)
+        monkeypatch.setattr(_memory, "PROC", self.proc)
+        monkeypatch.setattr(_memory, "CONTROL_GROUPS", self.groups)
+
+    def available(self, kib):
+        (self.proc / "meminfo").write_text(f"MemTotal: 1 kB\nMemAvailable: {kib} kB\n")
+
+    def member_of(self, *lines):
+        (self.proc / "self/cgroup").write_text("".join(f"{line}\n" for line in lines))
+
+    def mounts(self, *lines):
+        (self.proc / "self/mountinfo").write_text("".join(f"{line}\n" for line in lines))
+
+    def second(self, path, limit, used, reclaimable=0):
+        """Limit a group of version 2."""
+        folder = self.groups / path
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "memory.max").write_text(f"{limit}\n")
+        (folder / "memory.current").write_text(f"{used}\n")
+        (folder / "memory.stat").write_text(f"anon 5\ninactive_file {reclaimable}\n")
+
+    def first(self, path, limit, used):
+        """Limit a group of version 1."""
+        folder = self.groups / path
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "memory.limit_in_bytes").write_text(f"{limit}\n")
+        (folder / "memory.usage_in_bytes").write_text(f"{used}\n")
 
 
 @pytest.fixture
 def system(tmp_path, monkeypatch):
-    def write(available_kib=None, limit=None, used=0):
-        if available_kib is not None:
-            (tmp_path / "meminfo").write_text(f"MemTotal: 1 kB\nMemAvailable: {available_kib} kB\n")
-        if limit is not None:
-            (tmp_path / "memory.max").write_text(f"{limit}\n")
-            (tmp_path / "memory.current").write_text(f"{used}\n")
-
-    monkeypatch.setattr(_memory, "MEMINFO", tmp_path / "meminfo")
-    monkeypatch.setattr(_memory, "CONTAINER", tmp_path)
-    return write
+    _memory._groups.cache_clear()
+    yield System(tmp_path, monkeypatch)
+    _memory._groups.cache_clear()
 
 
 def test_a_quarter_of_what_is_free(system):
-    system(available_kib=4 << 20)
+    system.available(4 << 20)
     assert _memory.default_max_memory() == GIB
 
 
 def test_at_most_one_and_a_half_gibibytes(system):
-    system(available_kib=400 << 20, limit="max")
+    system.available(PLENTY)
+    system.second(".", "max", 0)
     assert _memory.default_max_memory() == GIB * 3 // 2
 
 
 def test_a_container_has_its_own_limit(system):
-    system(available_kib=400 << 20, limit=GIB, used=GIB // 2)
+    system.available(PLENTY)
+    system.second(".", GIB, GIB // 2)
     assert _memory.default_max_memory() == GIB // 8
 
 
+def test_files_that_are_kept_take_no_memory(system):
+    system.available(PLENTY)
+    system.second(".", GIB, GIB // 2, reclaimable=GIB // 4)
+    assert _memory.default_max_memory() == GIB * 3 // 16
+
+
 def test_a_full_container_leaves_nothing(system):
-    system(available_kib=400 << 20, limit=GIB, used=GIB + 1)
+    system.available(PLENTY)
+    system.second(".", GIB, GIB + 1)
     assert _memory.default_max_memory() == 0
 
 
-def test_some_bound_where_the_system_does_not_tell(system):
-    system()
+@pytest.mark.parametrize("limited", ["a/b/c", "a/b", "a", "."])
+def test_the_groups_around_the_process_s_count_too(system, limited):
+    system.available(PLENTY)
+    system.member_of("0::/a/b/c")
+    for path in ("a/b/c", "a/b", "a", "."):
+        system.second(path, GIB if path == limited else "max", 0)
+    system.second("a/other", 1, 0)
+    assert _memory.default_max_memory() == GIB // 4
+
+
+def test_groups_of_the_first_version(system):
+    system.available(PLENTY)
+    place = system.groups / "memory"
+    system.member_of("9:cpu,cpuacct:/jobs/7", "4:memory:/jobs/7", "0::/jobs/7")
+    mount = f"35 31 0:32 / {place} rw,relatime - cgroup cgroup rw,memory".replace(
+        "control groups", "control\\040groups"
+    )
+    system.mounts("31 23 0:28 / /sys/fs/cgroup rw - tmpfs tmpfs rw", mount)
+    system.first("memory/jobs/7", (1 << 63) - 4096, 0)  # what stands there where there is no limit
+    system.first("memory/jobs", GIB, GIB // 2)
+    assert _memory.default_max_memory() == GIB // 8
+
+
+def test_a_group_that_is_mounted_by_itself(system):
+    system.available(PLENTY)
+    system.member_of("0::/docker/abc/inner")
+    system.mounts(f"41 31 0:38 /docker/abc {system.proc} rw - cgroup2 cgroup2 rw")
+    (system.proc / "inner").mkdir()
+    (system.proc / "inner/memory.max").write_text(f"{GIB}\n")
+    (system.proc / "inner/memory.current").write_text("0\n")
+    assert _memory.default_max_memory() == GIB // 4
+
+
+@pytest.mark.usefixtures("system")
+def test_some_bound_where_the_system_does_not_tell():
     assert 0 < _memory.default_max_memory() <= 2 * GIB
 
 
@@ -54,9 +128,22 @@ def test_small_problems_get_a_bound_without_a_look_at_the_system(monkeypatch):
 
     monkeypatch.setattr(_memory, "default_max_memory", fail)
     assert _memory.max_memory_for(0) == _memory.max_memory_for(900) == _memory.SMALL
-    assert _memory.SMALL > 900**2 * 40  # what ST's dense eigensolver takes
+    assert _memory.SMALL > 900**2 * 40  # more than any method takes
 
 
 def test_large_problems_get_a_share_of_what_is_free(system):
-    system(available_kib=4 << 20)
+    system.available(4 << 20)
     assert _memory.max_memory_for(5000) == GIB
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit of address space")
+def test_a_limit_of_address_space_leaves_a_share_of_what_is_left_of_it():
+    program = """if True:
+        import resource
+        from cgroup import _memory
+        used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + (200 << 20),) * 2)
+        print(_memory.default_max_memory() >> 20)
+    """
+    printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert 45 <= int(printed.stdout) <= 50
