@@ -67,7 +67,7 @@ fn what_is_wrong_is_said() {
     refused(b"ply\nformat ascii 1.0\nelement vertex 1\nproperty real x\n", "line 4: got \"real\"");
     let broken = format!("ply\n{HEADER}end_header\n1 2 3\n1 oh 3\n4 5 6\n7 8 9\n");
     refused(broken.as_bytes(), "line 9: got \"oh\"");
-    let short = format!("ply\n{HEADER}end_header\n1 2 3\n1 2\n4 5 6\n7 8 9\n");
+    let short = format!("ply\n{HEADER}end_header\n1 2 3\n1 200\n4 5 6\n7 8 9\n");
     refused(short.as_bytes(), "line 9: got the end of the line");
     let cut = format!("ply\n{HEADER}end_header\n1 2 3\n1 2 33333333333333\n4 5 6\n");
     refused(cut.as_bytes(), "the end of the file");
