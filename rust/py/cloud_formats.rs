@@ -1,12 +1,16 @@
 //! Files of point clouds, and tables of numbers: bytes in, arrays out.
 
 use cgroup::cloud_formats::{PARSERS, table};
+use cgroup::{Error, Execution};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 
 use crate::convert::choose;
-use crate::run::{RunOptions, run};
+use crate::run::{RunOptions, run, run_inline};
+
+/// Bytes that are parsed within a millisecond.
+const SMALL: usize = 1 << 14;
 
 /// What Python gets of a cloud: points, normals, faces and colours, each (N,3).
 type PyCloudContent<'py> = (
@@ -25,7 +29,7 @@ pub fn parse_cloud<'py>(
     run_options: RunOptions,
 ) -> PyResult<PyCloudContent<'py>> {
     let parse = choose("suffix", suffix, &PARSERS)?;
-    let cloud = run(py, &run_options, move |execution| parse(&content, execution))?;
+    let cloud = parse_with(py, content, &run_options, parse)?;
     Ok((
         triples(py, cloud.points)?,
         cloud.normals.map(|normals| triples(py, normals)).transpose()?,
@@ -41,9 +45,22 @@ pub fn parse_table(
     content: PyBackedBytes,
     run_options: RunOptions,
 ) -> PyResult<Bound<'_, PyArray2<f64>>> {
-    let found = run(py, &run_options, move |execution| table::parse(&content, execution))?;
+    let found = parse_with(py, content, &run_options, table::parse)?;
     let rows = found.numbers.len() / found.columns.max(1);
     PyArray1::from_vec(py, found.numbers).reshape([rows, found.columns])
+}
+
+/// Parses on another thread, unless that takes longer than to parse.
+fn parse_with<T: Send + 'static>(
+    py: Python<'_>,
+    content: PyBackedBytes,
+    run_options: &RunOptions,
+    parse: impl Fn(&[u8], &Execution) -> Result<T, Error> + Send + 'static,
+) -> PyResult<T> {
+    if content.len() <= SMALL {
+        return run_inline(py, |execution| parse(&content, execution));
+    }
+    run(py, run_options, move |execution| parse(&content, execution))
 }
 
 /// An array (N,3), without a copy.

@@ -345,6 +345,6 @@ def test_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
 def test_starts_without_loading_what_it_may_not_need() -> None:
     code = (
         "import sys; from cgroup import cli; "
-        "sys.exit(bool({'matplotlib', 'trimesh', 'pypcd4', 'scipy'} & set(sys.modules)))"
+        "sys.exit(bool({'matplotlib', 'trimesh', 'pypcd4', 'laspy', 'scipy'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

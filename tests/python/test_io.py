@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import struct
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from cloud_files import CLOUDS, FACES, TETRAHEDRON, pcd, ply_ascii, ply_binary
 from shared_data import shared_file
 
 from cgroup.errors import InputError
@@ -29,97 +29,12 @@ from cgroup.types import Correspondences
 if TYPE_CHECKING:
     from pathlib import Path
 
-TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0.25, 0.5, 3]])
-FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 TURN = np.array([[0.0, -1, 0, 5], [1, 0, 0, -6], [0, 0, 1, 7], [0, 0, 0, 1]])
 
 
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(7)
-
-
-def numbers(rows: np.ndarray, start: str = "") -> str:
-    return "".join(start + " ".join(f"{x:g}" for x in row) + "\n" for row in rows)
-
-
-def ply_ascii() -> bytes:
-    header = (
-        "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty float x\n"
-        "property float y\nproperty float z\nelement face 4\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
-    return (header + numbers(TETRAHEDRON) + numbers(FACES, "3 ")).encode()
-
-
-def ply_binary(order: str) -> bytes:
-    word = {"<": "little", ">": "big"}[order]
-    header = (
-        f"ply\nformat binary_{word}_endian 1.0\nelement vertex 4\nproperty double x\n"
-        "property double y\nproperty double z\nproperty uchar red\nproperty uchar green\n"
-        "property uchar blue\nelement face 4\nproperty list uchar int vertex_index\nend_header\n"
-    )
-    rows = b"".join(struct.pack(f"{order}3d3B", *row, 1, 2, 3) for row in TETRAHEDRON)
-    faces = b"".join(struct.pack(f"{order}B3i", 3, *row) for row in FACES)
-    return header.encode() + rows + faces
-
-
-def pcd(data: str, *, version: str = "0.7", body: bytes | None = None) -> bytes:
-    old = version != "0.7"
-    header = (
-        f"# .PCD v{version} - Point Cloud Data file format\nVERSION {version}\nFIELDS x y z\n"
-        "SIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 4\nHEIGHT 1\n"
-        + ("" if old else "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 4\n")
-        + f"DATA {data}\n"
-    )
-    flat = TETRAHEDRON.astype("<f4")
-    bodies = {
-        "ascii": numbers(TETRAHEDRON).encode(),
-        "binary": flat.tobytes(),
-        # One LZF literal run of at most 32 bytes after another.
-        "binary_compressed": lzf_literal(flat.T.tobytes()),
-    }
-    return header.encode() + (bodies[data] if body is None else body)
-
-
-def lzf_literal(plain: bytes) -> bytes:
-    runs = (plain[i : i + 32] for i in range(0, len(plain), 32))
-    packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
-    return struct.pack("<II", len(packed), len(plain)) + packed
-
-
-def stl_ascii() -> bytes:
-    facet = "facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n"
-    body = "".join(facet.format(numbers(TETRAHEDRON[face], "vertex ")) for face in FACES)
-    return f"solid tetrahedron\n{body}endsolid tetrahedron\n".encode()
-
-
-def stl_binary() -> bytes:
-    rows = (struct.pack("<12fH", 0, 0, 0, *TETRAHEDRON[f].reshape(-1), 0) for f in FACES)
-    return b"made by hand".ljust(80, b" ") + struct.pack("<I", 4) + b"".join(rows)
-
-
-OBJ = f"# by hand\n{numbers(TETRAHEDRON, 'v ')}{numbers(FACES + 1, 'f ')}".encode()
-OFF = f"OFF\n4 4 6\n{numbers(TETRAHEDRON)}{numbers(FACES, '3 ')}".encode()
-XYZ = f"// x y z intensity\n{numbers(np.c_[TETRAHEDRON, np.ones(4)])}".encode()
-
-CLOUDS = {
-    "ascii.ply": ply_ascii(),
-    "little.ply": ply_binary("<"),
-    "big.ply": ply_binary(">"),
-    "ascii.pcd": pcd("ascii"),
-    "old.pcd": pcd("ascii", version=".5"),
-    "binary.pcd": pcd("binary"),
-    "compressed.pcd": pcd("binary_compressed"),
-    "mesh.obj": OBJ,
-    "points.obj": numbers(TETRAHEDRON, "v ").encode(),
-    "mesh.off": OFF,
-    "ascii.stl": stl_ascii(),
-    "binary.stl": stl_binary(),
-    "points.xyz": XYZ,
-    "commas.txt": XYZ.replace(b" ", b", "),
-    "SHOUTED.XYZ": XYZ,
-}
 
 
 @pytest.mark.parametrize("name", CLOUDS)
@@ -187,12 +102,14 @@ def test_cut_off_file_is_an_error_or_shorter_text(name: str, share: float, tmp_p
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017 - both outcomes are looked at
     else:
-        assert name.endswith(("obj", "xyz", "XYZ", "txt", "off"))
+        assert name.endswith(("obj", "xyz", "XYZ", "txt", "csv", "off"))
         assert len(cloud) <= 4
         assert len(cloud) == 4 or not name.endswith("off")  # OFF counts its points
 
 
-@pytest.mark.parametrize("suffix", ["ply", "pcd", "obj", "off", "stl", "xyz", "npy"])
+@pytest.mark.parametrize(
+    "suffix", ["ply", "pcd", "obj", "off", "stl", "xyz", "csv", "pts", "npy", "npz", "laz"]
+)
 @pytest.mark.parametrize(
     "content",
     [b"", b"\n", b"hello, world\nhow are you\n", bytes(range(256)) * 8, b"\x00" * 400],

@@ -713,5 +713,5 @@ def test_a_forked_process_computes_too():
 
 
 def test_importing_needs_numpy_alone():
-    script = "import sys, cgroup; print(sorted({'matplotlib', 'rich', 'typer', 'scipy', 'trimesh'} & set(sys.modules)))"
+    script = "import sys, cgroup; print(sorted({'matplotlib', 'rich', 'typer', 'scipy', 'trimesh', 'pypcd4', 'laspy'} & set(sys.modules)))"
     assert subprocess.check_output([sys.executable, "-c", script], text=True).strip() == "[]"

@@ -121,18 +121,18 @@ def _read_array(file: IO[bytes], size: int) -> NDArray[Any]:
         message = f"an array of shape {shape} takes {needed} bytes, and {rest} are there"
         raise InputError(message)
     flat = np.empty(math.prod(shape), dtype=dtype)
-    _fill(memoryview(flat).cast("B") if flat.size else memoryview(b""), file)
+    _fill(flat.view(np.uint8), file)
     return flat.reshape(shape, order="F" if is_fortran else "C")
 
 
-def _fill(bytes_of: memoryview, file: IO[bytes]) -> None:
+def _fill(plain: NDArray[np.uint8], file: IO[bytes]) -> None:
     start = 0
-    while start < len(bytes_of):
-        chunk = file.read(min(_CHUNK, len(bytes_of) - start))
+    while start < len(plain):
+        chunk = file.read(min(_CHUNK, len(plain) - start))
         if not chunk:
-            message = f"the end of the file after {start} of {len(bytes_of)} bytes"
+            message = f"the end of the file after {start} of {len(plain)} bytes"
             raise InputError(message)
-        bytes_of[start : start + len(chunk)] = chunk
+        plain[start : start + len(chunk)] = np.frombuffer(chunk, dtype=np.uint8)
         start += len(chunk)
 
 

@@ -1,11 +1,7 @@
 """Parsers of point cloud files: bytes in, arrays out, any exception for content that can't be parsed.
 
-The core parses all formats but NumPy's own, and LAS and LAZ, for which laspy is loaded where one is to be read.
+The core parses all formats but NumPy's own, and LAS and LAZ, for which laspy is loaded where it is needed.
 """
-
-# laspy isn't typed.
-# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
-# pyright: reportUnknownMemberType=false, reportMissingImports=false
 
 from __future__ import annotations
 
@@ -62,25 +58,29 @@ def _points(array: NDArray[Any]) -> FloatArray:
 def _parse_las(content: bytes) -> CloudContent:
     import laspy  # noqa: PLC0415 - an extra
 
-    points: list[FloatArray] = []
-    colors: list[NDArray[np.uint16]] = []
+    parts: list[tuple[FloatArray, NDArray[np.uint16] | None]] = []
     try:
         with laspy.open(io.BytesIO(content)) as file:
-            has_colors = {"red", "green", "blue"} <= set(file.header.point_format.dimension_names)
-            for part in file.chunk_iterator(_LAS_POINTS):
-                points.append(np.stack([part.x, part.y, part.z], axis=1).astype(np.float64, copy=False))
-                if has_colors:
-                    colors.append(np.stack([part.red, part.green, part.blue], axis=1))
             declared = file.header.point_count
+            has_colors = {"red", "green", "blue"} <= set(file.header.point_format.dimension_names)
+            parts += [_las_part(part, has_colors) for part in file.chunk_iterator(_LAS_POINTS)]
     except (KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException as error:  # what a panic of its decompressor becomes isn't an Exception
         raise InputError(str(error) or type(error).__name__) from error
-    found = np.concatenate([np.empty((0, 3)), *points])
-    if len(found) != declared:
-        message = f"{len(found)} of {declared} points"
+    points = np.concatenate([np.empty((0, 3)), *(part[0] for part in parts)])
+    if len(points) != declared:
+        message = f"{len(points)} of {declared} points"
         raise InputError(message)
-    return CloudContent(found, colors=_bytes(np.concatenate(colors)) if colors else None)
+    colors = [part[1] for part in parts if part[1] is not None]
+    return CloudContent(points, colors=_bytes(np.concatenate(colors)) if colors else None)
+
+
+def _las_part(part: Any, has_colors: bool) -> tuple[FloatArray, NDArray[np.uint16] | None]:  # noqa: ANN401, FBT001 - laspy's
+    points = np.stack([np.asarray(part[name], dtype=np.float64) for name in "xyz"], axis=1)
+    if not has_colors:
+        return points, None
+    return points, np.stack([np.asarray(part[name]) for name in ("red", "green", "blue")], axis=1)
 
 
 def _bytes(colors: NDArray[np.uint16]) -> NDArray[np.uint8]:

@@ -1,5 +1,7 @@
 //! What a file holds.
 
+use std::ops::Range;
+
 use crate::error::Result;
 use crate::memory;
 
@@ -36,7 +38,7 @@ pub(super) enum ColorScale {
 /// Points as they are read, row by row.
 pub(super) struct Points {
     content: CloudContent,
-    reals: Option<Vec<[f32; 3]>>,
+    reals: Option<Vec<[f64; 3]>>,
     scale: ColorScale,
 }
 
@@ -57,9 +59,39 @@ impl Points {
             memory::push(normals, NORMAL.map(|i| row[i]))?;
         }
         if let Some(colors) = &mut self.reals {
-            memory::push(colors, COLOR.map(|i| row[i] as f32))?;
+            memory::push(colors, COLOR.map(|i| row[i]))?;
         }
         Ok(())
+    }
+
+    /// Adds so many points at the origin, and returns their rows.
+    pub fn grow(&mut self, more: usize) -> Result<Range<usize>> {
+        let len = self.len();
+        let rows = len..len + more;
+        let Self { content, reals, .. } = self;
+        for triples in
+            [Some(&mut content.points), content.normals.as_mut(), reals.as_mut()].into_iter().flatten()
+        {
+            memory::reserve(triples, more)?;
+            triples.resize(rows.end, [0.0; 3]);
+        }
+        Ok(rows)
+    }
+
+    /// What stands at a place of a [`Row`], for some rows; nothing where there is no such column.
+    pub fn column(&mut self, rows: Range<usize>, place: usize) -> impl Iterator<Item = &mut f64> {
+        let triples = match place / 3 {
+            0 => Some(&mut self.content.points),
+            1 => self.content.normals.as_mut(),
+            _ => self.reals.as_mut(),
+        };
+        let triples = triples.and_then(|triples| triples.get_mut(rows)).unwrap_or_default();
+        triples.iter_mut().map(move |triple| &mut triple[place % 3])
+    }
+
+    /// Colours of some rows.
+    pub fn colors(&mut self, rows: Range<usize>) -> impl Iterator<Item = &mut [f64; 3]> {
+        self.reals.as_mut().and_then(|colors| colors.get_mut(rows)).unwrap_or_default().iter_mut()
     }
 
     /// Number of points so far.
@@ -76,10 +108,10 @@ impl Points {
 }
 
 /// Colours in bytes; whole numbers are kept.
-pub(super) fn bytes_of(colors: &[[f32; 3]], scale: ColorScale) -> Result<Vec<[u8; 3]>> {
+pub(super) fn bytes_of(colors: &[[f64; 3]], scale: ColorScale) -> Result<Vec<[u8; 3]>> {
     let is_share = scale == ColorScale::Reals && colors.as_flattened().iter().all(|value| *value <= 1.0);
     // A cast of what is out of range ends at the nearest byte.
-    let byte = |value: f32| if is_share { (value * 255.0).round() as u8 } else { value as u8 };
+    let byte = |value: f64| if is_share { (value * 255.0).round() as u8 } else { value as u8 };
     memory::collect(colors.iter().map(|color| color.map(byte)))
 }
 
@@ -89,7 +121,7 @@ mod tests {
 
     #[test]
     fn shares_become_bytes() {
-        let colors = [[0.0, 0.5, 1.0], [0.25, -1.0, f32::NEG_INFINITY]];
+        let colors = [[0.0, 0.5, 1.0], [0.25, -1.0, f64::NEG_INFINITY]];
         assert_eq!(bytes_of(&colors, ColorScale::Reals), Ok(vec![[0, 128, 255], [64, 0, 0]]));
         assert_eq!(bytes_of(&colors, ColorScale::Bytes), Ok(vec![[0, 0, 1], [0, 0, 0]]));
         assert_eq!(bytes_of(&[[0.0, 1.0, 300.0]], ColorScale::Reals), Ok(vec![[0, 1, 255]]));

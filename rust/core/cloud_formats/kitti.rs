@@ -1,15 +1,13 @@
 //! KITTI's scans (Geiger et al., CVPR 2012): x, y, z and reflectance of each point, float32, nothing else.
 
-use super::cloud_content::{CloudContent, Points};
+use super::cloud_content::{CloudContent, POSITION, Points};
+use super::columns::{Column, read_columns};
 use super::scalar::{ByteOrder, Scalar};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 
 const NUMBERS: usize = 4;
 const BYTES: usize = NUMBERS * Scalar::F32.size();
-
-/// Points between two looks for an interruption.
-const CHECK_EVERY: usize = 1 << 16;
 
 /// Points of a scan; the reflectance is left out.
 ///
@@ -20,17 +18,11 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
         let remedy = format!("a point takes {BYTES}: x, y, z and reflectance in float32");
         return Err(Error::invalid("scan", format!("{} bytes", content.len()), remedy));
     }
-    let mut points = Points::with_capacity(content.len() / BYTES, false, None)?;
-    for block in content.chunks(CHECK_EVERY * BYTES) {
-        execution.check()?;
-        for bytes in block.chunks_exact(BYTES) {
-            let mut row = [0.0; 9];
-            for (value, number) in row.iter_mut().zip(bytes.chunks_exact(Scalar::F32.size()).take(3)) {
-                *value = Scalar::F32.read(number, ByteOrder::Little).unwrap_or(f64::NAN);
-            }
-            points.push(&row)?;
-        }
-    }
+    let count = content.len() / BYTES;
+    let scalar = Scalar::F32;
+    let columns = POSITION.map(|i| Column { to: Some(i), scalar, start: i * scalar.size(), step: BYTES });
+    let mut points = Points::with_capacity(count, false, None)?;
+    read_columns(&mut points, count, &columns, (content, ByteOrder::Little), execution)?;
     points.finish(None)
 }
 

@@ -110,7 +110,7 @@ impl<'a> Line<'a> {
     /// The line up to the first comment, which begins with one of these.
     pub fn without(mut self, comments: &[&[u8]]) -> Self {
         for comment in comments {
-            if let Some(start) = self.text.windows(comment.len()).position(|part| part == *comment) {
+            if let Some(start) = find(self.text, comment) {
                 self.text = &self.text[..start];
             }
         }
@@ -170,6 +170,19 @@ impl<'a> Line<'a> {
     /// The error of something on this line.
     pub fn refuse(&self, got: impl ToString, remedy: impl Into<String>) -> Error {
         Error::invalid(format!("line {}", self.number), got, remedy)
+    }
+}
+
+/// Where a piece begins in a text.
+fn find(text: &[u8], piece: &[u8]) -> Option<usize> {
+    let first = piece.first()?;
+    let mut from = 0;
+    loop {
+        let start = from + text.get(from..)?.iter().position(|byte| byte == first)?;
+        if text[start..].starts_with(piece) {
+            return Some(start);
+        }
+        from = start + 1;
     }
 }
 

@@ -16,6 +16,7 @@
 //! | KITTI's scans: x y z reflectance in float32 | [`kitti::parse`] |
 
 mod cloud_content;
+mod columns;
 mod fans;
 pub mod kitti;
 mod lines;

@@ -120,7 +120,7 @@ mod tests {
             ("ply\n", "begins with the word OFF"),
             ("4OFF\n1 0 0\n0 0 0 0\n", "three dimensions"),
             ("OFF BINARY\n", "got \"BINARY\""),
-            ("OFF\n2 0 0\n0 0 0\n1 0\n", "line 4: got the end of the line"),
+            ("OFF\n2 0 0\n0 0 0\n1 0000\n", "line 4: got the end of the line"),
             ("OFF\n1 1 0\n0 0 0\n3 0 0 1\n", "names point 1"),
             ("OFF\n1 1 0\n0 0 0\n3 0 0 -1\n", "line 4: got \"-1\""),
             ("OFF\n1 1 0\n0 0 0\n999999999999 0 0\n", "line 4: got the end of the line"),

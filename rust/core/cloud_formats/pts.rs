@@ -103,7 +103,7 @@ mod tests {
     fn what_is_wrong_is_said() {
         for (content, says) in [
             ("3\n1 2 3\n4 5 6\n", "points: got 3 of at least 6 bytes"),
-            ("2\n1 2 3.000\n", "1 of 2 points"),
+            ("2\n1 2 3.00000\n", "1 of 2 points"),
             ("2\n1 2 3\n4 5 6\n7 8 9\n", "3 of 2 points"),
             ("1\n1 2 3 4 5\n", "line 2: got 5 columns"),
             ("2\n1 2 3\n4 5 6 7\n", "line 3: got 4 columns"),

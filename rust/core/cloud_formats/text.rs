@@ -110,10 +110,7 @@ impl Fields {
             let field = field.trim_ascii();
             field.strip_prefix(b"\"").and_then(|field| field.strip_suffix(b"\"")).unwrap_or(field)
         };
-        text.trim_ascii()
-            .split(is_end)
-            .map(bare)
-            .filter(move |field| separator.is_some() || !field.is_empty())
+        text.split(is_end).map(bare).filter(move |field| separator.is_some() || !field.is_empty())
     }
 }
 

@@ -7,15 +7,13 @@ mod header;
 
 use self::header::{Body, Header};
 use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
+use super::columns::{Column, read_columns, unpacked};
 use super::lines::{Lines, check_room, shown};
 use super::lzf;
 use super::scalar::{ByteOrder, Scalar};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
-
-/// Points between two looks for an interruption.
-const CHECK_EVERY: usize = 1 << 12;
 
 /// Points, normals and colours of a file.
 ///
@@ -28,12 +26,12 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
         Body::Text => read_text(&header, &wanted, lines)?,
         Body::Binary => {
             check_room("POINTS", header.points, header.row_bytes, lines.rest().len())?;
-            let at = |column: &Column| (column.offset, header.row_bytes);
+            let at = |field: &Field| (field.offset, header.row_bytes);
             read_binary(&header, &wanted, lines.rest(), at, execution)?
         }
         Body::Compressed => {
             let plain = decompress(&header, lines.rest(), execution)?;
-            let at = |column: &Column| (column.offset.saturating_mul(header.points), column.scalar.size());
+            let at = |field: &Field| (field.offset.saturating_mul(header.points), field.scalar.size());
             read_binary(&header, &wanted, &plain, at, execution)?
         }
     };
@@ -41,7 +39,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
 }
 
 /// A field that is taken.
-struct Column {
+struct Field {
     /// Place in the row that is filled; None for a packed colour.
     to: Option<usize>,
     scalar: Scalar,
@@ -53,7 +51,7 @@ struct Column {
 
 /// The fields that are taken, in the file's order.
 struct Wanted {
-    columns: Vec<Column>,
+    fields: Vec<Field>,
     normals: bool,
     colors: bool,
 }
@@ -74,18 +72,18 @@ impl Wanted {
         }
         let packed = ["rgb", "rgba"].into_iter().find(|name| is_there(name));
         wanted.extend(packed.map(|name| (name, None)));
-        let mut columns = Vec::new();
+        let mut fields = Vec::new();
         let (mut words, mut offset) = (0, 0);
         for field in &header.fields {
             let place = wanted.iter().position(|(name, _)| field.count == 1 && field.name == name.as_bytes());
             if let Some((_, to)) = place.map(|place| wanted.swap_remove(place)) {
-                columns.push(Column { to, scalar: field.scalar, words, offset });
+                fields.push(Field { to, scalar: field.scalar, words, offset });
             }
             // The header was refused unless the sums over all fields are numbers.
             words += field.count;
             offset += field.count * field.scalar.size();
         }
-        Ok(Self { columns, normals: has_normals, colors: packed.is_some() })
+        Ok(Self { fields, normals: has_normals, colors: packed.is_some() })
     }
 
     fn points(&self, count: usize) -> Result<Points> {
@@ -101,17 +99,19 @@ fn read_text(header: &Header, wanted: &Wanted, mut lines: Lines) -> Result<Point
             return Err(line.refuse("a further point", format!("the header says {}", header.points)));
         }
         let mut row: Row = [0.0; 9];
-        let mut columns = wanted.columns.iter().peekable();
+        let mut fields = wanted.fields.iter().peekable();
         for place in 0..header.row_words {
-            let Some(column) = columns.next_if(|column| column.words == place) else {
+            let Some(field) = fields.next_if(|field| field.words == place) else {
                 line.next_number()?;
                 continue;
             };
             let number = line.next_number()?;
-            match column.to {
-                Some(to) => row[to] = column.scalar.hold(number),
-                None if column.scalar == Scalar::F32 => unpack((number as f32).to_bits(), &mut row),
-                None => unpack(number as u32, &mut row),
+            if let Some(to) = field.to {
+                row[to] = field.scalar.hold(number);
+            } else {
+                let is_float = field.scalar == Scalar::F32;
+                let bits = if is_float { (number as f32).to_bits() } else { number as u32 };
+                COLOR.into_iter().zip(unpacked(bits)).for_each(|(to, value)| row[to] = value);
             }
         }
         if let Some(word) = line.next_word()? {
@@ -126,31 +126,21 @@ fn read_text(header: &Header, wanted: &Wanted, mut lines: Lines) -> Result<Point
     Ok(points)
 }
 
-/// Points whose columns begin `at` a place, and go on by a number of bytes.
+/// Points whose fields begin at a byte, and go on by a number of bytes.
 fn read_binary(
     header: &Header,
     wanted: &Wanted,
     bytes: &[u8],
-    at: impl Fn(&Column) -> (usize, usize),
+    at: impl Fn(&Field) -> (usize, usize),
     execution: &Execution,
 ) -> Result<Points> {
     let mut points = wanted.points(header.points)?;
-    let places = memory::collect(wanted.columns.iter().map(|column| (column, at(column))))?;
-    for i in 0..header.points {
-        if i.is_multiple_of(CHECK_EVERY) {
-            execution.check()?;
-        }
-        let mut row: Row = [0.0; 9];
-        for (column, (start, step)) in &places {
-            let value = bytes.get(start + i * step..).unwrap_or_default();
-            match column.to {
-                Some(to) => row[to] = column.scalar.read(value, ByteOrder::Little).unwrap_or(f64::NAN),
-                // As bits: such a number may be a NaN, which a conversion would change.
-                None => unpack(value.first_chunk().map_or(0, |bits| u32::from_le_bytes(*bits)), &mut row),
-            }
-        }
-        points.push(&row)?;
-    }
+    let column = |field: &Field| {
+        let (start, step) = at(field);
+        Column { to: field.to, scalar: field.scalar, start, step }
+    };
+    let columns = memory::collect(wanted.fields.iter().map(column))?;
+    read_columns(&mut points, header.points, &columns, (bytes, ByteOrder::Little), execution)?;
     Ok(points)
 }
 
@@ -164,13 +154,6 @@ fn decompress(header: &Header, body: &[u8], execution: &Execution) -> Result<Vec
     let packed = packed.get(..packed_size).ok_or_else(cut_off)?;
     check_room("POINTS", header.points, header.row_bytes, plain_size)?;
     lzf::decompress(packed, plain_size, execution)
-}
-
-/// PCL packs 0x00RRGGBB into four bytes, often called a float.
-fn unpack(bits: u32, row: &mut Row) {
-    for (to, shift) in COLOR.into_iter().zip([16, 8, 0]) {
-        row[to] = f64::from(bits >> shift & 255);
-    }
 }
 
 #[cfg(test)]

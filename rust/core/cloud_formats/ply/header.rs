@@ -40,6 +40,11 @@ impl Element<'_> {
         shown(self.name)
     }
 
+    /// Bytes of a row in binary: at least, where there are lists.
+    pub fn row_bytes(&self) -> usize {
+        self.properties.iter().map(|property| property.length.unwrap_or(property.scalar).size()).sum()
+    }
+
     /// The property of that name that is a single number.
     pub fn scalar_place(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|each| each.length.is_none() && each.name == name.as_bytes())

@@ -10,13 +10,14 @@ mod rows;
 use self::header::{Body, Element, Header};
 use self::rows::{BinaryRows, RowSource, TextRows};
 use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
+use super::columns::{Column, read_columns};
 use super::fans::{Fans, row_of};
 use super::lines::check_room;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Rows, or corners of a polygon, between two looks for an interruption.
+/// Rows between two looks for an interruption.
 const CHECK_EVERY: usize = 1 << 12;
 
 /// Points, normals, colours and triangles of a file.
@@ -29,7 +30,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
         Body::Text => read_body(&header, TextRows::new(lines), execution),
         Body::Binary(order) => {
             let start = content.len() - lines.rest().len();
-            read_body(&header, BinaryRows::new(lines.rest(), start, order), execution)
+            read_body(&header, BinaryRows::new(lines.rest(), start, order, execution), execution)
         }
     }
 }
@@ -39,7 +40,7 @@ fn read_body(header: &Header, mut source: impl RowSource, execution: &Execution)
     let mut fans = None;
     let has_faces = header.elements.iter().any(|element| element.name == b"face");
     for element in &header.elements {
-        let least = element.properties.iter().map(|property| source.least_bytes(property)).sum();
+        let least = source.least_bytes(element);
         check_room(&format!("element {}", element.title()), element.count, least, source.room())?;
         if element.name == b"vertex" && points.is_none() {
             points = Some(read_points(element, &mut source, execution)?);
@@ -82,6 +83,11 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
         columns[from] = Some(to);
     }
     let mut points = Points::with_capacity(element.count, normal.is_some(), scale)?;
+    if let Some((bytes, order)) = source.take_fixed(element)? {
+        let columns = fixed_columns(element, &columns)?;
+        read_columns(&mut points, element.count, &columns, (bytes, order), execution)?;
+        return Ok(points);
+    }
     for done in 0..element.count {
         if done.is_multiple_of(CHECK_EVERY) {
             execution.check()?;
@@ -99,31 +105,46 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
     Ok(points)
 }
 
+/// The numbers wanted of rows that have no lists.
+fn fixed_columns(element: &Element, wanted: &[Option<usize>]) -> Result<Vec<Column>> {
+    let mut columns = Vec::new();
+    let mut start = 0;
+    for (property, to) in element.properties.iter().zip(wanted) {
+        if to.is_some() {
+            memory::push(
+                &mut columns,
+                Column { to: *to, scalar: property.scalar, start, step: element.row_bytes() },
+            )?;
+        }
+        start += property.scalar.size();
+    }
+    Ok(columns)
+}
+
 fn read_faces(element: &Element, source: &mut impl RowSource, execution: &Execution) -> Result<Fans> {
     let mut fans = Fans::default();
-    let corners = element.list_of_corners();
+    let Some(corners) = element.list_of_corners() else {
+        skip_rows(element, source, execution)?;
+        return Ok(fans);
+    };
     for _ in 0..element.count {
         execution.check()?;
         source.begin()?;
         for (place, property) in element.properties.iter().enumerate() {
-            let Some(length) = property.length.filter(|_| Some(place) == corners) else {
+            let Some(length) = property.length.filter(|_| place == corners) else {
                 source.skip(property)?;
                 continue;
             };
             fans.begin();
-            for done in 0..source.length(length)? {
-                if done % CHECK_EVERY == CHECK_EVERY - 1 {
-                    execution.check()?;
-                }
-                fans.corner(row_of(source.number(property.scalar)?))?;
-            }
+            let length = source.length(length)?;
+            source.numbers(property.scalar, length, |number| fans.corner(row_of(number)))?;
         }
     }
     Ok(fans)
 }
 
 fn skip_rows(element: &Element, source: &mut impl RowSource, execution: &Execution) -> Result<()> {
-    if element.properties.is_empty() {
+    if element.properties.is_empty() || source.take_fixed(element)?.is_some() {
         return Ok(());
     }
     for _ in 0..element.count {

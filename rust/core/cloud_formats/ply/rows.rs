@@ -1,23 +1,33 @@
 //! The rows behind a PLY header, in text and in binary.
 
-use super::header::Property;
+use super::header::{Element, Property};
 use crate::cloud_formats::lines::{Line, Lines};
 use crate::cloud_formats::scalar::{ByteOrder, Scalar};
 use crate::error::{Error, Result};
+use crate::execution::Execution;
+
+/// Corners of a polygon between two looks for an interruption.
+const CHECK_EVERY: usize = 1 << 16;
 
 /// Where the numbers of rows come from.
 pub(super) trait RowSource {
     /// Bytes that are left.
     fn room(&self) -> usize;
 
-    /// Bytes that a property takes at least.
-    fn least_bytes(&self, property: &Property) -> usize;
+    /// Bytes that a row takes at least.
+    fn least_bytes(&self, element: &Element) -> usize;
+
+    /// Takes all rows of an element at once, if they are bytes of fixed places.
+    fn take_fixed(&mut self, element: &Element) -> Result<Option<(&[u8], ByteOrder)>>;
 
     /// Begins the next row.
     fn begin(&mut self) -> Result<()>;
 
     /// The next number of the row.
     fn number(&mut self, scalar: Scalar) -> Result<f64>;
+
+    /// The next numbers of the row.
+    fn numbers(&mut self, scalar: Scalar, count: usize, take: impl FnMut(f64) -> Result<()>) -> Result<()>;
 
     /// The next number of the row, which is the length of a list.
     fn length(&mut self, scalar: Scalar) -> Result<usize>;
@@ -48,8 +58,12 @@ impl RowSource for TextRows<'_> {
         self.lines.rest().len() + 1
     }
 
-    fn least_bytes(&self, _: &Property) -> usize {
-        2
+    fn least_bytes(&self, element: &Element) -> usize {
+        2 * element.properties.len()
+    }
+
+    fn take_fixed(&mut self, _: &Element) -> Result<Option<(&[u8], ByteOrder)>> {
+        Ok(None)
     }
 
     fn begin(&mut self) -> Result<()> {
@@ -59,6 +73,15 @@ impl RowSource for TextRows<'_> {
 
     fn number(&mut self, scalar: Scalar) -> Result<f64> {
         self.line()?.next_number().map(|number| scalar.hold(number))
+    }
+
+    fn numbers(
+        &mut self,
+        scalar: Scalar,
+        count: usize,
+        mut take: impl FnMut(f64) -> Result<()>,
+    ) -> Result<()> {
+        (0..count).try_for_each(|_| take(self.number(scalar)?))
     }
 
     fn length(&mut self, _: Scalar) -> Result<usize> {
@@ -81,12 +104,21 @@ pub(super) struct BinaryRows<'a> {
     /// Where the file ends, counted in bytes.
     end: usize,
     order: ByteOrder,
+    execution: &'a Execution,
 }
 
 impl<'a> BinaryRows<'a> {
     /// Rows from byte `start` of the file on.
-    pub fn new(rest: &'a [u8], start: usize, order: ByteOrder) -> Self {
-        Self { rest, end: start + rest.len(), order }
+    pub fn new(rest: &'a [u8], start: usize, order: ByteOrder, execution: &'a Execution) -> Self {
+        Self { rest, end: start + rest.len(), order, execution }
+    }
+
+    /// The next bytes: so many, if that is a number.
+    fn take(&mut self, count: Option<usize>) -> Result<&'a [u8]> {
+        let split = count.and_then(|count| self.rest.split_at_checked(count));
+        let (taken, rest) = split.ok_or_else(end_of_file)?;
+        self.rest = rest;
+        Ok(taken)
     }
 
     fn refuse(&self, got: impl ToString, remedy: &str) -> Error {
@@ -99,8 +131,15 @@ impl RowSource for BinaryRows<'_> {
         self.rest.len()
     }
 
-    fn least_bytes(&self, property: &Property) -> usize {
-        property.length.unwrap_or(property.scalar).size()
+    fn least_bytes(&self, element: &Element) -> usize {
+        element.row_bytes()
+    }
+
+    fn take_fixed(&mut self, element: &Element) -> Result<Option<(&[u8], ByteOrder)>> {
+        if element.properties.iter().any(|property| property.length.is_some()) {
+            return Ok(None);
+        }
+        Ok(Some((self.take(element.count.checked_mul(element.row_bytes()))?, self.order)))
     }
 
     fn begin(&mut self) -> Result<()> {
@@ -108,12 +147,24 @@ impl RowSource for BinaryRows<'_> {
     }
 
     fn number(&mut self, scalar: Scalar) -> Result<f64> {
-        let (Some(number), Some(rest)) = (scalar.read(self.rest, self.order), self.rest.get(scalar.size()..))
-        else {
-            return Err(end_of_file());
-        };
-        self.rest = rest;
-        Ok(number)
+        let bytes = self.take(Some(scalar.size()))?;
+        scalar.read(bytes, self.order).ok_or_else(end_of_file)
+    }
+
+    fn numbers(
+        &mut self,
+        scalar: Scalar,
+        count: usize,
+        mut take: impl FnMut(f64) -> Result<()>,
+    ) -> Result<()> {
+        let bytes = self.take(count.checked_mul(scalar.size()))?;
+        for (done, number) in bytes.chunks_exact(scalar.size()).enumerate() {
+            if done % CHECK_EVERY == CHECK_EVERY - 1 {
+                self.execution.check()?;
+            }
+            take(scalar.read(number, self.order).unwrap_or(f64::NAN))?;
+        }
+        Ok(())
     }
 
     fn length(&mut self, scalar: Scalar) -> Result<usize> {
@@ -126,8 +177,7 @@ impl RowSource for BinaryRows<'_> {
 
     fn skip(&mut self, property: &Property) -> Result<()> {
         let numbers = property.length.map_or(Ok(1), |scalar| self.length(scalar))?;
-        let bytes = numbers.checked_mul(property.scalar.size());
-        self.rest = bytes.and_then(|bytes| self.rest.get(bytes..)).ok_or_else(end_of_file)?;
+        self.take(numbers.checked_mul(property.scalar.size()))?;
         Ok(())
     }
 }

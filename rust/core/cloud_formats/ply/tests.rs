@@ -67,9 +67,9 @@ fn what_is_wrong_is_said() {
     refused(b"ply\nformat ascii 1.0\nelement vertex 1\nproperty real x\n", "line 4: got \"real\"");
     let broken = format!("ply\n{HEADER}end_header\n1 2 3\n1 oh 3\n4 5 6\n7 8 9\n");
     refused(broken.as_bytes(), "line 9: got \"oh\"");
-    let short = format!("ply\n{HEADER}end_header\n1 2 3\n1 2\n4 5 6\n7 8 9\n");
+    let short = format!("ply\n{HEADER}end_header\n1 2 3\n1 200\n4 5 6\n7 8 9\n");
     refused(short.as_bytes(), "line 9: got the end of the line");
-    let cut = format!("ply\n{HEADER}end_header\n1 2 3\n1 2 3333333333\n4 5 6\n");
+    let cut = format!("ply\n{HEADER}end_header\n1 2 3\n1 2 33333333333333\n4 5 6\n");
     refused(cut.as_bytes(), "the end of the file");
     let huge = format!("ply\n{}end_header\n1 2 3\n", HEADER.replace(" 4", " 4000000000000000000"));
     refused(huge.as_bytes(), "in 7 bytes");
@@ -77,6 +77,18 @@ fn what_is_wrong_is_said() {
         b"ply\nformat binary_little_endian 1.0\nelement face 1\nproperty list char int i\nelement vertex 0\n\
         property char x\nproperty char y\nproperty char z\nend_header\n\xff";
     refused(list, "got -1; the length of a list");
+}
+
+#[test]
+fn elements_without_properties_take_nothing() {
+    let rows = "element vertex 1\nproperty char x\nproperty char y\nproperty char z\nend_header\n123";
+    for name in ["face", "other"] {
+        let text = format!("ply\nformat binary_big_endian 1.0\nelement {name} 4000000000000000000\n{rows}");
+        assert!(
+            read(text.as_bytes())
+                .is_ok_and(|cloud| cloud.points == [[49.0, 50.0, 51.0]] && cloud.faces.is_none())
+        );
+    }
 }
 
 #[test]

@@ -1,0 +1,323 @@
+"""Files that are made to hurt: they end in one sentence, soon, and in little memory."""
+
+from __future__ import annotations
+
+import io
+import os
+import socket
+import subprocess
+import sys
+import threading
+import zipfile
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from cloud_files import CLOUDS, TETRAHEDRON, npy, npz
+
+from cgroup.errors import InputError
+from cgroup.io import read_cloud, read_correspondences, read_descriptors, read_transform
+from interrupts import interrupt, posix_only
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+READERS = [read_cloud, read_correspondences, read_descriptors, read_transform]
+
+PCD_BOMB = (
+    b"VERSION 0.7\nFIELDS x y z w\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1000000000\nWIDTH 1\nHEIGHT 1\nPOINTS 1\n"
+    b"DATA ascii\n0 0 0\n"
+)
+
+
+def npy_header(shape: tuple[int, ...], kind: str = "<f8") -> bytes:
+    """An array without its numbers."""
+    file = io.BytesIO()
+    np.lib.format.write_array_header_1_0(file, {"descr": kind, "fortran_order": False, "shape": shape})
+    return file.getvalue()
+
+
+def zipped(name: str, content: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(name, content)
+    return file.getvalue()
+
+
+HOSTILE = {
+    "count.pcd": PCD_BOMB.replace(b"1000000000", b"1").replace(b"COUNT 1", b"COUNT 1000000000"),
+    "unneeded.pcd": PCD_BOMB,
+    "points.pcd": CLOUDS["binary.pcd"].replace(b"POINTS 4", b"POINTS 400000000000"),
+    "overflow.pcd": CLOUDS["binary.pcd"].replace(b"POINTS 4", b"POINTS 1537228672809129302"),
+    "expands.pcd": CLOUDS["compressed.pcd"].split(b"binary_compressed\n")[0].replace(b"S 4", b"S 300000000")
+    + b"binary_compressed\n"
+    + b"\x04\0\0\0\xff\xff\xff\xff\0a\0a",
+    "vertices.ply": CLOUDS["little.ply"].replace(b"vertex 4", b"vertex 4000000000"),
+    "text.ply": CLOUDS["ascii.ply"].replace(b"vertex 4", b"vertex 4000000000"),
+    "nothing.ply": CLOUDS["little.ply"].replace(
+        b"element vertex 4\n", b"element nothing 9000000000000000000\nelement vertex 9\n"
+    ),
+    "list.ply": CLOUDS["big.ply"].replace(b"list uchar int", b"list uint int"),
+    "counts.off": CLOUDS["mesh.off"].replace(b"4 4 6", b"4000000000 4 6"),
+    "faces.off": CLOUDS["mesh.off"].replace(b"4 4 6", b"4 4000000000 6"),
+    "count.pts": CLOUDS["count.pts"].replace(b"4\n", b"4000000000\n", 1),
+    "count.stl": b"\0" * 80 + b"\xff" * 4 + b"\0" * 500,
+    "shape.npy": npy_header((10**12, 3)),
+    "exabytes.npy": npy_header((2**40, 2**40, 3)),
+    "negative.npy": npy_header((-1, 3)) + b"\0" * 100,
+    "nothing.npy": npy_header((10**15, 3), "<U0"),
+    "objects.npy": npy_header((4, 3), "|O") + b"\0" * 100,
+    "shape.npz": zipped("points.npy", npy_header((10**12, 3))),
+    "bomb.npz": zipped("points.npy", npy_header((3 << 20, 3)) + bytes(72 << 20)),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_little_is_believed(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(HOSTILE[name])
+    with pytest.raises(InputError, match=name) as caught:
+        read_cloud(tmp_path / name)
+    assert len(str(caught.value)) < 400
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("suffix", ["ply", "pcd", "obj", "off", "stl", "xyz", "pts", "csv"])
+def test_bytes_of_any_language_are_read(suffix: str, tmp_path: Path) -> None:
+    comments = {
+        "ply": (b"comment made by hand", b"comment caf\xe9"),
+        "pcd": (b"# .PCD", b"# \xe9 .PCD"),
+        "obj": (b"# by hand", b"# \xe9\no \xff\xfe\nusemtl caf\xe9"),
+        "off": (b"OFF\n", b"OFF # \xe9\n"),
+        "stl": (b"solid tetrahedron", b"solid caf\xe9"),
+        "xyz": (b"// x", b"// \xe9 x"),
+        "pts": (b"4\n", b"# \xe9\n4\n"),
+        "csv": (b"label", b"caf\xe9"),
+    }
+    name = {
+        "obj": "mesh.obj",
+        "off": "mesh.off",
+        "xyz": "points.xyz",
+        "pts": "count.pts",
+        "csv": "names.csv",
+    }.get(suffix, f"ascii.{suffix}")
+    before, after = comments[suffix]
+    assert before in CLOUDS[name]
+    for mark in (b"", b"\xef\xbb\xbf"):
+        (tmp_path / name).write_bytes(
+            mark + CLOUDS[name].replace(before, after).removeprefix(b"\xef\xbb\xbf")
+        )
+        assert len(read_cloud(tmp_path / name)) == 4
+
+
+def test_texture_coordinates_are_left_out(tmp_path: Path) -> None:
+    text = (
+        b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        b"property float u\nproperty float v\nelement face 1\nproperty list uchar int vertex_indices\n"
+        b"property list uchar float texcoord\nend_header\n"
+        b"0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2 6 0 0 1 0 0 1\n"
+    )
+    (tmp_path / "a.ply").write_bytes(text)
+    np.testing.assert_array_equal(read_cloud(tmp_path / "a.ply").faces, [[0, 1, 2]])
+
+
+def test_transforms_and_correspondences_with_marks_and_comments(tmp_path: Path) -> None:
+    rows = "\n".join(" ".join(map(str, row)) for row in np.eye(4)).encode()
+    (tmp_path / "T.txt").write_bytes(b"\xef\xbb\xbf# caf\xe9\n" + rows)
+    np.testing.assert_array_equal(read_transform(tmp_path / "T.txt"), np.eye(4))
+    (tmp_path / "c.csv").write_bytes(b"\xef\xbb\xbf1,2,3,4,5,6 // \xff\n")
+    np.testing.assert_array_equal(read_correspondences(tmp_path / "c.csv").target, [[4, 5, 6]])
+
+
+# --- NPZ -------------------------------------------------------------------------------------
+
+
+def test_arrays_that_are_not_asked_for_stay_packed(tmp_path: Path) -> None:
+    broken = zipped("unneeded.npy", npy_header((10**12,)))
+    for name, read, arrays in (
+        ("c.npz", read_correspondences, {"source": TETRAHEDRON, "target": TETRAHEDRON}),
+        ("p.npz", read_cloud, {"points": TETRAHEDRON}),
+    ):
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            for key, array in arrays.items():
+                archive.writestr(f"{key}.npy", npy(array))
+            archive.writestr("unneeded.npy", broken)
+        assert len(read(tmp_path / name)) == 4  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("name", "arrays", "says"),
+    [
+        ("c.npz", {"source": "abc", "target": np.zeros((2, 3))}, "numbers belong there"),
+        (
+            "c.npz",
+            {"source": np.zeros((2, 3)), "target": np.zeros((2, 3)), "resolution": "abc"},
+            "numbers belong",
+        ),
+        (
+            "p.npz",
+            {"a": np.zeros((2, 3)), "b": np.zeros((2, 3))},
+            "has no array named points or xyz; it holds a, b",
+        ),
+        ("p.npz", {}, "it holds nothing"),
+        ("p.npz", {"points": np.zeros((2, 3), dtype=object)}, "numbers belong there"),
+    ],
+)
+def test_arrays_hold_numbers(name: str, arrays: dict[str, np.ndarray], says: str, tmp_path: Path) -> None:
+    np.savez(tmp_path / name, **arrays)
+    with pytest.raises(InputError, match=says):
+        (read_cloud if name == "p.npz" else read_correspondences)(tmp_path / name)
+
+
+@pytest.mark.parametrize("arrays", [{"xyz": TETRAHEDRON, "rgb": np.zeros(3)}, {"anything": TETRAHEDRON}])
+def test_points_of_an_npz_go_by_several_names(arrays: dict[str, np.ndarray], tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(npz(**arrays))
+    np.testing.assert_array_equal(read_cloud(tmp_path / "a.npz").points, TETRAHEDRON)
+
+
+def test_arrays_are_read_as_numpy_reads_them(tmp_path: Path) -> None:
+    for kind in ("<f8", ">f4", "<i2", "f2", "?"):
+        for order in "CF":
+            array = np.asarray(TETRAHEDRON.astype(kind), order=order)
+            np.save(tmp_path / "a.npy", array)
+            np.testing.assert_array_equal(read_cloud(tmp_path / "a.npy").points, array)
+
+
+# --- what isn't a file -----------------------------------------------------------------------
+
+
+@posix_only
+@pytest.mark.parametrize("read", READERS)
+def test_only_files_are_read(read: Callable[[Path], object], tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.npz")
+    (tmp_path / "endless.npz").symlink_to("/dev/zero")
+    (tmp_path / "folder.npz").mkdir()
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(tmp_path / "s.npz"))
+        for name, says in (
+            ("pipe", "is a pipe, a device or a socket"),
+            ("endless", "is a pipe, a device or a socket"),
+            ("s", "is a pipe, a device or a socket"),
+            ("folder", "is a directory"),
+            ("missing", "no such file"),
+            ("zero\0byte", "can't be read"),
+        ):
+            with pytest.raises(InputError, match=says):
+                read(tmp_path / f"{name}.npz")
+
+
+@posix_only
+def test_a_file_that_shrinks_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.npy"
+    path.write_bytes(CLOUDS["points.npy"])
+    whole = os.fstat
+
+    def fstat(descriptor: int) -> os.stat_result:
+        status = whole(descriptor)
+        os.truncate(path, 100)
+        return status
+
+    monkeypatch.setattr(os, "fstat", fstat)
+    with pytest.raises(InputError, match="not a readable NPY file"):
+        read_cloud(path)
+
+
+# --- interruption ----------------------------------------------------------------------------
+
+
+@posix_only
+@pytest.mark.parametrize("name", ["large.ply", "large.obj", "large.xyz"])
+def test_reading_is_interrupted(name: str, tmp_path: Path) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 2000000\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+    before, row = {
+        "ply": (header, "0.125 2.5 3\n"),
+        "obj": ("", "v 0.125 2.5 3\n"),
+        "xyz": ("", "0.125 2.5 3\n"),
+    }[name[-3:]]
+    (tmp_path / name).write_text(before + 2_000_000 * row)
+    program = f"""
+import threading
+from cgroup import _core
+from cgroup._options import run_options
+from cgroup.io import read_cloud
+
+# The first look for a signal says that the core is at work.
+entered = threading.Event()
+def look(share):
+    if not entered.is_set():
+        entered.set()
+        print("parsing", flush=True)
+
+import cgroup.io.cloud_formats as formats
+formats.run_options = lambda **_: run_options(threads=1, progress=look)
+try:
+    while True:
+        read_cloud({str(tmp_path / name)!r})
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    assert interrupt(program, after="parsing") == "interrupted\n"
+
+
+def test_other_threads_run_while_a_file_is_parsed(tmp_path: Path) -> None:
+    (tmp_path / "a.xyz").write_text(300_000 * "0.125 2.5 3\n")
+    reading = threading.Thread(target=read_cloud, args=(tmp_path / "a.xyz",))
+    reading.start()
+    turns = 0
+    while reading.is_alive():
+        turns += 1
+    assert turns > 0
+
+
+# --- with NumPy alone ------------------------------------------------------------------------
+
+
+def test_numpy_is_enough(tmp_path: Path) -> None:
+    for name, content in CLOUDS.items():
+        (tmp_path / name).write_bytes(content)
+    (tmp_path / "a.las").write_bytes(b"LASF")
+    program = f"""
+import sys
+from pathlib import Path
+for name in ("trimesh", "pypcd4", "laspy", "scipy", "pandas", "matplotlib"):
+    sys.modules[name] = None
+from cgroup.errors import InputError
+from cgroup.io import read_cloud, write_cloud
+for path in sorted(Path({str(tmp_path)!r}).iterdir()):
+    if path.suffix != ".las":
+        write_cloud(path.with_name("again.ply"), read_cloud(path))
+        assert len(read_cloud(path.with_name("again.ply"))) == 4
+try:
+    read_cloud({str(tmp_path / "a.las")!r})
+except InputError as error:
+    assert "pip install 'cgroup[las]'" in str(error), error
+    print("fine")
+"""
+    assert subprocess.check_output([sys.executable, "-c", program], text=True) == "fine\n"
+
+
+# --- LAS -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", ["las", "laz"])
+@pytest.mark.parametrize("with_colors", [False, True])
+def test_las(suffix: str, with_colors: bool, tmp_path: Path) -> None:
+    laspy = pytest.importorskip("laspy", reason="laspy isn't installed")
+    header = laspy.LasHeader(point_format=3 if with_colors else 0, version="1.2")
+    header.scales, header.offsets = [0.25] * 3, [1e6, 0, 0]
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = (np.add(TETRAHEDRON, [1e6, 0, 0])).T
+    if with_colors:
+        las.red, las.green, las.blue = np.array([[65535, 256, 0]] * 4).T
+    path = tmp_path / f"a.{suffix}"
+    las.write(path)
+    cloud = read_cloud(path)
+    np.testing.assert_array_equal(cloud.points, np.add(TETRAHEDRON, [1e6, 0, 0]))
+    assert (cloud.colors is None) != with_colors
+    if cloud.colors is not None:
+        np.testing.assert_array_equal(cloud.colors, [[255, 1, 0]] * 4)
+    content = path.read_bytes()
+    for end in (10, 300, len(content) - 3):
+        path.write_bytes(content[:end])
+        with pytest.raises(InputError, match="not a readable LA"):
+            read_cloud(path)
