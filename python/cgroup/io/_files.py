@@ -5,16 +5,18 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from cgroup._arguments import as_array
+from cgroup._values import as_instance, as_path
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Callable
+    from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -25,10 +27,12 @@ Result = TypeVar("Result")
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file, or raise `InputError` with the system's reason."""
+    path, content = as_path("path", path), as_instance("content", content, bytes)
     try:
-        Path(path).write_bytes(content)
-    except OSError as error:
-        message = f"{path}: can't be written ({error.strerror or error})"
+        path.write_bytes(content)
+    except (OSError, UnicodeEncodeError) as error:
+        reason = error.strerror or error if isinstance(error, OSError) else "no such file name"
+        message = f"{path}: can't be written ({reason})"
         raise InputError(message) from error
 
 
@@ -39,6 +43,8 @@ def _read_content(path: Path) -> bytes:
         message = f"{path}: no such file"
     except IsADirectoryError:
         message = f"{path}: is a directory, not a file"
+    except UnicodeEncodeError:
+        message = f"{path}: no such file"
     except OSError as error:
         message = f"{path}: can't be read ({error.strerror or error})"
     else:
@@ -80,9 +86,9 @@ def read_arrays(path: Path, *needed: str) -> dict[str, NDArray[Any]]:
 
 
 def single_number(path: Path, value: ArrayLike) -> float:
-    array = np.asarray(value, dtype=np.float64)
-    if array.size != 1:
-        message = f"{path}: resolution has shape {array.shape}; it is a single number"
+    array = as_array("resolution", value)
+    if array.size != 1 or array.dtype.kind not in "fiu":
+        message = f"{path}: resolution has shape {array.shape} of {array.dtype}; it is a single number"
         raise InputError(message)
     return float(array.reshape(()))
 
