@@ -31,7 +31,9 @@ __all__ = [
 
 
 def build_wheel(
-    wheel_directory: str, config_settings: dict[str, object] | None = None, metadata_directory: str | None = None
+    wheel_directory: str,
+    config_settings: dict[str, object] | None = None,
+    metadata_directory: str | None = None,
 ) -> str:
     """Build a wheel; return its name."""
     _forget_folders()

@@ -57,11 +57,15 @@ class Crate:
 
     def texts(self) -> list[str]:
         """Return the texts that come with it, or else the standard one."""
-        files = sorted(path for path in self.folder.iterdir() if path.is_file() and LICENSE_FILE.match(path.name))
+        files = sorted(
+            path for path in self.folder.iterdir() if path.is_file() and LICENSE_FILE.match(path.name)
+        )
         texts = [path.read_text(encoding="utf-8", errors="replace") for path in files]
         # Beside MIT's own text only those of parts that stem from elsewhere matter.
         offers_mit = "MIT" in re.split(r"[ /()]+", self.license)
-        chosen = [text for path, text in zip(files, texts, strict=True) if not (offers_mit and is_other(path.name))]
+        chosen = [
+            text for path, text in zip(files, texts, strict=True) if not (offers_mit and is_other(path.name))
+        ]
         if not any("Permission is hereby granted" in text for text in chosen) and offers_mit:
             chosen.append(MIT.format(authors=self.authors or f"the authors of {self.name}"))
         if not chosen:
@@ -115,7 +119,9 @@ def report(crates: list[Crate]) -> str:
     listed = [f"{crate.name} {crate.version}: {crate.license}" for crate in crates]
     parts = [HEAD, "\n".join(listed)]
     for text, whose in owners.items():
-        parts.append("\n".join([RULE, ", ".join(f"{crate.name} {crate.version}" for crate in whose), RULE, "", text]))
+        parts.append(
+            "\n".join([RULE, ", ".join(f"{crate.name} {crate.version}" for crate in whose), RULE, "", text])
+        )
     return "\n\n".join(parts) + "\n"
 
 
@@ -125,7 +131,9 @@ def main() -> None:
     if "--check" not in sys.argv[1:]:
         WRITTEN.write_text(text, encoding="utf-8")
     elif not WRITTEN.exists() or WRITTEN.read_text(encoding="utf-8") != text:
-        message = f"{WRITTEN.name} is not what Cargo.lock asks for: run python {Path(__file__).relative_to(ROOT)}"
+        message = (
+            f"{WRITTEN.name} is not what Cargo.lock asks for: run python {Path(__file__).relative_to(ROOT)}"
+        )
         raise SystemExit(message)
 
 

@@ -15,6 +15,10 @@ from __future__ import annotations
 
 import warnings as _warnings
 
+from cgroup import _start
+
+_start.leave_when_interrupted()  # before anything that takes time
+
 from cgroup import _core
 from cgroup._core import __version__
 from cgroup.errors import CgroupError, InputError, NoConsensusError, OutOfMemoryError

@@ -1,20 +1,27 @@
-"""Turns whatever the user passes into arrays and numbers of the right kind, or says what is wrong."""
+"""Turns whatever the user passes into arrays of the right kind, or says what is wrong.
+
+Masked arrays are refused, also those whose mask hides nothing: NumPy's functions drop masks without a word,
+and whether a mask hides something is a matter of the data, not of the program.
+"""
 
 from __future__ import annotations
 
-import operator
-from typing import TYPE_CHECKING
+from itertools import chain
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cgroup._show import cut, escape, show
+from cgroup._values import refusal
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
-    from cgroup._arrays import FloatArray, RealArray
+    from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
 
-LARGEST_COUNT = 2**64 - 1
+_DEEPEST = 5
+"""Lists within lists, beyond which no shape is right anyway."""
 
 AS_THEY_ARE = (np.dtype(np.float32), np.dtype(np.float64))
 """Types of numbers that the compiled core reads without a conversion."""
@@ -40,23 +47,48 @@ def in_double(array: RealArray) -> FloatArray:
     return array.astype(np.float64, copy=False)
 
 
-def as_reals(name: str, value: ArrayLike) -> RealArray:
-    """Return `value` as a contiguous, aligned float32 or float64 array; not copied where it is one."""
-    if np.ma.is_masked(value):
-        message = f"{name}: got a masked array; drop its masked rows first"
-        raise InputError(message)
+def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Return `value` as an array of whatever it holds."""
+    if type(value) is np.ndarray:
+        return value
+    _check_lists(name, value)
     try:
-        array = np.asarray(value)
+        return np.asarray(value)
+    except MemoryError:
+        raise
     except Exception as error:  # whatever the object's own conversion raises
         message = (
-            f"{name}: got {type(value).__name__}, which is no array: {error}; give a numpy array of numbers"
+            f"{name}: got {type(value).__name__}, which is no array: {escape(cut(str(error)))}; "
+            "give a numpy array of numbers"
         )
         raise InputError(message) from error
+
+
+def _check_lists(name: str, value: object) -> None:
+    """Refuse masked arrays, also within lists, and lists that NumPy would never find the end of."""
+    items: Any = (value,)
+    for _ in range(_DEEPEST):
+        kinds = set(map(type, items))
+        if any(issubclass(kind, np.ma.MaskedArray) for kind in kinds):
+            message = f"{name}: got a masked array; drop its masked rows first, then give its `data`"
+            raise InputError(message)
+        lists = {kind for kind in kinds if issubclass(kind, list | tuple)}
+        if not lists:
+            return
+        items = list(chain.from_iterable(items if lists == kinds else [i for i in items if type(i) in lists]))
+    raise refusal(name, value, f"give an array of {_DEEPEST - 1} axes at most")
+
+
+def as_reals(name: str, value: ArrayLike) -> RealArray:
+    """Return `value` as a contiguous, aligned float32 or float64 array; not copied where it is one."""
+    array = as_array(name, value)
     if array.dtype.kind not in "fiub":
-        message = f"{name}: got an array of {array.dtype}; give real numbers"
+        got = show(value) if array.ndim == 0 else f"an array of {array.dtype}"
+        message = f"{name}: got {got}; give an array of real numbers"
         raise InputError(message)
     if array.dtype not in AS_THEY_ARE:
-        array = array.astype(np.float64)
+        with np.errstate(over="ignore"):  # to infinity, which is refused or not as any other
+            array = array.astype(np.float64)
     if array.flags.c_contiguous and array.flags.aligned:
         return array
     # Fields of packed records are neither aligned nor a whole number of elements apart.
@@ -117,47 +149,51 @@ def _shape(array: RealArray) -> str:
     return "(" + ",".join(map(str, array.shape)) + ")"
 
 
-def as_count(name: str, value: object, least: int) -> int:
-    """Return a whole number of at least `least`."""
-    if type(value) is int and least <= value <= LARGEST_COUNT:
-        return value
-    try:
-        number = operator.index(value)  # type: ignore[arg-type] # pyright: ignore[reportArgumentType]
-    except TypeError:
-        number = least - 1
-    if isinstance(value, bool) or not least <= number <= LARGEST_COUNT:
-        message = f"{name}: got {value!r}; give a whole number of at least {least}"
-        raise InputError(message)
-    return number
-
-
-def as_number(name: str, value: object) -> float:
-    """Return a real number."""
-    if type(value) is float:
-        return value
-    if isinstance(value, (bool, str)) or np.ndim(value) != 0:  # pyright: ignore[reportArgumentType]
-        message = f"{name}: got {value!r}; give a number"
-        raise InputError(message)
-    try:
-        return float(value)  # type: ignore[arg-type] # pyright: ignore[reportArgumentType]
-    except (TypeError, ValueError) as error:
-        message = f"{name}: got {value!r}; give a number"
-        raise InputError(message) from error
-
-
-def as_length(name: str, value: object) -> float:
-    """Return a finite number greater than 0."""
-    length = as_number(name, value)
-    if not 0 < length < np.inf:
-        message = f"{name}: got {length}; give a finite number greater than 0"
-        raise InputError(message)
-    return length
-
-
 def as_place(name: str, value: ArrayLike) -> list[float]:
     """Return the three finite coordinates of a point."""
     place = as_floats(name, value)
     if place.shape != (3,) or not np.isfinite(place).all():
-        message = f"{name}: got {value!r}; give three finite numbers x, y, z"
-        raise InputError(message)
+        raise refusal(name, value, "give three finite numbers x, y, z")
     return place.tolist()
+
+
+def as_rows(name: str, value: ArrayLike) -> IndexArray:
+    """Return `value` as (m,) int64, rows of a cloud."""
+    array = as_array(name, value)
+    if array.size == 0 and array.ndim <= 1:
+        return np.empty(0, dtype=np.int64)
+    if array.dtype.kind not in "iu" or array.ndim != 1:
+        raise _not_whole(name, value, array, "give (m,) whole numbers, rows of `points`")
+    return _as_indices(name, array)
+
+
+def as_faces(name: str, value: ArrayLike) -> IndexArray:
+    """Return `value` as (F,3) int64, rows of a cloud."""
+    array = as_array(name, value)
+    if array.size == 0 and array.dtype.kind in "iuf":
+        return np.empty((0, 3), dtype=np.int64)
+    if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] != 3:
+        raise _not_whole(name, value, array, "give (F,3) whole numbers, rows of `points`")
+    return _as_indices(name, array)
+
+
+def as_mask(name: str, value: ArrayLike) -> BoolArray:
+    """Return `value` as (n,) bool."""
+    array = as_array(name, value)
+    if array.dtype != bool or array.ndim != 1:
+        raise _not_whole(name, value, array, "give a vector of bool")
+    return array
+
+
+def _not_whole(name: str, value: ArrayLike, array: NDArray[Any], remedy: str) -> InputError:
+    if array.ndim == 0:
+        return refusal(name, value, remedy)
+    return InputError(f"{name}: got shape {_shape(array)} of {array.dtype}; {remedy}")
+
+
+def _as_indices(name: str, array: NDArray[Any]) -> IndexArray:
+    if (array < 0).any():
+        row = np.unravel_index(int(np.argmax(array < 0)), array.shape)
+        message = f"{name}: got index {array[row]} in row {row[0]}; give rows of `points`, counted from 0"
+        raise InputError(message)
+    return np.ascontiguousarray(array, dtype=np.int64)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from cgroup._arguments import as_number, as_reals, real_candidates, real_frames, real_points, real_vector
+from cgroup._arguments import as_reals, real_candidates, real_frames, real_points, real_vector
+from cgroup._values import as_number
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cgroup._arguments import as_count, as_length
+from cgroup._values import as_count, as_function, as_length
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,11 +29,18 @@ def run_options(
     max_seconds: float | None = None,
 ) -> RunOptions:
     """Check how a computation is to run."""
-    if threads is not None and as_count("threads", threads, 1) > MOST_THREADS:
-        message = f"threads: got {threads}; give at most {MOST_THREADS}"
-        raise InputError(message)
-    if progress is not None and not callable(progress):
-        message = f"progress: got {progress!r}; give a function that takes the share of the work done"
-        raise InputError(message)
+    if progress is not None:
+        as_function("progress", progress, "the share of the work done")
     seconds = None if max_seconds is None else as_length("max_seconds", max_seconds)
-    return RunOptions(threads, as_count("max_memory", max_memory, 0), progress, seconds)
+    return RunOptions(as_threads(threads), as_count("max_memory", max_memory, 0), progress, seconds)
+
+
+def as_threads(threads: object) -> int | None:
+    """Return a number of threads, None for all cores."""
+    if threads is None:
+        return None
+    count = as_count("threads", threads, 1)
+    if count > MOST_THREADS:
+        message = f"threads: got {count}; give at most {MOST_THREADS}"
+        raise InputError(message)
+    return count

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from cgroup._values import as_word
 from cgroup.errors import InputError
 
 
@@ -23,7 +24,10 @@ def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever th
     InputError
         If the module can't be imported, or has no such attribute.
     """
-    module_name, _, attribute = reference.partition(":")
+    module_name, _, attribute = as_word(what, reference).partition(":")
+    if not all(part.isidentifier() for part in module_name.split(".")):
+        message = f"{what}: {module_name!r} is no name of a module; write module:attribute"
+        raise InputError(message)
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:

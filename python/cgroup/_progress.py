@@ -5,12 +5,19 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
+from cgroup._values import as_function
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
 def ignore_progress(*_: object) -> None:
     """Do nothing; stands for a progress callback that was not given."""
+
+
+def as_stage_function(progress: object) -> Callable[[str], Any]:
+    """Return the callback that is told of each stage; one that does nothing for None."""
+    return ignore_progress if progress is None else as_function("progress", progress, "the name of a stage")
 
 
 class StageClock:

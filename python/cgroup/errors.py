@@ -10,7 +10,7 @@ class CgroupError(Exception):
 
 
 class InputError(CgroupError, ValueError):
-    """An argument that can't be worked with."""
+    """An argument or a file that can't be worked with; `docs/errors.md` has the rule for arguments."""
 
 
 class OutOfMemoryError(CgroupError, MemoryError):

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 from cgroup._calls import compute
 from cgroup._fields import FIELDS, Fields
 from cgroup._memory import default_max_memory
+from cgroup._values import as_choice, as_instance, as_items
 from cgroup._workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.registry import ALIASES, METHOD_INFO, PRESETS, MethodInfo
+from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from cgroup.types import Correspondences, Grouping
+    from cgroup.types import Grouping
 
 
 def group(
@@ -50,9 +52,8 @@ def group(
         For an unknown method, preset or option, or where the method needs a field that is missing.
     """
     info = _find(method)
-    if preset not in PRESETS:
-        message = f"preset: got {preset!r}; choose one of {', '.join(PRESETS)}"
-        raise InputError(message)
+    as_choice("preset", preset, PRESETS)
+    as_instance("correspondences", correspondences, Correspondences)
     defaults = _defaults(info.function)
     _refuse_unknown(info.name, options, defaults)
     fields = _fields_for(info, correspondences)
@@ -84,6 +85,9 @@ def group_many(
     list of Grouping
         In the order of the problems.
     """
+    given = as_items("problems", problems, "give several Correspondences")
+    for row, problem in enumerate(given):
+        as_instance(f"problems[{row}]", problem, Correspondences)
     workers = count_workers(threads)
     known = _defaults(_find(method).function)
     options = {"threads": 1, **options}
@@ -94,15 +98,17 @@ def group_many(
         stoppable = {"progress": lambda _share: stop_with_the_others()} if "progress" in known else {}
         return group(problem, method, preset=preset, **{**stoppable, **options})
 
-    return work_side_by_side(problems, group_one, workers)
+    return work_side_by_side(given, group_one, workers)
+
+
+def check_method(method: str) -> str:
+    """Return the public name of a method."""
+    return _find(method).name
 
 
 def _find(method: str) -> MethodInfo:
-    info = METHOD_INFO.get(ALIASES.get(method, method))
-    if info is None:
-        message = f"method: got {method!r}; choose one of {', '.join(METHOD_INFO)}"
-        raise InputError(message)
-    return info
+    name = ALIASES.get(method, method) if isinstance(method, str) else method
+    return METHOD_INFO[as_choice("method", name, METHOD_INFO)]
 
 
 @cache

@@ -14,6 +14,8 @@ import numpy as np
 
 from cgroup import features
 from cgroup._plugins import load_plugin
+from cgroup._values import as_choice, as_instance, as_number, as_word
+from cgroup.datasets.base import MatchingPair
 from cgroup.datasets.generated.shapes import random_direction, stone
 from cgroup.datasets.voxels import voxel_means
 from cgroup.errors import InputError
@@ -25,7 +27,6 @@ from cgroup.types import PointCloud
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from cgroup.datasets.base import MatchingPair
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
     Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
@@ -60,11 +61,12 @@ def add_noise(cloud: PointCloud, sigma: float, rng: np.random.Generator) -> Poin
     InputError
         If sigma is negative or not finite.
     """
-    if not (np.isfinite(sigma) and sigma >= 0):
-        message = f"sigma: got {sigma}; give a finite length, 0 or greater"
+    points, deviation = as_instance("cloud", cloud, PointCloud).points, as_number("sigma", sigma)
+    if not (np.isfinite(deviation) and deviation >= 0):
+        message = f"sigma: got {deviation}; give a finite length, 0 or greater"
         raise InputError(message)
-    noise = sigma * rng.normal(size=cloud.points.shape)
-    return replace(cloud, points=cloud.points + noise, normals=None)
+    noise = deviation * as_instance("rng", rng, np.random.Generator).normal(size=points.shape)
+    return replace(cloud, points=points + noise, normals=None)
 
 
 def decimate(
@@ -98,16 +100,16 @@ def decimate(
     InputError
         If the share is out of range or leaves fewer than `LEAST_POINTS` points, or the method is unknown.
     """
-    if not 0 < share <= 1:
-        message = f"share: got {share}; give the part of the points to keep, above 0 and at most 1"
+    as_choice("method", method, ("random", "voxel"))
+    as_instance("rng", rng, np.random.Generator)
+    part = as_number("share", share)
+    if not 0 < part <= 1:
+        message = f"share: got {part}; give the part of the points to keep, above 0 and at most 1"
         raise InputError(message)
-    count = round(share * len(cloud))
-    _check_left(count, f"share {share}")
+    count = round(part * len(as_instance("cloud", cloud, PointCloud)))
+    _check_left(count, f"share {part}")
     if method == "voxel":
         return PointCloud(_voxel_subset(cloud.points, count))
-    if method != "random":
-        message = f"method: got {method!r}; choose 'random' or 'voxel'"
-        raise InputError(message)
     kept = np.sort(rng.choice(len(cloud), size=count, replace=False))
     return _rows(cloud, kept)
 
@@ -137,26 +139,30 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     InputError
         If the name is unknown, or the pair or level can't be worked with.
     """
-    nuisance: Nuisance | None = load_plugin("nuisance", name) if ":" in name else NUISANCES.get(name)
+    word = as_word("name", name)
+    nuisance: Nuisance | None = load_plugin("nuisance", word) if ":" in word else NUISANCES.get(word)
     if nuisance is None:
         message = f"nuisance: got {name!r}; choose one of {', '.join(NUISANCES)}, or give module:function"
         raise InputError(message)
-    return nuisance(pair, level, rng)
+    return nuisance(*_checked(pair, level), as_instance("rng", rng, np.random.Generator))
 
 
 def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
     """Gaussian noise on the target, its standard deviation `level` times the clean target's resolution."""
+    pair, level = _checked(pair, level)
     sigma = level * features.resolution(pair.target.points)
     return replace(pair, target=add_noise(pair.target, sigma, rng), facts={**pair.facts, "noise": level})
 
 
 def density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
     """Keep a random subset of the target: the share `level`."""
+    pair, level = _checked(pair, level)
     return replace(pair, target=decimate(pair.target, level, rng))
 
 
 def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
     """Thin the target out on a grid, down to about the share `level`."""
+    pair, level = _checked(pair, level)
     return replace(pair, target=decimate(pair.target, level, rng, method="voxel"))
 
 
@@ -165,8 +171,9 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
 
     Each keeps the same share of its points. The fact ``overlap`` is what is reached, at 4 pr.
     """
+    pair, level = _checked(pair, level)
     _check_share("overlap", level)
-    direction = random_direction(rng)
+    direction = random_direction(as_instance("rng", rng, np.random.Generator))
     tolerance = OVERLAP_WITHIN * _common_resolution(pair)
     source, target = apply(pair.T_target_source, pair.source.points), pair.target.points
     source_height, target_height = source @ direction, target @ direction
@@ -201,8 +208,9 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     A model vertex is visible when the target has a point within 2 pr; the fact ``occlusion`` is the share of
     the vertices that isn't, so it is exact for models with even density only.
     """
+    pair, level = _checked(pair, level)
     _check_share("occlusion", level)
-    direction = random_direction(rng)
+    direction = random_direction(as_instance("rng", rng, np.random.Generator))
     tolerance = VISIBLE_WITHIN * _common_resolution(pair)
     model, scene = apply(pair.T_target_source, pair.source.points), pair.target.points
     visible = within(model, scene, tolerance)
@@ -223,7 +231,9 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     The stones are about as large as the source, and as dense. The fact ``clutter`` counts points, so it is
     exact for even density only.
     """
+    pair, level = _checked(pair, level)
     _check_share("clutter", level)
+    as_instance("rng", rng, np.random.Generator)
     scene = pair.target.points
     pr = _common_resolution(pair)
     own = within(scene, apply(pair.T_target_source, pair.source.points), VISIBLE_WITHIN * pr)
@@ -313,6 +323,10 @@ def _rows(cloud: PointCloud, rows: IndexArray) -> PointCloud:
     normals = None if cloud.normals is None else cloud.normals[rows]
     colors = None if cloud.colors is None else cloud.colors[rows]
     return PointCloud(cloud.points[rows], normals, None, colors, cloud.dropped)
+
+
+def _checked(pair: MatchingPair, level: float) -> tuple[MatchingPair, float]:
+    return as_instance("pair", pair, MatchingPair), as_number("level", level)
 
 
 def _check_share(name: str, level: float) -> None:

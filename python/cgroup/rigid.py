@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._arguments import as_floats, real_points
+from cgroup._values import as_instance
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,8 +33,15 @@ def apply(transform: FloatArray, points: RealArray) -> FloatArray:
     -------
     (N,3) array of float64
         R p + t of each.
+
+    Raises
+    ------
+    InputError
+        If a shape differs, or holds no numbers.
     """
-    return points @ transform[:3, :3].T + transform[:3, 3]
+    matrix = _matrix("transform", transform)
+    with np.errstate(invalid="ignore", over="ignore"):  # points that aren't finite stay so
+        return real_points("points", points) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def invert(transform: FloatArray) -> FloatArray:
@@ -47,8 +56,17 @@ def invert(transform: FloatArray) -> FloatArray:
     -------
     (4,4) array of float64
         The inverse matrix.
+
+    Raises
+    ------
+    InputError
+        If the shape differs, or the matrix has no inverse.
     """
-    return np.linalg.inv(transform).astype(np.float64, copy=False)
+    try:
+        return np.linalg.inv(_matrix("transform", transform)).astype(np.float64, copy=False)
+    except np.linalg.LinAlgError as error:
+        message = "transform: is singular, so there is no way back; give a rigid transform"
+        raise InputError(message) from error
 
 
 def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
@@ -72,10 +90,7 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
         If the shape differs, a number isn't finite, the last row isn't 0 0 0 1, or the upper left
         3x3 block isn't a rotation to within `RIGID_TOLERANCE`.
     """
-    matrix = np.asarray(transform, dtype=np.float64)
-    if matrix.shape != (4, 4):
-        message = f"{name}: got shape {matrix.shape}; a rigid transform is a 4x4 matrix"
-        raise InputError(message)
+    matrix = _matrix(as_instance("name", name, str), transform)
     if not np.isfinite(matrix).all():
         message = f"{name}: holds a number that isn't finite"
         raise InputError(message)
@@ -88,6 +103,14 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     if deviation > RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
         kind = "a reflection" if deviation <= RIGID_TOLERANCE else "scaled or sheared"
         message = f"{name}: its upper left 3x3 block is {kind}, not a rotation"
+        raise InputError(message)
+    return matrix
+
+
+def _matrix(name: str, transform: ArrayLike) -> FloatArray:
+    matrix = as_floats(name, transform)
+    if matrix.shape != (4, 4):
+        message = f"{name}: got shape {matrix.shape}; a rigid transform is a 4x4 matrix"
         raise InputError(message)
     return matrix
 

@@ -6,9 +6,9 @@ use nalgebra::{Matrix4, SMatrix};
 use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3};
 use numpy::{Element, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyModule, PyString};
 
-use crate::error::{InputError, to_python};
+use crate::error::to_python;
 
 /// A contiguous array of either precision.
 pub enum Reals<'py, D: Dimension> {
@@ -208,15 +208,27 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyGrouping<'_>> {
 }
 
 /// The value that goes by `given` among the choices of option `name`.
-pub fn choose<T: Copy>(name: &str, given: &str, choices: &[(&str, T)]) -> PyResult<T> {
-    if let Some((_, value)) = choices.iter().find(|(choice, _)| *choice == given) {
-        return Ok(*value);
+pub fn choose<T: Copy>(name: &str, given: &Bound<'_, PyAny>, choices: &[(&str, T)]) -> PyResult<T> {
+    let word = given.cast::<PyString>().ok().and_then(|word| word.to_str().ok());
+    match choices.iter().find(|(choice, _)| word == Some(choice)) {
+        Some((_, value)) => Ok(*value),
+        None => Err(refused(name, given, &one_of(choices))),
     }
-    Err(InputError::new_err(format!("{name}: got {given:?}; {}", one_of(choices))))
+}
+
+/// The error for an option that can't be worked with, in the words of `cgroup._values`.
+pub fn refused(name: &str, given: &Bound<'_, PyAny>, remedy: &str) -> PyErr {
+    let error = values(given.py()).and_then(|rule| rule.call_method1("refusal", (name, given, remedy)));
+    error.map_or_else(|failed| failed, PyErr::from_value)
+}
+
+/// The module that says what counts as a number, a truth value, a choice.
+pub fn values(py: Python<'_>) -> PyResult<Bound<'_, PyModule>> {
+    py.import("cgroup._values")
 }
 
 /// What to choose from, for an error message.
-pub fn one_of<T>(choices: &[(&str, T)]) -> String {
+fn one_of<T>(choices: &[(&str, T)]) -> String {
     let known: Vec<String> = choices.iter().map(|(choice, _)| format!("{choice:?}")).collect();
     format!("choose one of {}", known.join(", "))
 }

@@ -124,7 +124,7 @@ pub fn harris3d<'py>(
     normals: Option<Reals<'py, Ix2>>,
     run_options: RunOptions,
     radius: f64,
-    response: &str,
+    response: &Bound<'py, PyAny>,
     threshold: f64,
     nms_radius: f64,
     break_ties: bool,
@@ -160,7 +160,7 @@ pub fn iss<'py>(
     gamma_32: f64,
     min_neighbors: usize,
     density_weight: bool,
-    covariance: &str,
+    covariance: &Bound<'py, PyAny>,
     count: Option<usize>,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
     let kinds = [("point", Covariance::AboutPoint), ("mean", Covariance::AboutMean)];
@@ -291,7 +291,7 @@ pub fn fpfh<'py>(
     run_options: RunOptions,
     radius: f64,
     max_neighbors: Option<usize>,
-    convention: &str,
+    convention: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let conventions = [("open3d", Convention::Open3d), ("pcl", Convention::Pcl)];
     let convention = choose("convention", convention, &conventions)?;

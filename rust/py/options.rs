@@ -2,9 +2,9 @@
 
 use cgroup::selection::otsu::{DEFAULT_BINS, OtsuMode, Threshold};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyFloat, PyString};
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};
 
-use crate::convert::{choose, one_of};
+use crate::convert::{choose, values};
 use crate::error::InputError;
 
 /// Options by name, as Python gave them.
@@ -36,20 +36,17 @@ impl<'py> Options<'py> {
     /// A whole number of at least `least`.
     pub fn count(&mut self, name: &'static str, least: u64) -> PyResult<usize> {
         let value = self.take(name)?;
-        match whole(&value) {
-            Some(number) if number >= least => Ok(number as usize),
-            _ => Err(refused(name, &value, &format!("give a whole number of at least {least}"))),
-        }
+        whole(name, &value, least, None)
     }
 
     /// A whole number of at least `least`, or None.
     pub fn optional_count(&mut self, name: &'static str, least: u64) -> PyResult<Option<usize>> {
         let value = self.take(name)?;
-        match whole(&value) {
-            _ if value.is_none() => Ok(None),
-            Some(number) if number >= least => Ok(Some(number as usize)),
-            _ => Err(refused(name, &value, &format!("give a whole number of at least {least}, or None"))),
+        if value.is_none() {
+            return Ok(None);
         }
+        let remedy = format!("give a whole number of at least {least}, or None");
+        whole(name, &value, least, Some(&remedy)).map(Some)
     }
 
     /// A key of random numbers.
@@ -60,31 +57,28 @@ impl<'py> Options<'py> {
     /// A number.
     pub fn number(&mut self, name: &'static str) -> PyResult<f64> {
         let value = self.take(name)?;
-        real(&value).ok_or_else(|| refused(name, &value, "give a number"))
+        real(name, &value, "give a number")
     }
 
     /// A number, or None.
     pub fn optional(&mut self, name: &'static str) -> PyResult<Option<f64>> {
         let value = self.take(name)?;
-        if value.is_none() {
-            return Ok(None);
-        }
-        real(&value).map(Some).ok_or_else(|| refused(name, &value, "give a number, or None"))
+        if value.is_none() { Ok(None) } else { real(name, &value, "give a number, or None").map(Some) }
     }
 
     /// True or False.
     pub fn flag(&mut self, name: &'static str) -> PyResult<bool> {
         let value = self.take(name)?;
-        value.extract().map_err(|_| refused(name, &value, "give True or False"))
+        match value.cast_exact::<PyBool>() {
+            Ok(flag) => Ok(flag.is_true()),
+            Err(_) => values(value.py())?.call_method1("as_flag", (name, &value))?.extract(),
+        }
     }
 
     /// One of a few words.
     pub fn choice<T: Copy>(&mut self, name: &'static str, choices: &[(&str, T)]) -> PyResult<T> {
         let value = self.take(name)?;
-        match value.cast::<PyString>() {
-            Ok(word) => choose(name, word.to_str()?, choices),
-            Err(_) => Err(refused(name, &value, &one_of(choices))),
-        }
+        choose(name, &value, choices)
     }
 
     /// The cut on scores, from the options `threshold` and `otsu`.
@@ -105,8 +99,7 @@ impl<'py> Options<'py> {
         if value.cast::<PyString>().is_ok_and(|word| word == "otsu") {
             return Ok(Threshold::Otsu(mode));
         }
-        let number = real(&value).ok_or_else(|| refused("threshold", &value, "give \"otsu\" or a number"));
-        number.map(Threshold::Fixed)
+        real("threshold", &value, "give \"otsu\" or a number").map(Threshold::Fixed)
     }
 
     fn take(&mut self, name: &'static str) -> PyResult<Bound<'py, PyAny>> {
@@ -116,22 +109,19 @@ impl<'py> Options<'py> {
     }
 }
 
-fn refused(name: &str, value: &Bound<'_, PyAny>, remedy: &str) -> PyErr {
-    match value.repr() {
-        Ok(got) => InputError::new_err(format!("{name}: got {got}; {remedy}")),
-        Err(error) => error,
+/// A count by the rule of `cgroup._values`, which is asked about anything but an `int` that will do.
+fn whole(name: &str, value: &Bound<'_, PyAny>, least: u64, remedy: Option<&str>) -> PyResult<usize> {
+    let number: Option<u64> = value.cast_exact::<PyInt>().ok().and_then(|number| number.extract().ok());
+    match number {
+        Some(number) if number >= least => Ok(number as usize),
+        _ => values(value.py())?.call_method1("as_count", (name, value, least, remedy))?.extract(),
     }
 }
 
-/// Python takes True and False for whole numbers too; as an option they are a mistake.
-fn whole(value: &Bound<'_, PyAny>) -> Option<u64> {
-    if value.is_instance_of::<PyBool>() { None } else { value.extract().ok() }
-}
-
-/// Whatever Python can make a float of, but no truth value and no array, not even of one number.
-fn real(value: &Bound<'_, PyAny>) -> Option<f64> {
-    if let Ok(number) = value.cast_exact::<PyFloat>() {
-        return Some(number.value());
+/// A number by the rule of `cgroup._values`, which is asked about anything but a `float`.
+fn real(name: &str, value: &Bound<'_, PyAny>, remedy: &str) -> PyResult<f64> {
+    match value.cast_exact::<PyFloat>() {
+        Ok(number) => Ok(number.value()),
+        Err(_) => values(value.py())?.call_method1("as_number", (name, value, remedy))?.extract(),
     }
-    if value.is_instance_of::<PyBool>() || value.len().is_ok() { None } else { value.extract().ok() }
 }

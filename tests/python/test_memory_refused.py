@@ -9,9 +9,7 @@ import pytest
 
 import cgroup
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="needs a limit of address space"
-)
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit of address space")
 
 PROGRAM = """
 import inspect, resource, sys

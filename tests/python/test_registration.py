@@ -159,7 +159,7 @@ def test_a_model_in_a_scan_needs_the_normals_of_its_mesh() -> None:
         ({"detector": "sift"}, "detector: got 'sift'; choose one of h3d, iss"),
         ({"descriptor": "fpfh3"}, "descriptor: got 'fpfh3'"),
         ({"normals": "stored"}, "normals: got 'stored'"),
-        ({"keypoints": 0}, "count"),
+        ({"keypoints": 0}, "keypoints"),
     ],
 )
 def test_bad_options(arguments: dict, says: str, pair: MatchingPair) -> None:

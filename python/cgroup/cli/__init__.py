@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import traceback
 from typing import TYPE_CHECKING, Annotated
 
 try:
     import typer
 
     from cgroup.cli import benchmark, cloud, compare, matches, pair, recognize
-    from cgroup.cli.terminal import INPUT_ERROR, INTERRUPTED, NO_CONSENSUS, print_line
+    from cgroup.cli.streams import OutputError, guarded_output, write_error
+    from cgroup.cli.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN, print_line
 except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
     raise SystemExit(2) from None
 
-from cgroup import __version__
+from cgroup import __version__, _start
+from cgroup._show import escape
+from cgroup._start import INTERRUPTED
 from cgroup.errors import CgroupError, NoConsensusError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from typing import NoReturn
+
+TRACEBACK = "CGROUP_TRACEBACK"
+"""Environment variable that asks for the traceback of errors that nobody foresaw."""
 
 app = typer.Typer(
     name="cgroup",
     help="3D correspondence grouping: find the right matches between two scans among mostly wrong ones.",
+    epilog=f"{TRACEBACK}=1 in the environment shows where an error came from that nobody foresaw.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -35,18 +43,63 @@ app.add_typer(benchmark.app, name="benchmark")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit.
 
-    Exit status: 0 done, 2 input that can't be worked with, 3 no pose that can be trusted, 130 interrupted.
+    Exit status: 0 done, 2 input that can't be worked with, 3 no pose that can be trusted, 70 an error that
+    nobody foresaw, 130 interrupted, 141 the reader of the output has gone.
     """
     try:
-        status = app(args=arguments, prog_name="cgroup", standalone_mode=False)
-    except (CgroupError, typer.TyperException) as error:
-        message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
-        _fail(message, NO_CONSENSUS if isinstance(error, NoConsensusError) else INPUT_ERROR)
+        status, message = _run(arguments)
     except KeyboardInterrupt:
-        status = INTERRUPTED
+        # An interrupt within Python's own exec of a string would make the interpreter end by the signal,
+        # unless another one comes to its end.
+        exec("")  # noqa: S102
+        status, message = INTERRUPTED, ""
     if status == INTERRUPTED:
-        _fail("interrupted", INTERRUPTED)
-    raise SystemExit(status or 0)
+        message = "interrupted"
+    if message:
+        write_error(f"cgroup: {escape(message)}")
+    raise SystemExit(status)
+
+
+def _run(arguments: Sequence[str] | None) -> tuple[int, str]:
+    """Run the command line; return the exit status and what to say of it."""
+    try:
+        with guarded_output():
+            _start.raise_when_interrupted()
+            return app(args=arguments, prog_name="cgroup", standalone_mode=False) or 0, ""
+    except Exception as error:  # noqa: BLE001 - a user can do nothing with a traceback
+        return _explain(error)
+    finally:
+        _start.leave_when_interrupted()
+
+
+def _explain(error: Exception) -> tuple[int, str]:
+    """Return the exit status of an error, and a sentence."""
+    status, message = INPUT_ERROR, str(error)
+    match error:
+        case OutputError(is_closed=True):
+            status, message = OUTPUT_CLOSED, ""
+        case typer.TyperException():
+            message = " ".join(error.format_message().split())
+        case NoConsensusError():
+            status = NO_CONSENSUS
+        case CgroupError() | OutputError():
+            pass
+        case MemoryError():
+            message = f"not enough memory ({message or 'the system says no more'}); give less data"
+        case OSError():
+            message = f"{error.filename or 'the system'}: {error.strerror or message}"
+        case _:
+            status, message = UNFORESEEN, _ask_for_report(error)
+    return status, message
+
+
+def _ask_for_report(error: Exception) -> str:
+    how = f"with what {TRACEBACK}=1 in the environment shows"
+    if os.environ.get(TRACEBACK):
+        write_error("".join(traceback.format_exception(error)).rstrip())
+        how = "with the lines above"
+    what = f"unforeseen {type(error).__name__} ({' '.join(str(error).split())})"
+    return f"{what}; this is an error of cgroup: please report it {how}"
 
 
 @app.callback(invoke_without_command=True)
@@ -60,8 +113,3 @@ def _without_command(
         raise typer.Exit
     if context.invoked_subcommand is None:
         sys.stdout.write(context.get_help())
-
-
-def _fail(message: str, status: int) -> NoReturn:
-    sys.stderr.write(f"cgroup: {' '.join(message.split())}\n")
-    raise SystemExit(status)

@@ -14,7 +14,15 @@ from rich.table import Table
 from rich.text import Text
 
 from cgroup.cli.signals import StoppedError, stop_on_signals
-from cgroup.cli.terminal import print_line, print_table, show_bar, show_stages
+from cgroup.cli.terminal import (
+    check_folder,
+    make_folder,
+    print_line,
+    print_table,
+    print_text,
+    show_bar,
+    show_stages,
+)
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -80,6 +88,7 @@ def run_command(
     wanted = read_config(config)
     if methods is not None:
         wanted = replace_methods(wanted, methods.split(","))
+    make_folder(out)
     start = time.monotonic()
     try:
         with stop_on_signals(), _show_counts() as report:
@@ -150,6 +159,8 @@ def presets_command() -> None:
 @app.command("report")
 def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> None:
     """Write report.html, the figures and claims.md from the records."""
+    if out.exists():
+        check_folder(out)
     with _needs_extra(), show_stages() as begin:
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
 
@@ -173,7 +184,7 @@ def claims_command(
         _print_verdicts(verdicts)
         print_line(claims.counts_line(verdicts))
     else:
-        print_line(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
+        print_text(claims.as_markdown(verdicts) if format == "markdown" else claims.as_json(verdicts))
 
 
 @app.command("rankings")
@@ -189,7 +200,7 @@ def rankings_command(out: OutOption = DEFAULT_OUT) -> None:
         message = f"{out}: no trials there; make some with: cgroup benchmark run matches --out {out}"
         raise InputError(message)
     sections = make_trial_sections(trials, records.load_machines(out), None)
-    print_line(as_markdown(overview_table(trials), sections).rstrip())
+    print_text(as_markdown(overview_table(trials), sections).rstrip())
 
 
 # --- the terminal --------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from cgroup.cli.terminal import (
     print_facts,
     print_written,
     show_stages,
+    shown_name,
     write_figure,
 )
 from cgroup.registration import Detector, describe, detect
@@ -49,7 +50,7 @@ def detect_command(
     out: OutOption = DEFAULT_OUT,
 ) -> None:
     """Find the keypoints of one cloud."""
-    name = _DETECTOR_NAMES[detector]
+    name, folder = _DETECTOR_NAMES[detector], make_folder(out)
     with show_stages() as begin:
         begin(f"reading {cloud.name}")
         points = io.read_cloud(cloud)
@@ -57,10 +58,9 @@ def detect_command(
         found = detect(
             points, detector=detector, keypoints=keypoints, nms_radius=nms_radius, resolution=resolution
         )
-        folder = make_folder(out)
         begin("figure")
         io.write_keypoints(folder / "keypoints.npz", points, found)
-        _write_pictures(folder, points, found, f"{cloud.name}, {name}")
+        _write_pictures(folder, points, found, f"{shown_name(cloud)}, {name}")
     print_cloud("cloud", cloud, points)
     print_facts(("keypoints", f"{len(found)} by {name}"))
     print_written(folder, "keypoints.npz", *_PICTURES)
@@ -79,7 +79,7 @@ def describe_command(
     out: OutOption = DEFAULT_OUT,
 ) -> None:
     """Find the keypoints of one cloud, and give each a frame and a descriptor."""
-    name = _DETECTOR_NAMES[detector]
+    name, folder = _DETECTOR_NAMES[detector], make_folder(out)
     with show_stages() as begin:
         begin(f"reading {cloud.name}")
         points = io.read_cloud(cloud)
@@ -93,10 +93,9 @@ def describe_command(
             resolution=resolution,
             progress=begin,
         )
-        folder = make_folder(out)
         begin("figure")
         io.write_descriptors(folder / "descriptors.npz", described)
-        _write_pictures(folder, points, described.indices, f"{cloud.name}, {name}")
+        _write_pictures(folder, points, described.indices, f"{shown_name(cloud)}, {name}")
     print_cloud("cloud", cloud, points)
     print_facts(
         ("resolution", f"{described.resolution:.4g} (1 pr, in the file's unit)"),

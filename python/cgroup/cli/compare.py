@@ -32,6 +32,7 @@ from cgroup.cli.terminal import (
     print_table,
     print_written,
     show_stages,
+    shown_name,
     write_figure,
 )
 from cgroup.comparison import MAX_DISPLACEMENT, MAX_ROTATION, compare, find_correct, write_table
@@ -67,13 +68,13 @@ def compare_command(
     out: OutOption = DEFAULT_OUT,
 ) -> None:
     """Run all methods on a pair whose pose is known, and judge what each selects."""
-    true_pose = io.read_transform(truth)
+    folder, true_pose = make_folder(out), io.read_transform(truth)
     clouds = read_both(source, target)
     compared = _compare_methods(
         clouds,
         true_pose,
-        title=f"{source.name} to {target.name}",
-        folder=make_folder(out),
+        title=f"{shown_name(source)} to {shown_name(target)}",
+        folder=folder,
         max_rotation=max_rotation,
         max_displacement=max_displacement,
         detector=detector,
@@ -95,10 +96,10 @@ def demo_command(
     """Run all methods on a generated pair: two views of a closed shape rich in detail."""
     from cgroup.datasets import standin_pair  # noqa: PLC0415 - slow to load
 
+    folder = make_folder(out)
     with show_stages() as begin:
         begin("generating two scans")
         pair = standin_pair(seed=seed)
-    folder = make_folder(out)
     for name, cloud in (("source", pair.source), ("target", pair.target)):
         io.write_cloud(folder / f"{name}.ply", cloud)
     io.write_transform(folder / "truth.txt", pair.T_target_source)

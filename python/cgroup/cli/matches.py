@@ -11,7 +11,7 @@ import typer
 
 from cgroup import io
 from cgroup.cli.options import MethodOption, check_method
-from cgroup.cli.terminal import print_line, print_pose, show_stages
+from cgroup.cli.terminal import check_file, print_line, print_pose, show_stages
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import group
@@ -51,6 +51,8 @@ def group_command(
 ) -> None:
     """Group correspondences of your own: which of them are selected, and the pose they fix."""
     check_method(method)
+    path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
+    check_file(path)
     given = io.read_correspondences(correspondences)
     if resolution is not None:
         given = _with_resolution(given, resolution)
@@ -60,7 +62,6 @@ def group_command(
         begin(f"grouping by {label_of(method)}")
         grouping = group(given, method, **options)
     seconds = time.perf_counter() - start
-    path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     io.write_mask(path, grouping.mask)
     print_line(f"{grouping.size} of {len(given)} selected by {label_of(method)} in {1e3 * seconds:.0f} ms")
     if grouping.false_alarms is not None:

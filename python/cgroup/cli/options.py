@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from cgroup.errors import InputError
+from cgroup._values import as_choice
 from cgroup.registration import Descriptor, Detector, Effort, Normals
 from cgroup.registry import METHODS
 
@@ -94,6 +94,4 @@ DEFAULT_OUT = Path("out")
 
 def check_method(method: str) -> None:
     """Raise `InputError` for a method that doesn't exist."""
-    if method not in METHODS:
-        message = f"method: got {method!r}; choose one of {', '.join(METHODS)}"
-        raise InputError(message)
+    as_choice("method", method, METHODS)

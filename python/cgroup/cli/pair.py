@@ -36,6 +36,7 @@ from cgroup.cli.terminal import (
     print_pose,
     print_written,
     show_stages,
+    shown_name,
     write_figure,
 )
 from cgroup.errors import InputError
@@ -90,8 +91,8 @@ def register_command(
     if method is not None:
         check_method(method)
     _refuse_options_of_the_other_front(context, front)
-    clouds = read_both(source, target)
     folder = make_folder(out)
+    clouds = read_both(source, target)
     paper = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
     with show_stages() as begin:
         done = register(
@@ -106,7 +107,7 @@ def register_command(
             progress=begin,
         )
         begin("figures")
-        figure = _draw_registration(clouds, done, f"{source.name} on {target.name}")
+        figure = _draw_registration(clouds, done, f"{shown_name(source)} on {shown_name(target)}")
         io.write_transform(folder / "transform.txt", done.T_target_source)
         io.write_cloud(folder / "aligned.ply", clouds[0].transformed(done.T_target_source))
         io.write_correspondences(folder / "correspondences.npz", done.correspondences)

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from cgroup import io
+from cgroup._show import escape
 from cgroup.cli.options import DEFAULT_OUT, OutOption
 from cgroup.cli.terminal import (
     make_folder,
@@ -65,7 +67,7 @@ def recognize_command(
     Writes the pose and the posed cloud of each model found: NAME.txt and NAME.ply; of further copies
     NAME-2.txt and so on.
     """
-    files = _by_name(models)
+    files, folder = _by_name(models), make_folder(out)
     with show_stages() as begin:
         clouds = {name: _read(file, begin) for name, file in files.items()}
         target = _read(scene, begin)
@@ -76,7 +78,6 @@ def recognize_command(
         hint = "" if viewpoint else "; if the scene is one single scan, say where the scanner stood"
         message = f"none of the models was found in {scene.name}{hint}"
         raise NoConsensusError(message)
-    folder = make_folder(out)
     print_written(folder, *_write(folder, clouds, found))
 
 
@@ -101,10 +102,10 @@ def _print_models(names: list[str], found: list[Recognized]) -> None:
     for name in names:
         copies = [registration for other, registration in found if other == name]
         if not copies:
-            table.add_row(name, "no", "", "", "")
+            table.add_row(Text(escape(name)), "no", "", "", "")
         for number, copy in enumerate(copies, start=1):
             table.add_row(
-                name,
+                Text(escape(name)),
                 "yes" if len(copies) == 1 else f"{number} of {len(copies)}",
                 f"{copy.probability:.3f}",
                 f"{100 * copy.fitness:.0f} %",

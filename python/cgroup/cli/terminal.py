@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from contextlib import contextmanager
 from io import BytesIO
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -12,6 +13,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from cgroup import io
 from cgroup._progress import ignore_progress
+from cgroup._show import escape
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,15 +28,22 @@ if TYPE_CHECKING:
 
 INPUT_ERROR = 2
 NO_CONSENSUS = 3
-INTERRUPTED = 130
-"""Exit statuses."""
+UNFORESEEN = 70
+OUTPUT_CLOSED = 141
+"""Exit statuses, besides that of an interrupt, `cgroup._start.INTERRUPTED`."""
 
 _PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
 
 
 def print_line(line: str) -> None:
-    """Print one line."""
-    sys.stdout.write(line + "\n")
+    """Print one line, with escapes for what would not be one."""
+    print_text(escape(line))
+
+
+def print_text(text: str) -> None:
+    """Print a text of any number of lines as it is."""
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()  # whoever reads along sees it, and errors come up here
 
 
 def print_facts(*facts: tuple[str, str]) -> None:
@@ -67,6 +76,11 @@ def print_table(table: Table) -> None:
     (console if console.is_terminal else Console(width=_PLAIN_WIDTH)).print(table)
 
 
+def shown_name(path: Path) -> str:
+    """Return the name of a file for titles and tables: printable, and no formula to matplotlib."""
+    return escape(path.name).replace("$", r"\$")
+
+
 @contextmanager
 def show_bar(*columns: ProgressColumn) -> Generator[Progress | None, None, None]:
     """Show a progress display on a terminal, gone when it is over; None where there is no terminal."""
@@ -81,22 +95,50 @@ def show_bar(*columns: ProgressColumn) -> Generator[Progress | None, None, None]
 @contextmanager
 def show_stages() -> Generator[Callable[[str], None], None, None]:
     """Show what is being done and for how long; call what is yielded with the name of each stage."""
-    with show_bar(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()) as progress:
+    with show_bar(
+        SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+    ) as progress:
         if progress is None:
             yield ignore_progress
             return
         task = progress.add_task("", total=None)
-        yield lambda stage: progress.update(task, description=stage)
+        yield lambda stage: progress.update(task, description=escape(stage))
 
 
 def make_folder(path: Path) -> Path:
-    """Make a folder for results, unless it is there."""
+    """Make a folder for results, unless it is there, and see that files can be written to it."""
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"{path}: can't be made a folder for the results ({error.strerror or error})"
+    except (OSError, ValueError) as error:
+        message = f"{path}: can't be made a folder for the results ({_reason(error)})"
         raise InputError(message) from error
+    check_folder(path)
     return path
+
+
+def check_folder(path: Path) -> None:
+    """See that files can be written to a folder."""
+    try:
+        TemporaryFile(dir=path).close()
+    except OSError as error:
+        message = f"{path}: no file can be written there ({error.strerror or error})"
+        raise InputError(message) from error
+
+
+def check_file(path: Path) -> None:
+    """See that a file can be written, without a change to one that is there."""
+    try:
+        if path.exists():
+            path.open("ab").close()
+        else:
+            TemporaryFile(dir=path.parent).close()
+    except (OSError, ValueError) as error:
+        message = f"{path}: can't be written ({_reason(error)})"
+        raise InputError(message) from error
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
 
 
 def write_figure(path: Path, figure: Figure) -> None:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._arguments import as_length, as_points
+from cgroup._arguments import as_faces, as_points
+from cgroup._values import as_length
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 
@@ -46,12 +47,13 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
     InputError
         If the shapes don't fit, or the transform isn't rigid.
     """
-    moved = apply(check_rigid(T_target_source), as_points("source", source))
+    moved = apply(check_rigid(T_target_source, "T_target_source"), as_points("source", source))
     there = as_points("target", target)
     if len(moved) != len(there):
         message = f"target: got {len(there)} rows, `source` has {len(moved)}"
         raise InputError(message)
-    return np.linalg.norm(moved - there, axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):  # points that aren't finite have no distance
+        return np.linalg.norm(moved - there, axis=1)
 
 
 def correct_matches(
@@ -102,9 +104,9 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     Raises
     ------
     InputError
-        If a shape isn't (N, 3), or the radius isn't positive.
+        If a shape isn't (N, 3), a coordinate isn't finite, or the radius isn't positive.
     """
-    queries, stored = as_points("points", points), as_points("others", others)
+    queries, stored = _finite_points("points", points), _finite_points("others", others)
     limit = as_length("radius", radius)
     found = np.zeros(len(queries), dtype=bool)
     if len(stored) == 0 or len(queries) == 0:
@@ -156,15 +158,16 @@ def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *,
     Raises
     ------
     InputError
-        If a cloud is empty, or the transform or tolerance is invalid.
+        If a cloud is empty or not finite, or the transform or tolerance is invalid.
     """
-    moved = apply(check_rigid(T_target_source), as_points("source", source))
-    there = as_points("target", target)
+    moved = apply(check_rigid(T_target_source, "T_target_source"), _finite_points("source", source))
+    there = _finite_points("target", target)
     for name, points in (("source", moved), ("target", there)):
         if len(points) == 0:
             message = f"{name}: got no points"
             raise InputError(message)
-    common = min(within(moved, there, tolerance).sum(), within(there, moved, tolerance).sum())
+    limit = as_length("tolerance", tolerance)
+    common = min(within(moved, there, limit).sum(), within(there, moved, limit).sum())
     return float(common / min(len(moved), len(there)))
 
 
@@ -196,14 +199,16 @@ def alignment_error(
     Raises
     ------
     InputError
-        If a transform or the tolerance is invalid.
+        If a cloud isn't finite, or a transform or the tolerance is invalid.
     """
-    points = as_points("source", source)
-    expected = apply(check_rigid(true), points)
-    counted = within(expected, target, tolerance)
+    points, limit = _finite_points("source", source), as_length("tolerance", tolerance)
+    expected, reached = (
+        apply(check_rigid(pose, name), points) for name, pose in (("true", true), ("estimated", estimated))
+    )
+    counted = within(expected, _finite_points("target", target), limit)
     if not counted.any():
         return float("nan")
-    gap = apply(check_rigid(estimated), points)[counted] - expected[counted]
+    gap = reached[counted] - expected[counted]
     return float(np.linalg.norm(gap, axis=1).mean())
 
 
@@ -240,7 +245,7 @@ def mean_displacement(points: ArrayLike, estimated: ArrayLike, true: ArrayLike) 
     array = as_points("points", points)
     if len(array) == 0:
         return float("nan")
-    gap = apply(check_rigid(estimated), array) - apply(check_rigid(true), array)
+    gap = apply(check_rigid(estimated, "estimated"), array) - apply(check_rigid(true, "true"), array)
     return float(np.linalg.norm(gap, axis=1).mean())
 
 
@@ -278,16 +283,37 @@ def clutter_and_occlusion(
     InputError
         If a mesh has no area, or the transform or tolerance is invalid.
     """
-    posed, vertices = apply(check_rigid(T_scene_model), as_points("model", model)), as_points("scene", scene)
-    triangles = np.asarray(scene_faces, dtype=np.int64).reshape(-1, 3)
+    posed, vertices = (
+        apply(check_rigid(T_scene_model, "T_scene_model"), _finite_points("model", model)),
+        _finite_points("scene", scene),
+    )
+    triangles = _faces_of("scene", vertices, scene_faces)
     areas = triangle_areas(vertices, triangles)
-    model_area = triangle_areas(posed, model_faces).sum()
+    model_area = triangle_areas(posed, _faces_of("model", posed, model_faces)).sum()
     for name, area in (("scene", areas.sum()), ("model", model_area)):
         if area <= 0:
             message = f"{name}: its faces have no area"
             raise InputError(message)
-    seen = areas[within(vertices, posed, tolerance)[triangles].all(axis=1)].sum()
+    limit = as_length("tolerance", tolerance)
+    seen = areas[within(vertices, posed, limit)[triangles].all(axis=1)].sum()
     return float(1 - seen / areas.sum()), float(1 - seen / model_area)
+
+
+def _finite_points(name: str, value: ArrayLike) -> FloatArray:
+    points = as_points(name, value)
+    if not np.isfinite(points).all():
+        row = int(np.argmin(np.isfinite(points).all(axis=1)))
+        message = f"{name}: got a coordinate that isn't finite in row {row}; leave such points out"
+        raise InputError(message)
+    return points
+
+
+def _faces_of(name: str, vertices: FloatArray, faces: ArrayLike) -> IndexArray:
+    triangles = as_faces(f"{name}_faces", faces)
+    if triangles.max(initial=-1) >= len(vertices):
+        message = f"{name}_faces: got row {triangles.max()}, but {name} has {len(vertices)} vertices"
+        raise InputError(message)
+    return triangles
 
 
 def triangle_areas(vertices: FloatArray, faces: ArrayLike) -> FloatArray:

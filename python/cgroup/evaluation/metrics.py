@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cgroup._arguments import as_floats, as_mask
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,10 +58,26 @@ def score_counts(
     -------
     Scores
         In that shape; NaN, and not registered, where a count is NaN.
+
+    Raises
+    ------
+    InputError
+        If they aren't numbers, or not of one shape.
     """
-    precision, recall = divide(selected_correct, selected), divide(selected_correct, correct)
+    counts = {
+        "matches": matches,
+        "correct": correct,
+        "selected": selected,
+        "selected_correct": selected_correct,
+    }
+    every, right, chosen, hits = (as_floats(name, count) for name, count in counts.items())
+    shapes = [count.shape for count in (every, right, chosen, hits)]
+    if len(set(shapes)) > 1:
+        message = f"{', '.join(counts)}: got shapes {', '.join(map(str, shapes))}; give all of one shape"
+        raise InputError(message)
+    precision, recall = divide(hits, chosen), divide(hits, right)
     return Scores(
-        inlier_ratio=divide(correct, matches),
+        inlier_ratio=divide(right, every),
         precision=precision,
         recall=recall,
         f_score=harmonic_mean(precision, recall),
@@ -139,11 +156,7 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
     InputError
         If the two are not vectors of bool of equal length.
     """
-    group, truth = np.asarray(mask), np.asarray(correct)
-    for name, array in (("mask", group), ("correct", truth)):
-        if array.dtype != bool or array.ndim != 1:
-            message = f"{name}: got {array.dtype} of shape {array.shape}; give a vector of bool"
-            raise InputError(message)
+    group, truth = as_mask("mask", mask), as_mask("correct", correct)
     if len(group) != len(truth):
         message = f"mask: got {len(group)} rows, `correct` has {len(truth)}"
         raise InputError(message)
@@ -160,4 +173,5 @@ def harmonic_mean(precision: ArrayLike, recall: ArrayLike) -> FloatArray:
 def divide(part: ArrayLike, whole: ArrayLike) -> FloatArray:
     """Share of a part in a whole, value by value; 0 where the whole is 0."""
     total = np.asarray(whole, dtype=np.float64)
-    return np.asarray(part, dtype=np.float64) / np.where(total == 0, 1, total)
+    with np.errstate(over="ignore", invalid="ignore"):  # counts that are no numbers have no share
+        return np.asarray(part, dtype=np.float64) / np.where(total == 0, 1, total)

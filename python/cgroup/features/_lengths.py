@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cgroup import _core
-from cgroup._arguments import as_length
 from cgroup._options import run_options
+from cgroup._values import as_length
 from cgroup.errors import InputError
 
 HARRIS_RADIUS = 2.7
@@ -31,10 +31,11 @@ def length_or_multiple(
     threads: int | None,
 ) -> float:
     """Return the length `given`, or else `factor` times the resolution."""
+    known = None if unit is None else as_length("resolution", unit)
     if given is not None:
         return as_length(name, given)
-    if unit is not None:
-        return factor * as_length("resolution", unit)
+    if known is not None:
+        return factor * known
     computed = known_resolution(cloud, threads)
     if computed == 0:
         message = f"{name}: the cloud's resolution is 0, as every point has a duplicate; give `{name}`"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from cgroup import _core
 from cgroup._arguments import real_points
 from cgroup._options import run_options
+from cgroup._values import as_flag, as_word
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -52,7 +53,7 @@ class Cloud:
     __slots__ = ("_core", "_points")
 
     def __init__(self, points: ArrayLike, *, name: str = "points") -> None:
-        array = real_points(name, points).view()
+        array = real_points(as_word("name", name), points).view()
         array.flags.writeable = False
         self._points: RealArray = array
         self._core = _core.Cloud(array, name)
@@ -78,11 +79,11 @@ class Cloud:
 CloudLike: TypeAlias = "Cloud | ArrayLike"
 
 
-def core_cloud(points: CloudLike) -> _core.Cloud:
+def core_cloud(points: CloudLike, name: str = "points") -> _core.Cloud:
     """Return what the compiled core takes: that of the cloud, or one of the array alone."""
     if isinstance(points, Cloud):
         return points._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
-    return _core.Cloud(real_points("points", points), "points")
+    return _core.Cloud(real_points(name, points), name)
 
 
 def points_of(points: CloudLike) -> RealArray:
@@ -118,4 +119,4 @@ def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | N
     >>> features.resolution([[0, 0, 0], [1, 0, 0], [3, 0, 0]])
     1.3333333333333333
     """
-    return _core.resolution(core_cloud(points), run_options(threads), ignore_zero)
+    return _core.resolution(core_cloud(points), run_options(threads), as_flag("ignore_zero", ignore_zero))

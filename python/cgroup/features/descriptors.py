@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from cgroup import _core
-from cgroup._arguments import as_count, real_frames, real_points
+from cgroup._arguments import as_rows, real_frames, real_points
 from cgroup._options import run_options
-from cgroup.features._rows import as_rows
+from cgroup._values import as_count, as_flag, as_number
 from cgroup.features.cloud import core_cloud
 
 if TYPE_CHECKING:
@@ -71,9 +71,9 @@ def shot(
         real_points("normals", normals),
         rows,
         run_options(threads),
-        radius=radius,
+        radius=as_number("radius", radius),
         lrf=frames,
-        pcl_compat=pcl_compat,
+        pcl_compat=as_flag("pcl_compat", pcl_compat),
     )
 
 
@@ -123,7 +123,7 @@ def lfsh(
         real_points("normals", normals),
         as_rows("keypoints", keypoints),
         run_options(threads),
-        radius,
+        as_number("radius", radius),
     )
 
 
@@ -163,7 +163,7 @@ def rcs(
         core_cloud(points),
         as_rows("keypoints", keypoints),
         run_options(threads),
-        radius,
+        as_number("radius", radius),
     )
 
 
@@ -228,7 +228,7 @@ def fpfh(
         real_points("normals", normals),
         None if keypoints is None else as_rows("keypoints", keypoints),
         run_options(threads),
-        radius=radius,
+        radius=as_number("radius", radius),
         max_neighbors=None if max_neighbors is None else as_count("max_neighbors", max_neighbors, 1),
         convention=convention,
     )

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cgroup import _core
+from cgroup._arguments import as_rows
 from cgroup._options import run_options
-from cgroup.features._rows import as_rows
+from cgroup._values import as_number
 from cgroup.features.cloud import core_cloud
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def shot_lrf(
         core_cloud(points),
         as_rows("keypoints", keypoints),
         run_options(threads),
-        radius,
+        as_number("radius", radius),
     )
 
 
@@ -95,5 +96,5 @@ def toldi_lrf(
         core_cloud(points),
         as_rows("keypoints", keypoints),
         run_options(threads),
-        radius,
+        as_number("radius", radius),
     )

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cgroup import _core
-from cgroup._arguments import as_count, real_points
+from cgroup._arguments import as_rows, real_points
 from cgroup._options import run_options
-from cgroup.errors import InputError
+from cgroup._values import as_choice, as_count, as_flag, as_number
 from cgroup.features import _open3d
 from cgroup.features._lengths import (
     HARRIS_RADIUS,
@@ -18,7 +18,6 @@ from cgroup.features._lengths import (
     known_resolution,
     length_or_multiple,
 )
-from cgroup.features._rows import as_rows
 from cgroup.features.cloud import core_cloud, points_of
 
 if TYPE_CHECKING:
@@ -97,9 +96,9 @@ def harris3d(
         run_options(threads),
         radius=size,
         response=response,
-        threshold=threshold,
-        nms_radius=size if nms_radius is None else nms_radius,
-        break_ties=break_ties,
+        threshold=as_number("threshold", threshold),
+        nms_radius=size if nms_radius is None else as_number("nms_radius", nms_radius),
+        break_ties=as_flag("break_ties", break_ties),
         count=None if count is None else as_count("count", count, 1),
     )
 
@@ -171,27 +170,27 @@ def iss(
     """
     cloud = core_cloud(points)
     as_count("min_neighbors", min_neighbors, 1)
-    if backend not in ("cgroup", "open3d"):
-        message = f"backend: got {backend!r}; choose one of 'cgroup', 'open3d'"
-        raise InputError(message)
+    as_choice("backend", backend, ("cgroup", "open3d"))
+    bounds = as_number("gamma_21", gamma_21), as_number("gamma_32", gamma_32)
+    weighted = as_flag("density_weight", density_weight)
     if len(cloud) == 0:
         return np.empty(0, dtype=np.int64)
-    if resolution is None and None in (salient_radius, nms_radius):
+    if resolution is None and (salient_radius is None or nms_radius is None):
         resolution = known_resolution(cloud, threads)
     salient = length_or_multiple("salient_radius", salient_radius, ISS_RADII[0], cloud, resolution, threads)
     nms = length_or_multiple("nms_radius", nms_radius, ISS_RADII[1], cloud, resolution, threads)
     if backend == "open3d":
-        _open3d.refuse_options(density_weight=density_weight, count=count)
-        return _open3d.iss(points_of(points), salient, nms, gamma_21, gamma_32, min_neighbors)
+        _open3d.refuse_options(density_weight=weighted, count=count)
+        return _open3d.iss(points_of(points), salient, nms, *bounds, min_neighbors)
     return _core.iss(
         cloud,
         run_options(threads),
         salient_radius=salient,
         nms_radius=nms,
-        gamma_21=gamma_21,
-        gamma_32=gamma_32,
+        gamma_21=bounds[0],
+        gamma_32=bounds[1],
         min_neighbors=min_neighbors,
-        density_weight=density_weight,
+        density_weight=weighted,
         covariance=covariance,
         count=None if count is None else as_count("count", count, 1),
     )

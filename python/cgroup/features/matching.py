@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._arguments import as_count
 from cgroup._options import run_options
+from cgroup._values import as_count, as_flag, as_number
 from cgroup.features._rows import as_descriptors
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def match(
         as_descriptors("target", target),
         run_options(threads, max_memory=MOST_BYTES),
         as_count("k", k, 1),
-        mutual,
-        max_distance,
+        as_flag("mutual", mutual),
+        None if max_distance is None else as_number("max_distance", max_distance),
     )
     return Matches(*fields)

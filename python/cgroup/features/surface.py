@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeAlias
 
-import numpy as np
-
 from cgroup import _core
-from cgroup._arguments import as_count, as_place
+from cgroup._arguments import as_faces, as_place
 from cgroup._options import run_options
-from cgroup.errors import InputError
+from cgroup._values import as_count, as_number
 from cgroup.features.cloud import core_cloud
 
 if TYPE_CHECKING:
@@ -66,7 +64,8 @@ def normals(
     """
     place = as_place("viewpoint", viewpoint)
     count = None if neighbors is None else as_count("neighbors", neighbors, 1)
-    return _core.normals(core_cloud(points), run_options(threads), count, radius, place)
+    size = None if radius is None else as_number("radius", radius)
+    return _core.normals(core_cloud(points), run_options(threads), count, size, place)
 
 
 def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
@@ -94,12 +93,4 @@ def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
     >>> features.mesh_normals(corners, faces)[0].round(3).tolist()
     [-0.577, -0.577, -0.577]
     """
-    array = np.asarray(faces)
-    if array.size == 0:
-        array = np.empty((0, 3), dtype=np.int64)
-    if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] != 3:
-        message = (
-            f"faces: got shape {array.shape} of {array.dtype}; give (F,3) whole numbers, rows of `points`"
-        )
-        raise InputError(message)
-    return _core.mesh_normals(core_cloud(points), np.ascontiguousarray(array, dtype=np.int64), run_options(1))
+    return _core.mesh_normals(core_cloud(points), as_faces("faces", faces), run_options(1))

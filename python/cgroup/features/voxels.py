@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._arguments import as_count, as_length, real_points
+from cgroup._arguments import real_points
 from cgroup._options import run_options
+from cgroup._values import as_count, as_length
 from cgroup.errors import InputError
 from cgroup.features.cloud import core_cloud
 
@@ -122,4 +123,6 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
         message = "clouds: got none; give one cloud or more"
         raise InputError(message)
     most = as_count("voxels", voxels, 1)
-    return _core.choose_voxel([core_cloud(cloud) for cloud in clouds], run_options(threads), most)
+    return _core.choose_voxel(
+        [core_cloud(cloud, f"clouds[{row}]") for row, cloud in enumerate(clouds)], run_options(threads), most
+    )

@@ -5,15 +5,16 @@ from __future__ import annotations
 import io
 import os
 import stat
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from cgroup import _core
 from cgroup._options import run_options
+from cgroup._values import as_instance, as_path
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from cgroup.types import FloatArray
 
@@ -30,10 +31,12 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file, or raise `InputError` with the system's reason."""
+    path, content = as_path("path", path), as_instance("content", content, bytes)
     try:
-        Path(path).write_bytes(content)
-    except OSError as error:
-        message = f"{path}: can't be written ({error.strerror or error})"
+        path.write_bytes(content)
+    except (OSError, UnicodeEncodeError) as error:
+        reason = error.strerror or error if isinstance(error, OSError) else "no such file name"
+        message = f"{path}: can't be written ({reason})"
         raise InputError(message) from error
 
 
@@ -55,11 +58,13 @@ def read_content(path: str | os.PathLike[str]) -> bytes:
     InputError
         If it is missing, empty, unreadable, or something else than a file.
     """
-    path = Path(path)
+    path = as_path("path", path)
     try:
         # Opening a device can do something to it, so its kind is looked at before; and after, when it stays.
         reason = _what_else(path.stat()) or _open_and_read(path)
     except FileNotFoundError:
+        reason = "no such file"
+    except UnicodeEncodeError:
         reason = "no such file"
     except OSError as error:
         reason = f"can't be read ({error.strerror or error})"

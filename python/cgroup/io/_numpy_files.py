@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib import format as npy_format
 
+from cgroup._arguments import as_array
 from cgroup.errors import InputError
 from cgroup.io._files import parse_file
 
@@ -137,8 +138,8 @@ def _fill(plain: NDArray[np.uint8], file: IO[bytes]) -> None:
 
 
 def single_number(path: Path, value: ArrayLike) -> float:
-    array = np.asarray(value, dtype=np.float64)
-    if array.size != 1:
-        message = f"{path}: resolution has shape {array.shape}; it is a single number"
+    array = as_array("resolution", value)
+    if array.size != 1 or array.dtype.kind not in "fiu":
+        message = f"{path}: resolution has shape {array.shape} of {array.dtype}; it is a single number"
         raise InputError(message)
     return float(array.reshape(()))

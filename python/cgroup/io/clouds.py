@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cgroup._arguments import as_reals, as_rows
+from cgroup._values import as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.io._files import parse_file, write_file
@@ -17,6 +18,7 @@ from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     import os
+    from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -60,7 +62,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
         If the file is missing, unreadable, cut off, of an unknown format, no regular file, or has no finite
         point.
     """
-    path = Path(path)
+    path = as_path("path", path)
     reader = PARSERS.get(path.suffix.lower())
     if reader is None:
         known = " ".join(sorted(PARSERS))
@@ -84,10 +86,11 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     InputError
         If the suffix is another one, or the file can't be written.
     """
-    path = Path(path)
+    path = as_path("path", path)
     if path.suffix.lower() != ".ply":
         message = f"{path}: point clouds are written as PLY; use a name that ends in .ply"
         raise InputError(message)
+    as_instance("cloud", cloud, PointCloud)
     columns: list[tuple[str, str, str, NDArray[Any]]] = [
         (name, "<f8", "double", cloud.points[:, i]) for i, name in enumerate("xyz")
     ]
@@ -130,7 +133,10 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: Ar
     InputError
         If the suffix is another one, or the file can't be written.
     """
-    path, rows = Path(path), np.asarray(indices, dtype=np.int64)
+    path, rows = as_path("path", path), as_rows("indices", indices)
+    if rows.max(initial=-1) >= len(as_instance("cloud", cloud, PointCloud)):
+        message = f"indices: got row {rows.max()}, but the cloud has {len(cloud)} points"
+        raise InputError(message)
     if path.suffix.lower() == ".npz":
         write_file(path, npz_bytes(indices=rows, points=cloud.points[rows]))
         return
@@ -154,10 +160,11 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     InputError
         If the suffix is another one, or the file can't be written.
     """
-    path = Path(path)
+    path = as_path("path", path)
     if path.suffix.lower() != ".npz":
         message = f"{path}: descriptors are written as NPZ; use a name that ends in .npz"
         raise InputError(message)
+    as_instance("described", described, DescribedCloud)
     write_file(path, npz_bytes(**{name: getattr(described, name) for name in _DESCRIBED_FIELDS}))
 
 
@@ -179,14 +186,36 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
     InputError
         If the file is missing or unreadable, or lacks an array.
     """
-    path = Path(path)
+    path = as_path("path", path)
     arrays = read_arrays(path, _DESCRIBED_FIELDS)
-    rows = {name: len(arrays[name]) for name in _DESCRIBED_FIELDS[:4]}
-    if len(set(rows.values())) > 1:
-        message = f"{path}: its arrays differ in length: {rows}"
+    count = len(np.atleast_1d(arrays["indices"]))
+    try:
+        indices = as_rows("indices", arrays["indices"])
+        points, lrf, descriptors, centroid = (
+            _table(name, arrays[name], shape)
+            for name, shape in (
+                ("points", (count, 3)),
+                ("lrf", (count, 3, 3)),
+                ("descriptors", (count, None)),
+                ("centroid", (3,)),
+            )
+        )
+    except InputError as error:
+        message = f"{path}: {error}"
+        raise InputError(message) from error
+    return DescribedCloud(
+        indices, points, lrf, descriptors, single_number(path, arrays["resolution"]), centroid
+    )
+
+
+def _table(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> Any:  # noqa: ANN401 - as written
+    """Return numbers of a shape, whose None stands for any length."""
+    array = as_reals(name, value)
+    if array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
+        wanted = ",".join("d" if n is None else str(n) for n in shape)
+        message = f"{name}: got shape {array.shape}, not ({wanted}); its arrays differ in length"
         raise InputError(message)
-    indices, points, lrf, descriptors, resolution, centroid = (arrays[name] for name in _DESCRIBED_FIELDS)
-    return DescribedCloud(indices, points, lrf, descriptors, single_number(path, resolution), centroid)
+    return array
 
 
 def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from cgroup._arguments import as_mask
+from cgroup._values import as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.io._files import load_numbers, parse_file, write_file
 from cgroup.io._numpy_files import npy_bytes, npz_bytes, read_arrays, single_number
@@ -39,7 +38,7 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     InputError
         If the file is missing or unreadable, or its content can't be correspondences.
     """
-    path = Path(path)
+    path = as_path("path", path)
     if path.suffix.lower() == ".npz":
         arrays = read_arrays(path, ("source", "target"), OPTIONAL_FIELDS)
     else:
@@ -76,10 +75,11 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
     InputError
         If the suffix is another one, or the file can't be written.
     """
-    path = Path(path)
+    path = as_path("path", path)
     if path.suffix.lower() != ".npz":
         message = f"{path}: correspondences are written as NPZ; use a name that ends in .npz"
         raise InputError(message)
+    as_instance("correspondences", correspondences, Correspondences)
     names = ("source", "target", *OPTIONAL_FIELDS)
     values = {name: getattr(correspondences, name) for name in names}
     write_file(path, npz_bytes(**{name: value for name, value in values.items() if value is not None}))
@@ -100,8 +100,8 @@ def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
     InputError
         If the file can't be written.
     """
-    path = Path(path)
-    values = np.asarray(mask, dtype=bool)
+    path = as_path("path", path)
+    values = as_mask("mask", mask)
     if path.suffix.lower() == ".npy":
         write_file(path, npy_bytes(values))
     else:

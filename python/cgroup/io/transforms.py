@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cgroup._values import as_path
 from cgroup.io._files import load_numbers, parse_file, write_file
 from cgroup.io._numpy_files import load_npy, npy_bytes
 from cgroup.rigid import check_rigid
@@ -35,7 +35,7 @@ def read_transform(path: str | os.PathLike[str]) -> FloatArray:
     InputError
         If the file is missing or unreadable, or isn't a rigid transform.
     """
-    path = Path(path)
+    path = as_path("path", path)
     reader = load_npy if path.suffix.lower() == ".npy" else load_numbers
     return check_rigid(parse_file(path, reader), str(path))
 
@@ -55,7 +55,7 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
     InputError
         If it isn't rigid, or the file can't be written.
     """
-    path = Path(path)
+    path = as_path("path", path)
     matrix = check_rigid(transform)
     if path.suffix.lower() == ".npy":
         write_file(path, npy_bytes(matrix))

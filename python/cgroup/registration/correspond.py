@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup._progress import ignore_progress
+from cgroup._arguments import as_place
+from cgroup._progress import as_stage_function
+from cgroup._values import as_choice, as_length
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
-from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, FrontEnd
+from cgroup.registration.front_end import DESCRIPTORS, FrontEnd, check_detection
 from cgroup.registration.matching import match_described
-from cgroup.registration.scan import NEEDED_FOR, NORMALS, as_scan, check_choice
+from cgroup.registration.scan import NEEDED_FOR, NORMALS, as_scan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,6 +54,13 @@ class PaperFront:
     nms_radius: float | None = None
     normals: Normals = "pca"
     resolution: float | None = None
+
+    def __post_init__(self) -> None:
+        check_detection(self.detector, self.keypoints, self.nms_radius)
+        as_choice("descriptor", self.descriptor, DESCRIPTORS)
+        as_choice("normals", self.normals, NORMALS)
+        if self.resolution is not None:
+            as_length("resolution", self.resolution)
 
 
 def correspond(
@@ -115,27 +124,27 @@ def correspond(
     >>> correspond(pair.source, pair.target)  # doctest: +ELLIPSIS
     Correspondences(n=..., fields=['source', 'target', 'similarity', ...])
     """
-    check_choice("normals", normals, NORMALS)
-    check_choice("detector", detector, DETECTORS)
-    check_choice("descriptor", descriptor, DESCRIPTORS)
-    begin = progress or ignore_progress
+    as_choice("normals", normals, NORMALS)
+    as_choice("descriptor", descriptor, DESCRIPTORS)
+    front_end = FrontEnd(detector, keypoints, nms_radius, threads)
+    begin = as_stage_function(progress)
+    places = as_place("source_viewpoint", source_viewpoint), as_place("target_viewpoint", target_viewpoint)
     begin("resolution")
     scans = as_scan("source", source), as_scan("target", target)
     pr = _common_resolution(*scans, threads) if resolution is None else scans[0].unit(resolution, threads)
     if not any(scan.has(normals) for scan in scans):
         message = f"normals: got {normals!r}, but neither cloud has {NEEDED_FOR[normals]}; choose 'pca'"
         raise InputError(message)
-    front_end = FrontEnd(detector, keypoints, nms_radius, threads)
     described = [
         front_end.describe(
             scan,
             pr,
             descriptor,
             normals if scan.has(normals) else "pca",
-            viewpoint,
+            (x, y, z),
             lambda stage, role=scan.name: begin(f"{role} {stage}"),
         )
-        for scan, viewpoint in zip(scans, (source_viewpoint, target_viewpoint), strict=True)
+        for scan, (x, y, z) in zip(scans, places, strict=True)
     ]
     begin("matching")
     return match_described(described[0], described[1], threads=threads)

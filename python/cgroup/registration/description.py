@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cgroup._progress import ignore_progress
+from cgroup._progress import as_stage_function
+from cgroup._values import as_choice
 from cgroup.features import ORIGIN
-from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, FrontEnd, find_normals
-from cgroup.registration.scan import NORMALS, as_scan, check_choice
+from cgroup.registration.front_end import DESCRIPTORS, FrontEnd, find_normals
+from cgroup.registration.scan import NORMALS, as_scan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,9 +65,8 @@ def detect(
     >>> len(detect(cloud)) > len(detect(cloud, keypoints=50)) > 30
     True
     """
-    check_choice("detector", detector, DETECTORS)
-    scan = as_scan("cloud", cloud)
-    return FrontEnd(detector, keypoints, nms_radius, threads).detect(scan, scan.unit(resolution, threads))
+    front_end, scan = FrontEnd(detector, keypoints, nms_radius, threads), as_scan("cloud", cloud)
+    return front_end.detect(scan, scan.unit(resolution, threads))
 
 
 def surface_normals(
@@ -109,7 +109,7 @@ def surface_normals(
     >>> bool((np.sum(towards * (pair.source_viewpoint - pair.source.points), axis=1) >= 0).all())
     True
     """
-    check_choice("normals", normals, NORMALS)
+    as_choice("normals", normals, NORMALS)
     return find_normals(as_scan("cloud", cloud), normals, viewpoint, threads)
 
 
@@ -170,10 +170,8 @@ def describe(
     >>> describe(standin_pair(pixels=60).source, descriptor="rcs").descriptors.shape[1]
     72
     """
-    check_choice("detector", detector, DETECTORS)
-    check_choice("descriptor", descriptor, DESCRIPTORS)
-    check_choice("normals", normals, NORMALS)
-    scan = as_scan("cloud", cloud)
+    as_choice("descriptor", descriptor, DESCRIPTORS)
+    as_choice("normals", normals, NORMALS)
+    front_end, scan = FrontEnd(detector, keypoints, nms_radius, threads), as_scan("cloud", cloud)
     pr = scan.unit(resolution, threads)
-    front_end = FrontEnd(detector, keypoints, nms_radius, threads)
-    return front_end.describe(scan, pr, descriptor, normals, viewpoint, progress or ignore_progress)
+    return front_end.describe(scan, pr, descriptor, normals, viewpoint, as_stage_function(progress))

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cgroup import features
-from cgroup._arguments import as_length, in_double
+from cgroup._arguments import in_double
+from cgroup._values import as_choice, as_count, as_length
 from cgroup.errors import InputError
 from cgroup.features import SUPPORT_RADIUS, DescribedCloud
 from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS
@@ -40,9 +41,12 @@ class FrontEnd:
     nms_radius: float | None
     threads: int | None
 
+    def __post_init__(self) -> None:
+        check_detection(self.detector, self.keypoints, self.nms_radius)
+
     def detect(self, scan: Scan, pr: float) -> IndexArray:
         """Find the keypoints that have enough support, with the unit `pr`."""
-        nms_radius = None if self.nms_radius is None else as_length("nms_radius", self.nms_radius) * pr
+        nms_radius = None if self.nms_radius is None else self.nms_radius * pr
         find = features.harris3d if self.detector == "h3d" else features.iss
         cloud, threads = scan.cloud, self.threads
         found = find(cloud, resolution=pr, nms_radius=nms_radius, count=self.keypoints, threads=threads)
@@ -71,6 +75,15 @@ class FrontEnd:
         valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
         kept, points = found[valid], in_double(cloud.points)
         return DescribedCloud(kept, points[kept], frames[valid], values[valid], pr, points.mean(axis=0))
+
+
+def check_detection(detector: str, keypoints: int | None, nms_radius: float | None) -> None:
+    """Refuse what a detector can't work with."""
+    as_choice("detector", detector, DETECTORS)
+    if keypoints is not None:
+        as_count("keypoints", keypoints, 1)
+    if nms_radius is not None:
+        as_length("nms_radius", nms_radius)
 
 
 def find_normals(scan: Scan, normals: Normals, viewpoint: Viewpoint, threads: int | None) -> FloatArray:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cgroup._arguments import as_count
-from cgroup._progress import StageClock, ignore_progress
+from cgroup._progress import StageClock, as_stage_function
+from cgroup._values import as_choice, as_count, as_instance, as_items, refusal
 from cgroup._workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
+from cgroup.group import check_method
 from cgroup.registration.pair import common_voxel
 from cgroup.registration.poses import as_axis
-from cgroup.registration.prepared import PreparedScan, prepare_scan
+from cgroup.registration.prepared import DenseFront, PreparedScan, prepare_scan
 from cgroup.registration.report import registration_of
-from cgroup.registration.scan import as_scan, check_choice
+from cgroup.registration.scan import as_scan
 from cgroup.registration.search import EFFORTS, Search
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Cloud, Viewpoint
-    from cgroup.registration.prepared import DenseFront
     from cgroup.registration.result import Registration
     from cgroup.registration.search import Effort
     from cgroup.types import PointCloud
@@ -85,18 +85,21 @@ def register_many(
     >>> [done is not None and done.ok for done in found]
     [True, False]
     """
-    check_choice("effort", effort, EFFORTS)
+    as_choice("effort", effort, EFFORTS)
     workers = count_workers(threads)
-    if len(scans) == 0:
+    if front is not None:
+        as_instance("front", front, DenseFront)
+    given = as_items("scans", scans, "give two clouds or more")
+    if not given:
         message = "scans: got none; give two or more"
         raise InputError(message)
-    wanted = _as_pairs(pairs, len(scans))
-    places = _as_viewpoints(viewpoints, len(scans))
+    wanted = _as_pairs(pairs, len(given))
+    places = _as_viewpoints(viewpoints, len(given))
     direction = None if axis is None else as_axis(axis)
-    begin = progress or ignore_progress
+    begin, proposer = as_stage_function(progress), check_method(method)
     clouds = [
         cloud if isinstance(cloud, PreparedScan) else as_scan(f"scans[{row}]", cloud)
-        for row, cloud in enumerate(scans)
+        for row, cloud in enumerate(given)
     ]
     size, radii = common_voxel(clouds, voxel, front, threads)
 
@@ -116,7 +119,7 @@ def register_many(
         if source.by_frames or target.by_frames:
             source, target = source.turned_by_frames, target.turned_by_frames
         clock = StageClock(lambda _: stop_with_the_others())
-        found = Search(method, options, direction, effort, 1, clock).run(source, target)
+        found = Search(proposer, options, direction, effort, 1, clock).run(source, target)
         return None if found is None else registration_of(found, clock.stop())
 
     prepared = work_side_by_side(range(len(clouds)), make_ready, workers)
@@ -128,13 +131,15 @@ def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple
     if pairs is None:
         return [(row, 0) for row in range(1, scans)]
     checked: list[tuple[int, int]] = []
-    for number, pair in enumerate(pairs):
-        if len(pair) != 2:
-            message = f"pairs[{number}]: got {pair!r}; give two rows of scans, source and target"
-            raise InputError(message)
-        source, target = (as_count(f"pairs[{number}]", row, 0) for row in pair)
+    remedy = "give two rows of scans, source and target"
+    for number, pair in enumerate(as_items("pairs", pairs, f"for each pair {remedy}")):
+        name = f"pairs[{number}]"
+        rows = as_items(name, pair, remedy)
+        if len(rows) != 2:
+            raise refusal(name, pair, remedy)
+        source, target = (as_count(name, row, 0) for row in rows)
         if max(source, target) >= scans:
-            message = f"pairs[{number}]: got {pair!r}, but there are {scans} scans; rows begin with 0"
+            message = f"{name}: got {(source, target)}, but there are {scans} scans; rows begin with 0"
             raise InputError(message)
         checked.append((source, target))
     return checked
@@ -143,7 +148,8 @@ def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple
 def _as_viewpoints(viewpoints: Sequence[Viewpoint | None] | None, scans: int) -> Sequence[Viewpoint | None]:
     if viewpoints is None:
         return [None] * scans
-    if len(viewpoints) != scans:
-        message = f"viewpoints: got {len(viewpoints)} for {scans} scans; give one per scan, or None for it"
+    places = as_items("viewpoints", viewpoints, "give one per scan, or None for it")
+    if len(places) != scans:
+        message = f"viewpoints: got {len(places)} for {scans} scans; give one per scan, or None for it"
         raise InputError(message)
-    return viewpoints
+    return places

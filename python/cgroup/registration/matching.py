@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cgroup import features
+from cgroup._values import as_instance
+from cgroup.features import DescribedCloud
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
-    from cgroup.features import DescribedCloud
     from cgroup.features.matching import Matches
     from cgroup.types import BoolArray, RealArray
 
@@ -44,6 +45,8 @@ def match_described(
     >>> len(matches) == len(described), float(matches.similarity.min())
     (True, 1.0)
     """
+    as_instance("source", source, DescribedCloud)
+    as_instance("target", target, DescribedCloud)
     return match_both_ways(source, target, 1, threads)[0]
 
 

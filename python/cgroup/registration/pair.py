@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cgroup import features
-from cgroup._arguments import as_length
+from cgroup._values import as_length
 from cgroup.errors import InputError
 from cgroup.registration.checks import as_viewpoint, check_sizes
 from cgroup.registration.prepared import VOXELS, DenseFront, PreparedScan, prepare_scan

@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cgroup._progress import StageClock, ignore_progress
-from cgroup.errors import InputError, NoConsensusError
+from cgroup._options import as_threads
+from cgroup._progress import StageClock, as_stage_function
+from cgroup._values import as_choice, refusal
+from cgroup.errors import NoConsensusError
 from cgroup.features import ORIGIN
-from cgroup.group import group
+from cgroup.group import check_method, group
 from cgroup.registration.correspond import PaperFront, correspond
 from cgroup.registration.matching import without_frames
 from cgroup.registration.pair import prepare_pair
 from cgroup.registration.poses import as_axis, group_poses
 from cgroup.registration.prepared import DenseFront
 from cgroup.registration.report import explain_failure, registration_of
-from cgroup.registration.scan import check_choice
 from cgroup.registration.search import EFFORTS, Search
 from cgroup.types import PointCloud
 
@@ -106,12 +107,12 @@ def register(
     >>> done.ok, bool(abs(done.T_target_source - pair.T_target_source).max() < done.voxel)
     (True, True)
     """
-    check_choice("effort", effort, EFFORTS)
-    clock = StageClock(progress or ignore_progress)
+    as_choice("effort", effort, EFFORTS)
+    clock = StageClock(as_stage_function(progress))
     direction = None if axis is None else as_axis(axis)
     kind = _front_of(front)
-    chosen = method or ("gtm" if isinstance(kind, PaperFront) else "lc")
-    search = Search(chosen, options, direction, effort, threads, clock)
+    chosen = ("gtm" if isinstance(kind, PaperFront) else "lc") if method is None else check_method(method)
+    search = Search(chosen, options, direction, effort, as_threads(threads), clock)
     dense = front if isinstance(front, DenseFront) else None
     scans = prepare_pair(source, target, voxel, (source_viewpoint, target_viewpoint), dense, threads, clock)
     found = _search_keypoints(search, scans, kind) if isinstance(kind, PaperFront) else search.run(*scans)
@@ -121,12 +122,10 @@ def register(
 def _front_of(front: object) -> DenseFront | PaperFront:
     if isinstance(front, DenseFront | PaperFront):
         return front
-    if front == "dense":
-        return DenseFront()
-    if front == "paper":
-        return PaperFront()
-    message = f"front: got {front!r}; choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
-    raise InputError(message)
+    if not isinstance(front, str) or front not in FRONTS:
+        remedy = f"choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
+        raise refusal("front", front, remedy)  # noqa: EM101 - no message, but the parameter's name
+    return DenseFront() if front == "dense" else PaperFront()
 
 
 def _search_keypoints(

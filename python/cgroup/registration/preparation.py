@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cgroup import features
-from cgroup._arguments import as_length
-from cgroup._progress import ignore_progress
+from cgroup._progress import as_stage_function
+from cgroup._values import as_choice, as_instance, as_length
 from cgroup.errors import InputError
 from cgroup.registration.mesh import as_model
 from cgroup.registration.prepared import VOXELS, DenseFront, PreparedScan, prepare_scan
-from cgroup.registration.scan import NORMALS, as_scan, check_choice
+from cgroup.registration.scan import NORMALS, as_scan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,18 +73,18 @@ def prepare(
     >>> target.voxel > 0, register(pair.source, target).ok
     (True, True)
     """
-    check_choice("normals", normals, NORMALS)
+    as_choice("normals", normals, NORMALS)
     if normals != "pca" and viewpoint is not None:
         message = f"viewpoint, normals: got both, but {normals!r} normals are those of whole models; give one"
         raise InputError(message)
     scan = as_scan("cloud", cloud) if normals == "pca" else as_model("cloud", cloud, normals, voxel)
     size = features.choose_voxel(scan.cloud, voxels=VOXELS, threads=threads) if voxel is None else voxel
-    begin = progress or ignore_progress
+    begin = as_stage_function(progress)
     return prepare_scan(
         scan,
         as_length("voxel", size),
         viewpoint,
-        front or DenseFront(),
+        DenseFront() if front is None else as_instance("front", front, DenseFront),
         threads,
         begin,
         by_frames=viewpoint is None and normals == "pca",

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup import features
-from cgroup._arguments import as_length, in_double
+from cgroup._arguments import in_double
 from cgroup._progress import ignore_progress
+from cgroup._values import as_length
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.registration.checks import as_viewpoint, check_normals, check_voxels

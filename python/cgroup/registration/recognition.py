@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup import features
-from cgroup._arguments import as_count
-from cgroup._progress import StageClock, ignore_progress
+from cgroup._arguments import as_place
+from cgroup._progress import StageClock, as_stage_function
+from cgroup._show import show
+from cgroup._values import as_count, refusal
 from cgroup.errors import InputError
 from cgroup.registration.instances import InstanceSearch
 from cgroup.registration.mesh import as_model
@@ -16,7 +19,7 @@ from cgroup.registration.scan import Scan, as_scan
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -94,7 +97,7 @@ def recognize(
     ['stone0', 'stone1']
     """
     limit = None if most is None else as_count("most", most, 1)
-    clock = StageClock(progress or ignore_progress)
+    clock = StageClock(as_stage_function(progress))
     library, prepared_scene = _prepare_all(models, scene, voxel, viewpoint, threads, clock)
     found = InstanceSearch(library, prepared_scene, limit, threads, clock).run()
     seconds = clock.stop()
@@ -160,6 +163,10 @@ def _prepare_all(
 ) -> tuple[dict[str, PreparedScan], PreparedScan]:
     """Make models and scene ready with one voxel, and normals on the same side."""
     clock.start("voxel size")
+    if not isinstance(models, Mapping):
+        raise refusal("models", models, "give a dict of clouds by name")  # noqa: EM101 - as there
+    if viewpoint is not None:
+        as_place("viewpoint", viewpoint)
     if not models:
         message = "models: got none; give one or more, by name"
         raise InputError(message)
@@ -201,7 +208,7 @@ def _as_ready_or_scan(
     by_frames: bool,
 ) -> PreparedScan | Scan:
     """Check a model; one that isn't ready gets normals outwards from its faces, or else those it has."""
-    label = f"model {name!r}"
+    label = f"model {show(name)}"
     if isinstance(model, PreparedScan):
         if model.by_frames and not by_frames:
             message = f"{label}: prepared without its outside; prepare it with normals='mesh' or 'given'"

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from cgroup import features
-from cgroup._arguments import as_length, real_points
+from cgroup._arguments import as_faces, as_points, real_points
+from cgroup._values import as_length
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.types import PointCloud
@@ -74,7 +75,8 @@ def as_scan(name: str, cloud: PointCloud | Cloud | ArrayLike) -> Scan:
     """Check a cloud, and make it ready."""
     normals, faces = None, None
     if isinstance(cloud, PointCloud):
-        cloud, normals, faces = cloud.points, cloud.normals, cloud.faces
+        normals, faces = _surface_of(name, cloud)
+        cloud = cloud.points
     points = cloud.points if isinstance(cloud, Cloud) else real_points(name, cloud)
     if len(points) <= NORMAL_NEIGHBORS:
         message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
@@ -86,8 +88,15 @@ def as_scan(name: str, cloud: PointCloud | Cloud | ArrayLike) -> Scan:
     return Scan(ready, normals, faces, name)
 
 
-def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """Refuse a word that is none of the choices."""
-    if value not in choices:
-        message = f"{name}: got {value!r}; choose one of {', '.join(choices)}"
+def _surface_of(name: str, cloud: PointCloud) -> tuple[FloatArray | None, IndexArray | None]:
+    """Check the normals and faces of a cloud."""
+    normals = None if cloud.normals is None else as_points(f"{name}.normals", cloud.normals)
+    faces = None if cloud.faces is None else as_faces(f"{name}.faces", cloud.faces)
+    count = len(real_points(name, cloud.points))
+    if normals is not None and len(normals) != count:
+        message = f"{name}.normals: got {len(normals)} for {count} points; give one per point, NaN for none"
         raise InputError(message)
+    if faces is not None and faces.max(initial=-1) >= count:
+        message = f"{name}.faces: got row {faces.max()}, but there are {count} points"
+        raise InputError(message)
+    return normals, faces

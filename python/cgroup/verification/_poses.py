@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from cgroup.types import FloatArray
 
 
-def as_poses(value: ArrayLike) -> FloatArray:
+def as_poses(value: ArrayLike, name: str = "poses") -> FloatArray:
     """Return (m,4,4) rigid transforms."""
-    poses = as_floats("poses", value)
+    poses = as_floats(name, value)
     if poses.ndim == 2:
         poses = poses[None]
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) == 0:
-        message = f"poses: got shape {poses.shape}; give (m,4,4), at least one rigid transform"
+        message = f"{name}: got shape {poses.shape}; give (m,4,4), at least one rigid transform"
         raise InputError(message)
     rotations = poses[:, :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -33,7 +33,7 @@ def as_poses(value: ArrayLike) -> FloatArray:
         right &= (np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1) <= 1e-9) & (np.linalg.det(rotations) > 0)
     if not right.all():
         message = (
-            f"poses: pose {int(np.argmin(right))} of {len(poses)} is not rigid: [R t; 0 0 0 1] with a "
+            f"{name}: pose {int(np.argmin(right))} of {len(poses)} is not rigid: [R t; 0 0 0 1] with a "
             "rotation R; leave out those of matches without frames"
         )
         raise InputError(message)
@@ -42,7 +42,7 @@ def as_poses(value: ArrayLike) -> FloatArray:
 
 def as_pose(value: ArrayLike) -> FloatArray:
     """Return a single rigid transform, as (1,4,4)."""
-    poses = as_poses(value)
+    poses = as_poses(value, "pose")
     if len(poses) != 1:
         message = f"pose: got {len(poses)} poses; give one (4,4) rigid transform"
         raise InputError(message)

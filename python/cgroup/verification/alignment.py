@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import _core
-from cgroup._arguments import as_length
 from cgroup._options import run_options
+from cgroup._values import as_instance, as_length
 from cgroup.features.cloud import core_cloud
 from cgroup.verification._poses import as_pose, as_poses
 
@@ -161,8 +161,8 @@ def align_each(
 ) -> list[Alignment]:
     """Refine poses, with at most so many samples of either surface."""
     aligned = _core.align(
-        source._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
-        target._core,  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
+        _core_surface("source", source),
+        _core_surface("target", target),
         as_poses(poses),
         run_options(threads),
         samples,
@@ -171,3 +171,7 @@ def align_each(
         Alignment(pose, residuals, deviations, len(residuals) / count, *resistance)
         for pose, residuals, deviations, count, resistance in aligned
     ]
+
+
+def _core_surface(name: str, surface: FineSurface) -> _core.FineSurface:
+    return as_instance(name, surface, FineSurface)._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]

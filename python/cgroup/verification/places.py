@@ -76,4 +76,6 @@ def places(
     >>> sorted({Place(place).name for place in found})
     ['ON', 'UNKNOWN']
     """
-    return _core.places(core_surface(source), core_surface(target), as_pose(pose), run_options(threads))
+    return _core.places(
+        core_surface("source", source), core_surface("target", target), as_pose(pose), run_options(threads)
+    )

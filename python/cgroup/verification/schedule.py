@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._arguments import as_length
 from cgroup._options import run_options
+from cgroup._values import as_instance, as_length
+from cgroup.types import Correspondences
 from cgroup.verification._poses import as_poses
 from cgroup.verification.surface import core_surface
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup.types import Correspondences, FloatArray, IndexArray
+    from cgroup.types import FloatArray, IndexArray
     from cgroup.verification.surface import Surface
 
 MATCH_UNITS = 2.5
@@ -129,12 +130,15 @@ def verify(
     True
     """
     checked, evidence = as_poses(poses), None
+    surfaces = core_surface("source", source), core_surface("target", target)
+    tolerance = MATCH_UNITS * target.unit
+    if match_tolerance is not None:
+        tolerance = as_length("match_tolerance", match_tolerance)
     if matches is not None:
-        tolerance = MATCH_UNITS * target.unit if match_tolerance is None else match_tolerance
-        evidence = (matches.source, matches.target, as_length("match_tolerance", tolerance))
+        as_instance("matches", matches, Correspondences)
+        evidence = (matches.source, matches.target, tolerance)
     found, scores, counts, margin, (fitness, rmse, resistance) = _core.verify(
-        core_surface(source),
-        core_surface(target),
+        *surfaces,
         checked,
         evidence,
         run_options(threads),
@@ -187,8 +191,8 @@ def score_poses(
     [2.0, 0.0]
     """
     return _core.score_poses(
-        core_surface(source),
-        core_surface(target),
+        core_surface("source", source),
+        core_surface("target", target),
         as_poses(poses),
         run_options(threads),
     )

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._arguments import as_number, as_place, real_points
+from cgroup._arguments import as_place, real_points
 from cgroup._options import run_options
+from cgroup._values import as_flag, as_instance, as_number
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ class Surface:
             raise InputError(message)
         self._unit = as_number("unit", unit)
         eye = None if viewpoint is None else as_place("viewpoint", viewpoint)
-        known = eye is not None if oriented is None else oriented
+        known = eye is not None if oriented is None else as_flag("oriented", oriented)
         self._core = _core.Surface(rows, directions, run_options(threads), self._unit, eye, known)
 
     @property
@@ -90,6 +91,6 @@ class Surface:
         return f"Surface(n={len(self)})"
 
 
-def core_surface(surface: Surface) -> _core.Surface:
+def core_surface(name: str, surface: Surface) -> _core.Surface:
     """Return what the compiled core takes."""
-    return surface._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
+    return as_instance(name, surface, Surface)._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users

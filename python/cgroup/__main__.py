@@ -1,0 +1,8 @@
+"""The command line, as ``python -m cgroup``."""
+
+from __future__ import annotations
+
+from cgroup.cli import main
+
+if __name__ == "__main__":
+    main()

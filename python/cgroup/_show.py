@@ -1,0 +1,40 @@
+"""Values and names as messages show them: short, on one line, printable."""
+
+from __future__ import annotations
+
+import reprlib
+
+_LONGEST = 160
+
+
+def show(value: object) -> str:
+    """Return the representation of a value, cut where it is long."""
+    try:
+        text = _REPR.repr(value)
+    except Exception:  # noqa: BLE001 - whatever the object raises, the message is about something else
+        text = f"<{type(value).__name__}>"
+    return cut(escape(" ".join(text.split())))
+
+
+def escape(text: str) -> str:
+    """Return a text with escapes in place of what can't be printed, such as newlines and lone surrogates."""
+    if text.isprintable():
+        return text
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode("ascii") for letter in text
+    )
+
+
+def cut(text: str) -> str:
+    """Return the beginning of a text that is long."""
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+def _short_repr() -> reprlib.Repr:
+    short = reprlib.Repr()
+    short.maxother = short.maxstring = _LONGEST
+    short.maxlong = 40
+    return short
+
+
+_REPR = _short_repr()

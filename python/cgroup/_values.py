@@ -1,0 +1,138 @@
+"""The one rule for arguments that are no arrays: what counts as a number, a truth value, a choice, a path.
+
+A number is a `numbers.Real` and no truth value, a count a `numbers.Integral` and no truth value: NumPy's
+scalars, arrays of no axes and fractions are numbers; arrays of one element, strings and `decimal.Decimal` are
+not. A truth value is a `bool` or `numpy.bool_`. Whatever else is given is refused with one `InputError`.
+"""
+
+from __future__ import annotations
+
+import operator
+import os
+from numbers import Integral, Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from cgroup._show import escape, show
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+_Kind = TypeVar("_Kind")
+
+LARGEST_COUNT = 2**64 - 1
+
+
+def as_count(name: str, value: object, least: int, remedy: str | None = None) -> int:
+    """Return a whole number of at least `least`."""
+    if type(value) is int and least <= value <= LARGEST_COUNT:
+        return value
+    number = _whole(value)
+    if number is None or number < least:
+        raise refusal(name, value, remedy or f"give a whole number of at least {least}")
+    if number > LARGEST_COUNT:
+        raise refusal(name, value, f"give a whole number of at most {LARGEST_COUNT}")
+    return number
+
+
+def _whole(value: object) -> int | None:
+    value = _unwrap(value)
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        return None
+    try:
+        return operator.index(value)
+    except Exception:  # noqa: BLE001 - numpy.timedelta64 calls itself whole, and others may fail as they like
+        return None
+
+
+def as_number(name: str, value: object, remedy: str = "give a number") -> float:
+    """Return a real number."""
+    if type(value) is float:
+        return value
+    number = _unwrap(value)
+    if isinstance(number, bool) or not isinstance(number, Real):
+        raise refusal(name, value, remedy)
+    try:
+        return float(number)
+    except OverflowError as error:
+        raise refusal(name, value, "give a number that fits into a float") from error
+    except Exception as error:
+        raise refusal(name, value, remedy) from error
+
+
+def _unwrap(value: object) -> object:
+    """Return what an array without axes holds, such as a number from an NPZ file; anything else as it is."""
+    return value[()] if type(value) is np.ndarray and value.ndim == 0 else value
+
+
+def as_length(name: str, value: object) -> float:
+    """Return a finite number greater than 0."""
+    length = as_number(name, value)
+    if not 0 < length < np.inf:
+        raise refusal(name, length, "give a finite number greater than 0")
+    return length
+
+
+def as_flag(name: str, value: object) -> bool:
+    """Return a truth value."""
+    if not isinstance(value, bool | np.bool_):
+        raise refusal(name, value, "give True or False")
+    return bool(value)
+
+
+def as_choice(name: str, value: object, choices: Collection[str]) -> str:
+    """Return one of a few words."""
+    if not isinstance(value, str) or value not in choices:
+        raise refusal(name, value, f"choose one of {', '.join(choices)}")
+    return value
+
+
+def as_word(name: str, value: object) -> str:
+    """Return a text that can be printed."""
+    if not isinstance(value, str) or not value.isprintable():
+        raise refusal(name, value, "give a text without control characters")
+    return value
+
+
+def as_function(name: str, value: object, takes: str) -> Callable[..., Any]:
+    """Return what can be called."""
+    if not callable(value):
+        raise refusal(name, value, f"give a function that takes {takes}")
+    return value
+
+
+def as_instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
+    """Return an object of a class."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        raise refusal(name, value, f"give {article} {kind.__name__}")
+    return value
+
+
+def as_items(name: str, value: Any, remedy: str) -> list[Any]:  # noqa: ANN401 - whatever can be iterated
+    """Return what an iterable holds."""
+    try:
+        return list(value)
+    except Exception as error:
+        raise refusal(name, value, remedy) from error
+
+
+def as_path(name: str, value: object) -> Path:
+    """Return a path."""
+    if not isinstance(value, str | os.PathLike):
+        raise refusal(name, value, "give a path as str or pathlib.Path")
+    try:
+        path = Path(value)  # pyright: ignore[reportUnknownArgumentType]
+    except Exception as error:
+        raise refusal(name, value, "give a path as str or pathlib.Path") from error
+    if "\0" in str(path):
+        raise refusal(name, str(path), "a path can't hold a zero byte")
+    return path
+
+
+def refusal(name: str, value: object, remedy: str) -> InputError:
+    """Return the error for a value that can't be worked with."""
+    return InputError(f"{escape(name)}: got {show(value)}; {remedy}")

@@ -1,0 +1,90 @@
+"""Standard output and error as the command line finds them: closed, full, or unable to show every letter."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import contextmanager, suppress
+from io import TextIOWrapper
+from typing import TYPE_CHECKING, Any, TextIO, cast
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+
+class OutputError(Exception):
+    """Standard output can't be written.
+
+    Attributes
+    ----------
+    is_closed : bool
+        Whether its reader has gone, as ``head`` does.
+    """
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__(f"standard output: can't be written ({error.strerror or error})")
+        self.is_closed = isinstance(error, BrokenPipeError)
+
+
+class _Output:
+    """Standard output, whose own errors are told from all others."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except OSError as error:
+            raise OutputError(error) from error
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError as error:
+            raise OutputError(error) from error
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def guarded_output() -> Generator[None, None, None]:
+    """Raise `OutputError` where standard output can't be written; escape what it can't encode."""
+    before = _open_streams()
+    sys.stdout = cast("TextIO", _Output(before))
+    try:
+        yield
+        sys.stdout.flush()
+    except OutputError:
+        _drop(before)
+        raise
+    finally:
+        sys.stdout = before
+
+
+def write_error(line: str) -> None:
+    """Write a line to standard error, as far as that is possible."""
+    try:
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        _drop(sys.stderr)
+
+
+def _open_streams() -> TextIO:
+    """Give closed streams, which Python leaves out, somewhere to write to; return standard output."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - till the end
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+    return sys.stdout
+
+
+def _drop(stream: TextIO) -> None:
+    """Send what is still to be written nowhere, so that nothing fails when the interpreter ends."""
+    with suppress(OSError, ValueError, AttributeError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

@@ -1,0 +1,248 @@
+"""Every public function and class that takes arguments of the user's, and arguments with which it works."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from cgroup import Correspondences, features, registration, verification
+from cgroup.datasets import standin_pair
+from cgroup.datasets.matching_problems import make_problem
+from cgroup.io import write_cloud, write_correspondences, write_descriptors, write_transform
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+MODULES = ("features", "registration", "verification", "evaluation", "nuisances", "rigid", "io")
+
+RESULTS = {
+    "Alignment",
+    "DescribedCloud",
+    "GroupScore",
+    "Grouping",
+    "Matches",
+    "Place",
+    "PointCloud",
+    "PreparedScan",
+    "Protocol",
+    "Recognized",
+    "Registration",
+    "Scores",
+    "Verification",
+    "Voxels",
+}
+"""Classes that hold what the library computed, or read from a file: whoever makes one fills it as is."""
+
+
+PROBLEM = make_problem(np.random.default_rng(0), 12, inlier_ratio=0.8)
+MATCHES = Correspondences(
+    PROBLEM.source,
+    PROBLEM.target,
+    similarity=PROBLEM.similarity,
+    ratio=PROBLEM.ratio,
+    source_lrf=PROBLEM.source_lrf,
+    target_lrf=PROBLEM.target_lrf,
+    resolution=PROBLEM.resolution,
+)
+PAIR = standin_pair(pixels=30)
+POINTS = PAIR.source.points
+VOXEL = 9.5
+
+
+class Call(NamedTuple):
+    """A public function with keyword arguments that it can work with."""
+
+    function: Callable[..., Any]
+    arguments: dict[str, Any]
+
+    def run(self, **changed: Any) -> Any:
+        """Call it, with some arguments changed."""
+        arguments = {**self.arguments, **changed}
+        parameters = inspect.signature(self.function).parameters.values()
+        spread = [
+            arguments.pop(p.name) for p in parameters if p.kind is p.VAR_POSITIONAL and p.name in arguments
+        ]
+        result = self.function(*(value for values in spread for value in values), **arguments)
+        return list(result) if inspect.isgenerator(result) else result
+
+
+def public_names() -> set[str]:
+    """Names of all public functions, and of classes that take arguments, such as "features.normals"."""
+    names: set[str] = set()
+    for module in ("", *MODULES):
+        source = importlib.import_module(f"cgroup.{module}".rstrip("."))
+        for name in getattr(source, "__all__", [name for name in vars(source) if name[0] != "_"]):
+            value = getattr(source, name)
+            is_class = inspect.isclass(value) and not issubclass(value, Exception) and name not in RESULTS
+            if (inspect.isfunction(value) or is_class) and value.__module__.startswith("cgroup."):
+                home = value.__module__.split(".")[1]
+                names.add(f"{module}.{name}".lstrip(".") if home == module or not module else "")
+    return names - {""}
+
+
+def public_calls(folder: Path) -> dict[str, Call]:
+    """Make a call of each, with files in a folder."""
+    calls = {}
+    for name, arguments in _arguments(folder).items():
+        module, _, function = name.rpartition(".")
+        calls[name] = Call(
+            getattr(importlib.import_module(f"cgroup.{module}".rstrip(".")), function), arguments
+        )
+    return calls
+
+
+def _arguments(folder: Path) -> dict[str, dict[str, Any]]:
+    points = {"source": PROBLEM.source, "target": PROBLEM.target}
+    frames = {"source_lrf": PROBLEM.source_lrf, "target_lrf": PROBLEM.target_lrf}
+    unit = {"resolution": PROBLEM.resolution}
+    group = {"correspondences": MATCHES, "method": "gc"}
+    return {
+        "Correspondences": points | frames,
+        "group": group,
+        "group_many": {"problems": [MATCHES], "method": "gc"},
+        "ss": {"similarity": PROBLEM.similarity},
+        "nnsr": {"ratio": PROBLEM.ratio},
+        "si": points | frames | unit | {"ratio": PROBLEM.ratio},
+        "cv": points | frames | unit | {"ratio": PROBLEM.ratio},
+        "hough3d": points | frames,
+        "gtm": points,
+        "lc": points | frames | unit,
+        "st": points,
+        **dict.fromkeys(METHODS_OF_POINTS, points | unit),
+        **_front_end(),
+        **_verification(),
+        **_registration(),
+        **_judgement(),
+        **_files(folder),
+    }
+
+
+METHODS_OF_POINTS = ("ransac", "gc", "mac", "sc2pcr", "turboreg", "teaser", "clipper")
+
+
+@cache
+def _described() -> features.DescribedCloud:
+    return registration.describe(PAIR.source, descriptor="rcs")
+
+
+def _front_end() -> dict[str, dict[str, Any]]:
+    cloud = features.Cloud(POINTS)
+    points, keypoints, radius = {"points": cloud}, {"keypoints": [0, 300]}, {"radius": 20.0}
+    normals = {"normals": features.normals(cloud)}
+    corners = {"points": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
+    arguments = {
+        "Cloud": {"points": POINTS},
+        "resolution": points,
+        "voxel_downsample": {**points, "voxel": 10.0},
+        "choose_voxel": {"clouds": [cloud, POINTS]},
+        "normals": points,
+        "mesh_normals": corners,
+        "harris3d": points,
+        "iss": points,
+        "drop_isolated": points | keypoints,
+        "shot_lrf": points | keypoints | radius,
+        "toldi_lrf": points | keypoints | radius,
+        "shot": points | keypoints | radius | normals,
+        "lfsh": points | keypoints | radius | normals,
+        "fpfh": points | keypoints | radius | normals,
+        "rcs": points | keypoints | radius,
+        "match": {"source": np.eye(3), "target": np.eye(3)},
+    }
+    return {f"features.{name}": given for name, given in arguments.items()}
+
+
+def _verification() -> dict[str, dict[str, Any]]:
+    normals = features.normals(POINTS)
+    surface = verification.Surface(POINTS, normals, unit=0.4 * VOXEL)
+    fine = verification.FineSurface(POINTS, VOXEL / 2)
+    pair, pose = {"source": surface, "target": surface}, {"pose": np.eye(4)}
+    arguments = {
+        "Surface": {"points": POINTS, "normals": normals, "unit": 0.4 * VOXEL},
+        "FineSurface": {"points": POINTS, "spacing": VOXEL / 2},
+        "align": {"source": fine, "target": fine} | pose,
+        "places": pair | pose,
+        "score_poses": pair | {"poses": [np.eye(4)]},
+        "verify": pair | {"poses": [np.eye(4)], "matches": MATCHES},
+    }
+    return {f"verification.{name}": given for name, given in arguments.items()}
+
+
+def _registration() -> dict[str, dict[str, Any]]:
+    pair, voxel, scene = {"source": PAIR.source, "target": PAIR.target}, {"voxel": VOXEL}, PAIR.target
+    described = _described()
+    arguments: dict[str, dict[str, Any]] = {
+        "DenseFront": {},
+        "PaperFront": {},
+        "correspond": pair,
+        "describe": {"cloud": PAIR.source},
+        "detect": {"cloud": PAIR.source},
+        "surface_normals": {"cloud": PAIR.source},
+        "match_described": {"source": described, "target": described},
+        "prepare": {"cloud": PAIR.source} | voxel,
+        "register": pair | voxel,
+        "register_many": {"scans": [PAIR.source, PAIR.target]} | voxel,
+        "recognize": {"models": {"a": PAIR.source}, "scene": scene} | voxel,
+        "find_instances": {"model": PAIR.source, "scene": scene} | voxel,
+    }
+    return {f"registration.{name}": given for name, given in arguments.items()}
+
+
+def _judgement() -> dict[str, dict[str, Any]]:
+    pose, tolerance = {"T_target_source": np.eye(4)}, {"tolerance": 1.0}
+    matched, poses = (
+        {"source": PROBLEM.source, "target": PROBLEM.target},
+        {"estimated": np.eye(4), "true": np.eye(4)},
+    )
+    mesh = {"model": np.eye(3), "model_faces": [[0, 1, 2]], "scene": np.eye(3), "scene_faces": [[0, 1, 2]]}
+    rng = {"rng": np.random.default_rng(0)}
+    pair = {"pair": standin_pair(pixels=60), "level": 0.9} | rng
+    return {
+        "evaluation.match_errors": matched | pose,
+        "evaluation.correct_matches": matched | pose | tolerance,
+        "evaluation.within": {"points": POINTS, "others": POINTS, "radius": 1.0},
+        "evaluation.overlap": matched | pose | tolerance,
+        "evaluation.alignment_error": matched | poses | tolerance,
+        "evaluation.mean_displacement": {"points": POINTS} | poses,
+        "evaluation.clutter_and_occlusion": mesh | {"T_scene_model": np.eye(4)} | tolerance,
+        "evaluation.score_counts": dict.fromkeys(("matches", "correct", "selected", "selected_correct"), 3),
+        "evaluation.score_group": {"mask": [True, False], "correct": [True, True]},
+        "nuisances.add_noise": {"cloud": PAIR.source, "sigma": 0.1} | rng,
+        "nuisances.decimate": {"cloud": PAIR.source, "share": 0.5} | rng,
+        "nuisances.apply_nuisance": {"name": "noise"} | pair,
+        **{f"nuisances.{name}": pair for name in ("noise", "density", "voxel_density")},
+        "nuisances.less_overlap": pair | {"level": 0.3},
+        "nuisances.more_occlusion": pair | {"level": 0.8},
+        "nuisances.more_clutter": pair,
+        "rigid.apply": {"transform": np.eye(4), "points": POINTS},
+        "rigid.invert": {"transform": np.eye(4)},
+        "rigid.check_rigid": {"transform": np.eye(4)},
+        "rigid.rotation_error": poses,
+        "rigid.translation_error": poses,
+    }
+
+
+def _files(folder: Path) -> dict[str, dict[str, Any]]:
+    described = _described()
+    write_cloud(folder / "cloud.ply", PAIR.source)
+    write_descriptors(folder / "described.npz", described)
+    write_correspondences(folder / "matches.npz", MATCHES)
+    write_transform(folder / "pose.txt", np.eye(4))
+    arguments = {
+        "read_cloud": {"path": folder / "cloud.ply"},
+        "read_descriptors": {"path": folder / "described.npz"},
+        "read_correspondences": {"path": folder / "matches.npz"},
+        "read_transform": {"path": folder / "pose.txt"},
+        "write_file": {"path": folder / "file", "content": b"content"},
+        "write_cloud": {"path": folder / "other.ply", "cloud": PAIR.source},
+        "write_descriptors": {"path": folder / "other.npz", "described": described},
+        "write_keypoints": {"path": folder / "keypoints.ply", "cloud": PAIR.source, "indices": [0, 3]},
+        "write_correspondences": {"path": folder / "others.npz", "correspondences": MATCHES},
+        "write_mask": {"path": folder / "mask.npy", "mask": [True, False]},
+        "write_transform": {"path": folder / "other.txt", "transform": np.eye(4)},
+    }
+    return {f"io.{name}": given for name, given in arguments.items()}

@@ -1,0 +1,257 @@
+"""The command line as a program: its streams closed or full, Ctrl-C at any moment, strange names of files."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import cgroup
+from cgroup import Correspondences
+from cgroup.cli import main
+from cgroup.datasets import standin_pair
+from cgroup.io import write_cloud, write_correspondences
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="streams, names and signals are Unix's")
+
+FULL = Path("/dev/full")
+NAMES = {
+    b"red \x1b[31m.txt": r"red \x1b[31m",
+    b"two\nlines.txt": r"two\nlines",
+    b"latin \xff.txt": r"latin \udcff",
+    b"z" * 200 + b".txt": "z" * 200,
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("input")
+    write_cloud(path / "cloud.ply", standin_pair(pixels=30).source)
+    points = np.random.default_rng(0).uniform(size=(30, 3))
+    write_correspondences(path / "matches.npz", Correspondences(points, points + 1))
+    np.savetxt(path / "matches.txt", np.hstack([points, points + 1]))
+    return path
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(
+    *arguments: str | bytes | Path,
+    cwd: Path,
+    out: int | IO[bytes] = subprocess.PIPE,
+    err: int | IO[bytes] = subprocess.PIPE,
+    **environment: str,
+) -> tuple[int, str, str]:
+    """Run the program; return its exit status and what it printed."""
+    done = subprocess.run(
+        command(*arguments), cwd=cwd, stdout=out, stderr=err, env={**os.environ, **environment}, check=False
+    )
+    return done.returncode, *(
+        (text or b"").decode("utf-8", "surrogateescape") for text in (done.stdout, done.stderr)
+    )
+
+
+def run_here(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    """Run the command line within this process; return its exit status and what it printed."""
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert isinstance(ended.value.code, int)
+    return ended.value.code, *capsys.readouterr()
+
+
+def command(*arguments: str | bytes | Path) -> Sequence[Any]:
+    return [sys.executable, "-m", "cgroup", *arguments]
+
+
+def test_the_module_is_the_program(tmp_path: Path) -> None:
+    assert run("--version", cwd=tmp_path) == (0, f"cgroup {cgroup.__version__}\n", "")
+
+
+# --- standard output and error -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("line", ["--help", "group matches.npz"])
+def test_a_reader_that_goes_ends_the_program_without_a_word(folder: Path, line: str) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "wb") as pipe:
+        assert run(*line.split(), cwd=folder, out=pipe) == (141, "", "")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="no /dev/full here")
+@pytest.mark.parametrize("line", ["--help", "group matches.npz"])
+def test_a_full_disk_is_one_line_and_status_2(folder: Path, line: str) -> None:
+    says = "cgroup: standard output: can't be written (No space left on device)\n"
+    with FULL.open("wb") as full:
+        assert run(*line.split(), cwd=folder, out=full) == (2, "", says)
+        assert run(*line.split(), cwd=folder, out=full, err=full) == (2, "", "")
+
+
+@pytest.mark.parametrize(("file", "status"), [("matches.npz", 0), ("missing.npz", 2)])
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
+def test_closed_streams_change_no_exit_status(folder: Path, file: str, status: int, closed: str) -> None:
+    script = f'exec "$0" -m cgroup group {file} --out mask.npy {closed}'
+    assert subprocess.run(["sh", "-c", script, sys.executable], cwd=folder, check=False).returncode == status
+    assert (folder / "mask.npy").exists() or status
+
+
+def test_what_the_output_cannot_encode_is_escaped(folder: Path) -> None:
+    (folder / "größe.npz").write_bytes((folder / "matches.npz").read_bytes())
+    status, out, err = run("group", "größe.npz", cwd=folder, LC_ALL="C", PYTHONIOENCODING="ascii")
+    assert (status, err) == (0, "")
+    assert r"gr\xf6\xdfe_gtm.npy" in out
+
+
+# --- names ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES, ids=range(len(NAMES)))
+def test_control_characters_in_names_are_shown_escaped(
+    folder: Path, name: bytes, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    try:
+        (folder / os.fsdecode(name)).write_bytes((folder / "matches.txt").read_bytes())
+    except OSError as error:
+        pytest.skip(f"no such names here: {error}")
+    status, out, err = run("group", name, cwd=folder)
+    assert (status, err) == (0, "")
+    assert out.endswith(f"\nwrote {NAMES[name]}_gtm.npy\n")
+    monkeypatch.chdir(folder)
+    status, out, err = run_here(capsys, "group", "no " + os.fsdecode(name))
+    assert (status, out, err) == (2, "", f"cgroup: no {NAMES[name]}.txt: no such file\n")
+
+
+def test_names_in_figures_are_no_formulas(folder: Path) -> None:
+    name = "a$\\frac$[b]\x1b.ply"
+    (folder / name).write_bytes((folder / "cloud.ply").read_bytes())
+    status, out, err = run("detect", name, cwd=folder)
+    assert (status, err) == (0, "")
+    assert out.startswith("cloud       a$\\frac$[b]\\x1b.ply: ")
+
+
+def test_a_name_that_is_too_long(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run_here(capsys, "detect", "z" * 300 + ".ply")
+    assert (status, out) == (2, "")
+    assert "File name too long" in err
+    assert err.count("\n") == 1
+
+
+# --- the folder for results ----------------------------------------------------------------------
+
+WRITING = (
+    "detect {}",
+    "describe {}",
+    "register {} {}",
+    "compare {} {} --truth {}",
+    "recognize {} --scene {}",
+    "group {}",
+    "demo",
+    "benchmark run smoke",
+)
+
+
+@pytest.mark.parametrize("line", WRITING)
+@pytest.mark.parametrize("out", ["cloud.ply/below", "/proc/nowhere/out"])
+def test_where_results_go_is_looked_at_before_work_starts(
+    capsys: pytest.CaptureFixture[str], elsewhere: Path, line: str, out: str
+) -> None:
+    """The input isn't even there."""
+    (elsewhere / "cloud.ply").touch()
+    status, printed, err = run_here(capsys, *line.format(*3 * ["missing.ply"]).split(), "--out", out)
+    assert (status, printed) == (2, "")
+    assert err.startswith(f"cgroup: {out}: ")
+    assert err.count("\n") == 1
+
+
+def test_a_folder_that_cannot_be_written(capsys: pytest.CaptureFixture[str]) -> None:
+    """Also to those who may do anything: nothing can be made in /proc."""
+    status, _, err = run_here(capsys, "detect", "missing.ply", "--out", "/proc")
+    assert status == 2
+    assert err.startswith("cgroup: /proc: no file can be written there (")
+
+
+# --- Ctrl-C --------------------------------------------------------------------------------------
+
+INTERRUPTS = 8
+"""How many there are here; `CGROUP_INTERRUPTS` in the environment asks for more."""
+
+
+def test_an_interrupt_at_any_moment_is_one_line(folder: Path) -> None:
+    """Whenever it comes after the interpreter has begun to load the package, and until the program's end."""
+    moments = random.Random(0)
+    for _ in range(int(os.environ.get("CGROUP_INTERRUPTS", INTERRUPTS))):
+        running = subprocess.Popen(
+            command("demo", "--out", folder / "demo"),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=folder,
+        )
+        time.sleep(moments.uniform(0.1, 1.5))
+        running.send_signal(signal.SIGINT)
+        _, err = running.communicate(timeout=60)
+        assert (running.returncode, err) in {(130, b"cgroup: interrupted\n"), (0, b"")}
+
+
+# --- whatever nobody foresaw ---------------------------------------------------------------------
+
+BROKEN = """
+import sys
+from cgroup import cli
+from cgroup.cli import matches
+
+def fail(*_, **__):
+    raise {error}
+
+matches.group = fail
+cli.main(["group", "matches.npz"])
+"""
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "says"),
+    [
+        (
+            "ZeroDivisionError('a\\nb')",
+            70,
+            "unforeseen ZeroDivisionError (a b); this is an error of cgroup: please ",
+        ),
+        ("MemoryError()", 2, "not enough memory"),
+        ("OSError(5, 'Input/output error', 'disk')", 2, "disk: Input/output error"),
+        ("KeyboardInterrupt()", 130, "interrupted"),
+    ],
+)
+def test_whatever_goes_wrong_is_one_line(folder: Path, error: str, status: int, says: str) -> None:
+    program = [sys.executable, "-c", BROKEN.format(error=error)]
+    done = subprocess.run(program, cwd=folder, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (status, "")
+    assert done.stderr.startswith(f"cgroup: {says}")
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_traceback_can_be_asked_for(folder: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", BROKEN.format(error="ZeroDivisionError")],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "CGROUP_TRACEBACK": "1"},
+    )
+    assert done.returncode == 70
+    assert done.stderr.startswith("Traceback (most recent call last):")
+    assert "CGROUP_TRACEBACK=1" in run("--help", cwd=folder)[1]

@@ -1,0 +1,221 @@
+"""Whatever a caller passes by mistake: an `InputError` that says what, got what, and what to do; or a result."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from public_calls import MATCHES, PAIR, PROBLEM, Call, public_calls, public_names
+from wrong_values import HUGE, WRONG, FloatLike
+
+import cgroup
+from cgroup import Correspondences, features, registration
+from cgroup.errors import CgroupError, InputError
+from cgroup.io import PointCloud
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LONGEST = 500
+NAMES = sorted(public_names())
+
+
+@pytest.fixture(scope="module")
+def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
+    return public_calls(tmp_path_factory.mktemp("files"))
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wrong values may be file names."""
+    monkeypatch.chdir(tmp_path)
+
+
+def parameters(call: Call) -> list[inspect.Parameter]:
+    every = inspect.signature(call.function).parameters.values()
+    return [parameter for parameter in every if parameter.kind is not parameter.VAR_KEYWORD]
+
+
+def plain(parameter: inspect.Parameter) -> str:
+    """Return the name of its type, whether or not it may be None."""
+    return str(parameter.annotation).removesuffix(" | None")
+
+
+def run(call: Call, parameter: inspect.Parameter, value: Any) -> str | None:
+    """Call with a value; return what the error says, None where there is a result."""
+    is_callback = parameter.name == "progress" and value is int  # whose own errors are the caller's
+    given = [value] if parameter.kind is parameter.VAR_POSITIONAL else value
+    try:
+        call.run(**{parameter.name: print if is_callback else given})
+    except CgroupError as error:
+        return str(error)
+    return None
+
+
+def test_every_public_function_is_called(calls: dict[str, Call]) -> None:
+    assert sorted(calls) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_wrong_value_is_refused_or_worked_with(calls: dict[str, Call], name: str) -> None:
+    call = calls[name]
+    call.run()
+    for parameter in parameters(call):
+        for value in WRONG.values():
+            message = run(call, parameter, value)
+            assert message is None or len(message) <= LONGEST
+            assert message is None or name.startswith("io.") or message.isprintable()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_object_is_refused_by_name(calls: dict[str, Call], name: str) -> None:
+    call = calls[name]
+    for parameter in parameters(call):
+        message = run(call, parameter, object())
+        assert message is not None, parameter.name
+        assert parameter.name in message
+        assert "got <object" in message
+        assert ";" in message
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_masked_arrays_are_refused(calls: dict[str, Call], name: str) -> None:
+    """Also those that hide nothing, and those within a list."""
+    call = calls[name]
+    for parameter in parameters(call):
+        annotation = str(parameter.annotation)
+        if "ArrayLike" not in annotation or "[" in annotation.partition("ArrayLike")[0]:
+            continue
+        whole = np.ma.asarray(np.asarray(call.arguments.get(parameter.name, np.zeros(3)), dtype=object))
+        for masked in (whole, [whole], np.ma.asarray(np.zeros((12, 3))), [np.ma.masked]):
+            message = run(call, parameter, masked)
+            assert message is not None
+            assert "masked" in message, parameter.name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_rule_for_numbers_counts_and_flags(calls: dict[str, Call], name: str) -> None:
+    strange: list[Any] = ["1", b"1", 1j, np.array(True), np.array([1]), [1], FloatLike(), {}]
+    strange += [WRONG["Decimal"], WRONG["datetime64"]]
+    refused = {
+        "float": [*strange, True, np.True_, HUGE, Fraction(HUGE)],
+        "int": [*strange, True, np.True_, 1.0, np.float64(1), Fraction(1), HUGE, -1],
+        "bool": [*strange, 0, 1, np.int64(1), 1.0],
+    }
+    call = calls[name]
+    for parameter in parameters(call):
+        for value in refused.get(plain(parameter), []):
+            message = run(call, parameter, value)
+            assert message is not None, f"{parameter.name}={value!r}"
+            assert message.startswith(f"{parameter.name}: got ")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_scalars_of_numpy_are_what_they_stand_for(calls: dict[str, Call], name: str) -> None:
+    same = {
+        "int": [np.int64, np.uint32, np.intp, np.array],
+        "float": [np.float64, np.float32, np.array],
+        "bool": [np.bool_],
+    }
+    call = calls[name]
+    for parameter in parameters(call):
+        value = call.arguments.get(parameter.name, parameter.default)
+        if isinstance(value, int | float):
+            for kind in same.get(plain(parameter), []):
+                assert run(call, parameter, kind(value)) is None, f"{parameter.name}={kind}"
+
+
+ANYTHING = st.one_of(
+    st.sampled_from(list(WRONG)).map(lambda key: {"from": key}),  # hostile values can't be printed
+    st.none()
+    | st.booleans()
+    | st.integers(-5, 5)
+    | st.floats()
+    | st.text(max_size=5)
+    | st.binary(max_size=5),
+    st.lists(st.lists(st.floats(-1, 1), min_size=3, max_size=3), max_size=4),
+)
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_several_wrong_values_at_once(calls: dict[str, Call], data: st.DataObject) -> None:
+    call = calls[data.draw(st.sampled_from(NAMES), label="function")]
+    names = [
+        parameter.name for parameter in parameters(call) if parameter.kind is not parameter.VAR_POSITIONAL
+    ]
+    drawn = {name: data.draw(ANYTHING, label=name) for name in names if data.draw(st.booleans())}
+    values = {name: WRONG[v["from"]] if isinstance(v, dict) else v for name, v in drawn.items()}
+    if callable(values.get("progress")):
+        values["progress"] = print
+    with contextlib.suppress(CgroupError):
+        call.run(**values)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"tolerance": HUGE}, r"tolerance: got 1000.*\.\.\..*000; give a number that fits into a float"),
+        ({"variant": None}, 'variant: got None; choose one of "star", "clique"'),
+        ({"variant": "x" * 10**6}, "variant: got 'xxx.*; choose one of"),
+        ({"seed": -1}, "seed: got -1; give a whole number of at least 0"),
+        ({"seed": 2**64}, "seed: got 18446744073709551616; give a whole number of at most"),
+        ({"threads": True}, "threads: got True; give a whole number of at least 1"),
+        ({"progress": 5}, "progress: got 5; give a function that takes the share of the work done"),
+        ({"resolution": np.array([1.0])}, r"resolution: got array\(\[1.\]\); give a number"),
+    ],
+)
+def test_what_the_error_says(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        cgroup.gc(PROBLEM.source, PROBLEM.target, **options)
+
+
+def test_no_correspondences() -> None:
+    with pytest.raises(InputError, match="correspondences: got None; give a Correspondences"):
+        cgroup.group(None, "gtm")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError, match=r"problems\[1\]: got None"):
+        cgroup.group_many([MATCHES, None], "gtm")  # pyright: ignore[reportArgumentType]
+
+
+def test_a_callback_is_checked_before_work_begins() -> None:
+    """And not after the 50 ms that pass until it is called for the first time."""
+    for call in (registration.register, registration.correspond):
+        with pytest.raises(
+            InputError, match="progress: got 5; give a function that takes the name of a stage"
+        ):
+            call(PAIR.source, PAIR.target, progress=5)  # pyright: ignore[reportArgumentType]
+
+
+def test_missing_and_unknown_names_are_errors_of_python() -> None:
+    with pytest.raises(TypeError, match="missing"):
+        cgroup.gtm(PROBLEM.source)  # pyright: ignore[reportCallIssue]
+    with pytest.raises(TypeError, match="unexpected"):
+        features.normals(PAIR.source.points, raduis=1)  # pyright: ignore[reportCallIssue]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"points": None}, "cloud: got None"),
+        ({"normals": [[0, 0, 1]]}, r"cloud\.normals: got 1 for 643 points"),
+        ({"normals": "up"}, r"cloud\.normals: got 'up'"),
+        ({"faces": [[0, 1]]}, r"cloud\.faces: got shape \(1,2\)"),
+        ({"faces": [[0, 1, 643]]}, r"cloud\.faces: got row 643, but there are 643 points"),
+        ({"faces": [[0, 1, -1]]}, r"cloud\.faces: got index -1"),
+    ],
+)
+def test_clouds_with_wrong_parts(wrong: dict[str, Any], words: str) -> None:
+    parts: dict[str, Any] = {"points": PAIR.source.points, **wrong}
+    with pytest.raises(InputError, match=words):
+        registration.describe(PointCloud(**parts))
+
+
+def test_lists_that_hold_what_they_should_are_read() -> None:
+    matches = Correspondences(PROBLEM.source.tolist(), [tuple(row) for row in PROBLEM.target.tolist()])
+    np.testing.assert_array_equal(matches.source, PROBLEM.source)

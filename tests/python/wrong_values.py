@@ -1,0 +1,108 @@
+"""Values that a caller may pass by mistake, for any parameter."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ENDLESS: list[Any] = []
+ENDLESS += [ENDLESS, ENDLESS]
+
+HUGE = 10**400
+"""A whole number that no float can hold."""
+
+
+class Hostile:
+    """Raises in whatever conversion it is put through, and when it is shown."""
+
+    def _refuse(self, *_: object) -> Any:
+        message = "a conversion of this object fails"
+        raise RuntimeError(message)
+
+    __float__ = __index__ = __int__ = __bool__ = __len__ = __iter__ = __array__ = __eq__ = _refuse
+    __hash__ = __repr__ = __fspath__ = _refuse
+
+
+class FloatLike:
+    """Has a value as a float, as tensors of one element do."""
+
+    def __float__(self) -> float:
+        return 0.5
+
+
+class HugeRepr:
+    """Says a lot when it is shown."""
+
+    def __repr__(self) -> str:
+        return "x" * 10**6
+
+
+def ignore(*_: object) -> None:
+    """Do nothing: a function where a value is expected."""
+
+
+WRONG: dict[str, Any] = {
+    "None": None,
+    "True": True,
+    "np.False_": np.False_,
+    "-1": -1,
+    "2**64": 2**64,
+    "10**400": HUGE,
+    "-10**5000": -(10**5000),
+    "-1.5": -1.5,
+    "nan": float("nan"),
+    "-inf": float("-inf"),
+    "5e-324": 5e-324,
+    "1j": 1j,
+    "Decimal": Decimal("0.5"),
+    "Fraction": Fraction(HUGE),
+    "float-like": FloatLike(),
+    "longdouble": np.longdouble("1e4000"),
+    "complex128": np.complex128(1 + 1j),
+    "datetime64": np.datetime64("2026-01-01"),
+    "0-d array": np.array(1.0),
+    "1-element array": np.array([1.0]),
+    "1-element list": [1],
+    "1-element mask": np.array([True]),
+    "empty string": "",
+    "string": "0.5",
+    "surrogate": "\ud800",
+    "zero byte": "a\0b",
+    "escape": "\x1b[31m\n",
+    "bytes": b"0.5",
+    "bytearray": bytearray(b"abc"),
+    "path": Path("nowhere"),
+    "empty list": [],
+    "list": [1, 2, 3],
+    "ragged": [[1, 2, 3], [4, 5]],
+    "strings": ["a", "b"],
+    "long list": ["x"] * 10**5,
+    "dict": {"a": 1},
+    "set": {1, 2},
+    "iterator": iter([1, 2, 3]),
+    "range": range(3),
+    "function": ignore,
+    "type": int,
+    "object": object(),
+    "hostile": Hostile(),
+    "huge repr": HugeRepr(),
+    "masked": np.ma.masked,
+    "masked rows": np.ma.masked_less(np.arange(9.0).reshape(3, 3), 2),
+    "masked in a list": [np.ma.masked_less(np.arange(3.0), 2)] * 3,
+    "masked element": [[np.ma.masked, 1.0, 2.0]] * 3,
+    "no rows": np.empty((0, 3)),
+    "no columns": np.empty((3, 0)),
+    "many axes": np.zeros((2, 2, 2, 2)),
+    "NaN rows": np.full((3, 3), np.nan),
+    "infinite rows": np.full((3, 3), np.inf),
+    "complex rows": np.zeros((3, 3), complex),
+    "bool rows": np.zeros((3, 3), bool),
+    "records": np.zeros(3, [("x", float), ("y", float)]),
+    "objects": np.array([object(), None], dtype=object),
+    "endless list": ENDLESS,
+    "huge row": [[HUGE, 0, 0]],
+}
