@@ -57,12 +57,17 @@ def contents(out: Path) -> list[tuple[object, ...]]:
     return sorted(rows, key=repr)
 
 
+def make_environment(**more: str) -> dict[str, str]:
+    """In which other processes find the fakes."""
+    path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
+    return {**os.environ, "PYTHONPATH": path, **more}
+
+
 def start_benchmark(*arguments: object, **environment: str) -> subprocess.Popen[str]:
     """`cgroup benchmark` as the leader of a process group."""
-    path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
         [sys.executable, "-c", "from cgroup.cli import main; main()", "benchmark", *map(str, arguments)],
-        env={**os.environ, "PYTHONPATH": path, **environment},
+        env=make_environment(**environment),
         start_new_session=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

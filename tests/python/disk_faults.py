@@ -9,14 +9,22 @@ import ctypes
 import errno
 import io
 import json
+import shutil
+import sqlite3
 import sys
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import closing, redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmark_runs import contents
+from cgroup.benchmark.records.reading import RECORDS
 from cgroup.cli import main
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
 FOREVER = 10**9
+DISK = ctypes.CDLL(None)
 
 
 def run(config: Path, out: Path) -> tuple[int, str]:
@@ -31,29 +39,46 @@ def run(config: Path, out: Path) -> tuple[int, str]:
     raise AssertionError
 
 
-def try_all(config: Path, folder: Path, step: int) -> None:
+def run_failing(config: Path, out: Path, first: int, last: int, reason: int) -> tuple[int, str]:
+    """Run while some changes of files in the folder fail."""
+    DISK.fail_changes(str(out).encode(), first, last, reason)
+    try:
+        return run(config, out)
+    finally:
+        DISK.fail_changes(b"", 0, 0, 0)
+
+
+def damage(whole: Path, out: Path) -> None:
+    """Make a folder with a record that has to be set aside."""
+    shutil.copytree(whole, out)
+    with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
+        connection.execute("update arrays set content = zeroblob(7)")
+
+
+def try_all(name: str, config: Path, folder: Path, step: int, prepare: Callable[[Path], object]) -> None:
     """Fail at every step-th change, for good or once, for two reasons."""
-    disk = ctypes.CDLL(None)
-    whole = folder / "whole"
-    disk.fail_changes(str(whole).encode(), FOREVER, FOREVER, 0)
+    whole = folder / name
+    prepare(whole)
+    DISK.fail_changes(str(whole).encode(), FOREVER, FOREVER, 0)
     run(config, whole)
-    changes = disk.count_changes()
-    disk.fail_changes(b"", 0, 0, 0)
+    changes = DISK.count_changes()
+    DISK.fail_changes(b"", 0, 0, 0)
     expected = contents(whole)
     for kind, (reason, last) in enumerate(
         [(errno.ENOSPC, FOREVER), (errno.ENOSPC, 0), (errno.EIO, FOREVER), (errno.EIO, 0)]
     ):
         for first in range(1 + kind % step, changes + 1, step):
-            out = folder / f"{kind}-{first}"
-            disk.fail_changes(str(out).encode(), first, last or first, reason)
-            status, errors = run(config, out)
-            disk.fail_changes(b"", 0, 0, 0)
+            out = folder / f"{name}-{kind}-{first}"
+            prepare(out)
+            status, errors = run_failing(config, out, first, last or first, reason)
             again = run(config, out)
             outcome = {"at": first, "status": status, "errors": errors.replace(str(out), "OUT")}
-            sys.stdout.write(
-                json.dumps({**outcome, "again": again, "same": contents(out) == expected}) + "\n"
-            )
+            outcome |= {"again": again, "same": contents(out) == expected}
+            sys.stdout.write(json.dumps(outcome) + "\n")
+            shutil.rmtree(out)
 
 
 if __name__ == "__main__":
-    try_all(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]))
+    config, folder, step = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
+    try_all("fresh", config, folder, step, lambda _: None)
+    try_all("damaged", config, folder, step, lambda out: damage(folder / "fresh", out))

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sqlite3
-import subprocess
-import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -26,11 +23,9 @@ from cgroup.benchmark.run import run, scoring, stages, timing
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from cgroup.benchmark.records.types import ScoreRecord
 
-from benchmark_runs import CLOUDS, MATCHES, contents, serial
+from benchmark_runs import CLOUDS, MATCHES, contents, serial, start_benchmark
 
 HERE = Path(__file__).parent
 
@@ -171,36 +166,6 @@ def test_records_do_not_depend_on_the_backend(
     assert contents(tmp_path) == expected
 
 
-def environment(**more: str) -> dict[str, str]:
-    path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
-    return {**os.environ, "PYTHONPATH": path, **more}
-
-
-def start(config: Path, out: Path, **more: str) -> subprocess.Popen[str]:
-    """`cgroup benchmark run` as the leader of a process group."""
-    code = "from cgroup.cli import main; main()"
-    command = [
-        sys.executable,
-        "-c",
-        code,
-        "benchmark",
-        "run",
-        str(config),
-        "--out",
-        str(out),
-        "--workers",
-        "2",
-    ]
-    return subprocess.Popen(
-        command,
-        env=environment(**more),
-        start_new_session=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
 def wait_for_records(out: Path, table: str, count: int) -> None:
     deadline = time.monotonic() + 30
     while time.monotonic() < deadline:
@@ -224,7 +189,15 @@ def test_killed_and_started_again_nothing_is_lost_or_done_twice(
     serial(config.read_text(), tmp_path / "whole")
     log.write_text("")
     # It stays in the midst of the stage, and so can't end before it is killed.
-    slow = start(config, tmp_path / "out", FAKES_HOLD="load" if table == "correspondences" else "first")
+    slow = start_benchmark(
+        "run",
+        config,
+        "--out",
+        tmp_path / "out",
+        "--workers",
+        2,
+        FAKES_HOLD="load" if table == "correspondences" else "first",
+    )
     wait_for_records(tmp_path / "out", table, 3)
     os.killpg(slow.pid, signal.SIGKILL)
     slow.communicate()
@@ -234,7 +207,7 @@ def test_killed_and_started_again_nothing_is_lost_or_done_twice(
     }
     assert 3 <= stored[table] < (8 if table == "correspondences" else 16)
     log.write_text("")
-    again = start(config, tmp_path / "out")
+    again = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
     out, err = again.communicate(timeout=60)
     assert (again.returncode, err) == (0, "")
     assert "groupings      16 of 16" in out
@@ -249,7 +222,7 @@ def test_killed_and_started_again_nothing_is_lost_or_done_twice(
 def test_interrupt_keeps_what_is_finished(tmp_path: Path) -> None:
     config = tmp_path / "tiny.toml"
     config.write_text(MATCHES)
-    slow = start(config, tmp_path / "out", FAKES_HOLD="load")
+    slow = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2, FAKES_HOLD="load")
     wait_for_records(tmp_path / "out", "correspondences", 2)
     os.killpg(slow.pid, signal.SIGINT)
     out, err = slow.communicate(timeout=30)
@@ -257,87 +230,6 @@ def test_interrupt_keeps_what_is_finished(tmp_path: Path) -> None:
     assert "run the same command again to continue" in out
     serial(MATCHES, tmp_path / "out")
     assert len(records.load(tmp_path / "out")) == 16
-
-
-@pytest.fixture
-def cluster(
-    tmp_path: Path, request: pytest.FixtureRequest
-) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Three Dask workers and, last, their scheduler, as on several machines.
-
-    The parameter is how many lost workers a task may have been on.
-    """
-    file = tmp_path / "scheduler.json"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    dask = [sys.executable, "-m", "dask"]
-    common = ["--scheduler-file", str(file), "--no-dashboard"]
-    patient = environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=str(getattr(request, "param", 3)))
-    scheduler = subprocess.Popen([*dask, "scheduler", *common, "--port", "0"], env=patient, **quiet)  # pyright: ignore[reportArgumentType]
-    command = [*dask, "worker", *common, "--nthreads", "1", "--no-nanny"]
-    workers = [subprocess.Popen(command, env=environment(), cwd=tmp_path, **quiet) for _ in range(3)]  # pyright: ignore[reportArgumentType]
-    try:
-        deadline = time.monotonic() + 30
-        while not (file.exists() and file.read_text()):
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        yield json.loads(file.read_text())["address"], [*workers, scheduler]
-    finally:
-        for process in (*workers, scheduler):
-            process.kill()
-            process.wait()
-
-
-@pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
-@pytest.mark.filterwarnings("default")  # Dask's own
-def test_a_dask_cluster_that_loses_a_worker(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], expected: list[tuple[object, ...]], tmp_path: Path
-) -> None:
-    distributed = pytest.importorskip("distributed")
-    address, workers = cluster
-    with distributed.Client(address, set_as_default=False) as client:
-        client.wait_for_workers(3, timeout=30)
-    killed: list[int] = []
-
-    def kill_one(stage: str, done: int, _wanted: int) -> None:
-        if stage == "correspond" and done >= 2 and not killed:
-            killed.append(workers[0].pid)
-            os.kill(workers[0].pid, signal.SIGKILL)
-
-    run(parse_config(MATCHES), tmp_path / "out", backend="dask", scheduler=address, progress=kill_one)
-    assert killed
-    assert workers[0].wait() == -signal.SIGKILL
-    assert contents(tmp_path / "out") == expected
-
-
-@pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("cluster", [0], indirect=True)
-def test_a_task_that_kills_dask_workers_is_recorded(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
-) -> None:
-    text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:deadly"') + 'pairs = ["m0", "m4"]'
-    assert benchmark_fakes.Matches().load("m4").correspondences.source[0, 0] > 90
-    run(parse_config(text), tmp_path / "out", backend="dask", scheduler=cluster[0])
-    errors = records.load(tmp_path / "out").set_index("pair")["error"]
-    assert errors.to_dict() == {"m0": "", "m4": stages.KILLED}
-
-
-@pytest.mark.filterwarnings("default")
-def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], expected: list[tuple[object, ...]], tmp_path: Path
-) -> None:
-    address, (*_, scheduler) = cluster
-
-    def kill_scheduler(stage: str, done: int, _wanted: int) -> None:
-        if stage == "correspond" and done >= 2:
-            scheduler.kill()
-            scheduler.wait()
-
-    dask = pytest.importorskip("dask")
-    lost = pytest.raises(InputError, match="scheduler: the connection is lost .*; run the same command again")
-    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), lost:
-        run(parse_config(MATCHES), tmp_path, backend="dask", scheduler=address, progress=kill_scheduler)
-    serial(MATCHES, tmp_path)
-    assert contents(tmp_path) == expected
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchmark_runs import MATCHES, cgroup_benchmark, contents, serial
+from benchmark_runs import MATCHES, contents, serial
+from cgroup.cli import main
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -86,23 +87,33 @@ def read_only(tmp_path: Path) -> Iterator[Path]:
     pytest.skip("root may write everywhere here: neither a read-only mount nor chattr works")
 
 
-def test_a_folder_that_is_read_only(read_only: Path, tmp_path: Path) -> None:
+def command(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main(["benchmark", *map(str, arguments)])
+    out, err = capsys.readouterr()
+    return int(ended.value.code or 0), out, err
+
+
+def test_a_folder_that_is_read_only(
+    read_only: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     config = tmp_path / "tiny.toml"
     config.write_text(MATCHES + "pairs = 3")
     before = contents(shutil.copytree(read_only, tmp_path / "copy"))
-    status, out, err = cgroup_benchmark("run", config, "--out", read_only, "--workers", 1)
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert "can't be" in err
-    for command in ("status", "check", "claims"):
-        status, out, err = cgroup_benchmark(command, "--out", read_only)
+    for arguments in (("run", config), ("report",)):
+        status, out, err = command(capsys, *arguments, "--out", read_only)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert "can't be" in err
+    for name in ("status", "check", "claims"):
+        status, out, err = command(capsys, name, "--out", read_only)
         assert (status, err) == (0, "")
-    status, out, err = cgroup_benchmark("run", config, "--out", tmp_path / "copy", "--workers", 1)
+    status, out, err = command(capsys, "run", config, "--out", tmp_path / "copy", "--backend", "threading")
     assert (status, err) == (0, "")
-    assert set(before) < set(contents(tmp_path / "copy"))
+    assert {row for row in before if row[0] == "groupings"} < set(contents(tmp_path / "copy"))
 
 
-def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("in the way")
-    status, _, err = cgroup_benchmark("run", "smoke", "--out", tmp_path / "file" / "out")
+    status, _, err = command(capsys, "run", "smoke", "--out", tmp_path / "file" / "out")
     assert (status, err.count("\n")) == (2, 1)
     assert "can't be made a folder" in err

@@ -180,6 +180,14 @@ def test_any_flipped_byte_is_noticed_or_of_no_effect(finished: Path, tmp_path: P
     assert noticed
 
 
+def test_a_repair_that_was_stopped_goes_on(out: Path, finished: Path) -> None:
+    (out / RECORDS).rename(out / f"{RECORDS}.new")
+    summary = serial(EVERYTHING, out)
+    assert summary.damaged == ""
+    assert contents(out) == contents(finished)
+    assert not (out / f"{RECORDS}.new").exists()
+
+
 @pytest.mark.parametrize("size", [0.3, 0.9])
 def test_what_is_left_of_a_file_is_kept(size: float, out: Path, finished: Path) -> None:
     content = (out / RECORDS).read_bytes()

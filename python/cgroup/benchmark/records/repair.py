@@ -17,6 +17,7 @@ from cgroup.benchmark.records.layout import (
     prepare_layout,
     read_version,
 )
+from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +41,15 @@ def set_damaged_aside(path: Path) -> str:
     -------
     str
         What was damaged, and where the old file is now; "" where all is well.
+
+    Raises
+    ------
+    InputError
+        If the system doesn't let the files be moved.
     """
+    new = _name_new(path)
+    if new.exists() and not path.exists():  # stopped in between
+        new.rename(path)
     if not path.exists() or not path.stat().st_size:
         return ""
     with closing(sqlite3.connect(path, timeout=30)) as connection:
@@ -54,8 +63,22 @@ def set_damaged_aside(path: Path) -> str:
             health = Health({}, [], [str(error)])
     if health.sound:
         return ""
+    try:
+        kept = _replace(path)
+    except OSError as error:
+        message = (
+            f"{path}: damaged, and can't be set aside ({error.strerror or error}); once that is mended, "
+            "run the same command again to continue"
+        )
+        raise InputError(message) from error
+    what = [each.name for each in health.damaged] + health.faults
+    return f"{len(what)} damaged: {'; '.join(what)}; all as it was is in {kept}"
+
+
+def _replace(path: Path) -> Path:
+    """Put a file with all that is whole in place of a damaged one, and return the new path of that."""
     kept = _find_free_name(path)
-    new = path.with_name(f"{path.name}.new")
+    new = _name_new(path)
     _remove(new)
     _copy_whole(path, new)
     for suffix in ("-wal", "-shm"):  # it would be taken for that of the new file
@@ -63,8 +86,7 @@ def set_damaged_aside(path: Path) -> str:
             path.with_name(path.name + suffix).rename(kept.with_name(kept.name + suffix))
     path.rename(kept)
     new.rename(path)
-    what = [each.name for each in health.damaged] + health.faults
-    return f"{len(what)} damaged: {'; '.join(what)}; all as it was is in {kept}"
+    return kept
 
 
 def _copy_whole(path: Path, new: Path) -> None:
@@ -107,6 +129,10 @@ def _read_whole(connection: sqlite3.Connection, table: str) -> Iterator[tuple[ob
         except sqlite3.DatabaseError:
             continue
         return
+
+
+def _name_new(path: Path) -> Path:
+    return path.with_name(f"{path.name}.new")
 
 
 def _find_free_name(path: Path) -> Path:

@@ -112,7 +112,7 @@ def write_report(
     Raises
     ------
     InputError
-        If the folder has no records.
+        If the folder has no records, some aren't what was written, or it can't be written to.
     """
     tell = progress or ignore_progress
     tell("reading records")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
+from cgroup.benchmark.records.folder import make_folder
 from cgroup.io import write_file
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class PictureBook:
     def __init__(self, folder: Path, tell: Callable[[str], Any]) -> None:
         self._folder = folder
         self._tell = tell
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
 
     def add(self, name: str, figure: Figure, alt: str, *, resolution: int = RESOLUTION) -> Picture:
         """Save a figure as PNG and PDF."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import logging
 import os
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 """Environment variable that Dask, too, takes the scheduler's address from."""
+
+_LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
 
 _PER_THREAD = 2  # tasks handed out per thread of the cluster: one to work on, one to go on with
 
@@ -50,13 +53,30 @@ def open_cluster(scheduler: str | None) -> Generator[CallUnordered, None, None]:
     if not address:
         message = f"scheduler: needed by the dask backend; give its address, or set {SCHEDULER}"
         raise InputError(message)
+    with _hold_back_logs():
+        try:
+            client = Client(address, set_as_default=False)
+        except (OSError, ValueError) as error:
+            message = f"scheduler: {address} can't be reached: {error}"
+            raise InputError(message) from error
+        with client:
+            yield functools.partial(_call_unordered, client)
+
+
+@contextmanager
+def _hold_back_logs() -> Generator[None, None, None]:
+    """Keep Dask from printing tracebacks of what is reported here."""
+    loggers = [logging.getLogger(name) for name in _LOGGERS]
+    before = [(logger, logger.handlers[:], logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers[:] = [logging.NullHandler()]
+        logger.propagate = False
     try:
-        client = Client(address, set_as_default=False)
-    except (OSError, ValueError) as error:
-        message = f"scheduler: {address} can't be reached: {error}"
-        raise InputError(message) from error
-    with client:
-        yield functools.partial(_call_unordered, client)
+        yield
+    finally:
+        for logger, handlers, propagate in before:
+            logger.handlers[:] = handlers
+            logger.propagate = propagate
 
 
 def _call_unordered(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from cgroup._progress import ignore_progress
 from cgroup._values import as_count
 from cgroup.benchmark.plan import make_plan
+from cgroup.benchmark.records.folder import make_folder
 from cgroup.benchmark.records.lock import only_writer
 from cgroup.benchmark.records.reading import RECORDS
 from cgroup.benchmark.records.registrations import Registrations
@@ -25,7 +26,6 @@ from cgroup.benchmark.run.registering import register_pairs
 from cgroup.benchmark.run.timing import take_times
 from cgroup.benchmark.run.trials import try_methods
 from cgroup.benchmark.run.workers import open_workers
-from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -117,7 +117,7 @@ def run(
         as_count("workers", workers, 1)
     stages.forget_pairs()
     plan = make_plan(config, root)
-    _make_folder(out)
+    make_folder(out)
     file = out / RECORDS
     with only_writer(out), report_failures(file):
         damaged = set_damaged_aside(file)
@@ -192,14 +192,6 @@ def _try(store: Store, root: Path | None, stage: _StageProgress) -> None:
     records = Trials(store)
     stage.begin("try")
     try_methods(records.pending(), records, root, stage.add)
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"{out}: can't be made a folder for the records ({error.strerror or error})"
-        raise InputError(message) from error
 
 
 class _StageProgress:

@@ -1,0 +1,154 @@
+"""The benchmark on a Dask cluster, the workers and scheduler of which may be lost."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import benchmark_fakes
+from benchmark_runs import MATCHES, cgroup_benchmark, contents, make_environment, serial, start_benchmark
+from cgroup.benchmark import records
+from cgroup.benchmark.config import parse_config
+from cgroup.benchmark.run import run, stages
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+KILLS = 40 if os.environ.get("HYPOTHESIS_PROFILE") == "thorough" else 1
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[object, ...]]:
+    out = tmp_path_factory.mktemp("serial")
+    serial(MATCHES, out)
+    return contents(out)
+
+
+@pytest.fixture
+def cluster(
+    tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """As in `make_cluster`; the parameter is how many lost workers a task may have been on."""
+    yield from make_cluster(tmp_path, getattr(request, "param", 3))
+
+
+def make_cluster(folder: Path, failures: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Three Dask workers and, last, their scheduler, as on several machines."""
+    folder.mkdir(exist_ok=True)
+    file = folder / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    dask = [sys.executable, "-m", "dask"]
+    common = ["--scheduler-file", str(file), "--no-dashboard"]
+    patient = make_environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=str(failures))
+    scheduler = subprocess.Popen([*dask, "scheduler", *common, "--port", "0"], env=patient, **quiet)  # pyright: ignore[reportArgumentType]
+    command = [*dask, "worker", *common, "--nthreads", "1", "--no-nanny"]
+    workers = [subprocess.Popen(command, env=make_environment(), cwd=folder, **quiet) for _ in range(3)]  # pyright: ignore[reportArgumentType]
+    try:
+        deadline = time.monotonic() + 30
+        while not (file.exists() and file.read_text()):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        yield json.loads(file.read_text())["address"], [*workers, scheduler]
+    finally:
+        for process in (*workers, scheduler):
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
+@pytest.mark.filterwarnings("default")  # Dask's own
+def test_a_dask_cluster_that_loses_a_worker(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], expected: list[tuple[object, ...]], tmp_path: Path
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    address, workers = cluster
+    with distributed.Client(address, set_as_default=False) as client:
+        client.wait_for_workers(3, timeout=30)
+    killed: list[int] = []
+
+    def kill_one(stage: str, done: int, _wanted: int) -> None:
+        if stage == "correspond" and done >= 2 and not killed:
+            killed.append(workers[0].pid)
+            os.kill(workers[0].pid, signal.SIGKILL)
+
+    run(parse_config(MATCHES), tmp_path / "out", backend="dask", scheduler=address, progress=kill_one)
+    assert killed
+    assert workers[0].wait() == -signal.SIGKILL
+    assert contents(tmp_path / "out") == expected
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("cluster", [0], indirect=True)
+def test_a_task_that_kills_dask_workers_is_recorded(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:deadly"') + 'pairs = ["m0", "m4"]'
+    assert benchmark_fakes.Matches().load("m4").correspondences.source[0, 0] > 90
+    run(parse_config(text), tmp_path / "out", backend="dask", scheduler=cluster[0])
+    errors = records.load(tmp_path / "out").set_index("pair")["error"]
+    assert errors.to_dict() == {"m0": "", "m4": stages.KILLED}
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], expected: list[tuple[object, ...]], tmp_path: Path
+) -> None:
+    address, (*_, scheduler) = cluster
+
+    def kill_scheduler(stage: str, done: int, _wanted: int) -> None:
+        if stage == "correspond" and done >= 2:
+            scheduler.kill()
+            scheduler.wait()
+
+    dask = pytest.importorskip("dask")
+    lost = pytest.raises(InputError, match="scheduler: the connection is lost .*; run the same command again")
+    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}), lost:
+        run(parse_config(MATCHES), tmp_path, backend="dask", scheduler=address, progress=kill_scheduler)
+    serial(MATCHES, tmp_path)
+    assert contents(tmp_path) == expected
+
+
+def test_the_command_line_says_in_one_line_that_the_scheduler_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kills the scheduler at any moment; what is there continues on processes of this machine."""
+    log = tmp_path / "calls.log"
+    monkeypatch.setenv("FAKES_LOG", str(log))
+    rng = np.random.default_rng(0)
+    text = MATCHES.replace('"ransac", "gtm"', '"ransac", "benchmark_fakes:slow"')
+    config = tmp_path / "t.toml"
+    config.write_text(text)
+    serial(text, tmp_path / "whole")
+    for number in range(KILLS):
+        out = tmp_path / str(number)
+        log.write_text("")
+        for address, (*workers, scheduler) in make_cluster(tmp_path / f"cluster{number}", 3):
+            wait = ["--backend", "dask", "--scheduler", address]
+            started = start_benchmark("run", config, "--out", out, *wait)
+            pause = rng.uniform(0, 1.5)
+            while not log.read_text():
+                assert started.poll() is None
+                time.sleep(0.01)
+            time.sleep(pause)
+            scheduler.kill()
+            printed, err = started.communicate(timeout=120)
+            assert workers
+        if started.returncode == 0:
+            assert err == ""
+        else:
+            assert (started.returncode, printed, err.count("\n")) == (2, "", 1), err
+            assert err.startswith("cgroup: scheduler: the connection is lost (")
+        assert records.check(out).sound
+        status, _, err = cgroup_benchmark("run", config, "--out", out, "--workers", 2)
+        assert (status, err) == (0, "")
+        assert contents(out) == contents(tmp_path / "whole")
