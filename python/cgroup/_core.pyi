@@ -22,6 +22,10 @@ _Grouping: TypeAlias = tuple[
     BoolArray | None,
 ]  # mask, scores, threshold, model, diagnostics, alternatives, their scores, ok, false_alarms, instances
 
+_CloudContent: TypeAlias = tuple[
+    FloatArray, FloatArray | None, IndexArray | None, NDArray[np.uint8] | None
+]  # points, normals, faces, colors
+
 _Resistance: TypeAlias = tuple[FloatArray, FloatArray | None]  # information, open_motion
 _Overlap: TypeAlias = tuple[float, float, _Resistance]  # fitness, inlier_rmse
 _Verified: TypeAlias = tuple[
@@ -49,6 +53,8 @@ __all__ = [
     "match_descriptors",
     "mesh_normals",
     "normals",
+    "parse_cloud",
+    "parse_table",
     "places",
     "rcs",
     "resolution",
@@ -74,6 +80,8 @@ class Cloud:
     @property
     def diagonal(self) -> float: ...
 
+def parse_cloud(content: bytes, suffix: str, run_options: RunOptions) -> _CloudContent: ...
+def parse_table(content: bytes, run_options: RunOptions) -> FloatArray: ...
 def resolution(cloud: Cloud, run_options: RunOptions, ignore_zero: bool) -> float: ...
 def voxel_downsample(
     cloud: Cloud, normals: RealArray | None, run_options: RunOptions, voxel: float

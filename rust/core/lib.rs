@@ -31,6 +31,7 @@
 //! Lengths are in the unit of the data; angles are in degrees where a name says so.
 
 pub mod cloud;
+pub mod cloud_formats;
 pub mod compatibility;
 pub mod consensus;
 pub mod correspondences;

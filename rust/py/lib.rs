@@ -4,6 +4,7 @@
 
 mod background;
 mod cloud;
+mod cloud_formats;
 mod convert;
 mod error;
 mod features;
@@ -20,6 +21,8 @@ use pyo3::prelude::*;
 mod _core {
     #[pymodule_export]
     use super::cloud::Cloud;
+    #[pymodule_export]
+    use super::cloud_formats::{parse_cloud, parse_table};
     #[pymodule_export]
     use super::features::{
         choose_voxel, drop_isolated, fpfh, harris3d, iss, lfsh, match_descriptors, mesh_normals, normals,

@@ -231,7 +231,7 @@ def test_all_nan_is_an_error(tmp_path: Path) -> None:
 def test_bad_paths(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         read_cloud(tmp_path / "missing.ply")
-    with pytest.raises(InputError, match=r"unknown point cloud format '\.docx'; known are \.npy"):
+    with pytest.raises(InputError, match=r"unknown point cloud format '\.docx'; known are \.bin \.csv"):
         read_cloud(tmp_path / "letter.docx")
     (tmp_path / "folder.ply").mkdir()
     with pytest.raises(InputError, match="is a directory"):

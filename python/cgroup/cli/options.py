@@ -11,7 +11,7 @@ from cgroup.errors import InputError
 from cgroup.registration import Descriptor, Detector, Effort, Normals
 from cgroup.registry import METHODS
 
-_FORMATS = "PLY, PCD, XYZ, OBJ, STL, OFF"
+_FORMATS = "PLY, PCD, XYZ, TXT, CSV, PTS, OBJ, STL, OFF, KITTI's BIN, NPY, NPZ, LAS, LAZ"
 
 SourceArgument = Annotated[Path, typer.Argument(help=f"Cloud to be moved: {_FORMATS}.")]
 TargetArgument = Annotated[Path, typer.Argument(help="Cloud that it is moved to, in the same unit.")]

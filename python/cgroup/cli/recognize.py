@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from cgroup.registration import Recognized
     from cgroup.types import PointCloud
 
-_FORMATS = "PLY, PCD, XYZ, OBJ, STL, OFF"
+_FORMATS = "PLY, PCD, XYZ, TXT, CSV, PTS, OBJ, STL, OFF, KITTI's BIN, NPY, NPZ, LAS, LAZ"
 
 app = typer.Typer()
 

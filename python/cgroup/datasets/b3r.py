@@ -20,6 +20,7 @@ from cgroup.datasets.base import (
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
 from cgroup.io import read_cloud, read_transform
+from cgroup.io._files import load_text
 from cgroup.rigid import apply
 from cgroup.types import PointCloud
 
@@ -158,7 +159,7 @@ def _scene_files(folder: Path) -> dict[int, Path]:
 def _read_config(path: Path) -> configparser.ConfigParser:
     config = configparser.ConfigParser()
     try:
-        config.read_string(path.read_text(encoding="utf-8"))
+        config.read_string(load_text(path))
         for section, key in (("MODELS", "MODEL_0"), ("MODELS", "MODEL_0_GROUNDTRUTH"), ("SCENE", "PATH")):
             config[section][key]
     except (OSError, UnicodeDecodeError, configparser.Error, KeyError) as error:

@@ -16,6 +16,8 @@ from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import read_cloud
+from cgroup.io._files import read_content
+from cgroup.io._numpy_files import read_arrays
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
@@ -133,12 +135,11 @@ def _matches(folder: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
 
 def _mutual(path: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
     try:
-        with np.load(path) as archive:
-            forward = archive["src1_to_0"].astype(np.int64)
-            backward = archive["src0_to_1"].astype(np.int64)
-            ratio = archive["ratio1"].astype(np.float64)
+        arrays = read_arrays(path, ("src1_to_0", "src0_to_1", "ratio1"))
+        forward, backward = (arrays[name].astype(np.int64) for name in ("src1_to_0", "src0_to_1"))
+        ratio = arrays["ratio1"].astype(np.float64)
         rows = np.flatnonzero(backward[forward] == np.arange(len(forward)))
-    except (OSError, KeyError, ValueError, IndexError) as error:
+    except (ValueError, IndexError) as error:
         message = f"{path}: not nearest neighbours of features both ways ({error})"
         raise InputError(message) from error
     return rows, forward[rows], ratio[rows]
@@ -148,10 +149,11 @@ def _read_features(path: Path) -> NDArray[np.float32]:
     """Read FGR's format: two int32 (points, dimensions); per point, x y z and its feature in float32."""
     if not path.is_file():
         raise missing_file(path, FGR.title, URL)
-    content = path.read_bytes()
-    count, dimensions = (int(number) for number in np.frombuffer(content[:8], dtype="<i4", count=2))
-    numbers = np.frombuffer(content[8:], dtype="<f4")
-    if len(numbers) != count * (3 + dimensions):
+    content = read_content(path)
+    whole = content[: len(content) // 4 * 4].ljust(8, b"\0")
+    count, dimensions = (int(number) for number in np.frombuffer(whole[:8], dtype="<i4"))
+    numbers = np.frombuffer(whole[8:], dtype="<f4")
+    if min(count, dimensions) < 1 or len(numbers) != count * (3 + dimensions):
         message = f"{path}: says {count} points of {dimensions} numbers, but holds {len(numbers)} numbers"
         raise InputError(message)
     return numbers.reshape(count, 3 + dimensions)[:, 3:].astype(np.float32)

@@ -12,15 +12,16 @@ import numpy as np
 
 from cgroup.datasets.base import Dataset, MatchingPair, data_root, dataset_folder, missing_file
 from cgroup.errors import InputError
+from cgroup.io import read_cloud, read_transform
+from cgroup.io._files import load_numbers, load_text, parse_file
 from cgroup.rigid import check_rigid, invert
-from cgroup.types import PointCloud
 from cgroup.verification import FineSurface, align
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cgroup.datasets.base import Origin, Role
-    from cgroup.types import FloatArray
+    from cgroup.types import FloatArray, PointCloud
 
 URL = "https://www.cvlibs.net/datasets/kitti/eval_odometry.php"
 
@@ -35,7 +36,6 @@ LEFT_OUT = frozenset({(8, 15, 58)})
 
 _AHEAD = 100  # scans that are looked through for a partner
 _FINE_SPACING = 0.3  # m, of the surfaces on which poses are refined
-_NUMBERS = 4  # per point: x, y, z, reflectance
 
 
 class _Entry(NamedTuple):
@@ -106,7 +106,7 @@ class KITTI(Dataset):
     def _find_pose(self, entry: _Entry, source: PointCloud, target: PointCloud) -> FloatArray:
         refined = self._folder / "icp" / f"{entry.sequence}_{entry.source}_{entry.target}.npy"
         if refined.is_file():
-            return check_rigid(np.load(refined), str(refined))
+            return read_transform(refined)
         poses = _read_poses(self._folder / "poses" / f"{entry.sequence:02d}.txt")
         camera = self._read_calibration(entry.sequence)
         rough = invert(poses[entry.target] @ camera) @ poses[entry.source] @ camera
@@ -118,7 +118,7 @@ class KITTI(Dataset):
         path = self._folder / "sequences" / f"{sequence:02d}" / "calib.txt"
         if not path.is_file():
             raise missing_file(path, self.title, URL)
-        for line in path.read_text(encoding="utf-8").splitlines():
+        for line in load_text(path).splitlines():
             name, _, numbers = line.partition(":")
             if name == "Tr":
                 return _as_poses(np.array(numbers.split(), dtype=float)[None])[0]
@@ -129,12 +129,7 @@ class KITTI(Dataset):
         return self._folder / "sequences" / f"{sequence:02d}" / "velodyne" / f"{number:06d}.bin"
 
     def _read_scan(self, sequence: int, number: int) -> PointCloud:
-        path = self._scan(sequence, number)
-        numbers = np.fromfile(path, dtype="<f4")
-        if not len(numbers) or len(numbers) % _NUMBERS:
-            message = f"{path}: {len(numbers)} numbers; a scan has {_NUMBERS} per point"
-            raise InputError(message)
-        return PointCloud(numbers.reshape(-1, _NUMBERS)[:, :3].astype(np.float64))
+        return read_cloud(self._scan(sequence, number))
 
 
 def pair_scans(places: FloatArray) -> list[tuple[int, int]]:
@@ -165,8 +160,8 @@ def pair_scans(places: FloatArray) -> list[tuple[int, int]]:
 
 def _read_poses(path: Path) -> FloatArray:
     try:
-        return _as_poses(np.loadtxt(path, ndmin=2))
-    except (OSError, ValueError) as error:
+        return _as_poses(parse_file(path, load_numbers))
+    except ValueError as error:
         message = f"{path}: not a list of poses, 12 numbers a line ({error})"
         raise InputError(message) from error
 

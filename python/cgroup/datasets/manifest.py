@@ -10,6 +10,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from cgroup.errors import InputError
+from cgroup.io._files import load_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,8 +22,8 @@ def manifest_entry(root: Path, dataset: str) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        entries: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        entries: Any = json.loads(load_text(path))
+    except ValueError as error:
         message = f"{path}: not a readable manifest ({error})"
         raise InputError(message) from error
     if not isinstance(entries, dict) or not isinstance(entries.get(dataset, {}), dict):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.errors import InputError
+from cgroup.io._files import load_text
 from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
@@ -37,13 +38,13 @@ def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
         If the file can't be read, or isn't such a list.
     """
     try:
-        lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        lines = [line.split() for line in load_text(path).splitlines() if line.strip()]
         poses: dict[tuple[int, int], FloatArray] = {}
         for start in range(0, len(lines), _LINES):
             first, second = (int(word) for word in lines[start][:2])
             rows = [[float(word) for word in line] for line in lines[start + 1 : start + _LINES]]
             poses[first, second] = check_rigid(np.array(rows), f"pose {first} {second}")
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         message = f"{path}: not a list of poses; five lines each: `i j n`, then a 4x4 matrix ({error})"
         raise InputError(message) from error
     return poses

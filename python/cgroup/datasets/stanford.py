@@ -19,6 +19,7 @@ from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import read_cloud
+from cgroup.io._files import load_text
 from cgroup.rigid import invert
 
 if TYPE_CHECKING:
@@ -137,7 +138,7 @@ def _objects(folder: Path) -> dict[str, dict[str, _View]]:
 def _read_configuration(path: Path) -> dict[str, _View]:
     """Read the views that are there; lines read ``bmesh file tx ty tz qx qy qz qw``."""
     views: dict[str, _View] = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
+    for line in load_text(path).splitlines():
         words = line.split()
         if len(words) == 9 and words[0] == "bmesh" and (path.parent / words[1]).is_file():
             try:

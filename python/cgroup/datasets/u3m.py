@@ -17,6 +17,7 @@ from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import read_cloud
+from cgroup.io._files import load_text
 from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class U3M(Dataset):
 
 def _read_list(path: Path) -> list[_Entry]:
     entries: list[_Entry] = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    for number, line in enumerate(load_text(path).splitlines(), start=1):
         words = line.split()
         if not words:
             continue

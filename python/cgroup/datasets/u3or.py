@@ -19,6 +19,7 @@ from cgroup.errors import InputError
 from cgroup.evaluation import clutter_and_occlusion
 from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
 from cgroup.io import read_cloud, read_transform
+from cgroup.io._files import load_text
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
@@ -192,7 +193,7 @@ def _published_occlusions(folder: Path) -> dict[tuple[int, str], float]:
     path = next(iter(sorted(folder.rglob("occlusion.txt"))), None)
     if path is None:
         return {}
-    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()[1:] if line.strip()]
+    rows = [line.split() for line in load_text(path).splitlines()[1:] if line.strip()]
     try:
         published = {(int(scene), _OCCLUSION_NAMES[item]): float(share) / 100 for scene, item, share in rows}
     except (KeyError, ValueError) as error:

@@ -1,7 +1,8 @@
 """Files: point clouds, rigid transforms, correspondences.
 
-Point clouds are parsed by trimesh (PLY, OBJ, STL, OFF) and pypcd4 (PCD); both come with the extra
-``cgroup[scans]``. Whatever is wrong with a file ends in one `InputError` that names the file.
+Point clouds are parsed by the core; only LAS and LAZ need a library, which comes with the extra
+``cgroup[las]``. Files may come from anywhere: whatever is wrong with one ends in one `InputError` that names
+it.
 """
 
 from cgroup.io._files import write_file

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import io
-import re
-import warnings
+import os
+import stat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
-
+from cgroup import _core
+from cgroup._options import run_options
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Callable
-
-    from numpy.typing import ArrayLike, NDArray
 
     from cgroup.types import FloatArray
 
 Result = TypeVar("Result")
+
+_CHUNK = 16 << 20
+"""Bytes read at a time; a signal is heard in between."""
+
+_SHOWN = 160
+"""Characters of a parser's reason that an error shows."""
+
+_FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
@@ -32,86 +37,91 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
         raise InputError(message) from error
 
 
-def _read_content(path: Path) -> bytes:
+def read_content(path: str | os.PathLike[str]) -> bytes:
+    """Read a regular file, as long as it says that it is; reading a pipe or a device might never end.
+
+    Parameters
+    ----------
+    path : path-like
+        A file, or a link to one.
+
+    Returns
+    -------
+    bytes
+        At least one.
+
+    Raises
+    ------
+    InputError
+        If it is missing, empty, unreadable, or something else than a file.
+    """
+    path = Path(path)
     try:
-        content = path.read_bytes()
+        # Opening a device can do something to it, so its kind is looked at before; and after, when it stays.
+        reason = _what_else(path.stat()) or _open_and_read(path)
     except FileNotFoundError:
-        message = f"{path}: no such file"
-    except IsADirectoryError:
-        message = f"{path}: is a directory, not a file"
+        reason = "no such file"
     except OSError as error:
-        message = f"{path}: can't be read ({error.strerror or error})"
-    else:
-        if content:
-            return content
-        message = f"{path}: the file is empty"
-    raise InputError(message) from None
+        reason = f"can't be read ({error.strerror or error})"
+    except ValueError as error:  # a zero byte in the name
+        reason = f"can't be read ({error})"
+    if isinstance(reason, bytes):
+        if reason:
+            return reason
+        reason = "the file is empty"
+    message = f"{path}: {reason}"
+    raise InputError(message)
+
+
+def _open_and_read(path: Path) -> bytes | str:
+    """Return the content, or why there is none."""
+    with open(os.open(path, _FLAGS), "rb", buffering=0) as file:  # noqa: PTH123 - the flags
+        status = os.fstat(file.fileno())
+        if else_there := _what_else(status):
+            return else_there
+        content = io.BytesIO()  # gives its bytes away without a copy
+        while chunk := file.read(min(_CHUNK, status.st_size - content.tell())):
+            content.write(chunk)
+        return content.getvalue()
+
+
+def _what_else(status: os.stat_result) -> str | None:
+    """Return what is there instead of a file."""
+    if stat.S_ISDIR(status.st_mode):
+        return "is a directory, not a file"
+    if not stat.S_ISREG(status.st_mode):
+        return "is a pipe, a device or a socket, not a file; save what it yields as a file first"
+    return None
 
 
 def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
     """Parse the file; whatever a parser stumbles over becomes one error that names the file."""
-    content = _read_content(path)
+    content = read_content(path)
     try:
-        with warnings.catch_warnings():
-            # NumPy only warns where a line of numbers goes on with something else.
-            warnings.filterwarnings("error", message="string or file could not be read")
-            return parse(content)
+        return parse(content)
     except ModuleNotFoundError as error:
-        message = f"{path}: reading it needs {error.name}; pip install 'cgroup[scans]'"
+        message = f"{path}: reading it needs {error.name}; pip install 'cgroup[las]'"
         raise InputError(message) from error
     except MemoryError:
         raise
     except Exception as error:
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        reason = " ".join(str(error).split())[:_SHOWN] or type(error).__name__
         kind = path.suffix.lstrip(".").upper() or "text"
         message = f"{path}: not a readable {kind} file, or cut off ({reason})"
         raise InputError(message) from error
 
 
-def read_arrays(path: Path, *needed: str) -> dict[str, NDArray[Any]]:
-    """Read an NPZ file that has to hold the arrays needed."""
-    arrays = parse_file(path, load_npz)
-    missing = [name for name in needed if name not in arrays]
-    if missing:
-        found = ", ".join(sorted(arrays)) or "nothing"
-        message = f"{path}: has no array {missing[0]!r}; it holds {found}"
-        raise InputError(message)
-    return arrays
-
-
-def single_number(path: Path, value: ArrayLike) -> float:
-    array = np.asarray(value, dtype=np.float64)
-    if array.size != 1:
-        message = f"{path}: resolution has shape {array.shape}; it is a single number"
-        raise InputError(message)
-    return float(array.reshape(()))
-
-
-def npy_bytes(array: NDArray[Any]) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, array, allow_pickle=False)
-    return buffer.getvalue()
-
-
-def npz_bytes(**arrays: ArrayLike) -> bytes:
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    return buffer.getvalue()
-
-
-def load_npz(content: bytes) -> dict[str, NDArray[Any]]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-        return dict(archive)
-
-
 def load_numbers(content: bytes) -> FloatArray:
     """Read rows of numbers, separated by white space, commas or semicolons; # and // start comments."""
-    text = re.sub("[,;]", " ", content.decode())
-    with warnings.catch_warnings():
-        warnings.filterwarnings("error", message=".*input contained no data")
-        return np.loadtxt(io.StringIO(text), dtype=np.float64, comments=("#", "//"), ndmin=2)
+    return _core.parse_table(content, run_options(threads=1))
 
 
-def load_npy(content: bytes) -> NDArray[Any]:
-    """Read a NumPy array; pickled objects are refused."""
-    return np.load(io.BytesIO(content), allow_pickle=False)
+def load_text(path: str | os.PathLike[str]) -> str:
+    """Read a text: UTF-8, with or without its mark; bytes that aren't become question marks.
+
+    Raises
+    ------
+    InputError
+        As `read_content`.
+    """
+    return read_content(path).decode("utf-8-sig", errors="replace")

@@ -10,7 +10,8 @@ import numpy as np
 
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
-from cgroup.io._files import npz_bytes, parse_file, read_arrays, single_number, write_file
+from cgroup.io._files import parse_file, write_file
+from cgroup.io._numpy_files import npz_bytes, read_arrays, single_number
 from cgroup.io.cloud_formats import PARSERS, CloudContent
 from cgroup.types import PointCloud
 
@@ -30,11 +31,18 @@ _KEYPOINT_COLOR = (213, 94, 0)
 def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     """Read a point cloud or mesh.
 
-    PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, NPY with an (N, 3) array, and
-    text (``.xyz``, ``.txt``) with x y z in its first three columns. Points with a NaN or infinite
-    coordinate, which range scanners write where they saw nothing, are left out and counted in
-    `PointCloud.dropped`. STL and OBJ repeat the corners of their triangles: points of exactly
-    equal coordinates are made one. Other formats are taken as they are, in the file's order.
+    PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS; text (``.xyz``, ``.txt``, ``.csv``)
+    with x y z in its first three columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``; KITTI's
+    ``.bin`` (x y z reflectance in float32); NPY with an (N, 3) array, NPZ with one named ``points`` or
+    ``xyz`` or alone; LAS and LAZ with the extra ``cgroup[las]``.
+
+    Points with a NaN or infinite coordinate, which range scanners write where they saw nothing, are left out
+    and counted in `PointCloud.dropped`. STL and OBJ repeat the corners of their triangles: points of exactly
+    equal coordinates are made one. Other formats are taken as they are, in the file's order. Polygons are cut
+    into triangles that share their first corner. Colours that are given as shares of one become bytes.
+
+    What a file declares is checked against its length before memory is taken for it, so a file of a few bytes
+    can't ask for much. Ctrl-C is heard.
 
     Parameters
     ----------
@@ -49,7 +57,8 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     Raises
     ------
     InputError
-        If the file is missing, unreadable, cut off, of an unknown format, or has no finite point.
+        If the file is missing, unreadable, cut off, of an unknown format, no regular file, or has no finite
+        point.
     """
     path = Path(path)
     reader = PARSERS.get(path.suffix.lower())
@@ -171,7 +180,7 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
         If the file is missing or unreadable, or lacks an array.
     """
     path = Path(path)
-    arrays = read_arrays(path, *_DESCRIBED_FIELDS)
+    arrays = read_arrays(path, _DESCRIBED_FIELDS)
     rows = {name: len(arrays[name]) for name in _DESCRIBED_FIELDS[:4]}
     if len(set(rows.values())) > 1:
         message = f"{path}: its arrays differ in length: {rows}"

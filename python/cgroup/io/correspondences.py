@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup.errors import InputError
-from cgroup.io._files import (
-    load_numbers,
-    npy_bytes,
-    npz_bytes,
-    parse_file,
-    read_arrays,
-    single_number,
-    write_file,
-)
+from cgroup.io._files import load_numbers, parse_file, write_file
+from cgroup.io._numpy_files import npy_bytes, npz_bytes, read_arrays, single_number
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
@@ -48,7 +41,7 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     """
     path = Path(path)
     if path.suffix.lower() == ".npz":
-        arrays = read_arrays(path, "source", "target")
+        arrays = read_arrays(path, ("source", "target"), OPTIONAL_FIELDS)
     else:
         table = parse_file(path, load_numbers)
         if table.shape[1] != _COLUMNS:

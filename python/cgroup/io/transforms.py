@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cgroup.io._files import load_npy, load_numbers, npy_bytes, parse_file, write_file
+from cgroup.io._files import load_numbers, parse_file, write_file
+from cgroup.io._numpy_files import load_npy, npy_bytes
 from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from cgroup.benchmark.config.entries import ExperimentEntry, MethodEntry, Method
 from cgroup.benchmark.config.registration import RegistrationEntry
 from cgroup.benchmark.config.trials import TrialsEntry
 from cgroup.errors import InputError
+from cgroup.io._files import load_text
 from cgroup.registry import METHODS
 
 if sys.version_info >= (3, 11):
@@ -104,8 +105,8 @@ def read_config(source: str | Path) -> Config:
         return parse_config(_PRESETS.joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
     path = Path(source)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = load_text(path)
+    except InputError as error:
         message = f"{source}: no configuration that can be read, nor one of {', '.join(preset_names())}"
         raise InputError(message) from error
     return parse_config(text, path.name)

@@ -1,0 +1,144 @@
+"""NPY and NPZ: what they declare is checked against their size, and only what is asked for is unpacked."""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.lib import format as npy_format
+
+from cgroup.errors import InputError
+from cgroup.io._files import parse_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+    from typing import IO
+
+    from numpy.typing import ArrayLike, NDArray
+
+_KINDS = "biuf"
+"""Numbers and truth values; others are texts, dates or pickled objects."""
+
+_CHUNK = 16 << 20
+"""Bytes unpacked at a time."""
+
+_TRUSTED = 64 << 20
+"""An array of at most so many bytes may be packed as tightly as it will."""
+
+_MOST_GROWTH = 100
+"""Larger ones grow at most so many times; numbers that were measured grow a few times."""
+
+
+def npy_bytes(array: NDArray[Any]) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array, allow_pickle=False)
+    return buffer.getvalue()
+
+
+def npz_bytes(**arrays: ArrayLike) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()
+
+
+def load_npy(content: bytes) -> NDArray[Any]:
+    """Read a NumPy array of numbers."""
+    return _read_array(io.BytesIO(content), len(content))
+
+
+def read_arrays(
+    path: Path, needed: Iterable[str] = (), optional: Iterable[str] = ()
+) -> dict[str, NDArray[Any]]:
+    """Read arrays of an NPZ file: those that are needed, and of the others those that are there."""
+    needed = list(needed)
+
+    def load(content: bytes) -> tuple[list[str], dict[str, NDArray[Any]]]:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            entries = _entries(archive)
+            wanted = [name for name in [*needed, *optional] if name in entries]
+            if not entries.keys() >= set(needed):
+                return sorted(entries), {}
+            return [], {name: _unpack(archive, name, entries[name]) for name in wanted}
+
+    found, arrays = parse_file(path, load)
+    missing = [name for name in needed if name not in arrays]
+    if missing:
+        lacking = next(name for name in missing if name not in found)
+        message = f"{path}: has no array {lacking!r}; it holds {_listed(found)}"
+        raise InputError(message)
+    return arrays
+
+
+def load_npz_points(content: bytes) -> NDArray[Any]:
+    """Read the array `points` or `xyz` of an NPZ file, or else the only one."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        entries = _entries(archive)
+        names = [name for name in ("points", "xyz") if name in entries] or list(entries)
+        if not names or (len(names) > 1 and names[0] != "points"):
+            message = f"has no array named points or xyz; it holds {_listed(entries)}"
+            raise InputError(message)
+        return _unpack(archive, names[0], entries[names[0]])
+
+
+def _entries(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    return {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
+
+
+def _listed(names: Iterable[str]) -> str:
+    shown = [name if name.isprintable() else ascii(name) for name in sorted(names)]
+    return ", ".join(shown) or "nothing"
+
+
+def _unpack(archive: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo) -> NDArray[Any]:
+    """Read one array."""
+    if entry.file_size > max(_TRUSTED, _MOST_GROWTH * entry.compress_size):
+        message = (
+            f"array {name!r} would grow from {entry.compress_size} to {entry.file_size} bytes; "
+            "write one that large without compression, by numpy.savez"
+        )
+        raise InputError(message)
+    with archive.open(entry) as file:
+        return _read_array(file, entry.file_size)
+
+
+def _read_array(file: IO[bytes], size: int) -> NDArray[Any]:
+    """Read an array from a file of so many bytes."""
+    version = npy_format.read_magic(file)
+    readers = {(1, 0): npy_format.read_array_header_1_0, (2, 0): npy_format.read_array_header_2_0}
+    if version not in readers:
+        message = f"an array in version {version} of its format; numbers are written in 1.0 or 2.0"
+        raise InputError(message)
+    shape, is_fortran, dtype = readers[version](file)
+    if dtype.kind not in _KINDS or dtype.names is not None:
+        message = f"an array of {dtype}; numbers belong there"
+        raise InputError(message)
+    needed, rest = math.prod(shape) * dtype.itemsize, size - file.tell()
+    if needed > rest or min(shape, default=0) < 0:
+        message = f"an array of shape {shape} takes {needed} bytes, and {rest} are there"
+        raise InputError(message)
+    flat = np.empty(math.prod(shape), dtype=dtype)
+    _fill(memoryview(flat).cast("B") if flat.size else memoryview(b""), file)
+    return flat.reshape(shape, order="F" if is_fortran else "C")
+
+
+def _fill(bytes_of: memoryview, file: IO[bytes]) -> None:
+    start = 0
+    while start < len(bytes_of):
+        chunk = file.read(min(_CHUNK, len(bytes_of) - start))
+        if not chunk:
+            message = f"the end of the file after {start} of {len(bytes_of)} bytes"
+            raise InputError(message)
+        bytes_of[start : start + len(chunk)] = chunk
+        start += len(chunk)
+
+
+def single_number(path: Path, value: ArrayLike) -> float:
+    array = np.asarray(value, dtype=np.float64)
+    if array.size != 1:
+        message = f"{path}: resolution has shape {array.shape}; it is a single number"
+        raise InputError(message)
+    return float(array.reshape(()))

@@ -1,0 +1,97 @@
+//! What a file holds.
+
+use crate::error::Result;
+use crate::memory;
+
+/// Points of a file in its order, and what it says of them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CloudContent {
+    /// Coordinates, as they stand there: some may be NaN or infinite.
+    pub points: Vec<[f64; 3]>,
+    /// One per point.
+    pub normals: Option<Vec<[f64; 3]>>,
+    /// Triangles, each three rows of `points`; polygons are cut into fans.
+    pub faces: Option<Vec<[i64; 3]>>,
+    /// Red, green, blue of each point.
+    pub colors: Option<Vec<[u8; 3]>>,
+}
+
+/// Places in a [`Row`].
+pub(super) const POSITION: [usize; 3] = [0, 1, 2];
+pub(super) const NORMAL: [usize; 3] = [3, 4, 5];
+pub(super) const COLOR: [usize; 3] = [6, 7, 8];
+
+/// Numbers of one point: position, normal, colour.
+pub(super) type Row = [f64; 9];
+
+/// How the numbers of colours are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ColorScale {
+    /// 0 to 255.
+    Bytes,
+    /// Real numbers: 0 to 1, unless one is larger.
+    Reals,
+}
+
+/// Points as they are read, row by row.
+pub(super) struct Points {
+    content: CloudContent,
+    reals: Option<Vec<[f32; 3]>>,
+    scale: ColorScale,
+}
+
+impl Points {
+    /// Room for `count` points, with normals and colours or without.
+    pub fn with_capacity(count: usize, normals: bool, colors: Option<ColorScale>) -> Result<Self> {
+        let points = memory::with_capacity(count)?;
+        let normals = normals.then(|| memory::with_capacity(count)).transpose()?;
+        let reals = colors.map(|_| memory::with_capacity(count)).transpose()?;
+        let content = CloudContent { points, normals, ..CloudContent::default() };
+        Ok(Self { content, reals, scale: colors.unwrap_or(ColorScale::Bytes) })
+    }
+
+    /// Adds a point.
+    pub fn push(&mut self, row: &Row) -> Result<()> {
+        memory::push(&mut self.content.points, POSITION.map(|i| row[i]))?;
+        if let Some(normals) = &mut self.content.normals {
+            memory::push(normals, NORMAL.map(|i| row[i]))?;
+        }
+        if let Some(colors) = &mut self.reals {
+            memory::push(colors, COLOR.map(|i| row[i] as f32))?;
+        }
+        Ok(())
+    }
+
+    /// Number of points so far.
+    pub fn len(&self) -> usize {
+        self.content.points.len()
+    }
+
+    /// The cloud, with the triangles that go with it.
+    pub fn finish(mut self, faces: Option<Vec<[i64; 3]>>) -> Result<CloudContent> {
+        self.content.faces = faces;
+        self.content.colors = self.reals.map(|reals| bytes_of(&reals, self.scale)).transpose()?;
+        Ok(self.content)
+    }
+}
+
+/// Colours in bytes; whole numbers are kept.
+pub(super) fn bytes_of(colors: &[[f32; 3]], scale: ColorScale) -> Result<Vec<[u8; 3]>> {
+    let is_share = scale == ColorScale::Reals && colors.as_flattened().iter().all(|value| *value <= 1.0);
+    // A cast of what is out of range ends at the nearest byte.
+    let byte = |value: f32| if is_share { (value * 255.0).round() as u8 } else { value as u8 };
+    memory::collect(colors.iter().map(|color| color.map(byte)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_become_bytes() {
+        let colors = [[0.0, 0.5, 1.0], [0.25, -1.0, f32::NEG_INFINITY]];
+        assert_eq!(bytes_of(&colors, ColorScale::Reals), Ok(vec![[0, 128, 255], [64, 0, 0]]));
+        assert_eq!(bytes_of(&colors, ColorScale::Bytes), Ok(vec![[0, 0, 1], [0, 0, 0]]));
+        assert_eq!(bytes_of(&[[0.0, 1.0, 300.0]], ColorScale::Reals), Ok(vec![[0, 1, 255]]));
+    }
+}

@@ -1,0 +1,265 @@
+//! Lines of a text, and the words on them. Bytes that aren't ASCII are words like any other.
+
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+
+/// Lines or words between two looks for an interruption.
+const CHECK_EVERY: usize = 1024;
+
+/// Longest piece of a file that an error shows.
+const SHOWN: usize = 40;
+
+/// Which bytes stand between words.
+pub(super) type Separators = [bool; 256];
+
+/// White space.
+pub(super) const BLANKS: &Separators = &separators(b"");
+/// White space, commas and semicolons.
+pub(super) const COLUMNS: &Separators = &separators(b",;");
+/// White space, and the backslash that joins two lines.
+pub(super) const JOINED: &Separators = &separators(b"\\");
+
+const fn separators(more: &[u8]) -> Separators {
+    let mut table = [false; 256];
+    let blanks = b" \t\r\n\x0b\x0c";
+    let mut i = 0;
+    while i < blanks.len() + more.len() {
+        let byte = if i < blanks.len() { blanks[i] } else { more[i - blanks.len()] };
+        table[byte as usize] = true;
+        i += 1;
+    }
+    table
+}
+
+/// Lines of a text from a place on.
+#[derive(Clone)]
+pub(super) struct Lines<'a> {
+    rest: &'a [u8],
+    number: usize,
+    separators: &'static Separators,
+    execution: &'a Execution,
+}
+
+impl<'a> Lines<'a> {
+    /// Lines of a file; the mark that UTF-8 may begin with is left out.
+    pub fn new(content: &'a [u8], separators: &'static Separators, execution: &'a Execution) -> Self {
+        let rest = content.strip_prefix(b"\xef\xbb\xbf").unwrap_or(content);
+        Self { rest, number: 0, separators, execution }
+    }
+
+    /// The next line, whatever is on it.
+    pub fn next_line(&mut self) -> Result<Option<Line<'a>>> {
+        if self.rest.is_empty() {
+            return Ok(None);
+        }
+        self.number += 1;
+        if self.number.is_multiple_of(CHECK_EVERY) {
+            self.execution.check()?;
+        }
+        let (text, rest) = self.split();
+        self.rest = rest;
+        let Self { number, separators, execution, .. } = *self;
+        Ok(Some(Line { text, number, words: 0, separators, execution }))
+    }
+
+    /// The next line with a word on it.
+    pub fn next_with_words(&mut self, comments: &[&[u8]]) -> Result<Option<Line<'a>>> {
+        while let Some(line) = self.next_line()? {
+            let line = line.without(comments);
+            if !line.is_blank() {
+                return Ok(Some(line));
+            }
+        }
+        Ok(None)
+    }
+
+    fn split(&self) -> (&'a [u8], &'a [u8]) {
+        let mut from = 0;
+        while let Some(end) =
+            self.rest.get(from..).and_then(|text| text.iter().position(|byte| *byte == b'\n'))
+        {
+            let end = from + end;
+            let line = &self.rest[..end];
+            let is_joined = self.separators[usize::from(b'\\')] && line.trim_ascii_end().ends_with(b"\\");
+            if !is_joined {
+                return (line, &self.rest[end + 1..]);
+            }
+            from = end + 1;
+        }
+        (self.rest, &[])
+    }
+
+    /// What follows the lines that were taken.
+    pub fn rest(&self) -> &'a [u8] {
+        self.rest
+    }
+}
+
+/// One line, from the word on that comes next.
+#[derive(Clone)]
+pub(super) struct Line<'a> {
+    text: &'a [u8],
+    /// From 1 on.
+    pub number: usize,
+    words: usize,
+    separators: &'static Separators,
+    execution: &'a Execution,
+}
+
+impl<'a> Line<'a> {
+    /// The line up to the first comment, which begins with one of these.
+    pub fn without(mut self, comments: &[&[u8]]) -> Self {
+        for comment in comments {
+            if let Some(start) = self.text.windows(comment.len()).position(|part| part == *comment) {
+                self.text = &self.text[..start];
+            }
+        }
+        self
+    }
+
+    /// All that is left on the line.
+    pub fn text(&self) -> &'a [u8] {
+        self.text
+    }
+
+    pub fn is_blank(&self) -> bool {
+        self.text.iter().all(|byte| self.separators[usize::from(*byte)])
+    }
+
+    /// The next word.
+    pub fn next_word(&mut self) -> Result<Option<&'a [u8]>> {
+        let is_separator = |byte: &u8| self.separators[usize::from(*byte)];
+        let Some(start) = self.text.iter().position(|byte| !is_separator(byte)) else {
+            self.text = &[];
+            return Ok(None);
+        };
+        let text = &self.text[start..];
+        let end = text.iter().position(is_separator).unwrap_or(text.len());
+        let (word, rest) = text.split_at(end);
+        self.text = rest;
+        self.words += 1;
+        if self.words.is_multiple_of(CHECK_EVERY) {
+            self.execution.check()?;
+        }
+        Ok(Some(word))
+    }
+
+    /// The next word, which has to be a number.
+    pub fn next_number(&mut self) -> Result<f64> {
+        match self.next_word()? {
+            Some(word) => self.number_of(word),
+            None => Err(self.refuse("the end of the line", "a number belongs there")),
+        }
+    }
+
+    /// The next word, which has to be a count.
+    pub fn next_count(&mut self) -> Result<usize> {
+        match self.next_word()? {
+            Some(word) => {
+                count(word).ok_or_else(|| self.refuse(shown(word), "a whole number from 0 on belongs there"))
+            }
+            None => Err(self.refuse("the end of the line", "a whole number belongs there")),
+        }
+    }
+
+    /// A word of this line that has to be a number.
+    pub fn number_of(&self, word: &[u8]) -> Result<f64> {
+        number(word).ok_or_else(|| self.refuse(shown(word), "a number belongs there"))
+    }
+
+    /// The error of something on this line.
+    pub fn refuse(&self, got: impl ToString, remedy: impl Into<String>) -> Error {
+        Error::invalid(format!("line {}", self.number), got, remedy)
+    }
+}
+
+/// The number that a word stands for, to the nearest.
+pub(super) fn number(word: &[u8]) -> Option<f64> {
+    let text = std::str::from_utf8(word).ok()?;
+    text.parse().ok().or_else(|| is_nan(text).then_some(f64::NAN))
+}
+
+/// Whether this is how some C libraries write NaN: nan(ind), -nan(snan).
+fn is_nan(text: &str) -> bool {
+    text.trim_start_matches(['+', '-']).get(..4).is_some_and(|start| start.eq_ignore_ascii_case("nan("))
+}
+
+/// The count that a word stands for.
+pub(super) fn count(word: &[u8]) -> Option<usize> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// A piece of a file for an error: control characters escaped, cut where it is long.
+pub(super) fn shown(word: &[u8]) -> String {
+    let text: String =
+        String::from_utf8_lossy(word.get(..4 * SHOWN).unwrap_or(word)).chars().take(SHOWN).collect();
+    format!("{text:?}")
+}
+
+/// Refuses a count of things, each of which takes at least so many bytes, where the file has fewer.
+pub(super) fn check_room(what: &str, count: usize, least: usize, bytes: usize) -> Result<()> {
+    if count.checked_mul(least).is_some_and(|needed| needed <= bytes) {
+        return Ok(());
+    }
+    let got = format!("{count} of at least {least} bytes each, in {bytes} bytes");
+    Err(Error::invalid(what, got, "the file is cut off, or says the wrong number"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(text: &[u8], separators: &'static Separators, comments: &[&[u8]]) -> Result<Vec<Vec<String>>> {
+        let execution = Execution::default();
+        let mut lines = Lines::new(text, separators, &execution);
+        let mut found = Vec::new();
+        while let Some(mut line) = lines.next_with_words(comments)? {
+            let mut row = vec![line.number.to_string()];
+            while let Some(word) = line.next_word()? {
+                row.push(String::from_utf8_lossy(word).into_owned());
+            }
+            found.push(row);
+        }
+        Ok(found)
+    }
+
+    #[test]
+    fn lines_are_words() -> Result<()> {
+        let found = words(b"\xef\xbb\xbf a\tbc\r\n\n// no\nd,;e # f\n", COLUMNS, &[b"#", b"//"])?;
+        assert_eq!(found, [vec!["1", "a", "bc"], vec!["4", "d", "e"]]);
+        let found = words(b"a \\\r\n b\\\nc\nd\\", JOINED, &[])?;
+        assert_eq!(found, [vec!["1", "a", "b", "c"], vec!["2", "d"]]);
+        assert!(words(b"", BLANKS, &[])?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn numbers_are_rounded_to_the_nearest() {
+        let cases: [(&[u8], f64); 6] = [
+            (b"0.1", 0.1),
+            (b"+1e-3", 1e-3),
+            (b"5.", 5.0),
+            (b"-.5", -0.5),
+            (b"9007199254740993", 9_007_199_254_740_992.0),
+            (b"-Inf", f64::NEG_INFINITY),
+        ];
+        for (word, value) in cases {
+            assert_eq!(number(word), Some(value));
+        }
+        assert!(number(b"-nan(ind)").is_some_and(f64::is_nan));
+        assert_eq!((number(b""), number(b"1,5"), number(b"\xff"), number(b"nano")), (None, None, None, None));
+    }
+
+    #[test]
+    fn counts_have_to_fit() {
+        assert!(check_room("points", 5, 2, 10).is_ok());
+        assert!(check_room("points", 6, 2, 10).is_err());
+        assert!(check_room("points", usize::MAX, 2, 10).is_err());
+    }
+
+    #[test]
+    fn errors_show_little() {
+        assert_eq!(shown(b"\x1b[2J\xff"), "\"\\u{1b}[2J\u{fffd}\"");
+        assert!(shown(&[b'a'; 1000]).len() < 50);
+    }
+}

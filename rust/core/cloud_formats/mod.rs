@@ -1,0 +1,54 @@
+//! Files of point clouds and meshes: bytes in, a cloud out.
+//!
+//! The bytes may come from anywhere. Whatever a file declares is checked against its length before memory is taken
+//! for it, and what can't be parsed is an [`Error::InvalidInput`](crate::Error::InvalidInput) that says where.
+//! Nothing is said of the file's name, which only the caller knows.
+//!
+//! | format | function |
+//! |---|---|
+//! | PLY: ASCII, binary of either byte order | [`ply::parse`] |
+//! | PCD 0.5 to 0.7: ASCII, binary, compressed | [`pcd::parse`] |
+//! | Wavefront OBJ | [`obj::parse`] |
+//! | Geomview OFF, with normals and colours | [`off::parse`] |
+//! | STL: ASCII, binary | [`stl::parse`] |
+//! | text: columns of numbers, with a line of names or without | [`text::parse`] |
+//! | PTS: as text, behind a count | [`pts::parse`] |
+//! | KITTI's scans: x y z reflectance in float32 | [`kitti::parse`] |
+
+mod cloud_content;
+mod fans;
+pub mod kitti;
+mod lines;
+mod lzf;
+pub mod obj;
+pub mod off;
+pub mod pcd;
+pub mod ply;
+pub mod pts;
+mod repeats;
+mod scalar;
+pub mod stl;
+pub mod table;
+pub mod text;
+
+use crate::error::Result;
+use crate::execution::Execution;
+
+pub use cloud_content::CloudContent;
+
+/// A parser of one format.
+pub type Parser = fn(&[u8], &Execution) -> Result<CloudContent>;
+
+/// All parsers, by the usual suffix of their files.
+pub const PARSERS: [(&str, Parser); 10] = [
+    ("bin", kitti::parse),
+    ("csv", text::parse),
+    ("obj", obj::parse),
+    ("off", off::parse),
+    ("pcd", pcd::parse),
+    ("ply", ply::parse),
+    ("pts", pts::parse),
+    ("stl", stl::parse),
+    ("txt", text::parse),
+    ("xyz", text::parse),
+];

@@ -1,0 +1,177 @@
+//! PCD, the format of the Point Cloud Library, versions 0.5 to 0.7.
+//!
+//! Points are the fields x y z; `normal_x` and so on, and the colour packed in rgb or rgba, are taken where they are.
+//! All else, the viewpoint among it, is skipped.
+
+mod header;
+
+use self::header::{Body, Header};
+use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
+use super::lines::{Lines, check_room, shown};
+use super::lzf;
+use super::scalar::{ByteOrder, Scalar};
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::memory;
+
+/// Points between two looks for an interruption.
+const CHECK_EVERY: usize = 1 << 12;
+
+/// Points, normals and colours of a file.
+///
+/// # Errors
+/// [`Error::InvalidInput`] where it is cut off or not a PCD file, [`Error::OutOfMemory`], [`Error::Interrupted`].
+pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
+    let (header, lines) = header::read(content, execution)?;
+    let wanted = Wanted::of(&header)?;
+    let points = match header.body {
+        Body::Text => read_text(&header, &wanted, lines)?,
+        Body::Binary => {
+            check_room("POINTS", header.points, header.row_bytes, lines.rest().len())?;
+            let at = |column: &Column| (column.offset, header.row_bytes);
+            read_binary(&header, &wanted, lines.rest(), at, execution)?
+        }
+        Body::Compressed => {
+            let plain = decompress(&header, lines.rest(), execution)?;
+            let at = |column: &Column| (column.offset.saturating_mul(header.points), column.scalar.size());
+            read_binary(&header, &wanted, &plain, at, execution)?
+        }
+    };
+    points.finish(None)
+}
+
+/// A field that is taken.
+struct Column {
+    /// Place in the row that is filled; None for a packed colour.
+    to: Option<usize>,
+    scalar: Scalar,
+    /// Words before it on a line.
+    words: usize,
+    /// Bytes before it in a point.
+    offset: usize,
+}
+
+/// The fields that are taken, in the file's order.
+struct Wanted {
+    columns: Vec<Column>,
+    normals: bool,
+    colors: bool,
+}
+
+impl Wanted {
+    fn of(header: &Header) -> Result<Self> {
+        let names = |names: [&'static str; 3], to: [usize; 3]| names.into_iter().zip(to.map(Some));
+        let is_there =
+            |name: &str| header.fields.iter().any(|field| field.name == name.as_bytes() && field.count == 1);
+        let mut wanted: Vec<_> = names(["x", "y", "z"], POSITION).collect();
+        if !wanted.iter().all(|(name, _)| is_there(name)) {
+            return Err(Error::invalid("FIELDS", "not all of x, y, z", "a point has three coordinates"));
+        }
+        let normals = ["normal_x", "normal_y", "normal_z"];
+        let has_normals = normals.iter().all(|name| is_there(name));
+        if has_normals {
+            wanted.extend(names(normals, NORMAL));
+        }
+        let packed = ["rgb", "rgba"].into_iter().find(|name| is_there(name));
+        wanted.extend(packed.map(|name| (name, None)));
+        let mut columns = Vec::new();
+        let (mut words, mut offset) = (0, 0);
+        for field in &header.fields {
+            let place = wanted.iter().position(|(name, _)| field.count == 1 && field.name == name.as_bytes());
+            if let Some((_, to)) = place.map(|place| wanted.swap_remove(place)) {
+                columns.push(Column { to, scalar: field.scalar, words, offset });
+            }
+            // The header was refused unless the sums over all fields are numbers.
+            words += field.count;
+            offset += field.count * field.scalar.size();
+        }
+        Ok(Self { columns, normals: has_normals, colors: packed.is_some() })
+    }
+
+    fn points(&self, count: usize) -> Result<Points> {
+        Points::with_capacity(count, self.normals, self.colors.then_some(ColorScale::Bytes))
+    }
+}
+
+fn read_text(header: &Header, wanted: &Wanted, mut lines: Lines) -> Result<Points> {
+    check_room("POINTS", header.points, header.row_words.saturating_mul(2), lines.rest().len() + 1)?;
+    let mut points = wanted.points(header.points)?;
+    while let Some(mut line) = lines.next_with_words(&[b"#"])? {
+        if points.len() == header.points {
+            return Err(line.refuse("a further point", format!("the header says {}", header.points)));
+        }
+        let mut row: Row = [0.0; 9];
+        let mut columns = wanted.columns.iter().peekable();
+        for place in 0..header.row_words {
+            let Some(column) = columns.next_if(|column| column.words == place) else {
+                line.next_number()?;
+                continue;
+            };
+            let number = line.next_number()?;
+            match column.to {
+                Some(to) => row[to] = column.scalar.hold(number),
+                None if column.scalar == Scalar::F32 => unpack((number as f32).to_bits(), &mut row),
+                None => unpack(number as u32, &mut row),
+            }
+        }
+        if let Some(word) = line.next_word()? {
+            return Err(line.refuse(shown(word), format!("a point has {} numbers", header.row_words)));
+        }
+        points.push(&row)?;
+    }
+    if points.len() < header.points {
+        let got = format!("{} of {} points", points.len(), header.points);
+        return Err(Error::invalid("rows", got, "the file is cut off, or its header says the wrong number"));
+    }
+    Ok(points)
+}
+
+/// Points whose columns begin `at` a place, and go on by a number of bytes.
+fn read_binary(
+    header: &Header,
+    wanted: &Wanted,
+    bytes: &[u8],
+    at: impl Fn(&Column) -> (usize, usize),
+    execution: &Execution,
+) -> Result<Points> {
+    let mut points = wanted.points(header.points)?;
+    let places = memory::collect(wanted.columns.iter().map(|column| (column, at(column))))?;
+    for i in 0..header.points {
+        if i.is_multiple_of(CHECK_EVERY) {
+            execution.check()?;
+        }
+        let mut row: Row = [0.0; 9];
+        for (column, (start, step)) in &places {
+            let value = bytes.get(start + i * step..).unwrap_or_default();
+            match column.to {
+                Some(to) => row[to] = column.scalar.read(value, ByteOrder::Little).unwrap_or(f64::NAN),
+                // As bits: such a number may be a NaN, which a conversion would change.
+                None => unpack(value.first_chunk().map_or(0, |bits| u32::from_le_bytes(*bits)), &mut row),
+            }
+        }
+        points.push(&row)?;
+    }
+    Ok(points)
+}
+
+/// The plain columns of compressed data: two lengths, then that many bytes.
+fn decompress(header: &Header, body: &[u8], execution: &Execution) -> Result<Vec<u8>> {
+    let cut_off = || Error::invalid("compressed data", "the end of the file", "the file is cut off");
+    let (lengths, packed) = body.split_at_checked(8).ok_or_else(cut_off)?;
+    let length =
+        |bytes: &[u8]| Scalar::U32.read(bytes, ByteOrder::Little).map_or(0, |number| number as usize);
+    let (packed_size, plain_size) = (length(lengths), length(&lengths[4..]));
+    let packed = packed.get(..packed_size).ok_or_else(cut_off)?;
+    check_room("POINTS", header.points, header.row_bytes, plain_size)?;
+    lzf::decompress(packed, plain_size, execution)
+}
+
+/// PCL packs 0x00RRGGBB into four bytes, often called a float.
+fn unpack(bits: u32, row: &mut Row) {
+    for (to, shift) in COLOR.into_iter().zip([16, 8, 0]) {
+        row[to] = f64::from(bits >> shift & 255);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,138 @@
+//! PLY, the polygon file format (Turk 1994): a header that declares elements, then their rows in text or binary.
+//!
+//! Points are the element `vertex` with the properties x y z; nx ny nz and red green blue are taken where they are.
+//! Triangles are the lists `vertex_indices` or `vertex_index` of the element `face`. All else is skipped, and what
+//! follows the last element wanted is not looked at.
+
+mod header;
+mod rows;
+
+use self::header::{Body, Element, Header};
+use self::rows::{BinaryRows, RowSource, TextRows};
+use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
+use super::fans::{Fans, row_of};
+use super::lines::check_room;
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::memory;
+
+/// Rows, or corners of a polygon, between two looks for an interruption.
+const CHECK_EVERY: usize = 1 << 12;
+
+/// Points, normals, colours and triangles of a file.
+///
+/// # Errors
+/// [`Error::InvalidInput`] where it is cut off or not a PLY file, [`Error::OutOfMemory`], [`Error::Interrupted`].
+pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
+    let (header, lines) = header::read(content, execution)?;
+    match header.body {
+        Body::Text => read_body(&header, TextRows::new(lines), execution),
+        Body::Binary(order) => {
+            let start = content.len() - lines.rest().len();
+            read_body(&header, BinaryRows::new(lines.rest(), start, order), execution)
+        }
+    }
+}
+
+fn read_body(header: &Header, mut source: impl RowSource, execution: &Execution) -> Result<CloudContent> {
+    let mut points = None;
+    let mut fans = None;
+    let has_faces = header.elements.iter().any(|element| element.name == b"face");
+    for element in &header.elements {
+        let least = element.properties.iter().map(|property| source.least_bytes(property)).sum();
+        check_room(&format!("element {}", element.title()), element.count, least, source.room())?;
+        if element.name == b"vertex" && points.is_none() {
+            points = Some(read_points(element, &mut source, execution)?);
+        } else if element.name == b"face" && fans.is_none() {
+            fans = Some(read_faces(element, &mut source, execution)?);
+        } else {
+            skip_rows(element, &mut source, execution)?;
+        }
+        if points.is_some() && fans.is_some() == has_faces {
+            break;
+        }
+    }
+    let Some(points) = points else {
+        return Err(Error::invalid("header", "no element vertex", "without it there are no points"));
+    };
+    let faces = fans.unwrap_or_default().finish(points.len())?;
+    points.finish(faces)
+}
+
+fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execution) -> Result<Points> {
+    let places = |names: [&str; 3]| {
+        let [a, b, c] = names.map(|name| element.scalar_place(name));
+        Some([a?, b?, c?])
+    };
+    let Some(position) = places(["x", "y", "z"]) else {
+        return Err(Error::invalid(
+            "element vertex",
+            "not all of the properties x, y, z",
+            "a point has three",
+        ));
+    };
+    let (normal, color) = (places(["nx", "ny", "nz"]), places(["red", "green", "blue"]));
+    let is_real = |place: usize| element.properties.get(place).is_some_and(|each| each.scalar.is_real());
+    let scale = color
+        .map(|places| if places.into_iter().any(is_real) { ColorScale::Reals } else { ColorScale::Bytes });
+    // For each property, its place in the row of numbers.
+    let mut columns = memory::filled(None, element.properties.len())?;
+    let wanted = [(Some(position), POSITION), (normal, NORMAL), (color, COLOR)];
+    for (from, to) in wanted.into_iter().filter_map(|(from, to)| Some(from?.into_iter().zip(to))).flatten() {
+        columns[from] = Some(to);
+    }
+    let mut points = Points::with_capacity(element.count, normal.is_some(), scale)?;
+    for done in 0..element.count {
+        if done.is_multiple_of(CHECK_EVERY) {
+            execution.check()?;
+        }
+        source.begin()?;
+        let mut row: Row = [0.0; 9];
+        for (property, column) in element.properties.iter().zip(&columns) {
+            match column {
+                Some(column) => row[*column] = source.number(property.scalar)?,
+                None => source.skip(property)?,
+            }
+        }
+        points.push(&row)?;
+    }
+    Ok(points)
+}
+
+fn read_faces(element: &Element, source: &mut impl RowSource, execution: &Execution) -> Result<Fans> {
+    let mut fans = Fans::default();
+    let corners = element.list_of_corners();
+    for _ in 0..element.count {
+        execution.check()?;
+        source.begin()?;
+        for (place, property) in element.properties.iter().enumerate() {
+            let Some(length) = property.length.filter(|_| Some(place) == corners) else {
+                source.skip(property)?;
+                continue;
+            };
+            fans.begin();
+            for done in 0..source.length(length)? {
+                if done % CHECK_EVERY == CHECK_EVERY - 1 {
+                    execution.check()?;
+                }
+                fans.corner(row_of(source.number(property.scalar)?))?;
+            }
+        }
+    }
+    Ok(fans)
+}
+
+fn skip_rows(element: &Element, source: &mut impl RowSource, execution: &Execution) -> Result<()> {
+    if element.properties.is_empty() {
+        return Ok(());
+    }
+    for _ in 0..element.count {
+        execution.check()?;
+        source.begin()?;
+        element.properties.iter().try_for_each(|property| source.skip(property))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

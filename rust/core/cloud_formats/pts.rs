@@ -1,0 +1,117 @@
+//! PTS, the format of laser scanners: the number of points, then a line for each. Behind x y z may stand an
+//! intensity, which is left out, and a colour of three bytes.
+
+use super::cloud_content::{COLOR, CloudContent, ColorScale, POSITION, Points, Row};
+use super::lines::{COLUMNS, Line, Lines, check_room, count};
+use super::table::{COMMENTS, check_columns};
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+
+/// Points and colours of a file; the count may be missing.
+///
+/// # Errors
+/// [`Error::InvalidInput`] where it is cut off or something else, [`Error::OutOfMemory`], [`Error::Interrupted`].
+pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
+    let mut lines = Lines::new(content, COLUMNS, execution);
+    let mut rows = lines.clone();
+    let declared = rows.next_with_words(COMMENTS)?.map_or(Ok(None), only_count)?;
+    if declared.is_some() {
+        lines = rows;
+    }
+    // As though the last number had a separator behind it.
+    check_room("points", declared.unwrap_or(0), 3 * 2, lines.rest().len() + 1)?;
+    let Some(first) = lines.clone().next_with_words(COMMENTS)? else {
+        return Points::with_capacity(0, false, None)?.finish(None);
+    };
+    // Without colours, with a colour, or with an intensity before it.
+    let columns = count_words(first.clone())?;
+    let skipped = match columns {
+        3 | 4 => None,
+        6 => Some(0),
+        7 => Some(1),
+        _ => {
+            return Err(
+                first.refuse(format!("{columns} columns"), "points have 3, 4, 6 or 7: x y z [i] [r g b]")
+            );
+        }
+    };
+    let mut points = Points::with_capacity(declared.unwrap_or(0), false, skipped.map(|_| ColorScale::Bytes))?;
+    while let Some(line) = lines.next_with_words(COMMENTS)? {
+        points.push(&read_row(line, columns, skipped)?)?;
+    }
+    if declared.is_some_and(|declared| declared != points.len()) {
+        let got = format!("{} of {} points", points.len(), declared.unwrap_or(0));
+        return Err(Error::invalid("rows", got, "the file is cut off, or its first line is wrong"));
+    }
+    points.finish(None)
+}
+
+/// The number of points, if nothing else is on the line.
+fn only_count(mut line: Line) -> Result<Option<usize>> {
+    let declared = line.next_word()?.and_then(count);
+    Ok(declared.filter(|_| line.is_blank()))
+}
+
+fn count_words(mut line: Line) -> Result<usize> {
+    let mut words = 0;
+    while line.next_word()?.is_some() {
+        words += 1;
+    }
+    Ok(words)
+}
+
+fn read_row(mut line: Line, columns: usize, skipped: Option<usize>) -> Result<Row> {
+    check_columns(&line, count_words(line.clone())?, &mut Some(columns))?;
+    let mut row: Row = [0.0; 9];
+    for place in POSITION {
+        row[place] = line.next_number()?;
+    }
+    let Some(skipped) = skipped else { return Ok(row) };
+    for _ in 0..skipped {
+        line.next_number()?;
+    }
+    for place in COLOR {
+        row[place] = line.next_number()?;
+    }
+    Ok(row)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(content: &str) -> Result<CloudContent> {
+        parse(content.as_bytes(), &Execution::default())
+    }
+
+    #[test]
+    fn columns_say_what_there_is() -> Result<()> {
+        for (text, color) in [
+            ("2\n1 2 3\n4 5 6\n", None),
+            ("1 2 3 -100\n4 5 6 7\n", None),
+            ("2\r\n1 2 3 0 1 255\r\n4 5 6 0 0 1", Some([0, 1, 255])),
+            ("2\n1 2 3 -7 0 1 255\n4 5 6 9 0 0 1\n\n", Some([0, 1, 255])),
+        ] {
+            let cloud = read(text)?;
+            assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+            assert_eq!(cloud.colors.map(|colors| colors[0]), color);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for (content, says) in [
+            ("3\n1 2 3\n4 5 6\n", "points: got 3 of at least 6 bytes"),
+            ("2\n1 2 3.000\n", "1 of 2 points"),
+            ("2\n1 2 3\n4 5 6\n7 8 9\n", "3 of 2 points"),
+            ("1\n1 2 3 4 5\n", "line 2: got 5 columns"),
+            ("2\n1 2 3\n4 5 6 7\n", "line 3: got 4 columns"),
+            ("1 2 x\n", "line 1: got \"x\""),
+        ] {
+            let found = read(content);
+            assert!(found.is_err_and(|error| error.to_string().contains(says)), "{content}");
+        }
+        assert!(read("0\n").is_ok_and(|cloud| cloud.points.is_empty()));
+    }
+}

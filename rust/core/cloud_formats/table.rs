@@ -1,0 +1,71 @@
+//! Rows of numbers in a text, separated by white space, commas or semicolons; # and // start comments.
+
+use super::lines::{COLUMNS, Line, Lines};
+use crate::error::{Error, Result};
+use crate::execution::Execution;
+use crate::memory;
+
+/// What starts a comment.
+pub(super) const COMMENTS: &[&[u8]] = &[b"#", b"//"];
+
+/// Numbers, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Numbers of a row, at least one.
+    pub columns: usize,
+    /// All rows, one after the other.
+    pub numbers: Vec<f64>,
+}
+
+/// The numbers of a text, whose rows all have the same length.
+///
+/// # Errors
+/// [`Error::InvalidInput`] where it has none, or something else, [`Error::OutOfMemory`], [`Error::Interrupted`].
+pub fn parse(content: &[u8], execution: &Execution) -> Result<Table> {
+    let mut lines = Lines::new(content, COLUMNS, execution);
+    let mut numbers = Vec::new();
+    let mut columns = None;
+    while let Some(mut line) = lines.next_with_words(COMMENTS)? {
+        let start = numbers.len();
+        while let Some(word) = line.next_word()? {
+            memory::push(&mut numbers, line.number_of(word)?)?;
+        }
+        check_columns(&line, numbers.len() - start, &mut columns)?;
+    }
+    match columns {
+        Some(columns) => Ok(Table { columns, numbers }),
+        None => Err(Error::invalid("text", "no numbers", "rows of numbers belong there")),
+    }
+}
+
+/// Refuses a row whose length is not that of the first.
+pub(super) fn check_columns(line: &Line, found: usize, columns: &mut Option<usize>) -> Result<()> {
+    let expected = *columns.get_or_insert(found);
+    if found == expected {
+        return Ok(());
+    }
+    Err(line.refuse(format!("{found} columns"), format!("the first row has {expected}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn separators_may_be_mixed() {
+        let table = parse(b"// \xe9\n1,2;\t3 # \xff\n\n 4 5 6//7\n", &Execution::default());
+        assert_eq!(table, Ok(Table { columns: 3, numbers: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0] }));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for (content, says) in [
+            ("# nothing\n", "no numbers"),
+            ("1 2\n3\n", "line 2: got 1 columns; the first row has 2"),
+            ("1 2\n3 x\n", "line 2: got \"x\""),
+        ] {
+            let found = parse(content.as_bytes(), &Execution::default());
+            assert!(found.is_err_and(|error| error.to_string().contains(says)));
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Clouds as columns of numbers: XYZ, TXT, CSV.
+//!
+//! Columns are separated by white space, commas or semicolons; # and // start comments. Where the first line has
+//! names, it says which columns are x y z, nx ny nz and r g b, and the others may hold anything. Without names the
+//! first three columns are x y z, and the others are numbers that are left out.
+
+use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
+use super::lines::{COLUMNS, Line, Lines, number, shown};
+use super::table::{COMMENTS, check_columns};
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::memory;
+
+/// Names of columns, in any case.
+const POSITION_NAMES: &[[&str; 3]] = &[["x", "y", "z"]];
+const NORMAL_NAMES: &[[&str; 3]] = &[["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
+const COLOR_NAMES: &[[&str; 3]] = &[["r", "g", "b"], ["red", "green", "blue"]];
+
+/// Points of a text, and normals and colours where columns are named so.
+///
+/// # Errors
+/// [`Error::InvalidInput`] where it is something else, [`Error::OutOfMemory`], [`Error::Interrupted`].
+pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
+    let mut lines = Lines::new(content, COLUMNS, execution);
+    let mut behind_names = lines.clone();
+    let points = match behind_names.next_with_words(COMMENTS)? {
+        Some(line) if !starts_with_number(line.clone())? => read_named(&line, &mut behind_names)?,
+        _ => read_plain(&mut lines)?,
+    };
+    points.finish(None)
+}
+
+fn starts_with_number(mut line: Line) -> Result<bool> {
+    Ok(line.next_word()?.is_some_and(|word| number(word).is_some()))
+}
+
+fn read_plain(lines: &mut Lines) -> Result<Points> {
+    let mut points = Points::with_capacity(0, false, None)?;
+    let mut columns = None;
+    while let Some(mut line) = lines.next_with_words(COMMENTS)? {
+        let mut row: Row = [0.0; 9];
+        for place in POSITION {
+            row[place] = line.next_number()?;
+        }
+        let mut found = POSITION.len();
+        while let Some(word) = line.next_word()? {
+            line.number_of(word)?;
+            found += 1;
+        }
+        check_columns(&line, found, &mut columns)?;
+        points.push(&row)?;
+    }
+    Ok(points)
+}
+
+fn read_named(names: &Line, lines: &mut Lines) -> Result<Points> {
+    let fields = Fields::of(names);
+    let header = memory::collect(fields.split(names.text()))?;
+    let place = |name: &str| header.iter().position(|field| field.eq_ignore_ascii_case(name.as_bytes()));
+    let places = |alternatives: &[[&str; 3]]| {
+        alternatives.iter().find_map(|names| {
+            let [a, b, c] = names.map(place);
+            Some([a?, b?, c?])
+        })
+    };
+    let Some(position) = places(POSITION_NAMES) else {
+        let remedy = "numbers belong there, or names of columns, x, y and z among them";
+        return Err(names.refuse(shown(names.text().trim_ascii()), remedy));
+    };
+    let (normal, color) = (places(NORMAL_NAMES), places(COLOR_NAMES));
+    // For each column, its place in the row.
+    let mut columns = memory::filled(None, header.len())?;
+    let wanted = [(Some(position), POSITION), (normal, NORMAL), (color, COLOR)];
+    for (from, to) in wanted.into_iter().filter_map(|(from, to)| Some(from?.into_iter().zip(to))).flatten() {
+        columns[from] = Some(to);
+    }
+    let mut points = Points::with_capacity(0, normal.is_some(), color.map(|_| ColorScale::Reals))?;
+    while let Some(line) = lines.next_with_words(COMMENTS)? {
+        let mut row: Row = [0.0; 9];
+        let mut found = 0;
+        for field in fields.split(line.text()) {
+            if let Some(Some(to)) = columns.get(found) {
+                row[*to] = line.number_of(field)?;
+            }
+            found += 1;
+        }
+        check_columns(&line, found, &mut Some(header.len()))?;
+        points.push(&row)?;
+    }
+    Ok(points)
+}
+
+/// How a line is cut into fields: at a comma or semicolon, between which a field may be empty, or at white space.
+struct Fields {
+    separator: Option<u8>,
+}
+
+impl Fields {
+    /// The separator that the line of names has.
+    fn of(names: &Line) -> Self {
+        Self { separator: [b',', b';', b'\t'].into_iter().find(|byte| names.text().contains(byte)) }
+    }
+
+    /// The fields of a line, without quotes.
+    fn split<'a>(&self, text: &'a [u8]) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        let separator = self.separator;
+        let is_end =
+            move |byte: &u8| separator.map_or(byte.is_ascii_whitespace(), |separator| *byte == separator);
+        let bare = |field: &'a [u8]| {
+            let field = field.trim_ascii();
+            field.strip_prefix(b"\"").and_then(|field| field.strip_suffix(b"\"")).unwrap_or(field)
+        };
+        text.trim_ascii()
+            .split(is_end)
+            .map(bare)
+            .filter(move |field| separator.is_some() || !field.is_empty())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(content: &[u8]) -> Result<CloudContent> {
+        parse(content, &Execution::default())
+    }
+
+    #[test]
+    fn columns_without_names() -> Result<()> {
+        for text in
+            ["1 2 3 9\n4 5 6 9\n", "\u{feff}1,2,3,9\r\n4, 5, 6, 9", "// X Y Z\n1;2;3;9\n\n4;5\t6 9#8\n"]
+        {
+            let cloud = read(text.as_bytes())?;
+            assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+            assert_eq!((cloud.normals, cloud.colors), (None, None));
+        }
+        assert!(read(b"# nothing")?.points.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn columns_with_names() -> Result<()> {
+        let text =
+            "\u{feff}\"label\",Z,Y,X,R,G,B,nx,ny,nz,note\ntree,3,2,1,255,0,7,0,0,1,\n,6,5,4,1,2,3,1,0,0,x\n";
+        let cloud = read(text.as_bytes())?;
+        assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        assert_eq!(cloud.normals, Some(vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]));
+        assert_eq!(cloud.colors, Some(vec![[255, 0, 7], [1, 2, 3]]));
+        assert_eq!(read(b"x y  z\n1 2 3\n")?.points, [[1.0, 2.0, 3.0]]);
+        assert_eq!(read(b"x\ty\tz\t\xe9\n1\t2\t3\t\n")?.points, [[1.0, 2.0, 3.0]]);
+        Ok(())
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for (content, says) in [
+            ("hello, world\n", "line 1: got \"hello, world\""),
+            ("1 2\n", "line 1: got the end of the line"),
+            ("1 2 3\n4 5 6 7\n", "line 2: got 4 columns; the first row has 3"),
+            ("1 2 3 a\n", "line 1: got \"a\""),
+            ("x,y,z\n1,2\n", "line 2: got 2 columns"),
+            ("x,y,z\n1,,2\n", "line 2: got \"\""),
+            ("x;y;z\n1,5;2;3\n", "line 2: got \"1,5\""),
+        ] {
+            let found = read(content.as_bytes());
+            assert!(found.is_err_and(|error| error.to_string().contains(says)), "{content}");
+        }
+    }
+}

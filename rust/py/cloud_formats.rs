@@ -1,0 +1,53 @@
+//! Files of point clouds, and tables of numbers: bytes in, arrays out.
+
+use cgroup::cloud_formats::{PARSERS, table};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
+
+use crate::convert::choose;
+use crate::run::{RunOptions, run};
+
+/// What Python gets of a cloud: points, normals, faces and colours, each (N,3).
+type PyCloudContent<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Option<Bound<'py, PyArray2<f64>>>,
+    Option<Bound<'py, PyArray2<i64>>>,
+    Option<Bound<'py, PyArray2<u8>>>,
+);
+
+/// Parses a file's content; `suffix` is the usual one of its format, without the dot.
+#[pyfunction]
+pub fn parse_cloud<'py>(
+    py: Python<'py>,
+    content: PyBackedBytes,
+    suffix: &str,
+    run_options: RunOptions,
+) -> PyResult<PyCloudContent<'py>> {
+    let parse = choose("suffix", suffix, &PARSERS)?;
+    let cloud = run(py, &run_options, move |execution| parse(&content, execution))?;
+    Ok((
+        triples(py, cloud.points)?,
+        cloud.normals.map(|normals| triples(py, normals)).transpose()?,
+        cloud.faces.map(|faces| triples(py, faces)).transpose()?,
+        cloud.colors.map(|colors| triples(py, colors)).transpose()?,
+    ))
+}
+
+/// Parses rows of numbers.
+#[pyfunction]
+pub fn parse_table(
+    py: Python<'_>,
+    content: PyBackedBytes,
+    run_options: RunOptions,
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    let found = run(py, &run_options, move |execution| table::parse(&content, execution))?;
+    let rows = found.numbers.len() / found.columns.max(1);
+    PyArray1::from_vec(py, found.numbers).reshape([rows, found.columns])
+}
+
+/// An array (N,3), without a copy.
+fn triples<T: Element>(py: Python<'_>, rows: Vec<[T; 3]>) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let count = rows.len();
+    PyArray1::from_vec(py, rows.into_flattened()).reshape([count, 3])
+}
