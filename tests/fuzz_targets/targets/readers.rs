@@ -11,7 +11,7 @@ const MOST_POINTS_PER_BYTE: usize = 50;
 
 pub fn run(input: &mut Unstructured) -> Result<()> {
     let format = input.int_in_range(0..=PARSERS.len())?;
-    let content = input.take_rest();
+    let content = input.bytes(input.len())?;
     match PARSERS.get(format) {
         Some((name, parse)) => {
             let found = check::on_threads(name, || parse(content, &Execution::default()));
