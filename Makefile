@@ -27,7 +27,22 @@ DOCS_OUT ?= target/docs
 DOCS_MODULES := cgroup $(addprefix cgroup.,benchmark datasets evaluation features io nuisances plots registration types verification)
 ADVISORIES := https://github.com/rustsec/advisory-db
 
-.PHONY: help setup demo test test-rust test-python fmt lint types docs audit bench bench-peers clean
+# Seconds per target, and which: make fuzz SECONDS=60 FUZZ_TARGETS=features
+SECONDS ?= 60
+FUZZ_TARGETS ?= $(notdir $(basename $(wildcard fuzz/bins/*.rs)))
+FUZZ_PYTHON_TARGETS ?= call_function run_command
+FUZZ_OUT := target/fuzz
+# Bytes of an input; MiB that one block, and all of a process, may come to; seconds that one input may take.
+FUZZ_LIMITS := -max_len=2048 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=60
+
+# Wheels and source distributions.
+DIST ?= dist
+
+# Lets a stable compiler take the flags of sanitizers and of libFuzzer, which would otherwise need a nightly one.
+UNSTABLE := RUSTC_BOOTSTRAP=1
+HOST := $(shell rustc --print host-tuple 2>/dev/null)
+
+.PHONY: help setup demo test test-rust test-python test-checked sanitize fuzz fmt lint types docs audit package bench bench-peers clean
 
 help: ## show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -51,6 +66,30 @@ test-rust: | check-tools ## run the Rust tests
 test-python: $(VENV)/.ready-dev ## run the Python tests
 	$(BIN)/python -m pytest
 
+test-checked: | check-tools ## run the Rust tests with overflow checks and debug assertions
+	cargo test --profile checked --locked --lib --tests
+
+sanitize: sanitize-address sanitize-thread ## run Rust tests under the address and the thread sanitizer
+
+.PHONY: sanitize-address sanitize-thread
+sanitize-address: | check-tools ## run the Rust tests under the address sanitizer
+	$(UNSTABLE) RUSTFLAGS=-Zsanitizer=address cargo test --release --locked --target $(HOST) --target-dir target/address --lib --tests
+
+# The standard library comes without the sanitizer's marks, and rayon's deques synchronize by fences, which it
+# does not know: tests/races.supp says what of theirs is passed over.
+sanitize-thread: | check-tools ## run the tests of threads under the thread sanitizer
+	$(UNSTABLE) RUSTFLAGS="-Zsanitizer=thread -Cunsafe-allow-abi-mismatch=sanitizer" \
+		TSAN_OPTIONS="suppressions=$(CURDIR)/tests/races.supp" \
+		cargo test --release --locked --target $(HOST) --target-dir target/thread --test background --test determinism
+
+fuzz: $(VENV)/.ready-dev ## look for inputs that break something, SECONDS per target
+	@command -v cargo-fuzz >/dev/null || { echo "cargo-fuzz is missing: cargo install --locked cargo-fuzz"; exit 1; }
+	$(UNSTABLE) cargo fuzz build --target-dir $(FUZZ_OUT)
+	@$(BIN)/python -c 'import atheris' 2>/dev/null || $(BIN)/python -m pip install --quiet "atheris>=3" \
+		|| echo "The Python targets are left out: atheris has no wheel for $$($(BIN)/python --version)."
+	@BINARIES=$(FUZZ_OUT)/$(HOST)/release SECONDS_PER_TARGET=$(SECONDS) PYTHON=$(BIN)/python \
+		fuzz/run "$(FUZZ_TARGETS)" "$(FUZZ_PYTHON_TARGETS)" $(FUZZ_LIMITS)
+
 fmt: $(VENV)/.ready-dev ## format the code
 	cargo fmt --all
 	$(BIN)/ruff format .
@@ -64,6 +103,7 @@ lint: $(VENV)/.ready-dev ## check format, lints and who imports whom
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
+	$(BIN)/python tools/collect_licenses.py --check
 
 types: $(VENV)/.ready-dev ## check types, and the stubs against the compiled core
 	$(BIN)/basedpyright
@@ -74,11 +114,24 @@ docs: $(VENV)/.ready-dev ## build the pages of the Rust and the Python interface
 	$(BIN)/python -m pdoc --docformat numpy --output-directory $(DOCS_OUT) $(DOCS_MODULES)
 	@echo "Written: target/doc/cgroup/index.html, $(DOCS_OUT)/index.html"
 
-audit: | check-tools ## check licences, sources and known vulnerabilities of the crates (deny.toml)
+audit: audit-crates audit-python ## check licences, sources and known vulnerabilities of what cgroup builds on
+
+.PHONY: audit-crates audit-python
+audit-crates: | check-tools
 	@command -v cargo-deny >/dev/null || { echo "cargo-deny is missing: cargo install --locked cargo-deny"; exit 1; }
-	cargo deny --locked check licenses bans sources
-	@if cargo deny --locked fetch db >/dev/null 2>&1; then cargo deny --locked check advisories; \
-		else echo "Vulnerabilities are not checked: $(ADVISORIES) can't be reached."; fi
+	cargo deny --locked --workspace check licenses bans sources
+	@if cargo deny --locked --workspace fetch db >/dev/null 2>&1; then cargo deny --locked --workspace check advisories; \
+		else echo "Vulnerabilities of crates are not checked: $(ADVISORIES) can't be reached."; fi
+
+audit-python: $(VENV)/.ready-dev
+	@$(BIN)/python -m pip install --quiet pip-audit pip-licenses
+	$(BIN)/pip-licenses --ignore-packages cgroup
+	@if echo numpy==1.26.0 | $(BIN)/pip-audit --no-deps --disable-pip -r /dev/stdin 2>/dev/null | grep -q "could not be audited"; \
+		then echo "Vulnerabilities of Python packages are not checked: PyPI's records of them can't be reached."; \
+		else $(BIN)/pip-audit --local --skip-editable --progress-spinner off; fi
+
+package: $(VENV)/.ready-dev ## build the wheel and the source distribution into DIST, and check both
+	$(BIN)/python tools/check_package.py "$(DIST)"
 
 bench: | check-tools ## run the criterion benches
 	cargo bench --locked

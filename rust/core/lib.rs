@@ -30,6 +30,8 @@
 //!
 //! Lengths are in the unit of the data; angles are in degrees where a name says so.
 
+#![forbid(unsafe_code)]
+
 pub mod cloud;
 pub mod cloud_formats;
 pub mod compatibility;

@@ -255,7 +255,7 @@ impl AgreementGraph {
                     }
                 }
             }
-            if edges.len() >= SPARE * most {
+            if edges.len() >= SPARE.saturating_mul(most) {
                 keep_heaviest(&mut edges, most);
                 let least = edges.iter().map(|edge| edge.common).min().unwrap_or_default();
                 floor.fetch_max(least, atomic::Ordering::Relaxed);

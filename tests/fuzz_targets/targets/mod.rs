@@ -10,6 +10,7 @@ mod features;
 mod grouping;
 mod matching;
 mod options;
+mod readers;
 mod verification;
 
 use arbitrary::Unstructured;
@@ -17,12 +18,13 @@ use arbitrary::Unstructured;
 /// A target: the name of its folder in `tests/fuzz_targets/corpus`, and its function.
 pub type Target = (&'static str, fn(&[u8]));
 
-pub const TARGETS: [Target; 5] = [
+pub const TARGETS: [Target; 6] = [
     ("paper_methods", paper_methods),
     ("modern_methods", modern_methods),
     ("features", features),
     ("matching", matching),
     ("verification", verification),
+    ("readers", readers),
 ];
 
 /// The nine methods of the paper, with any options.
@@ -48,6 +50,11 @@ pub fn matching(data: &[u8]) {
 /// Poses judged on any surfaces.
 pub fn verification(data: &[u8]) {
     run(data, verification::run);
+}
+
+/// Files of point clouds.
+pub fn readers(data: &[u8]) {
+    run(data, readers::run);
 }
 
 fn run(data: &[u8], target: impl FnOnce(&mut Unstructured) -> arbitrary::Result<()>) {
