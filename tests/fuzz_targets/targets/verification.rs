@@ -43,8 +43,8 @@ fn coarse(input: &mut Unstructured, source: &Points, target: &Points, poses: &[R
     }
     assert!(!margin(&a, &b, &found).is_nan());
     let Some(best) = found.first() else { return Ok(()) };
-    let shared = overlap(&a, &b, &best.pose);
-    assert!((0.0..=1.0).contains(&shared.fitness), "overlap: {shared:?}");
+    let shared = on_threads("overlap", || overlap(&a, &b, &best.pose, &execution).map(|found| found.fitness));
+    assert!(shared.is_none_or(|fitness| (0.0..=1.0).contains(&fitness)), "overlap: {shared:?}");
     let lies = on_threads("places", || places(&a, &b, &best.pose, &execution));
     assert!(lies.is_none_or(|places| places.len() == a.len()));
     Ok(())
