@@ -78,15 +78,12 @@ impl Ball {
         Vector3::from(self.offsets()[i])
     }
 
-    fn reserve(&mut self, more: usize) -> Result<()> {
-        let needed = self.len + more;
-        if self.positions.len() < needed {
-            let size = needed.next_power_of_two();
-            memory::resize(&mut self.offsets, size, [0.0; 3])?;
-            memory::resize(&mut self.squared_distances, size, 0.0)?;
-            memory::resize(&mut self.positions, size, 0)?;
-        }
-        Ok(())
+    #[cold]
+    fn grow(&mut self, needed: usize) -> Result<()> {
+        let size = needed.next_power_of_two();
+        memory::resize(&mut self.offsets, size, [0.0; 3])?;
+        memory::resize(&mut self.squared_distances, size, 0.0)?;
+        memory::resize(&mut self.positions, size, 0)
     }
 
     /// A ball of the given offsets, at positions 0, 1, ...
@@ -182,9 +179,14 @@ impl BallSearch {
         let center = [center.x, center.y, center.z];
         let limit = self.radius * self.radius;
         ball.len = 0;
-        let refused = self.grid.visit_runs(center, self.radius, |start, end| {
-            if let Err(error) = ball.reserve(end - start) {
-                return Some(error);
+        let mut grown = Ok(());
+        self.grid.visit_runs(center, self.radius, |start, end| {
+            let needed = ball.len + (end - start);
+            if ball.positions.len() < needed {
+                grown = ball.grow(needed);
+                if grown.is_err() {
+                    return Some(());
+                }
             }
             let mut found = ball.len;
             for (point, position) in self.grid.points[start..end].iter().zip(start as u32..) {
@@ -199,9 +201,7 @@ impl BallSearch {
             ball.len = found;
             None
         });
-        if let Some(error) = refused {
-            return Err(error);
-        }
+        grown?;
         if ball.len > self.most { self.keep_nearest(ball) } else { Ok(()) }
     }
 

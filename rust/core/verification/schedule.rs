@@ -144,12 +144,10 @@ fn verify_local(
         let pose = refine(source, target, pose, &FINELY);
         Some((pose, judge(source, target, &pose, evidence)))
     })?;
-    let (last, judged): (Vec<Ranked>, Vec<Verified>) = judged
-        .into_iter()
-        .flatten()
-        .map(|(pose, found)| (Ranked { pose, value: found.value }, found))
-        .unzip();
-    memory::collect(suppress(&last, SAME.1, radius, KEPT.1)?.into_iter().map(|i| judged[i].clone()))
+    let judged = memory::collect(judged.into_iter().flatten())?;
+    let rank = |(pose, found): &(Pose, Verified)| Ranked { pose: *pose, value: found.value };
+    let last = memory::collect(judged.iter().map(rank))?;
+    memory::collect(suppress(&last, SAME.1, radius, KEPT.1)?.into_iter().map(|i| judged[i].1.clone()))
 }
 
 /// Lead of the first pose's value over the best that differs from it by more than 10 degrees or 20 units; infinite where

@@ -98,9 +98,15 @@ impl Matching {
         let found = product.nearest(k.max(2), execution)?;
         let owners = owners(&product, &found, k, execution)?;
         let pair = Pair { source, target, unit: product.unit };
-        let all = (0..source.len()).flat_map(|i| (0..k).map(move |place| (i, place)));
-        let matches = all.map(|(i, place)| pair.at(i, place, &found, &owners));
-        memory::collect(matches.filter(|m| m.distance <= limit && (m.is_mutual || !self.mutual)))
+        let mut matches = Vec::new();
+        for i in 0..source.len() {
+            execution.check()?;
+            let own = (0..k).map(|place| pair.at(i, place, &found, &owners));
+            for found in own.filter(|m| m.distance <= limit && (m.is_mutual || !self.mutual)) {
+                memory::push(&mut matches, found)?;
+            }
+        }
+        Ok(matches)
     }
 }
 
