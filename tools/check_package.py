@@ -1,7 +1,7 @@
 """Builds the source distribution, and the wheel from it in an empty folder, and checks both: `make package`.
 
-The tests of the unpacked sources have to be found and to compile; the wheel has to hold the licences, and must not tell where it was
-built. What was built stays in the folder that is named.
+The tests of the unpacked sources have to be found and to compile; the wheel has to hold the licences, and must not
+tell where it was built. What was built stays in the folder that is named.
 """
 
 from __future__ import annotations
@@ -26,7 +26,13 @@ def run(*command: str | Path, folder: Path, **environment: str | Path) -> str:
     """Run a command in a folder; return what it prints, or end with it where it fails."""
     variables = os.environ | {name: str(value) for name, value in environment.items()}
     done = subprocess.run(  # noqa: S603
-        command, cwd=folder, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+        command,
+        cwd=folder,
+        env=variables,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
     )
     if done.returncode:
         raise SystemExit(done.stdout + f"failed: {' '.join(map(str, command))}")
@@ -65,7 +71,9 @@ def check_wheel(wheel: Path, site: Path) -> None:
 
 def check_sources(sources: Path, site: Path) -> int:
     """Compile the Rust tests and collect the Python tests; return how many these are."""
-    run("cargo", "test", "--release", "--locked", "--no-run", folder=sources, CARGO_TARGET_DIR=ROOT / "target")
+    run(
+        "cargo", "test", "--release", "--locked", "--no-run", folder=sources, CARGO_TARGET_DIR=ROOT / "target"
+    )
     pytest = [sys.executable, "-m", "pytest", "--collect-only", "--quiet", "-p", "no:cacheprovider"]
     collected = run(*pytest, folder=sources, PYTHONPATH=site)
     return int(re.findall(r"^(\d+) tests collected", collected, re.MULTILINE)[0])
@@ -80,12 +88,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         sdist = build_sdist(out)
         with tarfile.open(sdist) as archive:
-            archive.extractall(folder, filter="data")
+            archive.extractall(folder, filter="data")  # noqa: S202 - we have just made it
         (sources,) = Path(folder).iterdir()
         wheel, site = build_wheel(sources, out), Path(folder) / "site"
         check_wheel(wheel, site)
         count = check_sources(sources, site)
-    sys.stdout.write(f"{sdist.name}, {wheel.name}: complete, {count} Python tests, no folders of this machine\n")
+    sys.stdout.write(
+        f"{sdist.name}, {wheel.name}: complete, {count} Python tests, no folders of this machine\n"
+    )
 
 
 if __name__ == "__main__":

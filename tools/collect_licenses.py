@@ -18,10 +18,11 @@ LICENSE_FILE = re.compile(r"(licen[cs]e|copying|notice|unlicense|copyright)", re
 RULE = "=" * 80
 
 HEAD = """\
-The compiled core of cgroup contains the Rust standard library (https://github.com/rust-lang/rust, MIT OR
-Apache-2.0) and the crates below, whose sources are at https://crates.io/crates/<name>/<version>. Where a crate
-may be used under one of several licences, it is used under the MIT licence if that is one of them, or else under
-Apache-2.0. Written by tools/collect_licenses.py.
+The compiled core of cgroup contains the Rust standard library (https://github.com/rust-lang/rust,
+MIT OR Apache-2.0) and the crates below, whose sources are at
+https://crates.io/crates/<name>/<version>. Where a crate may be used under one of several licences,
+it is used under the MIT licence if that is one of them, or else under Apache-2.0. Written by
+tools/collect_licenses.py.
 """
 
 # For crates that name the MIT licence and come without its text.
@@ -30,18 +31,20 @@ MIT License
 
 Copyright (c) {authors}
 
-Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated
-documentation files (the "Software"), to deal in the Software without restriction, including without limitation the
-rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to permit
-persons to whom the Software is furnished to do so, subject to the following conditions:
+Permission is hereby granted, free of charge, to any person obtaining a copy of this software and
+associated documentation files (the "Software"), to deal in the Software without restriction,
+including without limitation the rights to use, copy, modify, merge, publish, distribute,
+sublicense, and/or sell copies of the Software, and to permit persons to whom the Software is
+furnished to do so, subject to the following conditions:
 
-The above copyright notice and this permission notice shall be included in all copies or substantial portions of the
-Software.
+The above copyright notice and this permission notice shall be included in all copies or substantial
+portions of the Software.
 
-THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE
-WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR
-COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR
-OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT
+NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND
+NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES
+OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT OF OR IN
+CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
 """
 
 
@@ -57,11 +60,15 @@ class Crate:
 
     def texts(self) -> list[str]:
         """Return the texts that come with it, or else the standard one."""
-        files = sorted(path for path in self.folder.iterdir() if path.is_file() and LICENSE_FILE.match(path.name))
+        files = sorted(
+            path for path in self.folder.iterdir() if path.is_file() and LICENSE_FILE.match(path.name)
+        )
         texts = [path.read_text(encoding="utf-8", errors="replace") for path in files]
         # Beside MIT's own text only those of parts that stem from elsewhere matter.
         offers_mit = "MIT" in re.split(r"[ /()]+", self.license)
-        chosen = [text for path, text in zip(files, texts, strict=True) if not (offers_mit and is_other(path.name))]
+        chosen = [
+            text for path, text in zip(files, texts, strict=True) if not (offers_mit and is_other(path.name))
+        ]
         if not any("Permission is hereby granted" in text for text in chosen) and offers_mit:
             chosen.append(MIT.format(authors=self.authors or f"the authors of {self.name}"))
         if not chosen:
@@ -115,7 +122,9 @@ def report(crates: list[Crate]) -> str:
     listed = [f"{crate.name} {crate.version}: {crate.license}" for crate in crates]
     parts = [HEAD, "\n".join(listed)]
     for text, whose in owners.items():
-        parts.append("\n".join([RULE, ", ".join(f"{crate.name} {crate.version}" for crate in whose), RULE, "", text]))
+        parts.append(
+            "\n".join([RULE, ", ".join(f"{crate.name} {crate.version}" for crate in whose), RULE, "", text])
+        )
     return "\n\n".join(parts) + "\n"
 
 
@@ -125,7 +134,9 @@ def main() -> None:
     if "--check" not in sys.argv[1:]:
         WRITTEN.write_text(text, encoding="utf-8")
     elif not WRITTEN.exists() or WRITTEN.read_text(encoding="utf-8") != text:
-        message = f"{WRITTEN.name} is not what Cargo.lock asks for: run python {Path(__file__).relative_to(ROOT)}"
+        message = (
+            f"{WRITTEN.name} is not what Cargo.lock asks for: run python {Path(__file__).relative_to(ROOT)}"
+        )
         raise SystemExit(message)
 
 

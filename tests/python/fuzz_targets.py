@@ -80,7 +80,9 @@ def call_function(data: bytes) -> None:
     kinds = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
     names = tuple(parameter.name for parameter in parameters if parameter.kind not in kinds)
     required = [parameter.name for parameter in parameters if parameter.default is inspect.Parameter.empty]
-    arguments = {name: suitable[name] for name in names if name in suitable and (name in required or draws.number(2))}
+    arguments = {
+        name: suitable[name] for name in names if name in suitable and (name in required or draws.number(2))
+    }
     arguments |= {name: None for name in required if name in names and name not in arguments}
     arguments |= {draws.one_of(names): draws.one_of(ODD) for _ in range(draws.number(4))}
     with contextlib.suppress(cgroup.CgroupError):
@@ -118,7 +120,22 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("benchmark", "run", "FILE", "--out", "OUT"),
     ("benchmark", "status", "FILE", "--out", "OUT"),
 )
-ENDINGS = (".ply", ".pcd", ".xyz", ".obj", ".off", ".stl", ".txt", ".npy", ".npz", ".csv", ".pts", ".bin", ".toml", "")
+ENDINGS = (
+    ".ply",
+    ".pcd",
+    ".xyz",
+    ".obj",
+    ".off",
+    ".stl",
+    ".txt",
+    ".npy",
+    ".npz",
+    ".csv",
+    ".pts",
+    ".bin",
+    ".toml",
+    "",
+)
 HEADS = (
     b"",
     b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n",
@@ -139,7 +156,11 @@ def run_command(data: bytes) -> None:
     command, ending, head = draws.one_of(COMMANDS), draws.one_of(ENDINGS), draws.one_of(HEADS)
     content = _spliced(head, draws)
     with tempfile.TemporaryDirectory() as folder:
-        names = {"FILE": Path(folder, f"file{ending}"), "GOOD": Path(folder, "good.xyz"), "OUT": Path(folder, "out")}
+        names = {
+            "FILE": Path(folder, f"file{ending}"),
+            "GOOD": Path(folder, "good.xyz"),
+            "OUT": Path(folder, "out"),
+        }
         names["FILE"].write_bytes(content)
         names["GOOD"].write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n", encoding="ascii")
         _run([str(names.get(word, word)) for word in command])
