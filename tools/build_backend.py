@@ -1,7 +1,8 @@
 """Builds sdists and wheels by maturin, without the paths of the machine that they are built on.
 
-The compiled core holds the places of its panics, and so the folder of the crates' sources: the home of whoever builds it. pip and
-`python -m build` come through here and have it replaced; `maturin develop`, which developers use, does not.
+The compiled core holds the places of its panics, and so the folder of the crates' sources: the home of whoever
+builds it. pip and `python -m build` come through here and have it replaced; `maturin develop`, which developers
+use, does not.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def build_wheel(
 
 
 def _forget_folders() -> None:
-    """Have cargo hand the compiler other names for the folders of this machine, after the flags that it has already."""
+    """Have cargo hand the compiler other names for the folders of this machine, behind its other flags."""
     separator = "\x1f"  # flags may have blanks in them, as folders do
     flags = os.environ.get("CARGO_ENCODED_RUSTFLAGS", "").split(separator)
     flags += [] if any(flags) else os.environ.get("RUSTFLAGS", "").split()

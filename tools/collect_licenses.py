@@ -18,10 +18,11 @@ LICENSE_FILE = re.compile(r"(licen[cs]e|copying|notice|unlicense|copyright)", re
 RULE = "=" * 80
 
 HEAD = """\
-The compiled core of cgroup contains the Rust standard library (https://github.com/rust-lang/rust, MIT OR
-Apache-2.0) and the crates below, whose sources are at https://crates.io/crates/<name>/<version>. Where a crate
-may be used under one of several licences, it is used under the MIT licence if that is one of them, or else under
-Apache-2.0. Written by tools/collect_licenses.py.
+The compiled core of cgroup contains the Rust standard library (https://github.com/rust-lang/rust,
+MIT OR Apache-2.0) and the crates below, whose sources are at
+https://crates.io/crates/<name>/<version>. Where a crate may be used under one of several licences,
+it is used under the MIT licence if that is one of them, or else under Apache-2.0. Written by
+tools/collect_licenses.py.
 """
 
 # For crates that name the MIT licence and come without its text.
@@ -30,18 +31,20 @@ MIT License
 
 Copyright (c) {authors}
 
-Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated
-documentation files (the "Software"), to deal in the Software without restriction, including without limitation the
-rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to permit
-persons to whom the Software is furnished to do so, subject to the following conditions:
+Permission is hereby granted, free of charge, to any person obtaining a copy of this software and
+associated documentation files (the "Software"), to deal in the Software without restriction,
+including without limitation the rights to use, copy, modify, merge, publish, distribute,
+sublicense, and/or sell copies of the Software, and to permit persons to whom the Software is
+furnished to do so, subject to the following conditions:
 
-The above copyright notice and this permission notice shall be included in all copies or substantial portions of the
-Software.
+The above copyright notice and this permission notice shall be included in all copies or substantial
+portions of the Software.
 
-THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE
-WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR
-COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR
-OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT
+NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND
+NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES
+OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT OF OR IN
+CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
 """
 
 

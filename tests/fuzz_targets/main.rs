@@ -9,7 +9,7 @@ use cgroup::consensus::counter_rng::random_words;
 use targets::TARGETS;
 
 /// Inputs made of each file of the corpus.
-const MUTATIONS: u64 = 20;
+const MUTATIONS: u64 = 12;
 
 /// The most that the whole process may come to, in KiB: inputs have a few hundred points.
 const MOST_MEMORY: usize = 512 << 10;
