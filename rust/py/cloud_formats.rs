@@ -55,7 +55,7 @@ fn parse_with<T: Send + 'static>(
     py: Python<'_>,
     content: PyBackedBytes,
     run_options: &RunOptions,
-    parse: impl Fn(&[u8], &Execution) -> Result<T, Error> + Send + 'static,
+    parse: fn(&[u8], &Execution) -> Result<T, Error>,
 ) -> PyResult<T> {
     if content.len() <= SMALL {
         return run_inline(py, |execution| parse(&content, execution));

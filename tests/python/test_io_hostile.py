@@ -129,6 +129,24 @@ def test_transforms_and_correspondences_with_marks_and_comments(tmp_path: Path) 
     np.testing.assert_array_equal(read_correspondences(tmp_path / "c.csv").target, [[4, 5, 6]])
 
 
+def test_control_characters_of_a_file_are_not_passed_on(tmp_path: Path) -> None:
+    bad = b"\x1b[2J\xea\x9f\x94".join([b"1 2 ", b"\n"])
+    names = {
+        "a.xyz": b"1 2 3\n" + bad,
+        "a.ply": b"ply\nformat " + bad,
+        "a.npy": CLOUDS["points.npy"][:30] + bad * 9,
+    }
+    for name, content in names.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=name) as caught:
+            read_cloud(tmp_path / name)
+        assert str(caught.value).isprintable()
+    np.savez(tmp_path / "a.npz", **{"\x1b[2J": np.zeros(3)})
+    with pytest.raises(InputError, match="it holds") as caught:
+        read_correspondences(tmp_path / "a.npz")
+    assert str(caught.value).isprintable()
+
+
 # --- NPZ -------------------------------------------------------------------------------------
 
 

@@ -110,10 +110,17 @@ def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
     except MemoryError:
         raise
     except Exception as error:
-        reason = " ".join(str(error).split())[:_SHOWN] or type(error).__name__
+        reason = printable(" ".join(str(error).split())[:_SHOWN]) or type(error).__name__
         kind = path.suffix.lstrip(".").upper() or "text"
         message = f"{path}: not a readable {kind} file, or cut off ({reason})"
         raise InputError(message) from error
+
+
+def printable(text: str) -> str:
+    """Escape what may stand in a file and would do something to a terminal."""
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in text
+    )
 
 
 def load_numbers(content: bytes) -> FloatArray:

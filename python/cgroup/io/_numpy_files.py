@@ -12,7 +12,7 @@ from numpy.lib import format as npy_format
 
 from cgroup._arguments import as_array
 from cgroup.errors import InputError
-from cgroup.io._files import parse_file
+from cgroup.io._files import parse_file, printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -69,7 +69,7 @@ def read_arrays(
     missing = [name for name in needed if name not in arrays]
     if missing:
         lacking = next(name for name in missing if name not in found)
-        message = f"{path}: has no array {lacking!r}; it holds {_listed(found)}"
+        message = f"{path}: has no array {lacking!r}; it holds {printable(_listed(found))}"
         raise InputError(message)
     return arrays
 
@@ -90,8 +90,7 @@ def _entries(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
 
 
 def _listed(names: Iterable[str]) -> str:
-    shown = [name if name.isprintable() else ascii(name) for name in sorted(names)]
-    return ", ".join(shown) or "nothing"
+    return ", ".join(sorted(names)) or "nothing"
 
 
 def _unpack(archive: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo) -> NDArray[Any]:

@@ -1,6 +1,7 @@
 //! The rows behind a PLY header, in text and in binary.
 
 use super::header::{Element, Property};
+use crate::cloud_formats::fans::row_of;
 use crate::cloud_formats::lines::{Line, Lines};
 use crate::cloud_formats::scalar::{ByteOrder, Scalar};
 use crate::error::{Error, Result};
@@ -158,21 +159,20 @@ impl RowSource for BinaryRows<'_> {
         mut take: impl FnMut(f64) -> Result<()>,
     ) -> Result<()> {
         let bytes = self.take(count.checked_mul(scalar.size()))?;
-        for (done, number) in bytes.chunks_exact(scalar.size()).enumerate() {
+        for done in 0..count {
             if done % CHECK_EVERY == CHECK_EVERY - 1 {
                 self.execution.check()?;
             }
-            take(scalar.read(number, self.order).unwrap_or(f64::NAN))?;
+            let number = bytes.get(done * scalar.size()..).and_then(|rest| scalar.read(rest, self.order));
+            take(number.ok_or_else(end_of_file)?)?;
         }
         Ok(())
     }
 
     fn length(&mut self, scalar: Scalar) -> Result<usize> {
         let number = self.number(scalar)?;
-        if number >= 0.0 && number.fract() == 0.0 {
-            return Ok(number as usize);
-        }
-        Err(self.refuse(number, "the length of a list belongs before it"))
+        usize::try_from(row_of(number))
+            .map_err(|_| self.refuse(number, "the length of a list belongs before it"))
     }
 
     fn skip(&mut self, property: &Property) -> Result<()> {
