@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -16,7 +17,9 @@ import pytest
 
 import cgroup
 from cgroup import Correspondences
+from cgroup._start import INTERRUPTED
 from cgroup.cli import main
+from cgroup.cli.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences
 
@@ -257,3 +260,9 @@ def test_the_traceback_can_be_asked_for(folder: Path) -> None:
     assert done.returncode == 70
     assert done.stderr.startswith("Traceback (most recent call last):")
     assert "CGROUP_TRACEBACK=1" in run("--help", cwd=folder)[1]
+
+
+def test_the_documentation_has_every_exit_status() -> None:
+    page = (Path(__file__).parents[2] / "docs/errors.md").read_text(encoding="utf-8")
+    rows = [int(status) for status in re.findall(r"^\| (\d+) \|", page, flags=re.MULTILINE)]
+    assert rows == [0, INPUT_ERROR, NO_CONSENSUS, UNFORESEEN, INTERRUPTED, OUTPUT_CLOSED]
