@@ -33,7 +33,7 @@ def is_command_line() -> bool:
     given = sys.orig_argv[1:]
     name = os.path.splitext(os.path.basename(sys.argv[0]))[0] if sys.argv else ""  # noqa: PTH119, PTH122
     as_script = name in {"cgroup", "cgroup-script"} and sys.argv[0] in given
-    return as_script or given[:2] == ["-m", "cgroup"]
+    return as_script or ("-m" in given and given[given.index("-m") + 1 :][:1] == ["cgroup"])
 
 
 def _on_interrupt(handler: object) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -16,7 +17,9 @@ import pytest
 
 import cgroup
 from cgroup import Correspondences
+from cgroup._start import INTERRUPTED
 from cgroup.cli import main
+from cgroup.cli.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences
 
@@ -182,29 +185,31 @@ def test_a_folder_that_cannot_be_written(capsys: pytest.CaptureFixture[str]) -> 
     """Also to those who may do anything: nothing can be made in /proc."""
     status, _, err = run_here(capsys, "detect", "missing.ply", "--out", "/proc")
     assert status == 2
-    assert err.startswith("cgroup: /proc: no file can be written there (")
+    assert err.startswith("cgroup: /proc: can't be made a folder for the results (")
 
 
 # --- Ctrl-C --------------------------------------------------------------------------------------
 
-INTERRUPTS = 8
-"""How many there are here; `CGROUP_INTERRUPTS` in the environment asks for more."""
+INTERRUPTS = int(os.environ.get("CGROUP_INTERRUPTS", "8"))
 
 
-def test_an_interrupt_at_any_moment_is_one_line(folder: Path) -> None:
-    """Whenever it comes after the interpreter has begun to load the package, and until the program's end."""
-    moments = random.Random(0)
-    for _ in range(int(os.environ.get("CGROUP_INTERRUPTS", INTERRUPTS))):
-        running = subprocess.Popen(
-            command("demo", "--out", folder / "demo"),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            cwd=folder,
-        )
-        time.sleep(moments.uniform(0.1, 1.5))
-        running.send_signal(signal.SIGINT)
-        _, err = running.communicate(timeout=60)
-        assert (running.returncode, err) in {(130, b"cgroup: interrupted\n"), (0, b"")}
+@pytest.mark.parametrize("moment", range(INTERRUPTS))
+def test_an_interrupt_at_any_moment_is_one_line(folder: Path, moment: int) -> None:
+    """Whenever it comes after the package has begun to load, and until the program's end."""
+    program = [sys.executable, "-X", "importtime", "-m", "cgroup", "demo", "--out", folder / "demo"]
+    running = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
+    assert running.stderr is not None
+    while not running.stderr.readline().endswith(b"cgroup._start\n"):
+        pass
+    running.stderr.readline()  # of the import that follows
+    time.sleep(random.Random(moment).uniform(0, 1.5))
+    running.send_signal(signal.SIGINT)
+    said = [
+        line
+        for line in running.communicate(timeout=60)[1].splitlines()
+        if not line.startswith(b"import time:")
+    ]
+    assert (running.returncode, said) in [(130, [b"cgroup: interrupted"]), (0, [])]
 
 
 # --- whatever nobody foresaw ---------------------------------------------------------------------
@@ -255,3 +260,9 @@ def test_the_traceback_can_be_asked_for(folder: Path) -> None:
     assert done.returncode == 70
     assert done.stderr.startswith("Traceback (most recent call last):")
     assert "CGROUP_TRACEBACK=1" in run("--help", cwd=folder)[1]
+
+
+def test_the_documentation_has_every_exit_status() -> None:
+    page = (Path(__file__).parents[2] / "docs/errors.md").read_text(encoding="utf-8")
+    rows = [int(status) for status in re.findall(r"^\| (\d+) \|", page, flags=re.MULTILINE)]
+    assert rows == [0, INPUT_ERROR, NO_CONSENSUS, UNFORESEEN, INTERRUPTED, OUTPUT_CLOSED]

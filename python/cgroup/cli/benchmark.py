@@ -16,7 +16,6 @@ from rich.text import Text
 from cgroup.cli.signals import StoppedError, stop_on_signals
 from cgroup.cli.terminal import (
     check_folder,
-    make_folder,
     print_line,
     print_table,
     print_text,
@@ -88,7 +87,7 @@ def run_command(
     wanted = read_config(config)
     if methods is not None:
         wanted = replace_methods(wanted, methods.split(","))
-    make_folder(out)
+    check_folder(out)
     start = time.monotonic()
     try:
         with stop_on_signals(), _show_counts() as report:
@@ -159,8 +158,7 @@ def presets_command() -> None:
 @app.command("report")
 def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> None:
     """Write report.html, the figures and claims.md from the records."""
-    if out.exists():
-        check_folder(out)
+    check_folder(out)
     with _needs_extra(), show_stages() as begin:
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
 

@@ -20,6 +20,7 @@ from cgroup.cli.options import (
     ResolutionOption,
 )
 from cgroup.cli.terminal import (
+    check_folder,
     make_folder,
     print_cloud,
     print_facts,
@@ -50,7 +51,7 @@ def detect_command(
     out: OutOption = DEFAULT_OUT,
 ) -> None:
     """Find the keypoints of one cloud."""
-    name, folder = _DETECTOR_NAMES[detector], make_folder(out)
+    name, folder = _DETECTOR_NAMES[detector], check_folder(out)
     with show_stages() as begin:
         begin(f"reading {cloud.name}")
         points = io.read_cloud(cloud)
@@ -59,6 +60,7 @@ def detect_command(
             points, detector=detector, keypoints=keypoints, nms_radius=nms_radius, resolution=resolution
         )
         begin("figure")
+        make_folder(folder)
         io.write_keypoints(folder / "keypoints.npz", points, found)
         _write_pictures(folder, points, found, f"{shown_name(cloud)}, {name}")
     print_cloud("cloud", cloud, points)
@@ -79,7 +81,7 @@ def describe_command(
     out: OutOption = DEFAULT_OUT,
 ) -> None:
     """Find the keypoints of one cloud, and give each a frame and a descriptor."""
-    name, folder = _DETECTOR_NAMES[detector], make_folder(out)
+    name, folder = _DETECTOR_NAMES[detector], check_folder(out)
     with show_stages() as begin:
         begin(f"reading {cloud.name}")
         points = io.read_cloud(cloud)
@@ -94,6 +96,7 @@ def describe_command(
             progress=begin,
         )
         begin("figure")
+        make_folder(folder)
         io.write_descriptors(folder / "descriptors.npz", described)
         _write_pictures(folder, points, described.indices, f"{shown_name(cloud)}, {name}")
     print_cloud("cloud", cloud, points)

@@ -26,6 +26,7 @@ from cgroup.cli.options import (
 )
 from cgroup.cli.pair import print_clouds, read_both
 from cgroup.cli.terminal import (
+    check_folder,
     make_folder,
     print_facts,
     print_line,
@@ -68,7 +69,7 @@ def compare_command(
     out: OutOption = DEFAULT_OUT,
 ) -> None:
     """Run all methods on a pair whose pose is known, and judge what each selects."""
-    folder, true_pose = make_folder(out), io.read_transform(truth)
+    folder, true_pose = check_folder(out), io.read_transform(truth)
     clouds = read_both(source, target)
     compared = _compare_methods(
         clouds,
@@ -96,10 +97,11 @@ def demo_command(
     """Run all methods on a generated pair: two views of a closed shape rich in detail."""
     from cgroup.datasets import standin_pair  # noqa: PLC0415 - slow to load
 
-    folder = make_folder(out)
+    check_folder(out)
     with show_stages() as begin:
         begin("generating two scans")
         pair = standin_pair(seed=seed)
+    folder = make_folder(out)
     for name, cloud in (("source", pair.source), ("target", pair.target)):
         io.write_cloud(folder / f"{name}.ply", cloud)
     io.write_transform(folder / "truth.txt", pair.T_target_source)
@@ -150,6 +152,7 @@ def _compare_methods(
         )
         compared = _Comparison(matches, true_pose, correct, list(results), max_rotation, max_displacement)
         begin("figures")
+        make_folder(folder)
         _draw_comparison(clouds, compared, f"{title}: {_count_correct(correct)}", folder)
         write_table(folder / "comparison.csv", compared.results)
         io.write_correspondences(folder / "correspondences.npz", matches)

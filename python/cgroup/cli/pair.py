@@ -30,6 +30,7 @@ from cgroup.cli.options import (
     check_method,
 )
 from cgroup.cli.terminal import (
+    check_folder,
     make_folder,
     print_cloud,
     print_facts,
@@ -91,7 +92,7 @@ def register_command(
     if method is not None:
         check_method(method)
     _refuse_options_of_the_other_front(context, front)
-    folder = make_folder(out)
+    check_folder(out)
     clouds = read_both(source, target)
     paper = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
     with show_stages() as begin:
@@ -107,6 +108,7 @@ def register_command(
             progress=begin,
         )
         begin("figures")
+        folder = make_folder(out)
         figure = _draw_registration(clouds, done, f"{shown_name(source)} on {shown_name(target)}")
         io.write_transform(folder / "transform.txt", done.T_target_source)
         io.write_cloud(folder / "aligned.ply", clouds[0].transformed(done.T_target_source))

@@ -14,6 +14,7 @@ from cgroup import io
 from cgroup._show import escape
 from cgroup.cli.options import DEFAULT_OUT, OutOption
 from cgroup.cli.terminal import (
+    check_folder,
     make_folder,
     print_cloud,
     print_facts,
@@ -67,7 +68,7 @@ def recognize_command(
     Writes the pose and the posed cloud of each model found: NAME.txt and NAME.ply; of further copies
     NAME-2.txt and so on.
     """
-    files, folder = _by_name(models), make_folder(out)
+    files, folder = _by_name(models), check_folder(out)
     with show_stages() as begin:
         clouds = {name: _read(file, begin) for name, file in files.items()}
         target = _read(scene, begin)
@@ -78,6 +79,7 @@ def recognize_command(
         hint = "" if viewpoint else "; if the scene is one single scan, say where the scanner stood"
         message = f"none of the models was found in {scene.name}{hint}"
         raise NoConsensusError(message)
+    make_folder(folder)
     print_written(folder, *_write(folder, clouds, found))
 
 

@@ -105,24 +105,23 @@ def show_stages() -> Generator[Callable[[str], None], None, None]:
         yield lambda stage: progress.update(task, description=escape(stage))
 
 
-def make_folder(path: Path) -> Path:
-    """Make a folder for results, unless it is there, and see that files can be written to it."""
+def check_folder(path: Path) -> Path:
+    """See that a folder for results can be made and written to, without making it."""
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+        TemporaryFile(dir=there).close()
     except (OSError, ValueError) as error:
-        message = f"{path}: can't be made a folder for the results ({_reason(error)})"
-        raise InputError(message) from error
-    check_folder(path)
+        raise _no_folder(path, error) from error
     return path
 
 
-def check_folder(path: Path) -> None:
-    """See that files can be written to a folder."""
+def make_folder(path: Path) -> Path:
+    """Make a folder for results, unless it is there."""
     try:
-        TemporaryFile(dir=path).close()
-    except OSError as error:
-        message = f"{path}: no file can be written there ({error.strerror or error})"
-        raise InputError(message) from error
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise _no_folder(path, error) from error
+    return path
 
 
 def check_file(path: Path) -> None:
@@ -135,6 +134,10 @@ def check_file(path: Path) -> None:
     except (OSError, ValueError) as error:
         message = f"{path}: can't be written ({_reason(error)})"
         raise InputError(message) from error
+
+
+def _no_folder(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path}: can't be made a folder for the results ({_reason(error)})")
 
 
 def _reason(error: Exception) -> str:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def add_scores(frame: pd.DataFrame) -> None:
     """Add the columns that follow from the counts `n, correct, selected, selected_correct`."""
-    counts = (frame[name] for name in ("n", "correct", "selected", "selected_correct"))
+    counts = (frame[name].astype("float64") for name in ("n", "correct", "selected", "selected_correct"))
     for name, values in score_counts(*counts)._asdict().items():
         frame[name] = values
 
