@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
 
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.records.reading import RECORDS
 from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.run import Summary, run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 HERE = Path(__file__).parent
 
@@ -21,6 +29,8 @@ methods = ["ransac", "gtm"]
 id = "bare"
 dataset = "benchmark_fakes:Matches"
 """
+
+GATED = MATCHES.replace('"ransac", "gtm"', '"ransac", "benchmark_fakes:gated"')
 
 CLOUDS = """
 name = "tiny"
@@ -78,5 +88,45 @@ def start_benchmark(*arguments: object, **environment: str) -> subprocess.Popen[
 def cgroup_benchmark(*arguments: object, **environment: str) -> tuple[int, str, str]:
     """`cgroup benchmark` from its beginning to its end: exit status, output, errors."""
     with start_benchmark(*arguments, **environment) as process:
+        return finish(process)
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    """Wait for the end: exit status, output, errors; where it hangs, say at what."""
+    try:
         out, err = process.communicate(timeout=120)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGABRT)  # it prints where it is if PYTHONFAULTHANDLER is set
+        pytest.fail(f"no end: {process.communicate()}")
     return process.returncode, out, err
+
+
+def wait_until(condition: Callable[[], object], what: str) -> None:
+    """Wait for something that another process does."""
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.02)
+
+
+class Gate:
+    """Lets calls of the method `gated` pass, one by one."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path, self._log = folder / "gate", folder / "calls.log"
+        for file in (self._path, self._log):
+            file.touch()
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """What tells the method where the gate is."""
+        return {"FAKES_GATE": str(self._path), "FAKES_LOG": str(self._log)}
+
+    def open_for(self, calls: int) -> None:
+        """Let further calls pass."""
+        with self._path.open("a") as file:
+            file.write("pass\n" * calls)
+
+    def wait_for(self, calls: int) -> None:
+        """Wait until so many calls have begun."""
+        wait_until(lambda: self._log.read_text().splitlines().count("gated") >= calls, "no call")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -14,7 +13,16 @@ import numpy as np
 import pytest
 
 import benchmark_fakes
-from benchmark_runs import MATCHES, cgroup_benchmark, contents, make_environment, serial, start_benchmark
+from benchmark_runs import (
+    GATED,
+    MATCHES,
+    Gate,
+    contents,
+    finish,
+    make_environment,
+    serial,
+    start_benchmark,
+)
 from cgroup.benchmark import records
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.run import run, stages
@@ -66,25 +74,24 @@ def make_cluster(folder: Path, failures: int) -> Iterator[tuple[str, list[subpro
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
-@pytest.mark.filterwarnings("default")  # Dask's own
 def test_a_dask_cluster_that_loses_a_worker(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], expected: list[tuple[object, ...]], tmp_path: Path
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    distributed = pytest.importorskip("distributed")
-    address, workers = cluster
-    with distributed.Client(address, set_as_default=False) as client:
-        client.wait_for_workers(3, timeout=30)
-    killed: list[int] = []
-
-    def kill_one(stage: str, done: int, _wanted: int) -> None:
-        if stage == "correspond" and done >= 2 and not killed:
-            killed.append(workers[0].pid)
-            os.kill(workers[0].pid, signal.SIGKILL)
-
-    run(parse_config(MATCHES), tmp_path / "out", backend="dask", scheduler=address, progress=kill_one)
-    assert killed
-    assert workers[0].wait() == -signal.SIGKILL
-    assert contents(tmp_path / "out") == expected
+    gate = Gate(tmp_path)
+    for name, value in gate.environment.items():
+        monkeypatch.setenv(name, value)
+    address, workers = request.getfixturevalue("cluster")
+    config = tmp_path / "t.toml"
+    config.write_text(GATED)
+    wait = ["--backend", "dask", "--scheduler", address]
+    started = start_benchmark("run", config, "--out", tmp_path / "out", *wait, PYTHONFAULTHANDLER="1")
+    gate.wait_for(2)  # calls that two of the workers are at
+    workers[0].kill()
+    workers[0].wait()
+    gate.open_for(100)
+    assert finish(started)[::2] == (0, "")
+    serial(GATED, tmp_path / "whole")
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
 @pytest.mark.filterwarnings("default")
@@ -149,6 +156,5 @@ def test_the_command_line_says_in_one_line_that_the_scheduler_is_lost(
             assert (started.returncode, printed, err.count("\n")) == (2, "", 1), err
             assert err.startswith("cgroup: scheduler: the connection is lost (")
         assert records.check(out).sound
-        status, _, err = cgroup_benchmark("run", config, "--out", out, "--workers", 2)
-        assert (status, err) == (0, "")
+        serial(text, out)
         assert contents(out) == contents(tmp_path / "whole")

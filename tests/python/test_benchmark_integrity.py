@@ -64,9 +64,9 @@ def out(finished: Path, tmp_path: Path) -> Path:
     return shutil.copytree(finished, tmp_path / "out")
 
 
-def change(out: Path, statement: str, *values: object) -> None:
+def change(out: Path, statement: str, *values: object, affects_rows: bool = True) -> None:
     with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
-        assert connection.execute(statement, values).rowcount > 0
+        assert (connection.execute(statement, values).rowcount > 0) == affects_rows
 
 
 def command(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -186,6 +186,19 @@ def test_a_repair_that_was_stopped_goes_on(out: Path, finished: Path) -> None:
     assert summary.damaged == ""
     assert contents(out) == contents(finished)
     assert not (out / f"{RECORDS}.new").exists()
+
+
+def test_a_changed_definition_of_a_table_is_noticed(out: Path, finished: Path) -> None:
+    change(out, "create table more (x)", affects_rows=False)
+    with pytest.raises(InputError, match="damaged .more"):
+        records.load(out)
+    (out / RECORDS).write_bytes(
+        (finished / RECORDS).read_bytes().replace(b"translation_error real", b"Translation_error real")
+    )
+    with pytest.raises(InputError, match="damaged .registrations; scores"):
+        records.load(out)
+    assert "its definition isn't what was written" in serial(EVERYTHING, out).damaged
+    assert contents(out) == contents(finished)
 
 
 @pytest.mark.parametrize("size", [0.3, 0.9])

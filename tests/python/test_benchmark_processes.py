@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from benchmark_runs import MATCHES, cgroup_benchmark, contents, serial, start_benchmark
+from benchmark_runs import (
+    GATED,
+    MATCHES,
+    Gate,
+    cgroup_benchmark,
+    contents,
+    serial,
+    start_benchmark,
+    wait_until,
+)
 from cgroup.benchmark import records
 from cgroup.benchmark.records.reading import RECORDS
 from cgroup.benchmark.run import stages
@@ -22,7 +31,6 @@ from cgroup.cli import main
 
 if TYPE_CHECKING:
     import subprocess
-    from collections.abc import Callable
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are sent differently there")
 
@@ -42,13 +50,6 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def write(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
-
-
-def wait_until(condition: Callable[[], object], what: str) -> None:
-    deadline = time.monotonic() + 30
-    while not condition():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.02)
 
 
 def find_pids(log: Path, word: str) -> set[int]:
@@ -105,9 +106,7 @@ def test_workers_end_with_the_run_even_while_they_compute(
         assert "run the same command again to continue" in out
         assert err == ("cgroup: interrupted\n" if how == signal.SIGINT else "")
     assert records.check(tmp_path / "out").sound
-    status, out, err = cgroup_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
-    assert (status, err) == (0, "")
-    assert "groupings      8 of 8" in out
+    assert serial(config.read_text(), tmp_path / "out").counts["group"] == (8, 0, 8)
 
 
 @linux_only
@@ -134,8 +133,7 @@ def test_two_interrupts_are_as_one(pause: float, tmp_path: Path, log: Path) -> N
     assert (run.returncode, err) == (130, "cgroup: interrupted\n")
     assert out.count("\n") <= 1
     wait_for_end_of_all(tmp_path)
-    status, _, err = cgroup_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
-    assert (status, err) == (0, "")
+    assert serial(SLOW, tmp_path / "out").counts["group"] == (16, 0, 16)
 
 
 def test_a_run_in_the_background_stays_deaf_to_ctrl_c(tmp_path: Path, log: Path) -> None:
@@ -177,8 +175,7 @@ def test_killed_at_random_the_records_are_those_of_an_undisturbed_run(tmp_path: 
             assert contents(out) == expected
             finished += 1
             out = tmp_path / str(finished)
-    status, _, err = cgroup_benchmark("run", config, "--out", out, "--workers", 2, "--retry-failed")
-    assert (status, err) == (0, "")
+    serial(SLOW, out, retry_failed=True)
     assert contents(out) == expected
     assert min(kills.values())
     sys.stdout.write(f"{kills}, {finished + 1} runs came to their end\n")  # shown by pytest -s
@@ -222,32 +219,9 @@ def test_a_worker_killed_from_outside_is_not_blamed_on_its_task(tmp_path: Path, 
 # --- at the same time ----------------------------------------------------------------------------------
 
 
-class Gate:
-    """Lets calls of a method pass, one by one."""
-
-    def __init__(self, folder: Path, log: Path) -> None:
-        self._path = write(folder / "gate", "")
-        self._log = log
-
-    @property
-    def environment(self) -> dict[str, str]:
-        return {"FAKES_GATE": str(self._path)}
-
-    def open_for(self, calls: int) -> None:
-        with self._path.open("a") as file:
-            file.write("pass\n" * calls)
-
-    def wait_for(self, calls: int) -> None:
-        """Wait until so many calls have begun."""
-        wait_until(lambda: self._log.read_text().splitlines().count("gated") >= calls, "no call")
-
-
-GATED = MATCHES.replace('"ransac", "gtm"', '"ransac", "benchmark_fakes:gated"')
-
-
 @pytest.fixture
-def gate(tmp_path: Path, log: Path) -> Gate:
-    return Gate(tmp_path, log)
+def gate(tmp_path: Path, log: Path) -> Gate:  # noqa: ARG001 - the gate reads it
+    return Gate(tmp_path)
 
 
 def test_two_runs_at_once_and_readers_beside_them(

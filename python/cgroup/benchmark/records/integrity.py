@@ -6,7 +6,7 @@ import sqlite3
 from typing import TYPE_CHECKING, NamedTuple
 
 from cgroup.benchmark.records.checksums import decode_text, is_whole
-from cgroup.benchmark.records.layout import TABLES, WITH_CHECKSUMS, list_columns, read_version
+from cgroup.benchmark.records.layout import TABLES, WITH_CHECKSUMS, find_changed, list_columns, read_version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -60,6 +60,8 @@ def examine(connection: sqlite3.Connection) -> Health:
     whole: dict[str, int] = {}
     damaged: list[Damaged] = []
     with_checksums = read_version(connection) >= WITH_CHECKSUMS
+    if with_checksums and not faults:
+        faults += [f"{name}: its definition isn't what was written" for name in find_changed(connection)]
     for table in TABLES if with_checksums else ():
         try:
             amiss = list(find_damaged(connection, table))

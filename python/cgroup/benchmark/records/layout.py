@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import re
-from typing import TYPE_CHECKING
+import sqlite3
+from contextlib import closing
+from pathlib import Path
 
-from cgroup.benchmark.records.checksums import checksum
+from cgroup.benchmark.records.checksums import checksum, decode_text
 from cgroup.benchmark.records.schema import REGISTRATION_SCHEMA, SCHEMA, TRIAL_SCHEMA
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    import sqlite3
-    from pathlib import Path
 
 TABLES = tuple(re.findall(r"create table (\w+)", SCHEMA + REGISTRATION_SCHEMA + TRIAL_SCHEMA))
 """Names of all tables."""
@@ -69,6 +68,25 @@ def read_version(connection: sqlite3.Connection) -> int:
 def is_empty(connection: sqlite3.Connection) -> bool:
     """Tell whether there is nothing in a file."""
     return connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
+
+
+def find_changed(connection: sqlite3.Connection) -> list[str]:
+    """Find tables and views that aren't as this version makes them."""
+    found, expected = _read_definitions(connection), _expected_definitions()
+    return sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
+
+
+@functools.cache
+def _expected_definitions() -> dict[str, str]:
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
+        prepare_layout(connection, Path(":memory:"))
+        return _read_definitions(connection)
+
+
+def _read_definitions(connection: sqlite3.Connection) -> dict[str, str]:
+    connection.text_factory = decode_text
+    rows = connection.execute("select name, sql from sqlite_master where sql is not null").fetchall()
+    return {name: " ".join(re.sub("--.*", "", text).split()) for name, text in rows}
 
 
 def list_columns(connection: sqlite3.Connection, table: str) -> tuple[list[str], list[str]]:

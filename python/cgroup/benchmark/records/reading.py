@@ -17,6 +17,7 @@ from cgroup.benchmark.records.layout import (
     TABLES,
     WITH_CHECKSUMS,
     check_version,
+    find_changed,
     is_empty,
     read_version,
 )
@@ -142,7 +143,9 @@ def _refuse_damaged(file: Path, *_state: object) -> None:
     """Raise `InputError` for damaged rows; once for each state of the file."""
     with closing(sqlite3.connect(_make_address(file), uri=True, timeout=30)) as connection:
         tables = [table for table in TABLES if table not in _LARGE]
-        names = [each.name for table in tables for each in find_damaged(connection, table)]
+        names = find_changed(connection) or [
+            each.name for table in tables for each in find_damaged(connection, table)
+        ]
     if names:
         raise InputError(describe_damage(file, names))
 
