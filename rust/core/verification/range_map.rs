@@ -10,6 +10,8 @@ use crate::verification::group::{Group, LANES};
 const PIXEL: f32 = 2.5;
 /// Pixels of all faces: 64 MiB.
 const MOST_PIXELS: i64 = 1 << 24;
+/// Pixels per unit tangent that none needs; no pixel's number is greater.
+const MOST_SCALE: f32 = (1 << 29) as f32;
 
 #[derive(Debug)]
 pub(super) struct RangeMap {
@@ -47,7 +49,7 @@ impl RangeMap {
         let mut ranges: Vec<f32> = points.iter().map(|p| (p - eye).norm()).collect();
         let middle = ranges.len() / 2;
         let median = *ranges.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let mut map = Self { eye, scale: (median / PIXEL).max(1.0), faces: Default::default() };
+        let mut map = Self { eye, scale: (median / PIXEL).clamp(1.0, MOST_SCALE), faces: Default::default() };
         while map.lay_out(points) > MOST_PIXELS {
             map.scale /= 2.0;
         }
@@ -181,6 +183,15 @@ mod tests {
         for sign in [1.0, -1.0] {
             let (in_front, facing) = look(&map, Vector3::new(60.0, 0.0, -60.0), Vector3::z() * sign);
             assert!(in_front == f32::INFINITY && (facing - sign * 0.5_f32.sqrt()).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_point_too_far_for_its_pixel_does_no_harm() {
+        for far in [1e10, 1e20, f32::INFINITY] {
+            let points = [Vector3::new(far, far, 0.0), Vector3::new(-far, 0.0, far), Vector3::x()];
+            let map = RangeMap::new(&points, Vector3::zeros());
+            assert!(!look(&map, Vector3::new(1.0, 1.0, 0.0), Vector3::z()).0.is_nan());
         }
     }
 
