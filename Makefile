@@ -75,12 +75,11 @@ sanitize: sanitize-address sanitize-thread ## run Rust tests under the address a
 sanitize-address: | check-tools ## run the Rust tests under the address sanitizer
 	$(UNSTABLE) RUSTFLAGS=-Zsanitizer=address cargo test --release --locked --target $(HOST) --target-dir target/address --lib --tests
 
-# The standard library comes without the sanitizer's marks, and rayon's deques synchronize by fences, which it
-# does not know: tests/races.supp says what of theirs is passed over.
+# What it passes over, and why, stands in tests/races.supp.
 sanitize-thread: | check-tools ## run the tests of threads under the thread sanitizer
 	$(UNSTABLE) RUSTFLAGS="-Zsanitizer=thread -Cunsafe-allow-abi-mismatch=sanitizer" \
 		TSAN_OPTIONS="suppressions=$(CURDIR)/tests/races.supp" \
-		cargo test --release --locked --target $(HOST) --target-dir target/thread --test background --test determinism
+		cargo test --release --locked --target $(HOST) --target-dir target/thread --test background
 
 fuzz: $(VENV)/.ready-dev ## look for inputs that break something, SECONDS per target
 	@command -v cargo-fuzz >/dev/null || { echo "cargo-fuzz is missing: cargo install --locked cargo-fuzz"; exit 1; }

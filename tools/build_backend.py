@@ -1,8 +1,8 @@
 """Builds sdists and wheels by maturin, without the paths of the machine that they are built on.
 
-The compiled core holds the places of its panics, and so the folder of the crates' sources: the home of whoever
-builds it. pip and `python -m build` come through here and have it replaced; `maturin develop`, which developers
-use, does not.
+The compiled core holds the places of its panics, and so the folder of the crates' sources: the home of
+whoever builds it. pip and `python -m build` come through here and have it replaced; `maturin develop`,
+which developers use, does not.
 """
 
 from __future__ import annotations

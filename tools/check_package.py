@@ -1,7 +1,7 @@
 """Builds the source distribution, and the wheel from it in an empty folder, and checks both: `make package`.
 
-The tests of the unpacked sources have to be found and to compile; the wheel has to hold the licences, and must not
-tell where it was built. What was built stays in the folder that is named.
+The tests of the unpacked sources have to be found and to compile; the wheel has to hold the licences,
+and must not tell where it was built. What was built stays in the folder that is named.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def build_wheel(sources: Path, out: Path) -> Path:
 def check_wheel(wheel: Path, site: Path) -> None:
     """Unpack the wheel; end where it lacks a licence or tells of folders."""
     with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(site)
+        archive.extractall(site)  # noqa: S202 - we have just made it
     missing = LICENSES - {path.name for path in site.glob("*.dist-info/licenses/*")}
     if missing:
         message = f"{wheel.name} lacks {', '.join(sorted(missing))}"
@@ -88,7 +88,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         sdist = build_sdist(out)
         with tarfile.open(sdist) as archive:
-            archive.extractall(folder, filter="data")  # noqa: S202 - we have just made it
+            archive.extractall(folder, filter="data")
         (sources,) = Path(folder).iterdir()
         wheel, site = build_wheel(sources, out), Path(folder) / "site"
         check_wheel(wheel, site)

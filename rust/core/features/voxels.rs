@@ -109,8 +109,11 @@ fn mean_directions(normals: &[Vector3<f64>], indices: &[u32], count: usize) -> R
     for (normal, &voxel) in normals.iter().zip(indices).filter(|(normal, _)| !normal.x.is_nan()) {
         sums[voxel as usize] += normal;
     }
+    // What is infinite, or longer than f64 can say, has no direction: scaled, it is zero or not a number.
+    let direction =
+        |sum: &Vector3<f64>| sum.try_normalize(f64::EPSILON).filter(|unit| unit.norm_squared() > 0.5);
     for sum in &mut sums {
-        *sum = sum.try_normalize(f64::EPSILON).unwrap_or_else(|| Vector3::repeat(f64::NAN));
+        *sum = direction(sum).unwrap_or_else(|| Vector3::repeat(f64::NAN));
     }
     Ok(sums)
 }
@@ -122,6 +125,16 @@ mod tests {
     fn wave(n: usize) -> Result<Points> {
         let rows: Vec<[f64; 3]> = (0..n).map(|i| [1.1, 2.3, 3.7].map(|f| (i as f64 * f).sin())).collect();
         Points::from_rows("points", &rows)
+    }
+
+    #[test]
+    fn infinite_normals_have_no_mean_direction() -> Result<()> {
+        let points = Points::from_rows("points", &[[0.0; 3], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0]])?;
+        let normals = [f64::INFINITY, 1e200, 1.0].map(|x| Vector3::new(x, 0.0, 0.0));
+        let found = voxel_downsample(&points, Some(&normals), 1.0, &Execution::default())?.normals;
+        let missing: Vec<bool> = found.iter().map(|normal| normal.iter().all(|x| x.is_nan())).collect();
+        assert_eq!(missing, [true, true, false]);
+        Ok(())
     }
 
     #[test]

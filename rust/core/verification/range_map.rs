@@ -15,6 +15,8 @@ const PIXEL: f32 = 2.5;
 const MOST_PIXELS: i64 = 1 << 24;
 /// Points between two looks for an interruption.
 const STRETCH: usize = 1 << 16;
+/// Pixels per unit tangent that none needs; no pixel's number is greater.
+const MOST_SCALE: f32 = (1 << 29) as f32;
 
 #[derive(Debug)]
 pub(super) struct RangeMap {
@@ -55,7 +57,7 @@ impl RangeMap {
         let mut ranges = memory::collect(points.iter().map(|p| (p - eye).norm()))?;
         let middle = ranges.len() / 2;
         let median = *ranges.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let mut map = Self { eye, scale: (median / PIXEL).max(1.0), faces: Default::default() };
+        let mut map = Self { eye, scale: (median / PIXEL).clamp(1.0, MOST_SCALE), faces: Default::default() };
         while map.lay_out(points) > MOST_PIXELS {
             execution.check()?;
             map.scale /= 2.0;
@@ -204,6 +206,17 @@ mod tests {
     #[test]
     fn a_viewpoint_on_a_point_does_no_harm() -> Result<()> {
         let map = RangeMap::new(&wall(), wall()[7], &Execution::default())?;
+    fn a_point_too_far_for_its_pixel_does_no_harm() {
+        for far in [1e10, 1e20, f32::INFINITY] {
+            let points = [Vector3::new(far, far, 0.0), Vector3::new(-far, 0.0, far), Vector3::x()];
+            let map = RangeMap::new(&points, Vector3::zeros());
+            assert!(!look(&map, Vector3::new(1.0, 1.0, 0.0), Vector3::z()).0.is_nan());
+        }
+    }
+
+    #[test]
+    fn a_viewpoint_on_a_point_does_no_harm() {
+        let map = RangeMap::new(&wall(), wall()[7]);
         let (in_front, _) = look(&map, wall()[7], Vector3::z());
         assert!(in_front <= 0.0 || in_front == f32::INFINITY, "{in_front}");
         Ok(())
