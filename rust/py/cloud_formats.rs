@@ -25,7 +25,7 @@ type PyCloudContent<'py> = (
 pub fn parse_cloud<'py>(
     py: Python<'py>,
     content: PyBackedBytes,
-    suffix: &str,
+    suffix: &Bound<'py, PyAny>,
     run_options: RunOptions,
 ) -> PyResult<PyCloudContent<'py>> {
     let parse = choose("suffix", suffix, &PARSERS)?;
