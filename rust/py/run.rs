@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -57,7 +57,8 @@ pub fn run<T: Send + 'static>(
 ) -> PyResult<T> {
     let pool = take_pool(options.threads)?;
     let execution = Arc::new(Execution::new(options.max_memory));
-    let (sender, receiver) = channel();
+    // Room for the one outcome is made now, when there is some; `channel` makes it, and for thirty more, on sending.
+    let (sender, receiver) = sync_channel(1);
     let shared = Arc::clone(&execution);
     pool.spawn(move || {
         let outcome = catch_unwind(AssertUnwindSafe(|| work(&shared)));

@@ -16,12 +16,13 @@ use std::sync::{Mutex, PoisonError};
 use cgroup::{Error, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Size from which blocks are counted.
-pub const LEAST: usize = 1 << 10;
+/// Size from which blocks are counted: beyond the 2,072 bytes that the queues of rayon's threads take for themselves
+/// now and then.
+pub const LEAST: usize = 5 << 9;
 
 /// Blocks that are refused one by one; of those after them some are drawn.
-const EACH: usize = 250;
-const DRAWN: usize = 60;
+const EACH: usize = 100;
+const DRAWN: usize = 25;
 
 /// The system's allocator, but for the blocks that are to be refused.
 pub struct RefusingAllocator;

@@ -20,7 +20,7 @@ const TARGET_BLOCK: usize = 1024;
 const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
 
 /// Squares below this, which are those of lengths around 1, have lost digits, or their terms have.
-const LEAST_SQUARE: f64 = 1e-270;
+const LEAST_SQUARE: f64 = 1e-300;
 
 /// A target, and its distance from a source row, scaled.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
