@@ -479,10 +479,13 @@ def test_descriptors_of_any_size_find_their_nearest_or_are_refused(seed, largest
         return np.ldexp(rng.normal(size=(rows, 3)), rng.choice(exponents, (rows, 1)))
 
     source, target = draw(9), draw(7)
+    refusal = None
     try:
         matches = features.match(source, target)
     except InputError as error:
-        assert "very different size" in str(error)
+        refusal = str(error)
+    if refusal:
+        assert "very different size" in refusal
         assert smaller, "descriptors of one size can be compared"
         return
     exact = [
