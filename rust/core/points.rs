@@ -192,6 +192,11 @@ fn copied_axes<T: Copy + Into<f64>>(rows: &[[T; 3]]) -> Result<[Vec<f64>; 3]> {
 }
 
 fn validate(name: &str, x: &[f64], y: &[f64], z: &[f64]) -> Result<()> {
+    // Without branches, so that many are looked at together.
+    let is_right = |axis: &[f64]| axis.iter().fold(true, |all, value| all & (value.abs() <= MAX_COORDINATE));
+    if [x, y, z].into_iter().all(is_right) {
+        return Ok(());
+    }
     let is_wrong = |value: &f64| !(-MAX_COORDINATE..=MAX_COORDINATE).contains(value);
     let first = [x, y, z].into_iter().filter_map(|axis| axis.iter().position(is_wrong)).min();
     let Some(i) = first else { return Ok(()) };

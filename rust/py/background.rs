@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -51,7 +51,8 @@ pub fn compute<T: Send + 'static, E>(
     work: impl FnOnce(&Execution) -> T + Send + 'static,
     look_around: impl FnMut() -> Result<(), E>,
 ) -> Result<T, Failure<E>> {
-    let (sender, receiver) = channel();
+    // Room for the one outcome is made now, when there is some; `channel` makes it, and for thirty more, on sending.
+    let (sender, receiver) = sync_channel(1);
     let shared = Arc::clone(execution);
     pool.spawn(move || {
         let outcome = catch_unwind(AssertUnwindSafe(|| work(&shared)));

@@ -16,8 +16,9 @@ use std::sync::{Mutex, PoisonError};
 use cgroup::{Error, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Size from which blocks are counted.
-pub const LEAST: usize = 1 << 10;
+/// Size from which blocks are counted: beyond the 2,072 bytes that the queues of rayon's threads take for themselves
+/// now and then.
+pub const LEAST: usize = 5 << 9;
 
 /// Blocks that are refused one by one; of those after them some are drawn.
 const EACH: usize = 100;

@@ -118,25 +118,30 @@ def calls(shared: Shared) -> Iterator[Callable[[], object]]:
     yield lambda: verification.align(fine, fine, poses[0])
 
 
+def ends_in_a_result(call: Callable[[], object]) -> bool:
+    """Whether the call returns something; otherwise it raises an error of the package."""
+    try:
+        call()
+    except CgroupError:
+        return False
+    return True
+
+
 def main(seconds: float) -> None:
-    outcomes = {"results": 0, "errors": 0}
+    """Call everything again and again for so long."""
+    outcomes: list[bool] = []
     with tempfile.TemporaryDirectory() as folder:
         shared = Shared(folder)
         todo = list(calls(shared))
-        command = [sys.executable, "-c", WRITER, str(shared.path)]
-        with subprocess.Popen([*command, str(os.getpid())], stdout=subprocess.PIPE) as writer:
+        command = [sys.executable, "-c", WRITER, str(shared.path), str(os.getpid())]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as writer:
             assert writer.stdout is not None
             writer.stdout.readline()
             end = time.monotonic() + seconds
             while time.monotonic() < end:
-                for call in todo:
-                    try:
-                        call()
-                        outcomes["results"] += 1
-                    except CgroupError:
-                        outcomes["errors"] += 1
+                outcomes += map(ends_in_a_result, todo)
             writer.kill()
-    print(outcomes["results"], outcomes["errors"])
+    sys.stdout.write(f"{outcomes.count(True)} {outcomes.count(False)}\n")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,9 @@ PATIENCE = 120
 
 def test_every_call_ends():
     command = [sys.executable, "-W", "ignore", str(PROGRAM), str(SECONDS)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False, env=os.environ)
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE, check=False, env=os.environ
+    )
     assert done.returncode == 0, done.stderr
     results, errors = map(int, done.stdout.split())
     assert results > 0, "no call got through"

@@ -5,12 +5,13 @@ from __future__ import annotations
 import doctest
 import pkgutil
 import sys
+from fractions import Fraction
 from importlib import import_module
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cgroup import CgroupError, InputError, features
@@ -462,6 +463,38 @@ def test_second_neighbour_is_infinitely_far_where_there_is_none():
     assert matches.second_distance[0] == np.inf
     assert matches.ratio[0] == 1
     assert matches.similarity[0] == pytest.approx(1 - np.sqrt(2))
+
+
+@given(
+    seed=seeds,
+    largest=st.integers(-400, 1000),
+    smaller=st.lists(st.integers(-538, -530) | st.integers(-1000, 0), max_size=2),
+)
+@settings(max_examples=60)
+def test_descriptors_of_any_size_find_their_nearest_or_are_refused(seed, largest, smaller):
+    rng = np.random.default_rng(seed)
+    exponents = [largest, *(max(largest + step, -1060) for step in smaller)]
+
+    def draw(rows):
+        return np.ldexp(rng.normal(size=(rows, 3)), rng.choice(exponents, (rows, 1)))
+
+    source, target = draw(9), draw(7)
+    refusal = None
+    try:
+        matches = features.match(source, target)
+    except InputError as error:
+        refusal = str(error)
+    if refusal:
+        assert "very different size" in refusal
+        assert smaller, "descriptors of one size can be compared"
+        return
+    exact = [
+        [sum((Fraction(a) - Fraction(b)) ** 2 for a, b in zip(f, g, strict=True)) for g in target]
+        for f in source
+    ]
+    assert matches.source_indices.tolist() == list(range(9))
+    for squares, found in zip(exact, matches.target_indices, strict=True):
+        assert squares[found] <= min(squares) * (1 + Fraction(1, 10**12))
 
 
 @pytest.mark.parametrize("scale", [1e-165, 1e200])

@@ -16,11 +16,13 @@ use crate::simd;
 /// Source rows and target rows of one matrix product: the product stays in the second-level cache.
 const SOURCE_BLOCK: usize = 96;
 const TARGET_BLOCK: usize = 1024;
+/// Bytes that the matrix product takes for itself on a thread's first one, and ends the process without.
+const MATMUL_MEMORY: usize = 4 << 20;
 /// Half a unit in the last place of 1 in single precision.
 const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
 
 /// Squares below this, which are those of lengths around 1, have lost digits, or their terms have.
-const LEAST_SQUARE: f64 = 1e-270;
+const LEAST_SQUARE: f64 = 1e-300;
 
 /// A target, and its distance from a source row, scaled.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -155,6 +157,7 @@ impl<'a> Product<'a> {
         );
         let own_norms = &self.a.squared_norms[start..start + count];
         let mut product = memory::filled(0.0_f32, count * TARGET_BLOCK)?;
+        memory::probe::<u8>(MATMUL_MEMORY)?;
         for (block, values) in self.b.values.chunks(TARGET_BLOCK * length).enumerate() {
             execution.check()?;
             let width = values.len() / length;

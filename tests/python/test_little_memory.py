@@ -1,0 +1,29 @@
+"""Steps in a process that may take hardly more memory: a MemoryError or the result, and the process lives on."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = Path(__file__).with_name("little_memory.py")
+
+AT_ONCE = {"MALLOC_MMAP_THRESHOLD_": "65536", "MALLOC_ARENA_MAX": "1"}
+"""Has glibc give blocks back to the system at once, so that what one step had is no room for the next."""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="address space is limited and told so on Linux only")
+def test_too_little_memory_is_an_error():
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", str(PROGRAM)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **AT_ONCE},
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    outcomes = [line.rpartition(": ")[2] for line in done.stdout.splitlines()]
+    assert set(outcomes) == {"result", "MemoryError"}, done.stdout
