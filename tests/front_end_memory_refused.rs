@@ -135,7 +135,7 @@ fn normals_and_voxels() -> Result<()> {
         refuse(&format!("voxels of {size}"), || {
             voxel_downsample(points, Some(&scene.normals), size, &scene.execution)
         })?;
-        refuse(&format!("number of voxels of {size}"), || count_voxels(points, size))?;
+        refuse_each_block("number of voxels", 1, || count_voxels(points, size))?;
     }
     refuse("choice of a voxel", || choose_voxel(&[points, points], 300, &scene.execution))
 }

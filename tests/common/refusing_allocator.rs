@@ -16,9 +16,11 @@ use std::sync::{Mutex, PoisonError};
 use cgroup::{Error, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Size from which blocks are counted: beyond the 2,072 bytes that the queues of rayon's threads take for themselves
-/// now and then.
-pub const LEAST: usize = 5 << 9;
+/// Size from which blocks are counted.
+pub const LEAST: usize = 1 << 10;
+
+/// What the queues of rayon's threads take for themselves now and then, and end the process without.
+const OF_QUEUES: usize = 2_072;
 
 /// Blocks that are refused one by one; of those after them some are drawn.
 const EACH: usize = 100;
@@ -40,7 +42,7 @@ thread_local! {
 }
 
 fn is_refused(bytes: usize) -> bool {
-    if bytes < LEAST || !WATCHED.get() {
+    if bytes < LEAST || bytes == OF_QUEUES || !WATCHED.get() {
         return false;
     }
     let number = ASKED.fetch_add(1, Ordering::SeqCst);
