@@ -73,10 +73,18 @@ def make_environment(**more: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": path, **more}
 
 
+PROGRAM = """
+import signal
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where the tests were started by nohup
+from cgroup.cli import main
+main()
+"""
+
+
 def start_benchmark(*arguments: object, **environment: str) -> subprocess.Popen[str]:
-    """`cgroup benchmark` as the leader of a process group."""
+    """`cgroup benchmark` as the leader of a process group, which hears when its terminal is closed."""
     return subprocess.Popen(
-        [sys.executable, "-c", "from cgroup.cli import main; main()", "benchmark", *map(str, arguments)],
+        [sys.executable, "-c", PROGRAM, "benchmark", *map(str, arguments)],
         env=make_environment(**environment),
         start_new_session=True,
         stdout=subprocess.PIPE,

@@ -199,8 +199,8 @@ def test_an_interrupt_at_any_moment_is_one_line(folder: Path, moment: int) -> No
     program = [sys.executable, "-X", "importtime", "-m", "cgroup", "demo", "--out", folder / "demo"]
     running = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
     assert running.stderr is not None
-    while not running.stderr.readline().endswith(b"cgroup._start\n"):
-        pass
+    while not (loaded := running.stderr.readline()).endswith(b"cgroup._start\n"):
+        assert loaded, "the program has ended"
     running.stderr.readline()  # of the import that follows
     time.sleep(random.Random(moment).uniform(0, 1.5))
     running.send_signal(signal.SIGINT)

@@ -12,6 +12,9 @@ use crate::points::Points;
 /// More supporters make no difference.
 const ENOUGH: usize = 200;
 
+/// Squared residuals are compared in units of this share of `apart` squared: where all fit exactly, rounding says nothing.
+const TIE: f64 = 1e-12;
+
 /// Matches that fix a pose.
 const MINIMAL: usize = 3;
 
@@ -37,7 +40,8 @@ pub fn independent(
     apart: f64,
 ) -> Result<Independent> {
     let mut order = memory::copied(supporters)?;
-    order.sort_unstable_by(|&a, &b| squares[a].total_cmp(&squares[b]).then(a.cmp(&b)));
+    let rounded = |i: usize| (squares[i] / (TIE * apart * apart)).round();
+    order.sort_unstable_by(|&a, &b| rounded(a).total_cmp(&rounded(b)).then(a.cmp(&b)));
     let mut kept: Vec<usize> = Vec::new();
     let mut seen = 0_u32;
     for i in order {

@@ -91,6 +91,7 @@ LEAST_SHARE = 0.75
 STARS = 300
 PAIRS = 3
 ENOUGH = 200
+TIE = 1e-12
 REFLECTIONS = 10
 MOST_ALARMS = 0.01
 
@@ -290,7 +291,7 @@ def independent(p: FloatArray, q: FloatArray, squares: FloatArray, rows: IntArra
     """Number of supporters that lie apart, and of those looked at."""
     kept: list[int] = []
     looked = 0
-    for i in rows[np.argsort(squares[rows], kind="stable")]:
+    for i in rows[np.argsort(np.round(squares[rows] / (TIE * 7.0**2)), kind="stable")]:
         looked += 1
         if all(((x[i] - x[kept]) ** 2).sum(axis=1).min(initial=np.inf) > 7.0**2 for x in (p, q)):
             kept.append(int(i))
