@@ -19,8 +19,8 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 /// Size from which blocks are counted.
 pub const LEAST: usize = 1 << 10;
 
-/// What the queues of rayon's threads take for themselves now and then, and end the process without.
-const OF_QUEUES: usize = 2_072;
+/// What the queues of rayon's threads take for themselves at first and now and then, and end the process without.
+const OF_QUEUES: [usize; 2] = [2_304, 2_072];
 
 /// Blocks that are refused one by one; of those after them some are drawn.
 const EACH: usize = 100;
@@ -42,7 +42,7 @@ thread_local! {
 }
 
 fn is_refused(bytes: usize) -> bool {
-    if bytes < LEAST || bytes == OF_QUEUES || !WATCHED.get() {
+    if bytes < LEAST || OF_QUEUES.contains(&bytes) || !WATCHED.get() {
         return false;
     }
     let number = ASKED.fetch_add(1, Ordering::SeqCst);
