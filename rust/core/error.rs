@@ -61,6 +61,12 @@ fn mebibytes(bytes: usize) -> String {
     if size < 10.0 { format!("{size:.1} MiB") } else { format!("{size:.0} MiB") }
 }
 
+/// A number for an error message, in powers of ten where it would have many digits.
+pub(crate) fn shown(value: f64) -> String {
+    let plain = value == 0.0 || (1e-5..1e16).contains(&value.abs()) || !value.is_finite();
+    if plain { value.to_string() } else { format!("{value:e}") }
+}
+
 /// Accepts a finite length greater than zero.
 ///
 /// # Errors
@@ -69,7 +75,7 @@ pub fn positive(name: &str, value: f64) -> Result<f64> {
     if value.is_finite() && value > 0.0 {
         return Ok(value);
     }
-    Err(Error::invalid(name, value, "give a finite number greater than 0"))
+    Err(Error::invalid(name, shown(value), "give a finite number greater than 0"))
 }
 
 /// Accepts a number in the closed interval from 0 to 1.
@@ -80,7 +86,7 @@ pub fn fraction(name: &str, value: f64) -> Result<f64> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
     }
-    Err(Error::invalid(name, value, "give a number between 0 and 1"))
+    Err(Error::invalid(name, shown(value), "give a number between 0 and 1"))
 }
 
 /// Accepts a count of at least one.
@@ -92,4 +98,15 @@ pub fn at_least_one(name: &str, value: usize) -> Result<usize> {
         return Ok(value);
     }
     Err(Error::invalid(name, value, "give a whole number of at least 1"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_many_digits_are_shown_in_powers_of_ten() {
+        let numbers = [0.0, -1.0, 0.25, 1e301, -5e-324, f64::NAN].map(shown);
+        assert_eq!(numbers, ["0", "-1", "0.25", "1e301", "-5e-324", "NaN"]);
+    }
 }

@@ -6,7 +6,7 @@
 
 use super::GroupingMethod;
 use crate::compatibility::matrix::{PairMatrix, PairPositions, PairScore};
-use crate::error::fraction;
+use crate::error::{fraction, shown};
 use crate::grouping_result::mask_of;
 use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvector};
 use crate::selection::top_k::largest;
@@ -124,11 +124,8 @@ impl Spectral {
                 let similarity = correspondences.similarity("st with diagonal=\"score\"")?;
                 if let Some(i) = similarity.iter().position(|&s| s > MOST_AFFINITY) {
                     let remedy = "affinities beyond 1e300 can't be summed; scale the similarities down";
-                    return Err(Error::invalid(
-                        "similarity",
-                        format!("{} in row {i}", similarity[i]),
-                        remedy,
-                    ));
+                    let got = format!("{} in row {i}", shown(similarity[i]));
+                    return Err(Error::invalid("similarity", got, remedy));
                 }
                 Some(memory::collect(similarity.iter().map(|s| s.max(0.0)))?)
             }
