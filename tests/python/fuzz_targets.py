@@ -112,7 +112,7 @@ def _suitable(count: int) -> dict[str, Any]:
 COMMANDS: tuple[tuple[str, ...], ...] = (
     ("detect", "FILE"),
     ("describe", "FILE"),
-    ("group", "FILE"),
+    ("group", "FILE", "--out", "OUT"),
     ("register", "FILE", "FILE"),
     ("register", "FILE", "GOOD"),
     ("compare", "GOOD", "GOOD", "--truth", "FILE"),
