@@ -117,10 +117,15 @@ audit: audit-crates audit-python ## check licences, sources and known vulnerabil
 
 .PHONY: audit-crates audit-python
 audit-crates: | check-tools
-	@command -v cargo-deny >/dev/null || { echo "cargo-deny is missing: cargo install --locked cargo-deny"; exit 1; }
-	cargo deny --locked --workspace check licenses bans sources
-	@if cargo deny --locked --workspace fetch db >/dev/null 2>&1; then cargo deny --locked --workspace check advisories; \
-		else echo "Vulnerabilities of crates are not checked: $(ADVISORIES) can't be reached."; fi
+	@echo "Crates that are linked into the core, and their licences:"
+	@sed -nE '/^[A-Za-z0-9_-]+ [0-9][^ ]*: /p' THIRD-PARTY-LICENSES.txt
+	@if ! command -v cargo-deny >/dev/null; then \
+		echo "The rules of deny.toml are not checked: cargo-deny is missing: cargo install --locked cargo-deny"; \
+	else \
+		cargo deny --locked --workspace check licenses bans sources || exit 1; \
+		if cargo deny --locked --workspace fetch db >/dev/null 2>&1; then cargo deny --locked --workspace check advisories; \
+		else echo "Vulnerabilities of crates are not checked: $(ADVISORIES) can't be reached."; fi; \
+	fi
 
 audit-python: $(VENV)/.ready-dev
 	@$(BIN)/python -m pip install --quiet pip-audit pip-licenses
