@@ -19,6 +19,7 @@ import cgroup
 from cgroup import Correspondences
 from cgroup._start import INTERRUPTED
 from cgroup.cli import main
+from cgroup.cli.benchmark import DAMAGED
 from cgroup.cli.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences
@@ -264,5 +265,9 @@ def test_the_traceback_can_be_asked_for(folder: Path) -> None:
 
 def test_the_documentation_has_every_exit_status() -> None:
     page = (Path(__file__).parents[2] / "docs/errors.md").read_text(encoding="utf-8")
-    rows = [int(status) for status in re.findall(r"^\| (\d+) \|", page, flags=re.MULTILINE)]
-    assert rows == [0, INPUT_ERROR, NO_CONSENSUS, UNFORESEEN, INTERRUPTED, OUTPUT_CLOSED]
+    cells = re.findall(r"^\| (\d[\d, ]*) \|", page, flags=re.MULTILINE)
+    rows = [int(status) for cell in cells for status in cell.split(", ")]
+    ended = [128 + number for number in (signal.SIGHUP, signal.SIGTERM)]
+    assert sorted(rows) == sorted(
+        [0, DAMAGED, INPUT_ERROR, NO_CONSENSUS, UNFORESEEN, INTERRUPTED, OUTPUT_CLOSED, *ended]
+    )

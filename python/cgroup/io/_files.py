@@ -62,14 +62,10 @@ def read_content(path: str | os.PathLike[str]) -> bytes:
     try:
         # Opening a device can do something to it, so its kind is looked at before; and after, when it stays.
         reason = _what_else(path.stat()) or _open_and_read(path)
-    except FileNotFoundError:
-        reason = "no such file"
-    except UnicodeEncodeError:
+    except (FileNotFoundError, UnicodeEncodeError):
         reason = "no such file"
     except OSError as error:
         reason = f"can't be read ({error.strerror or error})"
-    except ValueError as error:  # a zero byte in the name
-        reason = f"can't be read ({error})"
     if isinstance(reason, bytes):
         if reason:
             return reason
