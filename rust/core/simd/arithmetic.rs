@@ -115,7 +115,7 @@ mod tests {
             exponents.extend([half, half.next_up().min(0.0), half.next_down()]);
         }
         exponents.extend([LEAST_EXPONENT, LEAST_EXPONENT.next_up(), LEAST_EXPONENT.next_down()]);
-        exponents.extend((0..100_000).map(|k| -7e-3 * f64::from(k) - 1e-9 * f64::from(k * k % 977)));
+        exponents.extend((0..100_000_u64).map(|k| -7e-3 * k as f64 - 1e-9 * (k * k % 977) as f64));
         exponents.extend((0..1000).map(|k| -(10_f64.powf(-0.3 * f64::from(k)))));
         exponents
     }

@@ -58,6 +58,9 @@ pub enum Scale {
     Estimate,
 }
 
+/// A smaller tolerance is taken to be this: its inverse square must be a number, and rounding hides it anyway.
+const LEAST_TOLERANCE: f64 = 1e-140;
+
 /// Parameters of TEASER++.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Teaser {
@@ -91,7 +94,7 @@ impl Default for Teaser {
 impl GroupingMethod for Teaser {
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("teaser")?;
-        let bound = correspondences.length("tolerance", self.tolerance, 2.5)?;
+        let bound = correspondences.length("tolerance", self.tolerance, 2.5)?.max(LEAST_TOLERANCE);
         let difference = self.max_distance_difference.unwrap_or(2.0 * bound);
         positive("max_distance_difference", difference)?;
         let scale = match self.scale {
