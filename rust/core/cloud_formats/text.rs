@@ -19,7 +19,8 @@ const COLOR_NAMES: &[[&str; 3]] = &[["r", "g", "b"], ["red", "green", "blue"]];
 /// Points of a text, and normals and colours where columns are named so.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it is something else, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`crate::Error::InvalidInput`] where it is something else, [`crate::Error::OutOfMemory`],
+/// [`crate::Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, COLUMNS, execution);
     let mut behind_names = lines.clone();
