@@ -14,15 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from cgroup.cli.signals import StoppedError, stop_on_signals
-from cgroup.cli.terminal import (
-    check_folder,
-    print_line,
-    print_table,
-    print_text,
-    show_bar,
-    show_stages,
-)
+from cgroup.cli.terminal import print_line, print_table, print_text, show_bar, show_stages
 from cgroup.errors import InputError
+from cgroup.io._results import check_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence

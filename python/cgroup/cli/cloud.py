@@ -19,16 +19,8 @@ from cgroup.cli.options import (
     OutOption,
     ResolutionOption,
 )
-from cgroup.cli.terminal import (
-    check_folder,
-    make_folder,
-    print_cloud,
-    print_facts,
-    print_written,
-    show_stages,
-    shown_name,
-    write_figure,
-)
+from cgroup.cli.terminal import print_cloud, print_facts, print_written, show_stages, shown_name, write_figure
+from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import Detector, describe, detect
 
 if TYPE_CHECKING:

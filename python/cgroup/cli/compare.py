@@ -26,8 +26,6 @@ from cgroup.cli.options import (
 )
 from cgroup.cli.pair import print_clouds, read_both
 from cgroup.cli.terminal import (
-    check_folder,
-    make_folder,
     print_facts,
     print_line,
     print_table,
@@ -38,6 +36,7 @@ from cgroup.cli.terminal import (
 )
 from cgroup.comparison import MAX_DISPLACEMENT, MAX_ROTATION, compare, find_correct, write_table
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
+from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import correspond
 from cgroup.registry import label_of
 from cgroup.rigid import invert

@@ -11,10 +11,11 @@ import typer
 
 from cgroup import io
 from cgroup.cli.options import MethodOption, check_method
-from cgroup.cli.terminal import check_file, print_line, print_pose, show_stages
+from cgroup.cli.terminal import print_line, print_pose, show_stages
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import group
+from cgroup.io._results import check_file
 from cgroup.registry import label_of
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 

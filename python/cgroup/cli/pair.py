@@ -30,8 +30,6 @@ from cgroup.cli.options import (
     check_method,
 )
 from cgroup.cli.terminal import (
-    check_folder,
-    make_folder,
     print_cloud,
     print_facts,
     print_pose,
@@ -41,6 +39,7 @@ from cgroup.cli.terminal import (
     write_figure,
 )
 from cgroup.errors import InputError
+from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import DenseFront, PaperFront, Registration, register
 from cgroup.registration.prepared import VOXELS
 from cgroup.registry import METHODS

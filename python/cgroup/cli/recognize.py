@@ -13,16 +13,9 @@ from rich.text import Text
 from cgroup import io
 from cgroup._show import escape
 from cgroup.cli.options import DEFAULT_OUT, OutOption
-from cgroup.cli.terminal import (
-    check_folder,
-    make_folder,
-    print_cloud,
-    print_facts,
-    print_table,
-    print_written,
-    show_stages,
-)
+from cgroup.cli.terminal import print_cloud, print_facts, print_table, print_written, show_stages
 from cgroup.errors import InputError, NoConsensusError
+from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import recognize
 
 if TYPE_CHECKING:

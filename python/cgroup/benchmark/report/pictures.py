@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from cgroup.benchmark.records.folder import make_folder
 from cgroup.io import write_file
+from cgroup.io._results import make_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable

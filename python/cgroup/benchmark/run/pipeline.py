@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from cgroup._progress import ignore_progress
 from cgroup._values import as_count
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.records.folder import make_folder
 from cgroup.benchmark.records.lock import only_writer
 from cgroup.benchmark.records.reading import RECORDS
 from cgroup.benchmark.records.registrations import Registrations
@@ -26,6 +25,7 @@ from cgroup.benchmark.run.registering import register_pairs
 from cgroup.benchmark.run.timing import take_times
 from cgroup.benchmark.run.trials import try_methods
 from cgroup.benchmark.run.workers import open_workers
+from cgroup.io._results import make_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
