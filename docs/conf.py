@@ -15,7 +15,7 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
 # Modules of this folder.
-from _site import examples, figures, links, mathjax  # noqa: E402
+from _site import examples, figures, links, mathjax, reference  # noqa: E402
 
 project = "cgroup"
 author = "The cgroup developers"
@@ -33,9 +33,9 @@ extensions = [
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_generated/examples/*.py", "_generated/**/README.md", "gallery/*.ipynb", "gallery/*.py"]
+exclude_patterns = ["_generated/examples/*.*", "gallery/*.ipynb", "gallery/*.py"]
 templates_path = ["_templates"]
-suppress_warnings = ["mystnb.unknown_mime_type", "config.cache"]
+suppress_warnings = ["config.cache"]
 
 # Markdown.
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
@@ -55,8 +55,9 @@ numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
 add_module_names = False
 
-# Examples and pictures are made when the site is built.
+# Examples, pictures and the pages of the interface are made when the site is built.
 examples.copy(DOCS.parent / "examples", DOCS / "_generated" / "examples")
+reference.write(DOCS / "reference")
 sphinx_gallery_conf = examples.gallery(DOCS / "_generated" / "examples", "gallery")
 
 # Appearance.

@@ -1,4 +1,9 @@
-"""Run the benchmark with a method, a data set and a nuisance of one's own, next to the built-in ones."""
+"""
+Your own method in the benchmark
+================================
+
+Run the benchmark with a method, a data set and a nuisance of one's own, next to the built-in ones.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Build the matches step by step: any step may be replaced by code of your own."""
+"""
+A front end of your own
+=======================
+
+Build the matches step by step: any step may be replaced by code of your own.
+"""
 
 import cgroup
 from cgroup import features

@@ -41,6 +41,9 @@ def site_link(docs: Path, page: Path, path: str) -> str:
     if target.is_relative_to(docs):
         return path
     name = str(target.relative_to(docs.parent))
+    up = "../" * (len(page.relative_to(docs).parts) - 1)
     if name in _PAGES:
-        return "../" * (len(page.relative_to(docs).parts) - 1) + _PAGES[name]
+        return up + _PAGES[name]
+    if target.parent == docs.parent / "examples" and target.suffix == ".py":
+        return f"{up}gallery/{target.stem}.rst"
     return f"{REPOSITORY}/{'tree' if target.is_dir() else 'blob'}/main/{name}"
