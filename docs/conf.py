@@ -84,6 +84,7 @@ html_theme_options = {
     "pygments_dark_style": "monokai",
 }
 html_sidebars = {"index": []}
+html_context = {"default_mode": "auto"}
 mathjax_path = mathjax.path()
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True

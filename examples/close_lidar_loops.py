@@ -2,9 +2,9 @@
 Close the loops of a LiDAR drive
 ================================
 
-A car drives down a street and back. Which of its scans show the same place, and how do they lie to each other? Scans
-that look alike are candidates; `register` finds the pose of each, or says that there is no loop. The street is
-generated: boxes, seen by a scanner in software.
+A car drives down a street and back. Which of its scans show the same place, and how do they lie to each
+other? Scans that look alike are candidates; `register` finds the pose of each, or says that there is no
+loop. The street is generated: boxes, seen by a scanner in software.
 """
 
 import numpy as np
@@ -53,7 +53,7 @@ def scan(boxes: np.ndarray, T_world_scanner: np.ndarray) -> np.ndarray:
     for low, high in boxes:
         first, second = (low - origin) / toward, (high - origin) / toward
         enter, leave = np.minimum(first, second).max(axis=1), np.maximum(first, second).min(axis=1)
-        is_hit = (0 < enter) & (enter < leave)
+        is_hit = (enter > 0) & (enter < leave)
         distance = np.where(is_hit & (enter < distance), enter, distance)
     seen = distance < 70
     return rays[seen] * (distance[seen] + rng.normal(scale=0.02, size=seen.sum()))[:, None]
@@ -65,7 +65,7 @@ def pose(x: float, y: float, heading: float) -> np.ndarray:
     return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, 1, 1.8], [0, 0, 0, 1]])
 
 
-along = np.arange(-60, 61, 12)
+along = np.arange(-60, 61, 15)
 drive = [pose(-1.5, y, np.pi / 2) for y in along] + [pose(1.5, y - 4, -np.pi / 2) for y in along[::-1]]
 street = boxes_of_a_street()
 scans = [scan(street, place) for place in drive]

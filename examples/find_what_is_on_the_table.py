@@ -2,8 +2,8 @@
 Models in a scene
 =================
 
-Which of five models are in a range scan of a heap, and where? The models are given as meshes; the scan is one view
-from above.
+Which of four models are in a range scan, and where? The models are given as meshes; the scan is
+one view.
 """
 
 import numpy as np

@@ -5,15 +5,20 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import inspect
+import itertools
 import re
 import typing
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pathlib import Path
     from types import ModuleType
+
+_SHORT = 80
+_PREFIXES = r"\b(numpy|typing)\.|<class '|'>"
 
 GROUPS: dict[str, dict[str, str]] = {
     "cgroup": {
@@ -45,7 +50,8 @@ GROUPS: dict[str, dict[str, str]] = {
         "Many clouds": "prepare PreparedScan register_many",
         "Models in scenes": "recognize find_instances Recognized",
         "The dense front": "DenseFront",
-        "The paper's front, step by step": "correspond PaperFront detect describe surface_normals match_described",
+        "The paper's front, step by step": "correspond PaperFront detect describe surface_normals "
+        "match_described",
         "Choices": "DESCRIPTORS Descriptor DETECTORS Detector EFFORTS Effort NORMALS Normals",
         "From cgroup.features": "DescribedCloud ORIGIN Viewpoint",
     },
@@ -85,13 +91,13 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.nuisances": {
         "On clouds": "add_noise decimate",
-        "On pairs, by level": "apply_nuisance NUISANCES noise density voxel_density less_overlap more_clutter "
-        "more_occlusion LEAST_POINTS",
+        "On pairs, by level": "apply_nuisance NUISANCES noise density voxel_density less_overlap "
+        "more_clutter more_occlusion LEAST_POINTS",
     },
     "cgroup.plots": {
         "Clouds and matches": "registration_figure comparison_figure keypoints_figure",
-        "Curves of an evaluation": "precision_recall_figure scores_figure inliers_figure registration_rate_figure "
-        "pair_precision_figure timing_figure",
+        "Curves of an evaluation": "precision_recall_figure scores_figure inliers_figure "
+        "registration_rate_figure pair_precision_figure timing_figure",
         "Rankings": "trials_figure pipelines_figure",
     },
     "cgroup.pages": {
@@ -105,8 +111,8 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.benchmark.config": {
         "Reading": "read_config parse_config preset_names replace_methods METHOD_SETS",
-        "What a configuration holds": "Config MethodEntry ExperimentEntry TimingEntry TrialsEntry TrialSetEntry "
-        "PairSetEntry GridEntry RegistrationEntry PipelineEntry",
+        "What a configuration holds": "Config MethodEntry ExperimentEntry TimingEntry TrialsEntry "
+        "TrialSetEntry PairSetEntry GridEntry RegistrationEntry PipelineEntry",
     },
     "cgroup.benchmark.run": {"Running": "run Summary"},
     "cgroup.benchmark.records": {
@@ -139,6 +145,20 @@ def write(folder: Path) -> None:
     for name in modules:
         module = importlib.import_module(name)
         _write(folder / f"{name}.rst", _page(name, module, homes))
+    _drop_pages_of_lost_names(folder, modules)
+
+
+def _drop_pages_of_lost_names(folder: Path, modules: list[str]) -> None:
+    """Remove what autosummary wrote for names that are no more; it leaves that lying."""
+    wanted = {
+        f"{module}.{line.strip()}"
+        for module in modules
+        for line in (folder / f"{module}.rst").read_text(encoding="utf-8").splitlines()
+        if line.startswith("   ")
+    }
+    for path in (folder / "api").glob("*.rst"):
+        if path.stem not in wanted:
+            path.unlink()
 
 
 def _is_there(name: str) -> bool:
@@ -162,28 +182,49 @@ def _page(name: str, module: ModuleType, homes: dict[int, str]) -> str:
     lines = [name, "=" * len(name), "", f".. automodule:: {name}", "   :no-members:", "   :no-index:", ""]
     lines += [f".. currentmodule:: {name}", ""]
     for title, names in GROUPS[name].items():
-        there = [each for each in names.split() if hasattr(module, each)]
-        own = [each for each in there if homes.setdefault(id(getattr(module, each)), name) == name]
-        aliases = [
-            each for each in own if typing.get_origin(getattr(module, each)) not in {None, typing.Literal}
-        ]
-        own = [each for each in own if each not in aliases]
-        others = [
-            f"{homes[id(getattr(module, each))]}.{each}" for each in there if each not in (*own, *aliases)
+        there = {each: getattr(module, each) for each in names.split() if hasattr(module, each)}
+        home_of = {each: homes.setdefault(id(value), name) for each, value in there.items()}
+        own = [each for each in there if home_of[each] == name]
+        constants = [
+            each for each in there if not inspect.isroutine(there[each]) | inspect.isclass(there[each])
         ]
         if there:
             lines += [title, "-" * len(title), ""]
-        if own:
-            lines += [".. autosummary::", "   :toctree: api", "", *(f"   {each}" for each in own), ""]
-        for alias in aliases:
-            lines += [f".. py:data:: {alias}", "", f"   A type: ``{_shown(getattr(module, alias))}``.", ""]
-        if others:
-            lines += [".. autosummary::", "", *(f"   ~{each}" for each in others), ""]
+        lines += _table([each for each in own if each not in constants], "   :toctree: api")
+        lines += _table([f"~{home_of[each]}.{each}" for each in there if each not in (*own, *constants)])
+        for each in constants:
+            lines += _constant(name, each, there[each], is_own=each in own)
     return "\n".join(lines)
 
 
-def _shown(alias: object) -> str:
-    return re.sub(r"\b(numpy|typing)\.|<class '|'>", "", str(alias))
+def _constant(module: str, name: str, value: object, *, is_own: bool) -> list[str]:
+    """Return a constant with the string below its assignment, which autosummary doesn't find."""
+    text = repr(value)
+    shown = [f"   :value: {text}"] if len(text) <= _SHORT and not text.startswith("<") else []
+    lines = [f".. py:data:: {name}", *shown, *([] if is_own else ["   :no-index:"]), ""]
+    if typing.get_origin(value) is not None:
+        lines = [f".. py:data:: {name}", *([] if is_own else ["   :no-index:"]), ""]
+        lines += [f"   A type: ``{re.sub(_PREFIXES, '', text)}``.", ""]
+    return [*lines, *(f"   {line}" for line in _constant_doc(module, name).splitlines()), ""]
+
+
+def _constant_doc(module: str, name: str) -> str:
+    """Return the string below the assignment of a name, wherever in the package it stands."""
+    folder = Path(inspect.getfile(importlib.import_module("cgroup"))).parent
+    nearest = folder.joinpath(*module.split(".")[1:])
+    files = [*sorted(nearest.rglob("*.py")), nearest.with_suffix(".py"), *sorted(folder.rglob("*.py"))]
+    for path in filter(Path.is_file, files):
+        body = ast.parse(path.read_text(encoding="utf-8")).body
+        for statement, following in itertools.pairwise(body):
+            targets = getattr(statement, "targets", [getattr(statement, "target", None)])
+            is_it = any(isinstance(target, ast.Name) and target.id == name for target in targets)
+            if is_it and isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
+                return inspect.cleandoc(str(following.value.value))
+    return ""
+
+
+def _table(names: list[str], *options: str) -> list[str]:
+    return [".. autosummary::", *options, "", *(f"   {name}" for name in names), ""] if names else []
 
 
 def _write(path: Path, text: str) -> None:

@@ -79,7 +79,7 @@ class _Scene:
     def draw(self, name: str, ink: str) -> Figure:
         """Draw one panel; all are as large."""
         figure = Figure(figsize=(6, 4.3))
-        axes = figure.add_axes((0.01, 0.01, 0.98, 0.80))
+        axes = figure.add_axes((0.01, 0.01, 0.98, 0.78))
         found_right = self.found.mask & self.right
         if name == "pose":
             _show(axes, self.aligned, self.aligned.extent)
@@ -96,8 +96,8 @@ class _Scene:
                 self._draw_lines(axes, found_right, _RIGHT, 0.85)
                 title = "cgroup finds the right ones"
                 note = f"{self.found.size} kept, {found_right.sum()} of them right"
-        figure.text(0.5, 0.945, title, ha="center", va="center", fontsize=17, fontweight="bold", color=ink)
-        figure.text(0.5, 0.86, note, ha="center", va="center", fontsize=14, color=ink)
+        figure.text(0.5, 0.945, title, ha="center", va="center", fontsize=22, fontweight="bold", color=ink)
+        figure.text(0.5, 0.845, note, ha="center", va="center", fontsize=18, color=ink)
         return figure
 
     def _extent(self, picture: Picture) -> tuple[float, float, float, float]:
