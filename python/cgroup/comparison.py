@@ -34,6 +34,16 @@ if TYPE_CHECKING:
     from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
 
 
+__all__ = [
+    "MAX_DISPLACEMENT",
+    "MAX_ROTATION",
+    "MethodResult",
+    "compare",
+    "find_correct",
+    "table",
+    "write_table",
+]
+
 MAX_ROTATION = 5.0
 """Degrees that the pose of a registered pair may be off, by default."""
 

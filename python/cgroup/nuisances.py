@@ -32,6 +32,20 @@ if TYPE_CHECKING:
     Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
 
 
+__all__ = [
+    "LEAST_POINTS",
+    "NUISANCES",
+    "add_noise",
+    "apply_nuisance",
+    "decimate",
+    "density",
+    "less_overlap",
+    "more_clutter",
+    "more_occlusion",
+    "noise",
+    "voxel_density",
+]
+
 LEAST_POINTS = 100
 """A nuisance that would leave fewer points than this is refused."""
 

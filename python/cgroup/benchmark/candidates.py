@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 
     from cgroup.types import RealArray
 
+__all__ = [
+    "IN_RESOLUTIONS",
+    "Candidate",
+    "candidate",
+]
+
 IN_RESOLUTIONS = "_pr"
 """An option whose name ends so is a length in pr; the method gets it without that, in the data's unit."""
 

@@ -31,6 +31,19 @@ if TYPE_CHECKING:
 
     Test: TypeAlias = Callable[[ArrayLike, ArrayLike], float]
 
+__all__ = [
+    "LEVEL",
+    "RESAMPLES",
+    "Interval",
+    "Rank",
+    "bootstrap",
+    "comparable",
+    "holm",
+    "mcnemar",
+    "rank_methods",
+    "signed_rank",
+]
+
 RESAMPLES = 10_000
 """Draws of the bootstrap."""
 
