@@ -28,7 +28,7 @@ def lc(
     max_memory: int | None = None,
     progress: Progress | None = None,
 ) -> Grouping:
-    """Likelihood consensus (LC): the pose under which matches are likelier than chance.
+    """Likelihood consensus (LC): the pose that makes matches likelier than chance.
 
     For few right matches among many; a method of this library. Cliques of matches that keep their distances
     (``|ds - dt| < tolerance``) give poses. The support of a pose is the sum of
