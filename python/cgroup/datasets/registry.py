@@ -71,6 +71,13 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
     ------
     InputError
         If the name is unknown, or the data isn't there: the message says where to get it.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import open_dataset
+    >>> stones = open_dataset("standin-full")
+    >>> stones.title, len(stones.pair_names())
+    ('Stones, full to full', 6)
     """
     factory = load_plugin("dataset", name) if ":" in name else DATASETS.get(name)
     if factory is None:
