@@ -315,7 +315,8 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     Returns
     -------
     MatchingPair
-        With the fact ``overlap``, the share that is reached, at 4 resolutions: it may fall short of the level.
+        With the fact ``overlap``, the share that is reached, at 4 resolutions: it may fall short of the
+        level.
 
     Raises
     ------

@@ -60,7 +60,8 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
         One of `DATASETS`; or "module:attribute" for one from outside the package: a class, or any callable,
         that takes the data root and returns a `Dataset`.
     root : Path, optional
-        Folder that holds the data sets' folders; see `data_root`.
+        Folder that holds the data sets' folders; by default that in the environment variable ``CGROUP_DATA``.
+        The data sets named standin-... and generated-matches need none.
 
     Returns
     -------
