@@ -85,7 +85,8 @@ def group(
     _refuse_unknown(info.name, options, defaults)
     fields = _fields_for(info, correspondences)
     chosen = {**defaults, **PRESETS[preset].get(info.name, {}), **options}
-    return compute(info.name, fields, chosen, (correspondences.source, correspondences.target))
+    positions = (correspondences.source, correspondences.target)
+    return compute(info.name, fields, chosen, positions, correspondences.resolution)
 
 
 def group_many(
