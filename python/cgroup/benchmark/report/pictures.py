@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 RESOLUTION, CLOUD_RESOLUTION = 150, 100
 """Dots per inch of PNG files; pictures of clouds are wide."""
 
+QUALITY = 80
+"""Of pictures in the page, of 100."""
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -31,7 +34,7 @@ class Picture:
     alt : str
         What it shows, for those who don't see it.
     data : str
-        The PNG as base64.
+        The picture as base64, in the format WebP.
     """
 
     name: str
@@ -40,26 +43,31 @@ class Picture:
 
 
 class PictureBook:
-    """Saves figures in the folder, and keeps them for the page."""
+    """Saves figures in the folder, and keeps for the page those that it has no chart of."""
 
     def __init__(self, folder: Path, tell: Callable[[str], Any]) -> None:
         self._folder = folder
         self._tell = tell
         make_folder(folder)
 
-    def add(self, name: str, figure: Figure, alt: str, *, resolution: int = RESOLUTION) -> Picture:
-        """Save a figure as PNG and PDF."""
+    def save(self, name: str, figure: Figure, *, resolution: int = RESOLUTION) -> str:
+        """Save a figure as PNG and PDF; returns its name."""
         self._tell(f"figure {name}")
-        png = _render_figure(figure, "png", resolution)
-        write_file(self._folder / f"{name}.png", png)
+        write_file(self._folder / f"{name}.png", _render_figure(figure, "png", resolution))
         figure.set_layout_engine("none")  # it is laid out; doing so again takes as long as drawing
         write_file(self._folder / f"{name}.pdf", _render_figure(figure, "pdf", resolution))
-        return Picture(name, alt, base64.b64encode(png).decode())
+        return name
+
+    def keep(self, name: str, figure: Figure, alt: str, *, resolution: int = CLOUD_RESOLUTION) -> Picture:
+        """Save a figure, and keep it as a picture."""
+        self.save(name, figure, resolution=resolution)
+        small = _render_figure(figure, "webp", resolution, pil_kwargs={"quality": QUALITY})
+        return Picture(name, alt, base64.b64encode(small).decode())
 
 
-def _render_figure(figure: Figure, kind: str, resolution: int) -> bytes:
+def _render_figure(figure: Figure, kind: str, resolution: int, **options: Any) -> bytes:  # noqa: ANN401 - matplotlib's
     buffer = BytesIO()
     # A date would make the same figure another file each time.
-    metadata = {"CreationDate": None} if kind == "pdf" else {}
-    figure.savefig(buffer, format=kind, dpi=resolution, metadata=metadata)
+    metadata = {"metadata": {"CreationDate": None}} if kind == "pdf" else {}
+    figure.savefig(buffer, format=kind, dpi=resolution, **metadata, **options)
     return buffer.getvalue()
