@@ -10,11 +10,11 @@ import numpy as np
 import typer
 
 from cgroup import io
-from cgroup.cli.options import MethodOption, check_method
+from cgroup.cli.options import MethodOption
 from cgroup.cli.terminal import print_line, print_pose, show_stages
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import match_errors
-from cgroup.group import group
+from cgroup.group import check_method, group
 from cgroup.io._results import check_file
 from cgroup.registry import label_of
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
@@ -51,7 +51,7 @@ def group_command(
     ] = None,
 ) -> None:
     """Group correspondences of your own: which of them are selected, and the pose they fix."""
-    check_method(method)
+    method = check_method(method)
     path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     check_file(path)
     given = io.read_correspondences(correspondences)

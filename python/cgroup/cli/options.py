@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 import typer
 
-from cgroup._values import as_choice
 from cgroup.registration import Descriptor, Detector, Effort, Normals
 from cgroup.registry import METHODS
 
@@ -90,8 +89,3 @@ EffortOption = Annotated[Effort, typer.Option(help="How long to search where the
 OutOption = Annotated[Path, typer.Option(help="Folder for the results; made if need be.")]
 
 DEFAULT_OUT = Path("out")
-
-
-def check_method(method: str) -> None:
-    """Raise `InputError` for a method that doesn't exist."""
-    as_choice("method", method, METHODS)

@@ -27,7 +27,6 @@ from cgroup.cli.options import (
     TargetViewpointOption,
     ViewpointOption,
     VoxelOption,
-    check_method,
 )
 from cgroup.cli.terminal import (
     print_cloud,
@@ -39,6 +38,7 @@ from cgroup.cli.terminal import (
     write_figure,
 )
 from cgroup.errors import InputError
+from cgroup.group import check_method
 from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import DenseFront, PaperFront, Registration, register
 from cgroup.registration.prepared import VOXELS
@@ -89,7 +89,7 @@ def register_command(
     The last options, from --detector on, are those of the paper's front.
     """
     if method is not None:
-        check_method(method)
+        method = check_method(method)
     _refuse_options_of_the_other_front(context, front)
     check_folder(out)
     clouds = read_both(source, target)

@@ -123,7 +123,7 @@ def comparison_figure(
         drawn = scene.draw_selection(axes, correspondences, mask, correct)
         score = score_group(mask, correct)
         numbers = f"P {score.precision:.2f}   R {score.recall:.2f}   F {score.f_score:.2f}"
-        label = style.method_style(method).label
+        label = style.as_it_is(style.method_style(method).label)
         _caption(axes, label, f"{numbers}   {_format_count(drawn, score.selected)}")
     for axes in panels[len(masks) :]:
         axes.set_axis_off()

@@ -10,30 +10,26 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from cgroup.benchmark.overall import LEAST_PAIRS
 from cgroup.pages import chart_html
 from cgroup.plots.curves import sort_methods
-from cgroup.plots.style import method_style
+from cgroup.plots.style import method_styles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from matplotlib.typing import LineStyleType
 
-_SYMBOLS = {
-    "o": "circle", "s": "square", "D": "diamond", "d": "diamond-tall", "^": "triangle-up", "v": "triangle-down",
-    "<": "triangle-left", ">": "triangle-right", "P": "cross", "X": "x", "*": "star", "p": "pentagon",
-    "h": "hexagon", "H": "hexagon2", "8": "octagon",
-}  # fmt: skip
-"""Plotly's names of matplotlib's markers."""
+    from cgroup.plots.style import MethodStyle
 
 _DIGITS = 5  # that numbers are written with
 
 
 class Look(NamedTuple):
-    """How one method is drawn: label, colour, and plotly's names of marker and dashes."""
+    """How one method is drawn: label, colour, plotly's names of marker and dashes, size beside a disk's."""
 
     label: str
     color: str
     symbol: str = "circle"
     dash: str = "solid"
+    size: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -161,18 +157,13 @@ class Chart:
         )
 
 
-def look_up(methods: Iterable[str]) -> dict[str, Look]:
-    """Choose the looks of methods, those of the figures, in the order in which they are named."""
-    looks: dict[str, Look] = {}
-    for name in sort_methods(methods):
-        style = method_style(name)
-        looks[name] = Look(style.label, style.color, symbol_of(style.marker), dash_of(style.dashes))
-    return looks
-
-
-def symbol_of(marker: str) -> str:
-    """Plotly's name of one of matplotlib's markers."""
-    return _SYMBOLS.get(marker, "circle")
+def look_up(methods: Iterable[str], styles: Mapping[str, MethodStyle]) -> dict[str, Look]:
+    """Choose the looks of methods, those of the figures, in the order of their legends."""
+    chosen = method_styles(methods, styles)
+    return {
+        name: Look(style.label, style.color, style.symbol, dash_of(style.dashes), style.size)
+        for name, style in ((name, chosen[name]) for name in sort_methods(chosen))
+    }
 
 
 def dash_of(dashes: LineStyleType) -> str:

@@ -19,7 +19,11 @@ from cgroup.plots.levels import protocol_title
 from cgroup.plots.style import CORRECT, QUIET_TEXT
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
+
+    from cgroup.plots.style import MethodStyle
 
 _SCORES = {"f_score": "F", "precision": "precision", "recall": "recall"}
 _UNKNOWN = Interval(math.nan, math.nan, math.nan)
@@ -40,7 +44,15 @@ class Estimate(NamedTuple):
     pairs: int
 
 
-def scores_chart(name: str, rows: pd.DataFrame, *, x_title: str, alt: str, files: tuple[str, ...]) -> Chart:
+def scores_chart(
+    name: str,
+    rows: pd.DataFrame,
+    *,
+    x_title: str,
+    alt: str,
+    files: tuple[str, ...],
+    styles: Mapping[str, MethodStyle],
+) -> Chart:
     """Chart scores, registration by every criterion, and initial matches over levels.
 
     Parameters
@@ -55,6 +67,8 @@ def scores_chart(name: str, rows: pd.DataFrame, *, x_title: str, alt: str, files
         What the chart shows.
     files : tuple of str
         Figures of the same.
+    styles : mapping of str to MethodStyle
+        Of the whole report.
 
     Returns
     -------
@@ -79,7 +93,7 @@ def scores_chart(name: str, rows: pd.DataFrame, *, x_title: str, alt: str, files
         )
         for column, title in titles.items()
     ]
-    looks = look_up(methods) | {"all": Look("all", QUIET_TEXT, "square"), "correct": Look("correct", CORRECT)}
+    looks = look_up(methods, styles) | {"all": Look("all", QUIET_TEXT, "square"), "correct": Look("correct", CORRECT)}
     return Chart(name, alt, panels + _match_panels(rows, levels, x_title), looks, files)
 
 

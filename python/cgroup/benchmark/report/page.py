@@ -120,7 +120,8 @@ def write_report(
     tell = progress or ignore_progress
     tell("reading records")
     data = ReportData.load(out)
-    pictures = PictureBook(out / FIGURES, tell)
+    frames = (each for each in (data.frame, data.trials) if len(each))
+    pictures = PictureBook(out / FIGURES, tell, (name for each in frames for name in each["method"].unique()))
     evidence = Evidence(data.frame, data.timing)
     tell("checking claims")
     verdicts = check_evidence(evidence)

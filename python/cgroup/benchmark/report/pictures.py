@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from cgroup.io import write_file
 from cgroup.io._results import make_folder
+from cgroup.plots.style import method_styles
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
     from matplotlib.figure import Figure
@@ -43,9 +44,25 @@ class Picture:
 
 
 class PictureBook:
-    """Saves figures in the folder, and keeps for the page those that it has no chart of."""
+    """Saves figures in the folder, and keeps for the page those that it has no chart of.
 
-    def __init__(self, folder: Path, tell: Callable[[str], Any]) -> None:
+    Parameters
+    ----------
+    folder : path
+        Made if it isn't there.
+    tell : callable
+        Called with what is being drawn.
+    methods : iterable of str
+        All that the report shows, in the order in which looks are given to those from outside.
+
+    Attributes
+    ----------
+    styles : dict of str to MethodStyle
+        How methods are drawn in all figures and charts.
+    """
+
+    def __init__(self, folder: Path, tell: Callable[[str], Any], methods: Iterable[str]) -> None:
+        self.styles = method_styles(methods)
         self._folder = folder
         self._tell = tell
         make_folder(folder)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.report.charts import Chart, Look, Panel, Series, dash_of, look_up, symbol_of
+from cgroup.benchmark.report.charts import Chart, Look, Panel, Series, dash_of, look_up
 from cgroup.benchmark.report.curves import Estimate, estimate_means, make_series
 from cgroup.plots.curves import sort_methods
 from cgroup.plots.pipelines import OVERLAP_EDGES, choose_looks
@@ -20,11 +20,13 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from cgroup.plots.style import MethodStyle
+
 _MILLISECONDS = "median milliseconds per call"
 
 
 def times_chart(
-    times: pd.DataFrame, *, exponents: Mapping[str, float], complexities: Mapping[str, str], alt: str
+    times: pd.DataFrame, *, exponents: Mapping[str, float], complexities: Mapping[str, str], styles: Mapping[str, MethodStyle], alt: str
 ) -> Chart:
     """Chart milliseconds over the number of matches.
 
@@ -36,6 +38,8 @@ def times_chart(
         Fitted exponent of each method, NaN where none could be fitted.
     complexities : mapping of str to str
         What the paper's table says.
+    styles : mapping of str to MethodStyle
+        Of the whole report.
     alt : str
         What the chart shows.
 
@@ -50,7 +54,7 @@ def times_chart(
         "time", "number of matches n", "milliseconds per grouping, one thread", series,
         at=[float(n) for n in times.index], share=False, logarithmic="xy",
     )  # fmt: skip
-    looks = look_up(methods)
+    looks = look_up(methods, styles)
     for method, look in looks.items():
         fitted = exponents.get(method, np.nan)
         grows = "" if np.isnan(fitted) else f" ~ n^{fitted:.2f}"
@@ -59,7 +63,7 @@ def times_chart(
     return Chart("time", alt, [panel], looks, ("time",))
 
 
-def pairs_chart(rows: pd.DataFrame, methods: tuple[str, str], *, alt: str, file: str) -> Chart:
+def pairs_chart(rows: pd.DataFrame, methods: tuple[str, str], *, styles: Mapping[str, MethodStyle], alt: str, file: str) -> Chart:
     """Chart the precision of two methods pair by pair, and the share of pairs up to each precision.
 
     Parameters
@@ -68,6 +72,8 @@ def pairs_chart(rows: pd.DataFrame, methods: tuple[str, str], *, alt: str, file:
         Records, one per pair and method.
     methods : tuple of str
         Two of them; pairs are sorted by the precision of the second.
+    styles : mapping of str to MethodStyle
+        Of the whole report.
     alt : str
         What the chart shows.
     file : str
@@ -82,7 +88,7 @@ def pairs_chart(rows: pd.DataFrame, methods: tuple[str, str], *, alt: str, file:
     table = table.sort_values([methods[1], methods[0]])
     order = [float(place) for place in range(1, len(table) + 1)]
     names = [str(name) for name in table.index]
-    looks = look_up(methods)
+    looks = look_up(methods, styles)
     each = [Series(method, y=table[method].tolist(), x=order, notes=names) for method in methods]
     height = [0.0, *(np.array(order) / len(table)).tolist(), 1.0]
     up_to = [
@@ -97,7 +103,7 @@ def pairs_chart(rows: pd.DataFrame, methods: tuple[str, str], *, alt: str, file:
     return Chart(file, alt, panels, looks, (file,))
 
 
-def trials_chart(name: str, related: pd.DataFrame, *, alt: str) -> Chart:
+def trials_chart(name: str, related: pd.DataFrame, *, styles: Mapping[str, MethodStyle], alt: str) -> Chart:
     """Chart the share of registered problems, and mean F, over time.
 
     Parameters
@@ -106,6 +112,8 @@ def trials_chart(name: str, related: pd.DataFrame, *, alt: str) -> Chart:
         Of the chart, and of the figure of the same.
     related : DataFrame
         Rows of `load_trials` of one set that have an answer.
+    styles : mapping of str to MethodStyle
+        Of the whole report.
     alt : str
         What the chart shows.
 
@@ -128,7 +136,7 @@ def trials_chart(name: str, related: pd.DataFrame, *, alt: str) -> Chart:
         )
         for column, title in (("right", "registered"), ("f_score", "F"))
     ]  # fmt: skip
-    return Chart(name, alt, panels, look_up(methods), (name,))
+    return Chart(name, alt, panels, look_up(methods, styles), (name,))
 
 
 def pipelines_chart(related: pd.DataFrame, *, alt: str) -> Chart:
@@ -149,7 +157,7 @@ def pipelines_chart(related: pd.DataFrame, *, alt: str) -> Chart:
     rows = related.assign(method=related["pipeline"])
     drawn = choose_looks(related)
     looks = {
-        name: Look(name, look.color, symbol_of(look.marker), dash_of(look.dashes))
+        name: Look(name, look.color, look.symbol, dash_of(look.dashes))
         for name, look in drawn.items()
     }
     panels = [_by_overlap(rows, list(looks))] if rows["overlap"].notna().any() else []

@@ -93,14 +93,17 @@ def _make_section(sample: Sample, anchor: str, title: str, pictures: PictureBook
 def _chart_experiment(sample: Sample, anchor: str, pictures: PictureBook) -> Chart:
     experiment, rows = sample.experiment, _name_combinations(sample)
     labels = {"xlabel": experiment.label, "title": f"{experiment.title}: {sample.description}"}
+    styles = pictures.styles
     files = [
-        pictures.save(f"{anchor}-scores", scores_figure(rows, **labels)),
-        pictures.save(f"{anchor}-registration", registration_rate_figure(rows, **labels)),
+        pictures.save(f"{anchor}-scores", scores_figure(rows, **labels, styles=styles)),
+        pictures.save(f"{anchor}-registration", registration_rate_figure(rows, **labels, styles=styles)),
     ]
     if experiment.id != "epsilon":  # the same matches at each threshold
         files.append(pictures.save(f"{anchor}-inliers", inliers_figure(rows, **labels)))
     alt = _describe(sample)
-    return scores_chart(anchor, rows, x_title=experiment.label, alt=alt, files=tuple(files))
+    return scores_chart(
+        anchor, rows, x_title=experiment.label, alt=alt, files=tuple(files), styles=styles
+    )
 
 
 def _name_combinations(sample: Sample) -> pd.DataFrame:
@@ -138,7 +141,8 @@ def chart_pairs(evidence: Evidence, pictures: PictureBook) -> Chart | None:
         f"Precision of GC and RANSAC on each pair; above 0.1 on a share of {rates['gc']:.2f} and "
         f"{rates['ransac']:.2f} of the pairs."
     )
-    return pairs_chart(sample.rows, _COMPARED, alt=alt, file=pictures.save("pairs-gc-ransac", figure))
+    file = pictures.save("pairs-gc-ransac", figure)
+    return pairs_chart(sample.rows, _COMPARED, styles=pictures.styles, alt=alt, file=file)
 
 
 def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[Chart, Table] | None:
@@ -148,7 +152,7 @@ def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[Chart, Tab
         return None
     fitted = exponents(timing).set_index("method")["exponent"].to_dict()
     sources = ", ".join(timing["dataset"].unique())
-    looks = {"exponents": fitted, "complexities": PAPER_COMPLEXITY}
+    looks = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": pictures.styles}
     pictures.save("time", timing_figure(times, **looks, title=f"Time per grouping, {sources}"))
     last = times.iloc[-1].dropna()
     alt = (

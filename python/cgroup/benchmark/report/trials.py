@@ -76,14 +76,17 @@ def _make_section(
     label = describe_set(rows, machines)
     chart = None
     if pictures is not None and len(related):
-        figure = trials_figure(related, title=f"{name}: registered problems over time")
+        figure = trials_figure(
+            related, title=f"{name}: registered problems over time", styles=pictures.styles
+        )
         shares = related.groupby("method")["right"].mean()
         alt = (
             f"Share of registered problems of {len(shares)} methods over their median time; "
             f"{method_cell(shares.idxmax()).text} has the most, {shares.max():.2f}."
         )
         anchor = "".join(c if c.isalnum() else "-" for c in name).lower()
-        chart = trials_chart(pictures.save(f"trials-{anchor}", figure), related, alt=alt)
+        file = pictures.save(f"trials-{anchor}", figure)
+        chart = trials_chart(file, related, styles=pictures.styles, alt=alt)
     return TrialSection(
         name, label, chart, ranking(first), cost_table(rows), failure_table(first), level_table(related)
     )

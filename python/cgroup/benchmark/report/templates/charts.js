@@ -47,7 +47,7 @@ function bandOf(series, x, color) {
 function tracesOf(panel, look, series, x, texts, least) {
   const color = visible(look.color);
   const isSparse = (i) => Boolean(series.counts) && series.counts[i] < least;
-  const marker = (symbols) => ({symbol: symbols, size: look.symbol === "star" ? 12 : 9, color, line: {color: isDark() ? "#16191d" : "#ffffff", width: 0.5}});
+  const marker = (symbols) => ({symbol: symbols, size: 8.5 * look.size, color, line: {color: isDark() ? "#16191d" : "#ffffff", width: 0.5}});
   const sparse = x.map((_, i) => isSparse(i));
   const symbols = sparse.map((few) => few ? `${look.symbol}-open` : look.symbol);
   const main = {x, y: series.y, text: texts, hoverinfo: "text", name: escapeText(look.label), marker: marker(symbols), line: {color, width: 2, dash: look.dash}};
