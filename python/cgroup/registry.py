@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 
 __all__ = [
-    "ALIASES",
     "METHODS",
     "METHOD_INFO",
     "PAPER_METHODS",
