@@ -20,7 +20,7 @@ from cgroup.plots import (
     scores_figure,
     timing_figure,
 )
-from cgroup.plots.style import METHOD_STYLES, PRINT_WIDTH, method_style
+from cgroup.plots.style import METHOD_STYLES, PRINT_WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,14 +131,6 @@ def test_one_level_and_one_method_are_enough() -> None:
     one = rows("noise", "B3R").query("method == 'gtm' and x == 0.05")
     for draw in (scores_figure, registration_rate_figure, inliers_figure):
         assert drawn(draw(one, **LABELS))
-
-
-def test_methods_of_ones_own_are_grey_and_keep_their_look() -> None:
-    assert method_style("gc+ransac") == method_style("gc+ransac")
-    assert method_style("gc+ransac").color not in {look.color for look in METHOD_STYLES.values()}
-    frame = rows("noise", "B3R").replace({"method": {"gtm": "mine"}})
-    figure = scores_figure(frame, **LABELS)
-    assert [text.get_text() for text in figure.legends[0].get_texts()][-1] == "MINE"
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def read_transform(path: str | os.PathLike[str]) -> FloatArray:
-    """Read a 4x4 rigid transform of column vectors.
+    r"""Read a 4x4 rigid transform of column vectors.
 
     Parameters
     ----------
@@ -34,6 +34,14 @@ def read_transform(path: str | os.PathLike[str]) -> FloatArray:
     ------
     InputError
         If the file is missing or unreadable, or isn't a rigid transform.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.io import read_transform
+    >>> _ = Path("pose.txt").write_text("1 0 0 5\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    >>> read_transform("pose.txt")[:3, 3]
+    array([5., 0., 0.])
     """
     path = as_path("path", path)
     reader = load_npy if path.suffix.lower() == ".npy" else load_numbers
@@ -54,6 +62,14 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
     ------
     InputError
         If it isn't rigid, or the file can't be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.io import read_transform, write_transform
+    >>> write_transform("pose.npy", np.eye(4))
+    >>> bool((read_transform("pose.npy") == np.eye(4)).all())
+    True
     """
     path = as_path("path", path)
     matrix = check_rigid(transform)

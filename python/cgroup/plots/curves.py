@@ -15,15 +15,19 @@ from matplotlib.lines import Line2D
 from cgroup.plots import style
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     import pandas as pd
     from matplotlib.axes import Axes
 
+    from cgroup.plots.style import MethodStyle
+
+MARKER_SIZE = 4.5
+"""Points across a disk."""
+
 _PANEL_HEIGHT = 2.3
 _FONT = 8
-_MARKER = 4.5
-_STAR = 7.0  # looks smaller than other markers of its size
+_MOST_COLUMNS, _LETTERS, _HANDLE = 9, 110, 6.5  # of a legend: columns, letters that fit, those of a handle
 _SPREAD = 0.32  # of the methods around a name
 _SHORT_NAME = 4
 _NAMES_TURNED = 40  # degrees, for names on the x axis
@@ -60,7 +64,7 @@ def panels(count: int, *, columns: int, title: str, extra: float = 0.0) -> tuple
     return figure, list(grid[:count])
 
 
-def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
+def draw_curves(axes: Axes, table: pd.DataFrame, looks: Mapping[str, MethodStyle]) -> None:
     """Draw one curve per method.
 
     Parameters
@@ -70,14 +74,16 @@ def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
     table : DataFrame
         One row per level, ascending, one column per method. Levels that are names have no order, so that
         nothing connects them, and the methods stand side by side.
+    looks : mapping of str to MethodStyle
+        Of each method.
     """
     levels = list(table.index)
     places = np.array(place_levels(axes, levels))
     named = isinstance(levels[0], str)
-    methods = sort_methods(table.columns)
+    methods = [method for method in sort_methods(looks) if method in table.columns]
     aside = np.linspace(-_SPREAD, _SPREAD, len(methods)) if named else np.zeros(len(methods))
     for method, shift in zip(methods, aside, strict=True):
-        look = style.method_style(method)
+        look = looks[method]
         axes.plot(
             places + shift,
             table[method].to_numpy(dtype=float),
@@ -85,7 +91,7 @@ def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
             marker=look.marker,
             linestyle="" if named else look.dashes,
             linewidth=1.1,
-            markersize=marker_size(look.marker),
+            markersize=marker_size(look),
             markeredgecolor="white",
             markeredgewidth=0.4,
             clip_on=False,
@@ -121,9 +127,8 @@ def finish(axes: Axes, *, title: str = "", xlabel: str = "", ylabel: str = "", s
         axes.set_yticks(np.linspace(0, 1, 6))
 
 
-def legend(figure: Figure, methods: Iterable[str]) -> None:
+def legend(figure: Figure, looks: Mapping[str, MethodStyle]) -> None:
     """Name the methods below all panels."""
-    names = sort_methods(methods)
     handles = [
         Line2D(
             [],
@@ -132,15 +137,15 @@ def legend(figure: Figure, methods: Iterable[str]) -> None:
             marker=look.marker,
             linestyle=look.dashes,
             linewidth=1.1,
-            markersize=marker_size(look.marker),
-            label=look.label,
+            markersize=marker_size(look),
+            label=style.as_it_is(look.label),
         )
-        for look in map(style.method_style, names)
+        for look in (looks[method] for method in sort_methods(looks))
     ]
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=min(len(handles), 9),
+        ncols=_count_columns([len(look.label) for look in looks.values()]),
         frameon=False,
         fontsize=_FONT,
         handlelength=2.4,
@@ -149,12 +154,21 @@ def legend(figure: Figure, methods: Iterable[str]) -> None:
     )
 
 
+def _count_columns(lengths: list[int]) -> int:
+    """Count the columns of names that stand beside each other; names of so many letters fill them in turn."""
+    for count in range(min(len(lengths), _MOST_COLUMNS), 1, -1):
+        width = sum(max(column) for column in np.array_split(lengths, count)) + count * _HANDLE
+        if width <= _LETTERS:
+            return count
+    return 1
+
+
 def sort_methods(methods: Iterable[str]) -> list[str]:
     """Sort methods: the paper's order, then any others."""
     known = list(style.METHOD_STYLES)
     return sorted(methods, key=lambda name: known.index(name) if name in known else len(known))
 
 
-def marker_size(marker: str) -> float:
+def marker_size(look: MethodStyle) -> float:
     """Size of a marker in points."""
-    return _STAR if marker == "*" else _MARKER
+    return MARKER_SIZE * look.size

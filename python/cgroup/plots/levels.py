@@ -12,15 +12,21 @@ from cgroup.plots import style
 from cgroup.plots.curves import draw_curves, finish, legend, panels, place_levels
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from cgroup.plots.style import MethodStyle
 
 _SCORES = {"precision": "precision", "recall": "recall", "f_score": "F-score"}
 _NAMES_HEIGHT = 0.45  # inches that names below the x axis take
 _MATCHES = "#bbbbbb"
 
 
-def scores_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
+def scores_figure(
+    rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
+) -> Figure:
     """Draw mean precision, recall and F over the levels of an experiment, a curve per method.
 
     Parameters
@@ -31,21 +37,27 @@ def scores_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
         What the levels are, with the unit.
     title : str
         Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
 
     Returns
     -------
     Figure
         Three panels.
     """
+    looks = style.method_styles(rows["method"].unique(), styles)
     figure, axes = panels(3, columns=3, title=title, extra=_extra(rows))
     for panel, (column, name) in zip(axes, _SCORES.items(), strict=True):
-        draw_curves(panel, average_by_level(rows, column))
+        draw_curves(panel, average_by_level(rows, column), looks)
         finish(panel, title=name, xlabel=xlabel, share=True)
-    legend(figure, rows["method"].unique())
+    legend(figure, looks)
     return figure
 
 
-def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
+def registration_rate_figure(
+    rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
+) -> Figure:
     """Draw the share of registered pairs, by the paper's criterion and by each stricter one.
 
     Parameters
@@ -56,6 +68,9 @@ def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> 
         What the levels are, with the unit.
     title : str
         Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
 
     Returns
     -------
@@ -67,13 +82,14 @@ def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> 
         if column.startswith(PROTOCOL_PREFIX) and rows[column].notna().any():
             named[column] = protocol_title(column.removeprefix(PROTOCOL_PREFIX))
     columns = len(named) if len(named) <= 3 else -(-len(named) // 2)
+    looks = style.method_styles(rows["method"].unique(), styles)
     figure, axes = panels(len(named), columns=max(columns, 2), title=title, extra=_extra(rows))
     for panel, (column, name) in zip(axes, named.items(), strict=True):
         judged = rows[rows[column].notna()].astype({column: float})
-        draw_curves(panel, average_by_level(judged, column))
+        draw_curves(panel, average_by_level(judged, column), looks)
         finish(panel, title=name, xlabel=xlabel, share=True)
     axes[0].set_ylabel("share of pairs registered", fontsize=8, color=style.TEXT)
-    legend(figure, rows["method"].unique())
+    legend(figure, looks)
     return figure
 
 

@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.verdict import CRITERIA, OUTCOMES
+from cgroup.benchmark.claims.verdict import CRITERIA, ON_GENERATED, OUTCOMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -61,8 +61,11 @@ def as_markdown(verdicts: Sequence[Verdict]) -> str:
 
 def counts_line(verdicts: Iterable[Verdict]) -> str:
     """Say how many claims have which verdict."""
-    counts = count_verdicts(verdicts)
-    return f"{sum(counts.values())} claims: " + ", ".join(f"{n} {outcome}" for outcome, n in counts.items())
+    listed = list(verdicts)
+    generated = sum(verdict.measured.startswith(ON_GENERATED) for verdict in listed)
+    counts = ", ".join(f"{n} {outcome}" for outcome, n in count_verdicts(listed).items())
+    why = f"; {generated} would rest on generated shapes, not what the paper measured" if generated else ""
+    return f"{len(listed)} claims: {counts}{why}"
 
 
 def _markdown_row(verdict: Verdict) -> str:
