@@ -202,7 +202,7 @@ def bootstrap(values: FloatArray) -> list[Interval]:
 
     Raises
     ------
-    ValueError
+    ZeroDivisionError
         Without rows.
 
     Examples

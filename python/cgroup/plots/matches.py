@@ -42,7 +42,7 @@ def registration_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the grouped matches between two clouds, and the clouds as the pose lays them.
+    """Draw the matches of a group, and the two clouds as the pose lays them.
 
     Parameters
     ----------
@@ -140,7 +140,9 @@ def comparison_figure(
     Raises
     ------
     InputError
-        For points that aren't (N,3), a pose that isn't (4,4), or masks that aren't aligned with `correct`.
+        For points that aren't (N,3), or a pose that isn't (4,4).
+    ValueError
+        For masks that aren't aligned with the matches.
 
     Examples
     --------
