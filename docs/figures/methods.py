@@ -33,7 +33,11 @@ def make_figures(folder: Path) -> None:
     """Write all figures and the chooser into a folder, made if need be, unless they are there already."""
     stamp = _state()
     marker = folder / _STAMP
-    if marker.is_file() and marker.read_text(encoding="utf-8") == stamp and all(map(Path.is_file, files(folder))):
+    if (
+        marker.is_file()
+        and marker.read_text(encoding="utf-8") == stamp
+        and all(map(Path.is_file, files(folder)))
+    ):
         return
     folder.mkdir(parents=True, exist_ok=True)
     for name, kind, figure in _draw_all():

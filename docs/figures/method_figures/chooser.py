@@ -1,1 +1,2 @@
-def render_chooser(): return ""
+def render_chooser():
+    return ""

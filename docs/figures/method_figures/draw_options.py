@@ -34,7 +34,9 @@ def draw_options(method: str) -> Figure:
     sweeps = [sweep for sweep in SWEEPS if sweep.method == method]
     timed = bool((load_options().query("method == @method")["milliseconds"] > _WORTH_SHOWING).any())
     figure = new_figure(6.2 if timed else 4.5)
-    parts = figure.subfigures(3 if timed else 2, 1, height_ratios=(1.14, 1.14, 1) if timed else (1, 1), hspace=0.0)
+    parts = figure.subfigures(
+        3 if timed else 2, 1, height_ratios=(1.14, 1.14, 1) if timed else (1, 1), hspace=0.0
+    )
     for part, data in zip(parts, sweeps[0].data, strict=False):
         _name_part(part, DATA[data])
         for axes, sweep in zip(_row(part, len(sweeps)), sweeps, strict=True):
@@ -71,7 +73,9 @@ def _row(part: SubFigure, count: int) -> Sequence[Axes]:
 
 def _rows(sweep: Sweep, data: str) -> pd.DataFrame:
     table = load_options()
-    chosen = table[(table["method"] == sweep.method) & (table["option"] == sweep.option) & (table["data"] == data)]
+    chosen = table[
+        (table["method"] == sweep.method) & (table["option"] == sweep.option) & (table["data"] == data)
+    ]
     return chosen.set_index("value").loc[[str(value) for value in sweep.values]]
 
 

@@ -61,7 +61,9 @@ class FlatView:
         turned = back[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
         return turned + (self._shift, 0.0)
 
-    def draw(self, axes: Axes, rows: BoolArray | None = None, *, width: float = 0.9, alpha: float = 0.8) -> None:
+    def draw(
+        self, axes: Axes, rows: BoolArray | None = None, *, width: float = 0.9, alpha: float = 0.8
+    ) -> None:
         """Draw both sides' points, and lines for some matches in the colours of right and wrong."""
         shown = np.ones(len(self._problem), dtype=bool) if rows is None else rows
         first, second = self.source(), self.target()
@@ -70,7 +72,9 @@ class FlatView:
         for right, color in ((False, WRONG), (True, CORRECT)):
             chosen = shown & (self._problem.inlier_mask == right)
             lines = np.stack([first[chosen], second[chosen]], axis=1)
-            axes.add_collection(LineCollection(list(lines), colors=color, linewidths=width, alpha=alpha, zorder=3))
+            axes.add_collection(
+                LineCollection(list(lines), colors=color, linewidths=width, alpha=alpha, zorder=3)
+            )
             for points in (first, second):
                 axes.scatter(*points[chosen].T, s=12, color=color, linewidths=0, zorder=4)
         bare(axes)
@@ -80,7 +84,13 @@ class FlatView:
         low = min(self.source()[:, 1].min(), self.target()[:, 1].min())
         for points, name in ((self.source(), "source"), (self.target(), "target")):
             axes.text(
-                points[:, 0].mean(), low * 1.08, name, ha="center", va="top", fontsize=FONT - 0.5, color=QUIET_TEXT
+                points[:, 0].mean(),
+                low * 1.08,
+                name,
+                ha="center",
+                va="top",
+                fontsize=FONT - 0.5,
+                color=QUIET_TEXT,
             )
 
 

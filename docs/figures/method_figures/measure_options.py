@@ -22,7 +22,9 @@ def measure_sweep(sweep: Sweep) -> Iterator[tuple[str, ...]]:
     """Yield one row per value and kind of data: means over the problems, the median of the time."""
     for data in sweep.data:
         for value in sweep.values:
-            scores, times = zip(*(_try(sweep, value, data, i) for i in range(len(problems(data)))), strict=True)
+            scores, times = zip(
+                *(_try(sweep, value, data, i) for i in range(len(problems(data)))), strict=True
+            )
             means = np.mean(scores, axis=0)
             figures = (*(f"{mean:.4f}" for mean in means), f"{statistics.median(times):.3f}")
             yield (sweep.method, sweep.option, str(value), data, *figures)

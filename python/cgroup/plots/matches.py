@@ -36,7 +36,7 @@ def registration_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the grouped matches between two clouds, and the two clouds as the pose lays them.
+    """Draw the matches of a group, and the two clouds as the pose lays them.
 
     Parameters
     ----------
@@ -55,6 +55,30 @@ def registration_figure(
     -------
     Figure
         The source is shown turned as in the pose, so that lines of right matches run parallel.
+
+    Raises
+    ------
+    InputError
+        For points that aren't (N,3), or a pose that isn't (4,4).
+    IndexError
+        For a mask that isn't aligned with the matches.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import registration_figure
+    >>> from cgroup.registration import register
+    >>> pair = standin_pair(pixels=60)
+    >>> done = register(pair.source, pair.target)
+    >>> figure = registration_figure(
+    ...     pair.source.points,
+    ...     pair.target.points,
+    ...     done.correspondences,
+    ...     mask=done.grouping.mask,
+    ...     T_target_source=done.T_target_source,
+    ...     title="Two views of a stone",
+    ... )
+    >>> figure.savefig("registration.png")
     """
     scene = Scene.of(source, target, T_target_source)
     widths, height = scene.widths, scene.height
@@ -85,7 +109,7 @@ def comparison_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw what each method selected, correct matches in one colour and wrong ones in another.
+    """Draw what each method selected: correct matches in one colour, wrong in another.
 
     Parameters
     ----------
@@ -106,6 +130,33 @@ def comparison_figure(
     -------
     Figure
         The source is shown turned as in the true pose, so that lines of correct matches run parallel.
+
+    Raises
+    ------
+    InputError
+        For points that aren't (N,3), or a pose that isn't (4,4).
+    ValueError
+        For masks that aren't aligned with the matches.
+
+    Examples
+    --------
+    >>> from cgroup import group
+    >>> from cgroup.comparison import find_correct
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import comparison_figure
+    >>> from cgroup.registration import correspond
+    >>> pair = standin_pair(pixels=60)
+    >>> matches = correspond(pair.source, pair.target, keypoints=200)
+    >>> figure = comparison_figure(
+    ...     pair.source.points,
+    ...     pair.target.points,
+    ...     matches,
+    ...     correct=find_correct(matches, pair.T_target_source),
+    ...     masks={name: group(matches, name).mask for name in ("gc", "gtm")},
+    ...     T_target_source=pair.T_target_source,
+    ...     title="Two methods",
+    ... )
+    >>> figure.savefig("methods.png")
     """
     rows = -(-len(masks) // _COLUMNS)
     scene = Scene.of(source, target, T_target_source)

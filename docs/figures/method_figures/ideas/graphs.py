@@ -124,7 +124,9 @@ def _draw_graph(axes: Axes, problem: MatchingProblem, joined: BoolArray, clique:
     edges = np.argwhere(np.triu(joined, 1))
     strong = inside[edges].all(axis=1)
     for chosen, color, width, order in ((~strong, "#c9c9c9", 0.6, 1), (strong, ACCENT, 1.1, 2)):
-        axes.add_collection(LineCollection(list(places[edges[chosen]]), colors=color, linewidths=width, zorder=order))
+        axes.add_collection(
+            LineCollection(list(places[edges[chosen]]), colors=color, linewidths=width, zorder=order)
+        )
     axes.scatter(*places.T, s=36, color=colors_of(problem.inlier_mask), linewidths=0, zorder=3)
     axes.scatter(*places[inside].T, s=90, facecolors="none", edgecolors=ACCENT, linewidths=1.4, zorder=4)
     axes.set(xlim=(-1.15, 1.15), ylim=(-1.15, 1.15))
@@ -162,7 +164,13 @@ def _draw_vote(axes: Axes, problem: MatchingProblem) -> None:
     order = np.argsort(proposed[shown], kind="stable")
     centers, colors = proposed[shown][order], np.array(colors_of(problem.inlier_mask[shown]))[order]
     for height, (center, color) in enumerate(zip(centers, colors, strict=True)):
-        axes.plot([center - beta, center + beta], [height, height], color=color, linewidth=2.2, solid_capstyle="butt")
+        axes.plot(
+            [center - beta, center + beta],
+            [height, height],
+            color=color,
+            linewidth=2.2,
+            solid_capstyle="butt",
+        )
     grid = np.linspace(-30, 30, 601)
     cost = np.minimum(((grid[:, None] - proposed) / beta) ** 2, 1).sum(axis=1)
     twin = axes.twinx()
@@ -170,7 +178,12 @@ def _draw_vote(axes: Axes, problem: MatchingProblem) -> None:
     twin.set(yticks=[], ylim=(cost.min() - 1, cost.max() + 1))
     twin.spines[:].set_visible(False)
     axes.set(xlim=(-30, 30), yticks=[])
-    finish(axes, title="Translation along x: least cost (blue) wins", xlabel="offset from the true one (pr)", grid=False)
+    finish(
+        axes,
+        title="Translation along x: least cost (blue) wins",
+        xlabel="offset from the true one (pr)",
+        grid=False,
+    )
 
 
 def clipper() -> Figure:

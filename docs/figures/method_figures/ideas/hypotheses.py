@@ -56,7 +56,13 @@ def ransac() -> Figure:
         title_of(panel, f"{name}: {counts[number]} agree")
     places = np.arange(1, len(counts) + 1)
     axes.scatter(
-        places, counts, s=10, color=[CORRECT if each else WRONG for each in clean], linewidths=0, alpha=0.85, zorder=3
+        places,
+        counts,
+        s=10,
+        color=[CORRECT if each else WRONG for each in clean],
+        linewidths=0,
+        alpha=0.85,
+        zorder=3,
     )
     axes.step(places, np.maximum.accumulate(counts), where="post", color=TEXT, linewidth=1.2)
     axes.set_ylim(0, None)
@@ -94,14 +100,23 @@ def lc() -> Figure:
     figure = new_figure(3.0)
     left, middle, right = figure.subplots(1, 3)
     residual = np.linspace(0, 7, 200)
-    for level, name, color in ((5.0, "distinctive", TEXT), (3.2, "usual", ACCENT), (1.0, "in a crowd", QUIET_TEXT)):
+    for level, name, color in (
+        (5.0, "distinctive", TEXT),
+        (3.2, "usual", ACCENT),
+        (1.0, "in a crowd", QUIET_TEXT),
+    ):
         gain = np.where(residual < 6, np.maximum(0, level - residual**2 / (2 * 2.7**2)), 0)
         left.plot(residual, gain, color=color, linewidth=1.5)
         left.annotate(
             name, (0, level), xytext=(4, 3), textcoords="offset points", fontsize=FONT - 0.5, color=color
         )
     left.set(xlim=(0, 7), ylim=(0, 5.9))
-    finish(left, title="What a match adds to the support", xlabel=r"residual $r_i$ ($\tau / 3$)", ylabel="support")
+    finish(
+        left,
+        title="What a match adds to the support",
+        xlabel=r"residual $r_i$ ($\tau / 3$)",
+        ylabel="support",
+    )
     _draw_modes(middle, problem, result)
     _draw_residuals(right, problem, result)
     name_right_and_wrong(figure, dots=False)
@@ -121,7 +136,11 @@ def _draw_modes(axes: Axes, problem: MatchingProblem, result: cgroup.Grouping) -
         for pose in poses[:shown]
     ]
     axes.bar(
-        np.arange(1, shown + 1), scores[:shown], color=[CORRECT if each else WRONG for each in right], width=0.75, alpha=0.8
+        np.arange(1, shown + 1),
+        scores[:shown],
+        color=[CORRECT if each else WRONG for each in right],
+        width=0.75,
+        alpha=0.8,
     )
     axes.text(
         0.97,

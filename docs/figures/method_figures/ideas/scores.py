@@ -44,7 +44,12 @@ def ss() -> Figure:
     cuts = np.linspace(similarity.min(), similarity.max(), 101)[1:-1]
     right.plot(cuts, [_between_classes(similarity, each) for each in cuts], color=ACCENT, linewidth=1.6)
     mark_cut(right, cut, "greatest here")
-    finish(right, title="Otsu: how far apart the two classes lie", xlabel="cut", ylabel="variance between classes")
+    finish(
+        right,
+        title="Otsu: how far apart the two classes lie",
+        xlabel="cut",
+        ylabel="variance between classes",
+    )
     right.set_ylim(0, right.get_ylim()[1] * 1.15)
     name_right_and_wrong(figure, dots=False)
     return figure
@@ -70,10 +75,20 @@ def nnsr() -> Figure:
     left.fill_between(reach, 0, 0.8 * reach, color=ACCENT, alpha=0.10, linewidth=0)
     left.plot(reach, 0.8 * reach, color=TEXT, linewidth=1.1, linestyle=(0, (4, 2)))
     left.plot(reach, reach, color=QUIET_TEXT, linewidth=0.8)
-    left.text(0.97, 0.05, "kept: clearly nearer than the second", transform=left.transAxes, ha="right", fontsize=FONT)
+    left.text(
+        0.97,
+        0.05,
+        "kept: clearly nearer than the second",
+        transform=left.transAxes,
+        ha="right",
+        fontsize=FONT,
+    )
     left.set(xlim=(0.2, reach[1]), ylim=(0.1, reach[1]))
     finish(
-        left, title="Distances to the two nearest descriptors", xlabel="second nearest $d_2$", ylabel="nearest $d_1$"
+        left,
+        title="Distances to the two nearest descriptors",
+        xlabel="second nearest $d_2$",
+        ylabel="nearest $d_1$",
     )
     draw_histogram(right, ratio, correct, bins=np.linspace(ratio.min(), 1, 29))
     mark_cut(right, 0.8, "max_ratio = 0.8", left=True)

@@ -52,7 +52,9 @@ def si() -> Figure:
     figure = new_figure(2.9)
     first, second, third = figure.subplots(1, 3)
     voters = np.argsort(problem.ratio, kind="stable")[:60]
-    for axes, match, name in zip((first, second), _candidates(problem, scores), ("right", "wrong"), strict=True):
+    for axes, match, name in zip(
+        (first, second), _candidates(problem, scores), ("right", "wrong"), strict=True
+    ):
         _draw_residuals(axes, problem, match, voters)
         finish(
             axes,
@@ -76,7 +78,12 @@ def _draw_residuals(axes: Axes, problem: MatchingProblem, match: int, voters: Fl
     ratio = _distance_ratio(problem, match)[others]
     axes.add_patch(Rectangle((0.5, 0.9), 4.5, 0.1, color=ACCENT, alpha=0.15, linewidth=0))
     axes.scatter(
-        np.clip(residual, 0.6, 400), ratio, s=14, color=colors_of(problem.inlier_mask[others]), alpha=0.8, linewidths=0
+        np.clip(residual, 0.6, 400),
+        ratio,
+        s=14,
+        color=colors_of(problem.inlier_mask[others]),
+        alpha=0.8,
+        linewidths=0,
     )
     count = int(((residual < 5) & (ratio > 0.9)).sum())
     axes.set_xscale("log")
@@ -106,7 +113,9 @@ def cv() -> Figure:
     figure = new_figure(2.9)
     first, second, third = figure.subplots(1, 3)
     voters = np.argsort(problem.ratio, kind="stable")[:60]
-    for axes, match, name in zip((first, second), _candidates(problem, scores), ("right", "wrong"), strict=True):
+    for axes, match, name in zip(
+        (first, second), _candidates(problem, scores), ("right", "wrong"), strict=True
+    ):
         _draw_agreement(axes, problem, match, voters[voters != match])
         finish(
             axes,
@@ -130,9 +139,7 @@ def _draw_agreement(axes: Axes, problem: MatchingProblem, match: int, others: Fl
     axes.pcolormesh(grid_r, grid_l, weight, cmap=_COUNTS, vmin=0, vmax=1.2, rasterized=True)
     source = np.linalg.norm(problem.source[others] - problem.source[match], axis=1)
     target = np.linalg.norm(problem.target[others] - problem.target[match], axis=1)
-    differ = np.abs(
-        _angles(problem.source_lrf, match, others) - _angles(problem.target_lrf, match, others)
-    )
+    differ = np.abs(_angles(problem.source_lrf, match, others) - _angles(problem.target_lrf, match, others))
     axes.scatter(
         np.minimum(np.abs(source - target), reach),
         np.minimum(differ, turn),
@@ -199,5 +206,12 @@ def _frame_bin(axes: Axes, edges: list[FloatArray], place: tuple[int, int], *, s
     x, y = edges[0][place[0]], edges[1][place[1]]
     size = edges[0][1] - edges[0][0], edges[1][1] - edges[1][0]
     axes.add_patch(
-        Rectangle((x, y), *size, fill=False, edgecolor=TEXT, linewidth=1.6 if strong else 0.9, zorder=4 if strong else 3)
+        Rectangle(
+            (x, y),
+            *size,
+            fill=False,
+            edgecolor=TEXT,
+            linewidth=1.6 if strong else 0.9,
+            zorder=4 if strong else 3,
+        )
     )
