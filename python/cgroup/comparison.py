@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._values import as_items
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import (
     correct_matches,
@@ -19,7 +20,7 @@ from cgroup.evaluation import (
     translation_error,
 )
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
-from cgroup.group import group
+from cgroup.group import check_method, group
 from cgroup.io import write_file
 from cgroup.registry import METHODS
 
@@ -99,7 +100,7 @@ def compare(
     T_target_source : (4,4) array_like of float
         True pose.
     methods : iterable of str
-        Names from `METHODS`; all by default.
+        Names from `METHODS`, in any case; all by default.
     tolerance : float, optional
         As in `find_correct`.
     correct : (n,) array_like of bool, optional
@@ -120,8 +121,9 @@ def compare(
     Raises
     ------
     InputError
-        If a field or the resolution is missing, or the pose isn't rigid.
+        If a method is unknown, a field or the resolution is missing, or the pose isn't rigid.
     """
+    names = [check_method(method) for method in as_items("methods", methods, "give names from METHODS")]
     if correct is None:
         correct = find_correct(correspondences, T_target_source, tolerance=tolerance)
     if max_displacement is None:
@@ -129,7 +131,7 @@ def compare(
     if max_displacement is None:
         max_displacement = MAX_DISPLACEMENT * _need_resolution(correspondences, "max_displacement")
     truth = _Truth(np.asarray(T_target_source), np.asarray(correct), max_rotation, max_displacement)
-    for method in methods:
+    for method in names:
         if progress is not None:
             progress(method)
         yield _run_method(correspondences, method, truth)

@@ -14,7 +14,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup._plugins import load_plugin
-from cgroup._values import as_choice, as_instance, as_number, as_word
+from cgroup._values import as_choice, as_instance, as_number, as_word, guess_word, refuse_word
 from cgroup.datasets.base import MatchingPair
 from cgroup.datasets.generated.shapes import random_direction, stone
 from cgroup.datasets.voxels import voxel_means
@@ -142,8 +142,7 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     word = as_word("name", name)
     nuisance: Nuisance | None = load_plugin("nuisance", word) if ":" in word else NUISANCES.get(word)
     if nuisance is None:
-        message = f"nuisance: got {name!r}; choose one of {', '.join(NUISANCES)}, or give module:function"
-        raise InputError(message)
+        refuse_word("nuisance", name, NUISANCES, guess_word(name, NUISANCES), ", or give module:function")
     return nuisance(*_checked(pair, level), as_instance("rng", rng, np.random.Generator))
 
 
