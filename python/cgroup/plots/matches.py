@@ -13,6 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cgroup._arguments import as_points
 from cgroup.evaluation import score_group
 from cgroup.plots import style
 from cgroup.plots.shading import Picture, face_broadside, overlay, shade
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
 
@@ -34,8 +36,8 @@ _WIDTH = 12  # inches
 
 
 def registration_figure(
-    source: FloatArray,
-    target: FloatArray,
+    source: ArrayLike,
+    target: ArrayLike,
     correspondences: Correspondences,
     *,
     mask: BoolArray,
@@ -46,7 +48,7 @@ def registration_figure(
 
     Parameters
     ----------
-    source, target : (N,3) array of float64
+    source, target : (N,3) array_like of float
         Whole clouds.
     correspondences : Correspondences
         All matches.
@@ -82,8 +84,8 @@ def registration_figure(
 
 
 def comparison_figure(
-    source: FloatArray,
-    target: FloatArray,
+    source: ArrayLike,
+    target: ArrayLike,
     correspondences: Correspondences,
     *,
     correct: BoolArray,
@@ -95,7 +97,7 @@ def comparison_figure(
 
     Parameters
     ----------
-    source, target : (N,3) array of float64
+    source, target : (N,3) array_like of float
         Whole clouds.
     correspondences : Correspondences
         All matches.
@@ -147,10 +149,11 @@ class _Scene:
     overlay: Picture
 
     @classmethod
-    def of(cls, source: FloatArray, target: FloatArray, pose: FloatArray) -> _Scene:
-        view = face_broadside(target)
-        placed = view.project(apply(pose, source))
-        there = view.project(target)
+    def of(cls, source: ArrayLike, target: ArrayLike, pose: FloatArray) -> _Scene:
+        where = as_points("target", target)
+        view = face_broadside(where)
+        placed = view.project(apply(pose, as_points("source", source)))
+        there = view.project(where)
         tints = (style.SOURCE_TINT, style.TARGET_TINT)
         pictures = shade(placed, tints[0]), shade(there, tints[1])
         (left, right, *_), (start, end, *_) = (picture.extent for picture in pictures)
