@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from cgroup._drawing import Drawing
     from cgroup.types import BoolArray, Correspondences, FloatArray
@@ -28,8 +29,8 @@ _WIDTH = 12  # inches
 
 
 def registration_figure(
-    source: FloatArray,
-    target: FloatArray,
+    source: ArrayLike,
+    target: ArrayLike,
     correspondences: Correspondences,
     *,
     mask: BoolArray,
@@ -40,7 +41,7 @@ def registration_figure(
 
     Parameters
     ----------
-    source, target : (N,3) array of float64
+    source, target : (N,3) array_like of float
         Whole clouds.
     correspondences : Correspondences
         All matches.
@@ -100,8 +101,8 @@ def registration_figure(
 
 
 def comparison_figure(
-    source: FloatArray,
-    target: FloatArray,
+    source: ArrayLike,
+    target: ArrayLike,
     correspondences: Correspondences,
     *,
     correct: BoolArray,
@@ -113,7 +114,7 @@ def comparison_figure(
 
     Parameters
     ----------
-    source, target : (N,3) array of float64
+    source, target : (N,3) array_like of float
         Whole clouds.
     correspondences : Correspondences
         All matches.
