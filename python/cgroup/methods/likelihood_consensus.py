@@ -43,7 +43,7 @@ def lc(
 
     Frames make further poses and count in the support, where they are good: where most of the supporters of
     poses that are no chance have frames that agree, or where position alone finds no such pose
-    (``by_frames`` in the diagnostics). ``docs/methods/likelihood-consensus.md`` has every step, and what
+    (``by_frames`` in the diagnostics). ``docs/methods/lc.md`` has every step, and what
     each is worth.
 
     Parameters
