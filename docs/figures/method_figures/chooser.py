@@ -14,7 +14,13 @@ _TEMPLATE = Path(__file__).with_suffix(".html")
 _PLACE = "/*DATA*/"
 _NEEDS = {"source": "points", "similarity": "similarity", "ratio": "ratio", "source_lrf": "frames"}
 _FREE_OF_LENGTHS = {"ss", "nnsr", "st", "3dhv", "gtm"}
-_FIGURES = {"f": "f_score", "precision": "precision", "recall": "recall", "ms": "milliseconds", "mib": "mebibytes"}
+_FIGURES = {
+    "f": "f_score",
+    "precision": "precision",
+    "recall": "recall",
+    "ms": "milliseconds",
+    "mib": "mebibytes",
+}
 
 
 def render_chooser() -> str:

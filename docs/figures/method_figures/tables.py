@@ -82,18 +82,23 @@ def sized(n: int | None = None, share: float | None = None) -> pd.DataFrame:
 
 
 def cost_table(function: str) -> str:
-    """Time and memory of one method over the number of matches."""
+    """List time and memory of one method over the number of matches."""
     rows = sized()[lambda table: table["method"] == public(function)]
-    lines = ["| matches | ms, 50 % right | ms, 10 % right | ms, 2 % right | MiB, 10 % right |", "|---:|---:|---:|---:|---:|"]
+    lines = [
+        "| matches | ms, 50 % right | ms, 10 % right | ms, 2 % right | MiB, 10 % right |",
+        "|---:|---:|---:|---:|---:|",
+    ]
     for n in SIZES:
         at = rows[rows["n"] == n].set_index("inliers")
         times = [time(at["milliseconds"].get(share)) for share in (0.5, 0.1, 0.02)]
         lines.append(f"| {n:,} | {' | '.join(times)} | {memory(at['mebibytes'].get(0.1))} |")
-    return _captioned(lines, "Medians of 8, 8, 3 and 1 problems, one thread of a machine that had other work too.")
+    return _captioned(
+        lines, "Medians of 8, 8, 3 and 1 problems, one thread of a machine that had other work too."
+    )
 
 
 def group_table(name: str) -> str:
-    """All methods of one kind with what they need, their cost, and what they reach."""
+    """List all methods of one kind with what they need, their cost, and what they reach."""
     lines = [
         "| method | idea | needs | cost | F, 10 % right | F, 2 % right | F, 1 % right | ms, n = 1,000 |",
         "|---|---|---|---|---:|---:|---:|---:|",
@@ -111,8 +116,11 @@ def group_table(name: str) -> str:
 
 
 def best_table(_: str) -> str:
-    """The fastest of the best methods by size and share of right matches."""
-    lines = ["| right | " + " | ".join(f"{n:,} matches" for n in SIZES) + " |", "|---:|" + "---|" * len(SIZES)]
+    """List the fastest of the best methods by size and share of right matches."""
+    lines = [
+        "| right | " + " | ".join(f"{n:,} matches" for n in SIZES) + " |",
+        "|---:|" + "---|" * len(SIZES),
+    ]
     for share in SHARES:
         cells = [_best(_on_points(sized(n, share))) for n in SIZES]
         lines.append(f"| {100 * share:g} % | " + " | ".join(cells) + " |")
@@ -134,9 +142,9 @@ def _best(rows: pd.DataFrame) -> str:
 
 
 def needs_table(_: str) -> str:
-    """What to take for precision, for recall, and in a hurry, of 1,000 matches by the share of right ones."""
+    """List what to take for precision, for recall, and in a hurry, of 1,000 matches."""
     lines = [
-        "| right | fewest false (precision, recall) | fewest missed at a precision of .9 | fastest with F of .9 |",
+        "| right | fewest false: precision, recall | fewest missed, at precision .9 | fastest, F .9 |",
         "|---:|---|---|---|",
     ]
     for share in SHARES:
