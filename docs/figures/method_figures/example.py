@@ -41,7 +41,7 @@ def small_problem(
 
 
 class FlatView:
-    """The two sides of a problem in one plane: the source on the left, the target beside it, turned a little."""
+    """The two sides of a problem in one plane: the target on the right, turned a little."""
 
     def __init__(self, problem: MatchingProblem) -> None:
         self._problem = problem
@@ -59,7 +59,7 @@ class FlatView:
         back = apply(invert(self._problem.T_target_source), shown) - self._center
         cosine, sine = np.cos(_TURN), np.sin(_TURN)
         turned = back[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
-        return turned + (self._shift, 0.0)
+        return turned + np.array([self._shift, 0.0])
 
     def draw(
         self, axes: Axes, rows: BoolArray | None = None, *, width: float = 0.9, alpha: float = 0.8

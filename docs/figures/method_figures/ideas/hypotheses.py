@@ -41,7 +41,7 @@ def _residuals(problem: MatchingProblem, rows: IndexArray) -> FloatArray:
 
 
 def ransac() -> Figure:
-    """A bad sample and a good one, and how many agree with each of many."""
+    """Draw a bad sample and a good one, and how many agree with each of many."""
     problem = small_problem(60, 0.4)
     rng = np.random.default_rng(5)
     samples = [rng.choice(len(problem), 3, replace=False) for _ in range(120)]
@@ -94,7 +94,7 @@ def _draw_sample(axes: Axes, problem: MatchingProblem, rows: IndexArray) -> None
 
 
 def lc() -> Figure:
-    """What a match adds to a pose's support, and the poses that the matches speak for."""
+    """Draw what a match adds to a pose's support, and the poses that the matches speak for."""
     problem = small_problem(1000, 0.02, seed=6, noise=1.2, radius=100.0)
     result = cgroup.group(problem.correspondences(), "lc")
     figure = new_figure(3.0)
@@ -171,7 +171,7 @@ def _draw_residuals(axes: Axes, problem: MatchingProblem, result: cgroup.Groupin
 
 
 def turboreg() -> Figure:
-    """Heavy pairs are mostly right; a triangle over one of them is a pose."""
+    """Show that heavy pairs are mostly right; a triangle over one of them is a pose."""
     problem = small_problem(150, 0.15, seed=7, noise=0.4, radius=60.0)
     weight = _second_order(problem, 1.6, 60.0)
     pairs = np.argwhere(np.triu(weight, 1) > 0)
@@ -183,7 +183,7 @@ def turboreg() -> Figure:
     pivot = pairs[order[0]]
     third = _best_third(weight, pivot)
     _draw_triangle(left, problem, np.array([*pivot, third]))
-    title_of(left, "A pivot, and the third match that makes the heaviest triangle")
+    title_of(left, "A pivot (thick) and its heaviest triangle")
     places = np.arange(1, len(order) + 1)
     for chosen, color in ((~both, WRONG), (both, CORRECT)):
         mask = chosen[order]

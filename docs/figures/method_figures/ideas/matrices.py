@@ -58,7 +58,7 @@ def show_matrix(
 
 
 def st() -> Figure:
-    """The affinity matrix, its principal eigenvector, and what is accepted."""
+    """Draw the affinity matrix, its principal eigenvector, and what is accepted."""
     problem = small_problem(60, 0.3)
     right = int(problem.inlier_mask.sum())
     result = cgroup.st(problem.source, problem.target)
@@ -91,7 +91,7 @@ def st() -> Figure:
 
 
 def gtm() -> Figure:
-    """How the population gathers on the right matches, step by step."""
+    """Draw how the population gathers on the right matches, step by step."""
     problem = small_problem(60, 0.3)
     payoff = ratio_matrix(problem)
     steps = 100
@@ -126,7 +126,7 @@ def gtm() -> Figure:
 
 
 def sc2pcr() -> Figure:
-    """First-order compatibility, where wrong pairs agree too, and the second order, where they don't."""
+    """Draw first-order compatibility, where wrong pairs agree too, and the second order, where they don't."""
     problem = small_problem(80, 0.25, seed=2)
     source, target = distances(problem)
     first = (np.abs(source - target) < 5) & ~np.eye(len(problem), dtype=bool)
