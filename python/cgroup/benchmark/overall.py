@@ -21,7 +21,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cgroup.benchmark.rankings import LEVEL, Interval, bootstrap, compare_with_best, holm, mcnemar, signed_rank
+from cgroup.benchmark.rankings import (
+    LEVEL,
+    Interval,
+    bootstrap,
+    compare_with_best,
+    holm,
+    mcnemar,
+    signed_rank,
+)
 from cgroup.datasets.generated_matches import GeneratedMatches
 
 if TYPE_CHECKING:
@@ -75,8 +83,8 @@ class Overall:
         Adjusted p of the difference of two methods by the first measure, over all twos.
     pairs : dict of str to int
         Number of pairs by data set.
-    cases, units : int
-        How many cases all ranked methods have, and how many units are drawn.
+    cases, further_cases, units : int
+        How many cases all ranked methods have, how many only some of them, and how many units are drawn.
     by_object : tuple of str
         Data sets whose objects are drawn.
     unranked : dict of str to int
@@ -89,6 +97,7 @@ class Overall:
     p_between: dict[tuple[str, str], float]
     pairs: dict[str, int]
     cases: int
+    further_cases: int
     units: int
     by_object: tuple[str, ...]
     unranked: dict[str, int]
@@ -170,6 +179,7 @@ def _rank_kind(kind: str, rows: pd.DataFrame, measures: tuple[str, ...]) -> Over
         _compare_all(_unit_means(by_pair[0].to_numpy(np.float64), of_unit), ranked),
         {str(name): int(count) for name, count in pairs.groupby("dataset", sort=False).size().items()},
         len(shared),
+        rows.loc[rows["method"].isin(ranked), "case"].nunique() - len(shared),
         len(units),
         tuple(dict.fromkeys(d for d, unit in zip(datasets, units, strict=True) if unit not in single)),
         {str(method): int(count) for method, count in counts.items() if method not in ranked},

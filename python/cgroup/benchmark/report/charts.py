@@ -167,7 +167,7 @@ def look_up(methods: Iterable[str], styles: Mapping[str, MethodStyle]) -> dict[s
 
 
 def dash_of(dashes: LineStyleType) -> str:
-    """Plotly's name of matplotlib's dashes."""
+    """Return plotly's name of matplotlib's dashes."""
     return "solid" if dashes == "-" else "dash"
 
 

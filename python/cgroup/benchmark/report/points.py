@@ -26,7 +26,12 @@ _MILLISECONDS = "median milliseconds per call"
 
 
 def times_chart(
-    times: pd.DataFrame, *, exponents: Mapping[str, float], complexities: Mapping[str, str], styles: Mapping[str, MethodStyle], alt: str
+    times: pd.DataFrame,
+    *,
+    exponents: Mapping[str, float],
+    complexities: Mapping[str, str],
+    styles: Mapping[str, MethodStyle],
+    alt: str,
 ) -> Chart:
     """Chart milliseconds over the number of matches.
 
@@ -49,21 +54,29 @@ def times_chart(
         One panel, both axes logarithmic.
     """
     methods = sort_methods(times.columns)
-    series = [Series(method, y=(1e3 * times[method]).tolist()) for method in methods]
+    series = [
+        Series(
+            method,
+            y=(1e3 * times[method]).tolist(),
+            notes=[_describe_growth(exponents.get(method, np.nan), complexities.get(method))] * len(times),
+        )
+        for method in methods
+    ]
     panel = Panel(
         "time", "number of matches n", "milliseconds per grouping, one thread", series,
         at=[float(n) for n in times.index], share=False, logarithmic="xy",
     )  # fmt: skip
-    looks = look_up(methods, styles)
-    for method, look in looks.items():
-        fitted = exponents.get(method, np.nan)
-        grows = "" if np.isnan(fitted) else f" ~ n^{fitted:.2f}"
-        paper = f" (paper {complexities[method]})" if method in complexities else ""
-        looks[method] = look._replace(label=look.label + grows + paper)
-    return Chart("time", alt, [panel], looks, ("time",))
+    return Chart("time", alt, [panel], look_up(methods, styles), ("time",))
 
 
-def pairs_chart(rows: pd.DataFrame, methods: tuple[str, str], *, styles: Mapping[str, MethodStyle], alt: str, file: str) -> Chart:
+def _describe_growth(exponent: float, paper: str | None) -> str:
+    measured = "" if np.isnan(exponent) else f"measured n^{exponent:.2f}"
+    return "; ".join(filter(None, (measured, paper and f"paper {paper}")))
+
+
+def pairs_chart(
+    rows: pd.DataFrame, methods: tuple[str, str], *, styles: Mapping[str, MethodStyle], alt: str, file: str
+) -> Chart:
     """Chart the precision of two methods pair by pair, and the share of pairs up to each precision.
 
     Parameters
@@ -156,20 +169,23 @@ def pipelines_chart(related: pd.DataFrame, *, alt: str) -> Chart:
     """
     rows = related.assign(method=related["pipeline"])
     drawn = choose_looks(related)
-    looks = {
-        name: Look(name, look.color, look.symbol, dash_of(look.dashes))
-        for name, look in drawn.items()
-    }
+    looks = {name: Look(name, look.color, look.symbol, dash_of(look.dashes)) for name, look in drawn.items()}
     panels = [_by_overlap(rows, list(looks))] if rows["overlap"].notna().any() else []
     for name, of_set in rows.groupby("set", sort=False):
         means = estimate_means(of_set, ("right",))["right"]
         seconds = of_set.groupby("method")["seconds"].median()
-        points = [_make_point(method, float(seconds[method]), means[method]) for method in looks if method in means]
+        points = [
+            _make_point(method, float(seconds[method]), means[method]) for method in looks if method in means
+        ]
         panels.append(
             Panel(
-                str(name), "median seconds per pair", "share of right poses", points,
-                kind="points", logarithmic="x",
-            )  # fmt: skip
+                str(name),
+                "median seconds per pair",
+                "share of right poses",
+                points,
+                kind="points",
+                logarithmic="x",
+            )
         )
     return Chart("registration", alt, panels, looks, ("registration",))
 
