@@ -98,7 +98,7 @@ def test_data_sets_keep_their_shares_in_every_draw() -> None:
     (interval,) = bootstrap(values, strata=["a"] * 10 + ["b"] * 30)
     assert interval == pytest.approx((0.65, 0.65, 0.65))
     (mixed,) = bootstrap(values)
-    assert mixed.low < 0.6 < 0.7 < mixed.high
+    assert mixed.high - mixed.low > 0.1
 
 
 def test_a_single_stratum_of_single_values_has_the_means_of_its_draws() -> None:

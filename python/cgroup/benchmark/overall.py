@@ -42,9 +42,6 @@ if TYPE_CHECKING:
 LEAST_OBJECTS = 5
 """Of a data set whose objects are drawn in place of its pairs."""
 
-LEAST_PAIRS = 5
-"""For an interval: fewer say nothing of others."""
-
 REAL, GENERATED = "real and semi-synthetic", "synthetic"
 """Kinds of pairs that are ranked apart."""
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from cgroup.benchmark.overall import LEAST_PAIRS
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.pages import chart_html
 from cgroup.plots.curves import sort_methods
 from cgroup.plots.style import method_styles

@@ -8,11 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.overall import GENERATED, LEAST_OBJECTS, LEAST_PAIRS, Overall, Standing, rank_overall
+from cgroup.benchmark.overall import GENERATED, LEAST_OBJECTS, Overall, Standing, rank_overall
 from cgroup.benchmark.paper import PAPER_EPSILON
 from cgroup.benchmark.rankings import LEVEL
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell
 from cgroup.benchmark.report.trial_tables import with_fewest_threads
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots.style import method_style
 
 if TYPE_CHECKING:
