@@ -141,7 +141,7 @@ def _rank(overall: Overall, noun: str) -> Table:
         cells = [cell for of in overall.standings.values() for cell in _show(of, method, certain=certain)]
         lines.append((Cell(str(place), float(place)), method_cell(method), *cells))
     names = [_NAMES[measure] for measure in overall.standings]
-    headers = [header for name in names for header in ((name, f"p ({name})") if certain else (name,))]
+    headers = [header for name in names for header in ((name, "p") if certain else (name,))]
     return Table(f"Ranking by {names[0]}", ("rank", noun, *headers), lines)
 
 
