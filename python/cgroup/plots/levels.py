@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
 from cgroup.plots import style
 from cgroup.plots.curves import draw_curves, finish, legend, panels, place_levels
@@ -62,11 +63,12 @@ def scores_figure(
     ['precision', 'recall', 'F-score']
     """
     looks = style.method_styles(rows["method"].unique(), styles)
+    few = _list_sparse(rows)
     figure, axes = panels(3, columns=3, title=title, extra=_extra(rows))
     for panel, (column, name) in zip(axes, _SCORES.items(), strict=True):
-        draw_curves(panel, average_by_level(rows, column), looks)
+        draw_curves(panel, average_by_level(rows, column), looks, few)
         finish(panel, title=name, xlabel=xlabel, share=True)
-    legend(figure, looks)
+    legend(figure, looks, few=bool(few))
     return figure
 
 
@@ -112,14 +114,14 @@ def registration_rate_figure(
         if column.startswith(PROTOCOL_PREFIX) and rows[column].notna().any():
             named[column] = protocol_title(column.removeprefix(PROTOCOL_PREFIX))
     columns = len(named) if len(named) <= 3 else -(-len(named) // 2)
-    looks = style.method_styles(rows["method"].unique(), styles)
+    looks, few = style.method_styles(rows["method"].unique(), styles), _list_sparse(rows)
     figure, axes = panels(len(named), columns=max(columns, 2), title=title, extra=_extra(rows))
     for panel, (column, name) in zip(axes, named.items(), strict=True):
         judged = rows[rows[column].notna()].astype({column: float})
-        draw_curves(panel, average_by_level(judged, column), looks)
+        draw_curves(panel, average_by_level(judged, column), looks, few)
         finish(panel, title=name, xlabel=xlabel, share=True)
     axes[0].set_ylabel("share of pairs registered", fontsize=8, color=style.TEXT)
-    legend(figure, looks)
+    legend(figure, looks, few=bool(few))
     return figure
 
 
@@ -196,6 +198,12 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
 def average_by_level(rows: pd.DataFrame, column: str) -> pd.DataFrame:
     """Mean over pairs: one row per level, one column per method."""
     return rows.pivot_table(index="x", columns="method", values=column, aggfunc="mean")
+
+
+def _list_sparse(rows: pd.DataFrame) -> set[object]:
+    """List the levels that have fewer pairs than tell anything."""
+    pairs = rows.groupby("x")["pair"].nunique()
+    return set(pairs.index[pairs < LEAST_PAIRS])
 
 
 def _extra(rows: pd.DataFrame) -> float:
