@@ -103,7 +103,12 @@ def test_every_command_can_print_json() -> None:
 
 # --- tables --------------------------------------------------------------------------------------
 
-COLUMNS = (Column("name", is_text=True), Column("first"), Column("second", priority=1), Column("third", priority=2))
+COLUMNS = (
+    Column("name", is_text=True),
+    Column("first"),
+    Column("second", priority=1),
+    Column("third", priority=2),
+)
 ROWS = [("n" * 30, "1" * 20, "2" * 20, "3" * 20), ("m", "1", "2", "3")]
 
 
@@ -137,7 +142,9 @@ def test_the_width_of_the_terminal_counts(
     assert lines[1] == f"{'n' * 15}...  {'1' * 20}"
 
 
-@pytest.mark.parametrize("name", ["日本語の雲の名前はとても長いのでここで切れるはずですよね", "a[red]b", "x\x1b[31m\ny"])
+@pytest.mark.parametrize(
+    "name", ["日本語の雲の名前はとても長いのでここで切れるはずですよね", "a[red]b", "x\x1b[31m\ny"]
+)
 def test_strange_names_keep_rows_in_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     from rich.cells import cell_len  # noqa: PLC0415
 
@@ -179,12 +186,18 @@ def test_colours_are_for_terminals(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
-@pytest.mark.parametrize(("environment", "colored"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)])
+@pytest.mark.parametrize(
+    ("environment", "colored"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
+)
 def test_a_terminal_gets_colours_and_its_own_width(environment: dict[str, str], colored: bool) -> None:
     import pty  # noqa: PLC0415 - Unix only
 
     main, inner = pty.openpty()
-    unset = {name: value for name, value in os.environ.items() if name not in {"COLUMNS", "NO_COLOR", "FORCE_COLOR"}}
+    unset = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in {"COLUMNS", "NO_COLOR", "FORCE_COLOR"}
+    }
     subprocess.run(
         [sys.executable, "-m", "cgroup", "--help"],
         stdout=inner,

@@ -51,8 +51,8 @@ def check_voxels(scan: Scan, voxel: float, count: int) -> None:
     got = f"{scan.name}: {len(scan.cloud)} points, {scan.cloud.diagonal:.4g} across, leave {count} voxels"
     if count < LEAST_VOXELS:
         message = (
-            f"{got} of {voxel:.4g}, and {LEAST_VOXELS} are the least; give more points, a smaller `voxel`, or "
-            "both clouds in the same unit"
+            f"{got} of {voxel:.4g}, and {LEAST_VOXELS} are the least; give more points, a smaller `voxel`, "
+            "or both clouds in the same unit"
         )
         raise InputError(message)
     if count > MOST_VOXELS:
