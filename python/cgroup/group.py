@@ -185,7 +185,7 @@ def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:
             modest = [other.name for other in METHOD_INFO.values() if other.fields == ("source", "target")]
             message = (
                 f"method: {info.name} needs `{name}`, which these correspondences lack; "
-                f"give it to Correspondences, or use a method that does without: {', '.join(modest)}"
+                f"give `Correspondences` with it, or use a method that does without: {', '.join(modest)}"
             )
             raise InputError(message)
     return Fields(**{name: getattr(correspondences, name) for name in (*info.fields, *info.optional_fields)})
