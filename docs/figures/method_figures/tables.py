@@ -31,19 +31,19 @@ GROUPS = {
 
 IDEAS = {
     "ss": "alike descriptors",
-    "nnsr": "a descriptor much nearer than the second nearest",
-    "si": "votes of neighbours and of the most distinctive, under the match's own pose",
-    "cv": "votes of the most distinctive, by distance and frame",
+    "nnsr": "distinctive descriptors",
+    "si": "votes under the match's own pose",
+    "cv": "votes by distance and frame",
     "ransac": "the motion of three that most agree with",
-    "st": "the main cluster of the matrix of all pairs",
-    "gc": "a seed and all that keep their distance to it",
-    "hough3d": "votes for where the source's centre lies",
-    "gtm": "a population that gathers on those that agree",
-    "lc": "the pose that makes the matches likelier than chance does",
-    "mac": "every maximal clique is a pose; the best wins",
-    "sc2pcr": "sets around seeds that agree with the same others",
+    "st": "principal eigenvector of all pairs",
+    "gc": "a seed and all that agree with it",
+    "hough3d": "votes for where the centre lies",
+    "gtm": "a population that gathers on what agrees",
+    "lc": "the pose that beats chance",
+    "mac": "every maximal clique is a pose",
+    "sc2pcr": "sets that agree with the same others",
     "turboreg": "triangles over the heaviest pairs",
-    "teaser": "maximum clique, then truncated least squares",
+    "teaser": "clique, then truncated least squares",
     "clipper": "the densest set that all agree",
 }
 
@@ -100,7 +100,7 @@ def cost_table(function: str) -> str:
 def group_table(name: str) -> str:
     """List all methods of one kind with what they need, their cost, and what they reach."""
     lines = [
-        "| method | idea | needs | cost | F, 10 % right | F, 2 % right | F, 1 % right | ms, n = 1,000 |",
+        "| method | idea | needs | cost | F 10 % | F 2 % | F 1 % | ms |",
         "|---|---|---|---|---:|---:|---:|---:|",
     ]
     for function in GROUPS[name]:
