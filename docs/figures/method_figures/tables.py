@@ -69,7 +69,7 @@ def fill(text: str) -> str:
 
 def _render(what: str) -> str:
     kind, _, name = what.partition(" ")
-    return {"cost": cost_table, "group": group_table, "best": best_table, "needs": needs_table}[kind](name)
+    return {"cost": cost_table, "all": all_table, "best": best_table, "needs": needs_table}[kind](name)
 
 
 def sized(n: int | None = None, share: float | None = None) -> pd.DataFrame:
@@ -97,22 +97,27 @@ def cost_table(function: str) -> str:
     )
 
 
-def group_table(name: str) -> str:
-    """List all methods of one kind with what they need, their cost, and what they reach."""
+def all_table(_: str) -> str:
+    """List all methods with what they need, their cost, and what they reach."""
     lines = [
-        "| method | idea | needs | cost | F 10 % | F 2 % | F 1 % | ms |",
+        "| method | idea | needs | cost | F&nbsp;10&nbsp;% | F&nbsp;2&nbsp;% | F&nbsp;1&nbsp;% | ms |",
         "|---|---|---|---|---:|---:|---:|---:|",
     ]
-    for function in GROUPS[name]:
-        info = METHOD_INFO[public(function)]
-        rows = sized(1000)[lambda table, info=info: table["method"] == info.name].set_index("inliers")
-        scores = " | ".join(two(rows["f_score"][share]) for share in (0.1, 0.02, 0.01))
-        needs = ", ".join(_NEEDS[field] for field in info.fields if field in _NEEDS)
-        lines.append(
-            f"| [{info.label}]({function}.md) | {IDEAS[function]} | {needs} | {info.complexity} | {scores} "
-            f"| {time(rows['milliseconds'][0.1])} |"
-        )
-    return "\n".join(lines)
+    for group, functions in GROUPS.items():
+        lines.append(f"| ***{group}*** |" + " |" * 7)
+        lines.extend(_method_row(function) for function in functions)
+    return _captioned(lines, _source())
+
+
+def _method_row(function: str) -> str:
+    info = METHOD_INFO[public(function)]
+    rows = sized(1000)[lambda table: table["method"] == info.name].set_index("inliers")
+    scores = " | ".join(two(rows["f_score"][share]) for share in (0.1, 0.02, 0.01))
+    needs = ", ".join(_NEEDS[field] for field in info.fields if field in _NEEDS)
+    return (
+        f"| [{info.label}]({function}.md) | {IDEAS[function]} | {needs} | {info.complexity} | {scores} "
+        f"| {time(rows['milliseconds'][0.1])} |"
+    )
 
 
 def best_table(_: str) -> str:
