@@ -46,7 +46,9 @@ def scores_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import scores_figure
-    >>> rows = pd.DataFrame({"method": ["gtm"] * 3, "x": [0.1, 0.2, 0.3], "precision": [1.0, 0.9, 0.8]})
+    >>> rows = pd.DataFrame(
+    ...     {"method": ["gtm"] * 3, "x": [0.1, 0.2, 0.3], "precision": [1.0, 0.9, 0.8]}
+    ... )
     >>> rows = rows.assign(recall=0.5, f_score=0.6)
     >>> figure = scores_figure(rows, xlabel="noise (pr)", title="Noise")
     >>> [axes.get_title(loc="left") for axes in figure.axes]
@@ -87,7 +89,9 @@ def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> 
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import registration_rate_figure
-    >>> rows = pd.DataFrame({"method": "gtm", "x": [0.1, 0.2, 0.3], "registered": [True, True, False]})
+    >>> rows = pd.DataFrame(
+    ...     {"method": "gtm", "x": [0.1, 0.2, 0.3], "registered": [True, True, False]}
+    ... )
     >>> figure = registration_rate_figure(rows, xlabel="noise (pr)", title="Noise")
     >>> figure.axes[0].get_title(loc="left")
     "precision > 0.1 (the paper's)"
@@ -148,7 +152,9 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import inliers_figure
-    >>> rows = pd.DataFrame({"pair": "a", "x": [0.1, 0.2], "n": 1000, "correct": [300, 200]})
+    >>> rows = pd.DataFrame(
+    ...     {"pair": "a", "x": [0.1, 0.2], "n": 1000, "correct": [300, 200]}
+    ... )
     >>> rows = rows.assign(inlier_ratio=rows["correct"] / rows["n"])
     >>> figure = inliers_figure(rows, xlabel="noise (pr)", title="Matches")
     >>> [axes.get_title(loc="left") for axes in figure.axes]
