@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._values import as_items
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import (
     correct_matches,
@@ -19,7 +20,7 @@ from cgroup.evaluation import (
     translation_error,
 )
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
-from cgroup.group import group
+from cgroup.group import check_method, group
 from cgroup.io import write_file
 from cgroup.registry import METHODS
 
@@ -120,7 +121,7 @@ def compare(
     T_target_source : (4,4) array_like of float
         True pose.
     methods : iterable of str
-        Names from `METHODS`; all by default.
+        Names from `METHODS`, in any case; all by default.
     tolerance : float, optional
         Largest distance of a correct match from its true place, in the data's unit; 5 times the resolution of
         the correspondences by default.
@@ -158,6 +159,7 @@ def compare(
     >>> {result.method: result.registered for result in results}
     {'gc': True, 'gtm': True}
     """
+    names = [check_method(method) for method in as_items("methods", methods, "give names from METHODS")]
     if correct is None:
         correct = find_correct(correspondences, T_target_source, tolerance=tolerance)
     if max_displacement is None:
@@ -165,7 +167,7 @@ def compare(
     if max_displacement is None:
         max_displacement = MAX_DISPLACEMENT * _need_resolution(correspondences, "max_displacement")
     truth = _Truth(np.asarray(T_target_source), np.asarray(correct), max_rotation, max_displacement)
-    for method in methods:
+    for method in names:
         if progress is not None:
             progress(method)
         yield _run_method(correspondences, method, truth)

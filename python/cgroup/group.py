@@ -12,7 +12,7 @@ from cgroup._memory import default_max_memory
 from cgroup._values import as_choice, as_instance, as_items
 from cgroup._workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
-from cgroup.registry import ALIASES, METHOD_INFO, PRESETS, MethodInfo
+from cgroup.registry import METHOD_INFO, PRESETS, MethodInfo, find_method
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
@@ -41,7 +41,8 @@ def group(
     correspondences : Correspondences
         The method takes the fields that it is defined on.
     method : str
-        Name of the method, one of `cgroup.METHODS`; the names of functions (``hough3d``) are accepted too.
+        Name of the method, one of `cgroup.METHODS`, in any case; labels and names of functions mean the same:
+        "3dhv", "Hough3D".
     preset : str
         Where the method's options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
         paper's formulas to the letter; "original", its own author's options; "pcl"; "legacy_header";
@@ -78,14 +79,15 @@ def group(
     >>> group(problem.correspondences(), "gc", tolerance=0.1).size < found.size
     True
     """
-    info = _find(method)
+    info = find_method(method)
     as_choice("preset", preset, PRESETS)
     as_instance("correspondences", correspondences, Correspondences)
     defaults = _defaults(info.function)
     _refuse_unknown(info.name, options, defaults)
     fields = _fields_for(info, correspondences)
     chosen = {**defaults, **PRESETS[preset].get(info.name, {}), **options}
-    return compute(info.name, fields, chosen, (correspondences.source, correspondences.target))
+    positions = (correspondences.source, correspondences.target)
+    return compute(info.name, fields, chosen, positions, correspondences.resolution)
 
 
 def group_many(
@@ -146,7 +148,7 @@ def group_many(
     for row, problem in enumerate(given):
         as_instance(f"problems[{row}]", problem, Correspondences)
     workers = count_workers(threads)
-    known = _defaults(_find(method).function)
+    known = _defaults(find_method(method).function)
     options = {"threads": 1, **options}
     if "max_memory" in known:
         options = {"max_memory": default_max_memory() // workers, **options}
@@ -159,13 +161,8 @@ def group_many(
 
 
 def check_method(method: str) -> str:
-    """Return the public name of a method."""
-    return _find(method).name
-
-
-def _find(method: str) -> MethodInfo:
-    name = ALIASES.get(method, method) if isinstance(method, str) else method
-    return METHOD_INFO[as_choice("method", name, METHOD_INFO)]
+    """Return the public name of a method; raise `InputError` where there is none."""
+    return find_method(method).name
 
 
 @cache

@@ -6,9 +6,11 @@ the paper compared: its claims and presets are about those nine, whatever else i
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from cgroup._values import guess_word, refuse_word
 from cgroup.methods import (
     clipper,
     cv,
@@ -34,7 +36,6 @@ if TYPE_CHECKING:
 
 
 __all__ = [
-    "ALIASES",
     "METHODS",
     "METHOD_INFO",
     "PAPER_METHODS",
@@ -290,10 +291,62 @@ METHODS: Mapping[str, Callable[..., Grouping]] = {info.name: info.function for i
 PAPER_METHODS: tuple[str, ...] = tuple(info.name for info in _TABLE if info.in_paper)
 """Names of the nine methods that the paper compares, in its order."""
 
-ALIASES: Mapping[str, str] = {
-    info.function.__name__: info.name for info in _TABLE if info.function.__name__ != info.name
+_NO_LETTERS = str.maketrans("", "", " -_+")
+
+
+def _spell(name: str) -> str:
+    """Return a name without what people write differently: case, hyphens, plus signs, raised digits."""
+    return unicodedata.normalize("NFKC", name).casefold().translate(_NO_LETTERS)
+
+
+_SPELLINGS = {
+    _spell(spelling): info for info in _TABLE for spelling in (info.name, info.label, info.function.__name__)
 }
-"""Function names that differ from the public names."""
+
+
+def look_up_method(name: object) -> MethodInfo | None:
+    """Return what is known of a method, or None.
+
+    Parameters
+    ----------
+    name : str
+        Its public name, its label or the name of its function, in any case: "3dhv", "hough3d" and "3DHV"
+        are one method, as are "sc2pcr" and "SC2-PCR".
+    """
+    return _SPELLINGS.get(_spell(name)) if isinstance(name, str) else None
+
+
+def find_method(name: object, otherwise: str = "") -> MethodInfo:
+    """Return what is known of a method.
+
+    Parameters
+    ----------
+    name : str
+        As in `look_up_method`.
+    otherwise : str
+        What else may be given, for the error: ", or give module:function".
+
+    Returns
+    -------
+    MethodInfo
+        With its public name.
+
+    Raises
+    ------
+    InputError
+        If there is no such method; the message lists those that there are, and the one probably meant.
+
+    Examples
+    --------
+    >>> find_method("Hough3D").name, find_method("TEASER++").name
+    ('3dhv', 'teaser')
+    """
+    info = look_up_method(name)
+    if info is None:
+        similar = guess_word(_spell(name), _SPELLINGS) if isinstance(name, str) else None
+        meant = None if similar is None else _SPELLINGS[similar].name
+        refuse_word("method", name, METHOD_INFO, meant, otherwise)
+    return info
 
 
 def label_of(method: str) -> str:
@@ -302,7 +355,7 @@ def label_of(method: str) -> str:
     Parameters
     ----------
     method : str
-        Name of the method, or of its function.
+        Any of its names.
 
     Returns
     -------
@@ -311,7 +364,7 @@ def label_of(method: str) -> str:
 
     Raises
     ------
-    KeyError
+    InputError
         For a name that no method has.
 
     Examples
@@ -320,7 +373,7 @@ def label_of(method: str) -> str:
     >>> label_of("hough3d"), label_of("sc2pcr")
     ('3DHV', 'SC2-PCR')
     """
-    return METHOD_INFO[ALIASES.get(method, method)].label
+    return find_method(method).label
 
 
 PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {

@@ -14,7 +14,7 @@ import numpy as np
 from cgroup._plugins import load_plugin
 from cgroup.errors import InputError
 from cgroup.group import group
-from cgroup.registry import ALIASES, METHODS
+from cgroup.registry import find_method
 from cgroup.types import OPTIONAL_FIELDS, Correspondences, Grouping
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Candidate:
     label : str
         What it is called in records.
     name : str
-        One of `METHODS`, or ``module:function``.
+        One of `METHODS`, spelt as there, or ``module:function``.
     options : str
         JSON object with sorted keys; a name ending in ``_pr`` is a length in pr.
 
@@ -66,7 +66,7 @@ class Candidate:
         >>> candidate("mine", "gc", {}).key == candidate("yours", "gc", {}).key
         True
         """
-        text = json.dumps([ALIASES.get(self.name, self.name), self.options])
+        text = json.dumps([self.name, self.options])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def check(self) -> None:
@@ -169,6 +169,8 @@ class Candidate:
 
 _FIELDS = ("source", "target", *OPTIONAL_FIELDS)
 
+_OTHERWISE = ", or give module:function"
+
 
 def candidate(label: str, name: str, options: Mapping[str, Any]) -> Candidate:
     """Make a candidate whose method and options exist.
@@ -178,8 +180,8 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Candidate:
     label : str
         What to call it; the name if empty.
     name : str
-        One of `METHODS`, or ``module:function`` for a function that takes correspondences and returns a
-        `Grouping` or a (n,) mask of bool.
+        One of `METHODS` in any spelling, or ``module:function`` for a function that takes correspondences and
+        returns a `Grouping` or a (n,) mask of bool.
     options : mapping
         Keyword arguments that JSON can hold; a name ending in ``_pr`` is a length in pr.
 
@@ -203,6 +205,7 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Candidate:
     >>> tuned.label, tuned.run(problem.correspondences()).mask.shape
     ('GTM, longer', (200,))
     """
+    name = name if ":" in name else find_method(name, _OTHERWISE).name
     made = Candidate(label or name, name, json.dumps(dict(options), sort_keys=True))
     made.check()
     return made
@@ -226,11 +229,7 @@ def _function(name: str) -> Callable[..., Any]:
             message = f"method: {name} is a {type(function).__name__}; name a function"
             raise InputError(message)
         return function
-    function = METHODS.get(ALIASES.get(name, name))
-    if function is None:
-        message = f"method: got {name!r}; choose one of {', '.join(METHODS)}, or give module:function"
-        raise InputError(message)
-    return function
+    return find_method(name, _OTHERWISE).function
 
 
 def _as_grouping(name: str, result: object, correspondences: Correspondences) -> Grouping:

@@ -13,6 +13,7 @@ there and hasn't registered it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from scipy import stats
 from cgroup.benchmark.cases import keyed_rng
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Hashable, Sequence
     from typing import TypeAlias
 
     import pandas as pd
@@ -147,8 +148,8 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
         return []
     names = list(scores.columns)
     f_scores, rights = scores.to_numpy(float), registered.to_numpy(bool)
-    f_means, f_p = bootstrap(f_scores), _against_best(f_scores, signed_rank)
-    shares, right_p = bootstrap(rights.astype(float)), _against_best(rights, mcnemar)
+    f_means, f_p = bootstrap(f_scores), compare_with_best(f_scores, signed_rank)
+    shares, right_p = bootstrap(rights.astype(float)), compare_with_best(rights, mcnemar)
     alpha = 1 - LEVEL
     ranks = [
         Rank(names[i], f_means[i], shares[i], f_p[i] >= alpha, right_p[i] >= alpha, f_p[i], right_p[i])
@@ -193,23 +194,26 @@ def comparable(trials: pd.DataFrame) -> pd.DataFrame:
     return related[~related["method"].isin(set(related["method"]) - set(related.loc[~lacking, "method"]))]
 
 
-def bootstrap(values: FloatArray) -> list[Interval]:
-    """Find the mean of every column, and the interval about it.
+def bootstrap(
+    sums: FloatArray, counts: FloatArray | None = None, *, strata: Sequence[Hashable] | None = None
+) -> list[Interval]:
+    """Find the mean and its interval for every column.
 
     Parameters
     ----------
-    values : (n,m) array of float
-        One row per problem; problems are drawn alike for all columns.
+    sums : (n,m) array of float
+        One row per unit, which is what is drawn with replacement, alike for all columns: sums of its values,
+        or its only value.
+    counts : (n,m) array of float, optional
+        How many values each sum is of; 1 by default.
+    strata : sequence, optional
+        Of which data set each unit is: every draw has as many units of each as there are, and the data sets
+        keep their shares in the mean. All units are of one by default.
 
     Returns
     -------
     list of Interval
-        One per column.
-
-    Raises
-    ------
-    ZeroDivisionError
-        Without rows.
+        One per column; NaN where it has no values.
 
     Examples
     --------
@@ -219,12 +223,41 @@ def bootstrap(values: FloatArray) -> list[Interval]:
     >>> round(first.mean, 2), second
     (0.4, Interval(mean=1.0, low=1.0, high=1.0))
     """
-    rng = keyed_rng("bootstrap", *values.shape)
-    count = len(values)
-    weights = rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES) / count
+    numbers = np.ones_like(sums) if counts is None else counts
+    labels = np.zeros(len(sums), dtype=np.intp)
+    if strata is not None:
+        known = list(dict.fromkeys(strata))
+        labels = np.array([known.index(label) for label in strata], dtype=np.intp)
+    totals = np.zeros(sums.shape[1])
+    draws = np.zeros((RESAMPLES, sums.shape[1]))
+    with np.errstate(invalid="ignore"):  # draws without a value of a column
+        for label in range(labels.max(initial=-1) + 1):
+            chosen = labels == label
+            values, of_values = sums[chosen], numbers[chosen]
+            weights = _draw_weights(int(chosen.sum()), sums.shape[1], label)
+            share = of_values.sum(axis=0) / numbers.sum(axis=0)
+            there = share > 0
+            means = (weights @ values[:, there]) / (weights @ of_values[:, there])
+            draws[:, there] += share[there] * means
+            totals[there] += values[:, there].sum(axis=0)
+        means = totals / numbers.sum(axis=0)
+    return [
+        Interval(float(mean), *_percentiles(column)) if known else Interval(*[float("nan")] * 3)
+        for mean, column, known in zip(means, draws.T, numbers.sum(axis=0) > 0, strict=True)
+    ]
+
+
+@lru_cache(maxsize=4)
+def _draw_weights(count: int, columns: int, label: int) -> FloatArray:
+    """How often each draw has each unit; the random numbers are those of the size."""
+    rng = keyed_rng("bootstrap", count, columns, *([label] if label else []))
+    return rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES).astype(np.float64)
+
+
+def _percentiles(draws: FloatArray) -> tuple[float, float]:
     outside = (1 - LEVEL) / 2
-    low, high = np.quantile(weights @ values, (outside, 1 - outside), axis=0)
-    return [Interval(*map(float, each)) for each in zip(values.mean(axis=0), low, high, strict=True)]
+    low, high = np.quantile(draws[~np.isnan(draws)], (outside, 1 - outside))
+    return float(low), float(high)
 
 
 def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
@@ -320,11 +353,26 @@ def holm(p: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def _against_best(values: FloatArray | BoolArray, test: Test) -> list[float]:
-    """Return the adjusted p of each column against the one with the highest mean; 1 for that one."""
-    best = int(np.argmax(values.mean(axis=0)))
-    others = [i for i in range(values.shape[1]) if i != best]
-    found = dict(zip(others, holm([test(values[:, best], values[:, i]) for i in others]), strict=True))
+def compare_with_best(values: FloatArray | BoolArray, test: Test, best: int | None = None) -> list[float]:
+    """Find the p of each column's difference from one, adjusted by Holm; 1 for that one.
+
+    Parameters
+    ----------
+    values : (n,m) array
+        Rows are paired.
+    test : callable
+        From two columns to p.
+    best : int, optional
+        The column that others are compared with; the one with the highest mean by default.
+
+    Returns
+    -------
+    list of float
+        One per column.
+    """
+    first = int(np.argmax(values.mean(axis=0))) if best is None else best
+    others = [i for i in range(values.shape[1]) if i != first]
+    found = dict(zip(others, holm([test(values[:, first], values[:, i]) for i in others]), strict=True))
     return [found.get(i, 1.0) for i in range(values.shape[1])]
 
 

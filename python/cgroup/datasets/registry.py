@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeAlias
 
 from cgroup._plugins import load_plugin
+from cgroup._values import guess_word, refuse_word
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
 from cgroup.datasets.correspondence_files import CorrespondenceFiles, OneToThreeFiles
@@ -82,8 +83,7 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
     """
     factory = load_plugin("dataset", name) if ":" in name else DATASETS.get(name)
     if factory is None:
-        message = f"dataset: got {name!r}; choose one of {', '.join(DATASETS)}, or give module:attribute"
-        raise InputError(message)
+        refuse_word("dataset", name, DATASETS, guess_word(name, DATASETS), ", or give module:attribute")
     dataset = factory(root)
     if not isinstance(dataset, Dataset):
         message = f"dataset: {name!r} made a {type(dataset).__name__}; it has to be a cgroup.datasets.Dataset"

@@ -7,20 +7,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
 from cgroup.plots import style
 from cgroup.plots.curves import draw_curves, finish, legend, panels, place_levels
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from cgroup.plots.style import MethodStyle
 
 _SCORES = {"precision": "precision", "recall": "recall", "f_score": "F-score"}
 _NAMES_HEIGHT = 0.45  # inches that names below the x axis take
 _MATCHES = "#bbbbbb"
 
 
-def scores_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
+def scores_figure(
+    rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
+) -> Figure:
     """Draw mean precision, recall and F over the levels of an experiment.
 
     Parameters
@@ -31,6 +38,9 @@ def scores_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
         What the levels are, with the unit.
     title : str
         Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
 
     Returns
     -------
@@ -54,15 +64,19 @@ def scores_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
     >>> [axes.get_title(loc="left") for axes in figure.axes]
     ['precision', 'recall', 'F-score']
     """
+    looks = style.method_styles(rows["method"].unique(), styles)
+    few = _list_sparse(rows)
     figure, axes = panels(3, columns=3, title=title, extra=_extra(rows))
     for panel, (column, name) in zip(axes, _SCORES.items(), strict=True):
-        draw_curves(panel, average_by_level(rows, column))
+        draw_curves(panel, average_by_level(rows, column), looks, few)
         finish(panel, title=name, xlabel=xlabel, share=True)
-    legend(figure, rows["method"].unique())
+    legend(figure, looks, few=bool(few))
     return figure
 
 
-def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
+def registration_rate_figure(
+    rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
+) -> Figure:
     """Draw the share of registered pairs over the levels, by each criterion.
 
     Parameters
@@ -74,6 +88,9 @@ def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> 
         What the levels are, with the unit.
     title : str
         Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
 
     Returns
     -------
@@ -101,13 +118,14 @@ def registration_rate_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> 
         if column.startswith(PROTOCOL_PREFIX) and rows[column].notna().any():
             named[column] = protocol_title(column.removeprefix(PROTOCOL_PREFIX))
     columns = len(named) if len(named) <= 3 else -(-len(named) // 2)
+    looks, few = style.method_styles(rows["method"].unique(), styles), _list_sparse(rows)
     figure, axes = panels(len(named), columns=max(columns, 2), title=title, extra=_extra(rows))
     for panel, (column, name) in zip(axes, named.items(), strict=True):
         judged = rows[rows[column].notna()].astype({column: float})
-        draw_curves(panel, average_by_level(judged, column))
+        draw_curves(panel, average_by_level(judged, column), looks, few)
         finish(panel, title=name, xlabel=xlabel, share=True)
     axes[0].set_ylabel("share of pairs registered", fontsize=8, color=style.TEXT)
-    legend(figure, rows["method"].unique())
+    legend(figure, looks, few=bool(few))
     return figure
 
 
@@ -186,6 +204,12 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
 def average_by_level(rows: pd.DataFrame, column: str) -> pd.DataFrame:
     """Mean over pairs: one row per level, one column per method."""
     return rows.pivot_table(index="x", columns="method", values=column, aggfunc="mean")
+
+
+def _list_sparse(rows: pd.DataFrame) -> set[object]:
+    """List the levels that have fewer pairs than tell anything."""
+    pairs = rows.groupby("x")["pair"].nunique()
+    return set(pairs.index[pairs < LEAST_PAIRS])
 
 
 def _extra(rows: pd.DataFrame) -> float:

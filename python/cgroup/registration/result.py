@@ -5,8 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from cgroup._drawing import plot
+from cgroup._notebook import pose_html, result_table
+
 if TYPE_CHECKING:
-    from cgroup.types import Correspondences, FloatArray, Grouping
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import Correspondences, FloatArray, Grouping, PointCloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +92,72 @@ class Registration:
         resolution = self.correspondences.resolution
         assert resolution is not None  # noqa: S101 - every front end sets it
         return resolution
+
+    def plot(
+        self,
+        source: PointCloud | ArrayLike | None = None,
+        target: PointCloud | ArrayLike | None = None,
+        *,
+        correct: ArrayLike | None = None,
+        interactive: bool = False,
+    ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
+        """Draw the clouds, the matches that the pose lays together, and the clouds as the pose lays them.
+
+        Parameters
+        ----------
+        source, target : PointCloud or (N,3) array_like of float, optional
+            The clouds that were registered; the matched points where they are not given.
+        correct : (n,) array_like of bool, optional
+            Which of the matches are correct; lines are coloured by it.
+        interactive : bool
+            Return a figure to turn around, zoom and point at.
+
+        Returns
+        -------
+        matplotlib.figure.Figure or plotly.graph_objects.Figure
+            Not shown; notebooks show what a cell returns.
+
+        Raises
+        ------
+        InputError
+            If the library for it isn't installed, or an argument doesn't fit.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import register
+        >>> pair = standin_pair(pixels=60)
+        >>> figure = register(pair.source, pair.target).plot(pair.source, pair.target)
+        >>> type(figure).__name__
+        'Figure'
+        """
+        pose = self.T_target_source
+        given = {"source": source, "target": target, "pose": pose, "correct": correct}
+        title = f"right with a probability of {self.probability:.2f}"
+        return plot(
+            given,
+            self.correspondences,
+            self.grouping.mask,
+            interactive=interactive,
+            title=title,
+            grouping=self.grouping,
+            is_placed=True,
+        )
+
+    def _repr_html_(self) -> str:
+        answer = "the pose can be trusted" if self.ok else "the pose can't be trusted"
+        together = f"{self.grouping.size} of {len(self.correspondences)} that the pose lays together"
+        rows = [
+            ("probability", f"{self.probability:.3f}"),
+            ("overlap", f"{100 * self.fitness:.0f} % of the source lies on the target"),
+            ("residual", f"{self.inlier_rmse:.3g} there"),
+            ("matches", together),
+            ("voxel", f"{self.voxel:.4g}"),
+            *(("note", note) for note in self.notes),
+            ("time", f"{sum(self.seconds.values()):.2f} s"),
+            ("pose", pose_html(self.T_target_source)),
+        ]
+        return result_table(f"Registration: {answer}", self.probability, rows)
 
     def __repr__(self) -> str:
         answer = "ok" if self.ok else "not ok"

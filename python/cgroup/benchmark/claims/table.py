@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.verdict import CRITERIA, OUTCOMES
+from cgroup.benchmark.claims.verdict import CRITERIA, ON_GENERATED, OUTCOMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -111,8 +111,11 @@ def counts_line(verdicts: Iterable[Verdict]) -> str:
     >>> counts_line([])
     '0 claims: 0 confirmed, 0 partly, 0 not confirmed, 0 not testable'
     """
-    counts = count_verdicts(verdicts)
-    return f"{sum(counts.values())} claims: " + ", ".join(f"{n} {outcome}" for outcome, n in counts.items())
+    listed = list(verdicts)
+    generated = sum(verdict.measured.startswith(ON_GENERATED) for verdict in listed)
+    counts = ", ".join(f"{n} {outcome}" for outcome, n in count_verdicts(listed).items())
+    why = f"; {generated} would rest on generated shapes, not what the paper measured" if generated else ""
+    return f"{len(listed)} claims: {counts}{why}"
 
 
 def _markdown_row(verdict: Verdict) -> str:

@@ -29,7 +29,7 @@ def _expand_sets(value: object) -> object:
 
 
 def _list_members(entry: object) -> tuple[object, ...]:
-    return METHOD_SETS.get(entry, (entry,)) if isinstance(entry, str) else (entry,)
+    return METHOD_SETS.get(entry.strip().casefold(), (entry,)) if isinstance(entry, str) else (entry,)
 
 
 class Table(BaseModel):
@@ -44,9 +44,9 @@ class MethodEntry(Table):
     Attributes
     ----------
     name : str
-        One of `cgroup.METHODS`, or ``module:function``.
+        One of `cgroup.METHODS` in any spelling, or ``module:function``.
     label : str
-        Name in tables and figures; the name by default.
+        Name in tables and figures; that in `cgroup.METHODS` by default.
     options : dict
         Keyword arguments; a name that ends in ``_pr`` is a length in pr.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup._plugins import load_plugin
 from cgroup._progress import StageClock
+from cgroup._values import guess_word, refuse_word
 from cgroup.benchmark.pipelines import kiss_matcher, open3d, own
 from cgroup.benchmark.pipelines.refinement import refine
 from cgroup.errors import InputError
@@ -210,6 +211,5 @@ def _function(name: str) -> Callable[..., Answer]:
             raise InputError(message)
         return function
     if name not in PIPELINES:
-        message = f"pipeline: got {name!r}; choose one of {', '.join(PIPELINES)}, or give module:function"
-        raise InputError(message)
+        refuse_word("pipeline", name, PIPELINES, guess_word(name, PIPELINES), ", or give module:function")
     return PIPELINES[name].run
