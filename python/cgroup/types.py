@@ -173,7 +173,9 @@ class Correspondences:
         >>> from cgroup.registration import correspond
         >>> pair = standin_pair(pixels=40)
         >>> matches = correspond(pair.source, pair.target)
-        >>> figure = matches.plot(pair.source, pair.target, T_target_source=pair.T_target_source)
+        >>> figure = matches.plot(
+        ...     pair.source, pair.target, T_target_source=pair.T_target_source
+        ... )
         >>> type(figure).__name__
         'Figure'
         """

@@ -60,7 +60,9 @@ def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", cap
 
     Examples
     --------
-    >>> chart = chart_html("line", {"data": [{"y": [1, 3, 2]}], "layout": {}}, label="A line")
+    >>> chart = chart_html(
+    ...     "line", {"data": [{"y": [1, 3, 2]}], "layout": {}}, label="A line"
+    ... )
     >>> chart.startswith('<figure class="chart" id="line"')
     True
     """
