@@ -35,7 +35,7 @@ def comparison_page(
     tolerance: float | None = None,
     title: str = "Comparison",
 ) -> str:
-    """Make the page of a comparison: what each method kept of the same matches, and why.
+    """Make the page of a comparison: what each method kept of the matches, and why.
 
     Parameters
     ----------
@@ -50,7 +50,8 @@ def comparison_page(
     correct : (n,) array_like of bool, optional
         Which matches are correct, where that is known already.
     tolerance : float, optional
-        As in `cgroup.comparison.find_correct`, otherwise.
+        Otherwise the largest distance of a correct match from its true place, in the data's unit; 5 times the
+        resolution of the matches by default.
     title : str
         Plain text.
 

@@ -103,7 +103,9 @@ def _json(value: Any) -> str:  # noqa: ANN401 - as above
 
 
 def chart_text(text: object) -> str:
-    """Escape a text that a chart shows as it is; plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
+    """Escape a text that a chart is to show as it is.
+
+    Without it plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
 
     Parameters
     ----------
@@ -124,7 +126,7 @@ def chart_text(text: object) -> str:
 
 
 def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
-    """Put a page together: plotly's script, if there is a chart, style, body, and what draws the charts.
+    """Put a page together: style, body, and what draws the charts in it.
 
     Parameters
     ----------
