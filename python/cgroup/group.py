@@ -139,7 +139,7 @@ def group_many(
     >>> from cgroup import group_many
     >>> from cgroup.datasets import make_problem
     >>> rng = np.random.default_rng(0)
-    >>> problems = [make_problem(rng, 300, inlier_ratio=0.3).correspondences() for _ in range(4)]
+    >>> problems = [make_problem(rng, 300).correspondences() for _ in range(4)]
     >>> groups = group_many(problems, "gc")
     >>> len(groups), groups[0].mask.shape
     (4, (300,))

@@ -23,7 +23,7 @@ _CACHES = {
     "darwin": ("XDG_CACHE_HOME", "Library/Caches"),
     "win32": ("LOCALAPPDATA", "AppData/Local"),
 }
-"""The variable that names the folder for caches, and where it is in the user's home otherwise; by platform."""
+"""By platform: the variable that names the folder for caches, and its place in the user's home otherwise."""
 
 
 def cache_folder() -> Path:

@@ -91,7 +91,8 @@ def correct_matches(
     --------
     >>> import numpy as np
     >>> from cgroup.evaluation import correct_matches
-    >>> correct_matches([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]], np.eye(4), tolerance=1.0)
+    >>> source, target = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]]
+    >>> correct_matches(source, target, np.eye(4), tolerance=1.0)
     array([ True, False])
     """
     limit = as_length("tolerance", tolerance)
@@ -332,7 +333,9 @@ def clutter_and_occlusion(
     >>> from cgroup.evaluation import clutter_and_occlusion
     >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 0, 0], [9, 1, 0], [9, 0, 3]]
     >>> scene_faces = [[0, 1, 2], [3, 4, 5]]
-    >>> clutter_and_occlusion(corners[:3], [[0, 1, 2]], corners, scene_faces, np.eye(4), tolerance=0.1)
+    >>> clutter_and_occlusion(
+    ...     corners[:3], [[0, 1, 2]], corners, scene_faces, np.eye(4), tolerance=0.1
+    ... )
     (0.75, 0.0)
     """
     posed, vertices = (

@@ -57,7 +57,8 @@ class PaperFront:
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.registration import PaperFront, register
     >>> pair = standin_pair(pixels=60)
-    >>> done = register(pair.source, pair.target, front=PaperFront("iss", "rcs", keypoints=300))
+    >>> front = PaperFront("iss", "rcs", keypoints=300)
+    >>> done = register(pair.source, pair.target, front=front)
     >>> done.ok, len(done.correspondences) < 500
     (True, True)
     """

@@ -107,8 +107,10 @@ def register(
     >>> from cgroup.registration import register
     >>> pair = standin_pair(pixels=60)
     >>> done = register(pair.source, pair.target)
-    >>> done.ok, bool(abs(done.T_target_source - pair.T_target_source).max() < done.voxel)
-    (True, True)
+    >>> done.ok
+    True
+    >>> bool(abs(done.T_target_source - pair.T_target_source).max() < done.voxel)
+    True
     """
     as_choice("effort", effort, EFFORTS)
     clock = StageClock(as_stage_function(progress))

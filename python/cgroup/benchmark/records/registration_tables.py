@@ -61,7 +61,7 @@ def load_registrations(path: Path) -> pd.DataFrame:
     >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
     >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
     >>> _ = run(config, Path("results"), backend="threading")
-    >>> len(records.load_registrations(Path("results")))  # the configuration asks for none
+    >>> len(records.load_registrations(Path("results")))  # none was asked for
     0
     """
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without

@@ -78,7 +78,8 @@ def load_trials(path: Path) -> pd.DataFrame:
     >>> from cgroup.benchmark.config import Config
     >>> from cgroup.benchmark.run import run
     >>> easy = {"id": "easy", "grid": {"n": 200, "inliers": 0.3, "repeats": 2}}
-    >>> _ = run(Config(name="mine", methods=["gtm"], trials={"sets": [easy]}), Path("results"))
+    >>> config = Config(name="mine", methods=["gtm"], trials={"sets": [easy]})
+    >>> _ = run(config, Path("results"))
     >>> trials = records.load_trials(Path("results"))
     >>> trials[["set", "method", "n", "right"]].values.tolist()
     [['easy', 'gtm', 200, True], ['easy', 'gtm', 200, True]]
