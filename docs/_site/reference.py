@@ -95,7 +95,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "more_clutter more_occlusion LEAST_POINTS",
     },
     "cgroup.plots": {
-        "Clouds and matches": "registration_figure comparison_figure keypoints_figure",
+        "Clouds and matches": "registration_figure comparison_figure matches_figure keypoints_figure",
         "Curves of an evaluation": "precision_recall_figure scores_figure inliers_figure "
         "registration_rate_figure pair_precision_figure timing_figure",
         "Rankings": "trials_figure pipelines_figure",
@@ -106,7 +106,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Rerun": "log_to_rerun",
     },
     "cgroup.registry": {
-        "What is known of each method": "METHOD_INFO MethodInfo label_of ALIASES",
+        "What is known of each method": "METHOD_INFO MethodInfo find_method label_of",
         "Names": "METHODS PAPER_METHODS PRESETS",
     },
     "cgroup.benchmark.config": {

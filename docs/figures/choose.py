@@ -1,7 +1,7 @@
 """Measure what the methods' pages and the chooser tell, and write it into them.
 
-``python docs/figures/choose.py measure`` runs all methods on generated matches (choose.toml, some minutes on one
-core) and all options of `method_figures.sweeps` (half a minute), and rewrites ``measured/*.csv``.
+``python docs/figures/choose.py measure`` runs all methods on generated matches (choose.toml, some minutes on
+one core) and all options of `method_figures.sweeps` (half a minute), and rewrites ``measured/*.csv``.
 ``python docs/figures/choose.py write`` makes the tables of the pages from these files.
 """
 
@@ -12,7 +12,6 @@ import sys
 import tempfile
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cgroup
 from cgroup.benchmark.config import read_config
@@ -22,15 +21,12 @@ from method_figures.measure_options import COLUMNS, measure_all
 from method_figures.measured import METHODS_CSV, OPTIONS_CSV
 from method_figures.tables import write_tables
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
 CONFIG = Path(__file__).with_suffix(".toml")
 _KIND = ["set", "scene", "n", "inliers", "noise", "frames", "method"]
 
 
 def measure_methods(folder: Path | None = None) -> None:
-    """Run the configuration, unless a folder holds its records, and write the means of every kind of problem."""
+    """Run the configuration, unless a folder holds its records, and write means by kind of problem."""
     with tempfile.TemporaryDirectory() as made:
         where = folder or Path(made)
         if folder is None:
@@ -56,13 +52,9 @@ def measure_options() -> None:
     """Measure all options."""
     with OPTIONS_CSV.open("w", encoding="utf-8", newline="") as file:
         file.write(_heading())
-        _write_rows(file, measure_all())
-
-
-def _write_rows(file: object, rows: Iterable[tuple[str, ...]]) -> None:
-    writer = csv.writer(file, lineterminator="\n")  # pyright: ignore[reportArgumentType]
-    writer.writerow(COLUMNS)
-    writer.writerows(rows)
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(measure_all())
 
 
 def _heading() -> str:
@@ -83,7 +75,7 @@ def main(arguments: list[str]) -> int:
     elif arguments == ["write"]:
         write_tables()
     else:
-        print(__doc__, file=sys.stderr)
+        sys.stderr.write(__doc__ or "")
         return 2
     return 0
 

@@ -1,7 +1,8 @@
 """Make the figures of the methods' pages.
 
-``python docs/figures/methods.py FOLDER`` writes ``<name>-idea.png``, ``<name>-options.png``, ``<name>-limits.png`` and
-``<name>-cost.png`` of every method, and ``chooser.html``, into the folder; nothing where they are up to date.
+``python docs/figures/methods.py FOLDER`` writes ``<name>-idea.png``, ``<name>-options.png``,
+``<name>-limits.png`` and ``<name>-cost.png`` of every method, and ``chooser.html``, into the folder; nothing
+where they are up to date.
 """
 
 from __future__ import annotations
@@ -33,7 +34,11 @@ def make_figures(folder: Path) -> None:
     """Write all figures and the chooser into a folder, made if need be, unless they are there already."""
     stamp = _state()
     marker = folder / _STAMP
-    if marker.is_file() and marker.read_text(encoding="utf-8") == stamp and all(map(Path.is_file, files(folder))):
+    if (
+        marker.is_file()
+        and marker.read_text(encoding="utf-8") == stamp
+        and all(map(Path.is_file, files(folder)))
+    ):
         return
     folder.mkdir(parents=True, exist_ok=True)
     for name, kind, figure in _draw_all():
@@ -56,7 +61,7 @@ def _draw_all() -> Iterator[tuple[str, str, Figure]]:
 
 
 def _state() -> str:
-    """Say what the figures depend on: the scripts, the measured figures, and the versions of what draws them."""
+    """Say what the figures depend on: scripts, measured figures, and the versions of what draws them."""
     digest = hashlib.sha256()
     for path in sorted(_SOURCES.rglob("*")):
         if path.suffix in {".py", ".csv"}:
@@ -66,6 +71,6 @@ def _state() -> str:
 
 if __name__ == "__main__":
     if len(sys.argv) != 2:
-        print(__doc__, file=sys.stderr)
+        sys.stderr.write(__doc__ or "")
         sys.exit(2)
     make_figures(Path(sys.argv[1]))

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from cgroup.plots.style import TEXT, method_style
-from cgroup.registry import ALIASES
+from cgroup.registry import find_method
 from method_figures.drawing import finish, name_below, new_figure
 from method_figures.measured import load_methods
 
@@ -59,10 +59,20 @@ def draw_limits(method: str) -> Figure:
         rows = _of(table, name)
         sized = rows[rows["set"] == "1000"].set_index("inliers")["f_score"]
         _curve(first, name, sized.reindex(_SHARES), strong=strong)
-        noisy = rows[(rows["set"] == "noise") & (rows["inliers"] == 0.1)].set_index("noise")["f_score"].sort_index()
+        noisy = (
+            rows[(rows["set"] == "noise") & (rows["inliers"] == 0.1)]
+            .set_index("noise")["f_score"]
+            .sort_index()
+        )
         _curve(second, name, noisy, strong=strong)
         named = _by_frames(rows) if method in NEEDS_FRAMES else _by_kind(rows)
-        _curve(third, name, named.set_axis(np.arange(len(named)) + _ASIDE * (place - 1.5)), strong=strong, joined=False)
+        _curve(
+            third,
+            name,
+            named.set_axis(np.arange(len(named)) + _ASIDE * (place - 1.5)),
+            strong=strong,
+            joined=False,
+        )
     first.set_xscale("log")
     first.invert_xaxis()
     first.set_xticks(_SHARES, [f"{100 * share:g}" for share in _SHARES])
@@ -83,7 +93,7 @@ def draw_limits(method: str) -> Figure:
 
 
 def _of(table: pd.DataFrame, name: str) -> pd.DataFrame:
-    return table[table["method"] == ALIASES.get(name, name)]
+    return table[table["method"] == find_method(name).name]
 
 
 def _by_kind(rows: pd.DataFrame) -> pd.Series:
@@ -97,7 +107,7 @@ def _by_frames(rows: pd.DataFrame) -> pd.Series:
 
 
 def _curve(axes: Axes, name: str, values: pd.Series, *, strong: bool, joined: bool = True) -> None:
-    look = method_style(ALIASES.get(name, name))
+    look = method_style(find_method(name).name)
     axes.plot(
         list(values.index),
         values.to_numpy(dtype=float),
@@ -118,7 +128,7 @@ def name_methods(figure: Figure, method: str) -> None:
     """Name the method and those beside it, in its order."""
     handles = []
     for name in (method, *BESIDE[method]):
-        look = method_style(ALIASES.get(name, name))
+        look = method_style(find_method(name).name)
         strong = name == method
         handles.append(
             Line2D(
@@ -144,9 +154,11 @@ def draw_cost(method: str) -> Figure:
     for axes, column in zip(panels, ("milliseconds", "mebibytes"), strict=True):
         shown = (method, *BESIDE[method])
         for name, rows in chosen.groupby("method"):
-            if name not in [ALIASES.get(each, each) for each in shown]:
+            if name not in [find_method(each).name for each in shown]:
                 values = rows.set_index("n")[column].sort_index()
-                axes.plot(values.index, np.maximum(values, _LEAST[column]), color="#d9d9d9", linewidth=0.9, zorder=1)
+                axes.plot(
+                    values.index, np.maximum(values, _LEAST[column]), color="#d9d9d9", linewidth=0.9, zorder=1
+                )
         for name in reversed(shown):
             values = _of(chosen, name).set_index("n")[column].sort_index()
             _curve(axes, name, values.clip(lower=_LEAST[column]), strong=name == method)
@@ -156,7 +168,13 @@ def draw_cost(method: str) -> Figure:
     finish(panels[0], title="Time, one thread, one in ten right", xlabel="matches", ylabel="ms")
     finish(panels[1], title="Peak memory beside the matches", xlabel="matches", ylabel="MiB")
     panels[1].text(
-        0.02, 0.97, "grey: all other methods", transform=panels[1].transAxes, va="top", fontsize=7.5, color=TEXT
+        0.02,
+        0.97,
+        "grey: all other methods",
+        transform=panels[1].transAxes,
+        va="top",
+        fontsize=7.5,
+        color=TEXT,
     )
     name_methods(figure, method)
     return figure

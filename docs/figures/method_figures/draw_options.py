@@ -30,11 +30,13 @@ _WORTH_SHOWING = 0.1  # ms
 
 
 def draw_options(method: str) -> Figure:
-    """Draw one column per option of a method: two kinds of data, and the time on both unless it is next to none."""
+    """Draw one column per option of a method: two kinds of data, and the time unless it is next to none."""
     sweeps = [sweep for sweep in SWEEPS if sweep.method == method]
     timed = bool((load_options().query("method == @method")["milliseconds"] > _WORTH_SHOWING).any())
     figure = new_figure(6.2 if timed else 4.5)
-    parts = figure.subfigures(3 if timed else 2, 1, height_ratios=(1.14, 1.14, 1) if timed else (1, 1), hspace=0.0)
+    parts = figure.subfigures(
+        3 if timed else 2, 1, height_ratios=(1.14, 1.14, 1) if timed else (1, 1), hspace=0.0
+    )
     for part, data in zip(parts, sweeps[0].data, strict=False):
         _name_part(part, DATA[data])
         for axes, sweep in zip(_row(part, len(sweeps)), sweeps, strict=True):
@@ -59,8 +61,8 @@ def _name_curves(figure: Figure, *, timed: bool) -> None:
     handles.append(Line2D([], [], color=QUIET_TEXT, linewidth=5, alpha=0.25, label="default"))
     if timed:
         handles.extend(
-            Line2D([], [], color=TEXT, linestyle=dashes, label=f"time, {name} matches")
-            for dashes, name in zip(_DASHES, ("the views'", "the drawn"), strict=True)
+            Line2D([], [], color=TEXT, linestyle=dashes, label=f"time, {name}")
+            for dashes, name in zip(_DASHES, ("views", "drawn"), strict=True)
         )
     name_below(figure, handles)
 
@@ -71,12 +73,14 @@ def _row(part: SubFigure, count: int) -> Sequence[Axes]:
 
 def _rows(sweep: Sweep, data: str) -> pd.DataFrame:
     table = load_options()
-    chosen = table[(table["method"] == sweep.method) & (table["option"] == sweep.option) & (table["data"] == data)]
-    return chosen.set_index("value").loc[[str(value) for value in sweep.values]]
+    chosen = table[
+        (table["method"] == sweep.method) & (table["option"] == sweep.option) & (table["data"] == data)
+    ]
+    return chosen.set_index("value").loc[[str(value) for value in sweep.levels]]
 
 
 def _draw_scores(axes: Axes, sweep: Sweep, rows: pd.DataFrame, *, first: bool) -> None:
-    places = np.arange(len(sweep.values))
+    places = np.arange(len(sweep.levels))
     for number, (column, (_, color, marker)) in enumerate(CURVES.items()):
         axes.plot(
             places if sweep.ordered else places + 0.12 * (number - 1),
@@ -112,10 +116,10 @@ def _title(sweep: Sweep) -> str:
 
 def _name_values(axes: Axes, sweep: Sweep) -> None:
     """Name the values on the x axis, evenly spaced, and mark the default."""
-    axes.set_xticks(range(len(sweep.values)), [_label(value) for value in sweep.values])
-    axes.set_xlim(-0.5, len(sweep.values) - 0.5)
-    if sweep.default in sweep.values:
-        axes.axvline(sweep.values.index(sweep.default), color=QUIET_TEXT, linewidth=5, alpha=0.25, zorder=1)
+    axes.set_xticks(range(len(sweep.levels)), [_label(value) for value in sweep.levels])
+    axes.set_xlim(-0.5, len(sweep.levels) - 0.5)
+    if sweep.default in sweep.levels:
+        axes.axvline(sweep.levels.index(sweep.default), color=QUIET_TEXT, linewidth=5, alpha=0.25, zorder=1)
 
 
 def _label(value: object) -> str:

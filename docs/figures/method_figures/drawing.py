@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     from cgroup.types import BoolArray, FloatArray
 
-WIDTH = 8.0
-"""Inches; a page shows them at 800 px."""
+WIDTH = 7.0
+"""Inches; a page shows them at 600 to 800 px."""
 
-DOTS_PER_INCH = 200
+DOTS_PER_INCH = 220
 FONT = 8.5
 ACCENT = GROUPED
 

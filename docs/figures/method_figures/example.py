@@ -41,7 +41,7 @@ def small_problem(
 
 
 class FlatView:
-    """The two sides of a problem in one plane: the source on the left, the target beside it, turned a little."""
+    """The two sides of a problem in one plane: the target on the right, turned a little."""
 
     def __init__(self, problem: MatchingProblem) -> None:
         self._problem = problem
@@ -59,9 +59,11 @@ class FlatView:
         back = apply(invert(self._problem.T_target_source), shown) - self._center
         cosine, sine = np.cos(_TURN), np.sin(_TURN)
         turned = back[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
-        return turned + (self._shift, 0.0)
+        return turned + np.array([self._shift, 0.0])
 
-    def draw(self, axes: Axes, rows: BoolArray | None = None, *, width: float = 0.9, alpha: float = 0.8) -> None:
+    def draw(
+        self, axes: Axes, rows: BoolArray | None = None, *, width: float = 0.9, alpha: float = 0.8
+    ) -> None:
         """Draw both sides' points, and lines for some matches in the colours of right and wrong."""
         shown = np.ones(len(self._problem), dtype=bool) if rows is None else rows
         first, second = self.source(), self.target()
@@ -70,7 +72,9 @@ class FlatView:
         for right, color in ((False, WRONG), (True, CORRECT)):
             chosen = shown & (self._problem.inlier_mask == right)
             lines = np.stack([first[chosen], second[chosen]], axis=1)
-            axes.add_collection(LineCollection(list(lines), colors=color, linewidths=width, alpha=alpha, zorder=3))
+            axes.add_collection(
+                LineCollection(list(lines), colors=color, linewidths=width, alpha=alpha, zorder=3)
+            )
             for points in (first, second):
                 axes.scatter(*points[chosen].T, s=12, color=color, linewidths=0, zorder=4)
         bare(axes)
@@ -80,7 +84,13 @@ class FlatView:
         low = min(self.source()[:, 1].min(), self.target()[:, 1].min())
         for points, name in ((self.source(), "source"), (self.target(), "target")):
             axes.text(
-                points[:, 0].mean(), low * 1.08, name, ha="center", va="top", fontsize=FONT - 0.5, color=QUIET_TEXT
+                points[:, 0].mean(),
+                low * 1.08,
+                name,
+                ha="center",
+                va="top",
+                fontsize=FONT - 0.5,
+                color=QUIET_TEXT,
             )
 
 

@@ -21,11 +21,15 @@ COLUMNS = ("method", "option", "value", "data", "precision", "recall", "f_score"
 def measure_sweep(sweep: Sweep) -> Iterator[tuple[str, ...]]:
     """Yield one row per value and kind of data: means over the problems, the median of the time."""
     for data in sweep.data:
-        for value in sweep.values:
-            scores, times = zip(*(_try(sweep, value, data, i) for i in range(len(problems(data)))), strict=True)
-            means = np.mean(scores, axis=0)
-            figures = (*(f"{mean:.4f}" for mean in means), f"{statistics.median(times):.3f}")
-            yield (sweep.method, sweep.option, str(value), data, *figures)
+        for value in sweep.levels:
+            yield (sweep.method, sweep.option, str(value), data, *measure_value(sweep, value, data))
+
+
+def measure_value(sweep: Sweep, value: object, data: str) -> tuple[str, ...]:
+    """Return precision, recall and F, means over the problems, and the median of the milliseconds."""
+    scores, times = zip(*(_try(sweep, value, data, i) for i in range(len(problems(data)))), strict=True)
+    means = np.mean(scores, axis=0)
+    return (*(f"{mean:.4f}" for mean in means), f"{statistics.median(times):.3f}")
 
 
 def measure_all() -> Iterator[tuple[str, ...]]:

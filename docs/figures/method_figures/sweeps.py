@@ -31,7 +31,7 @@ _CORRECT_WITHIN = 5.0  # pr
 
 @dataclass(frozen=True)
 class Sweep:
-    """Values of one option; those in pr are multiplied by the resolution of the matches.
+    """Levels of one option; those in pr are multiplied by the resolution of the matches.
 
     `base` are further options of each call. With `fields`, each value is a name for what is given: the
     fields of the matches that are left out.
@@ -39,7 +39,7 @@ class Sweep:
 
     method: str
     option: str
-    values: tuple[Any, ...]
+    levels: tuple[Any, ...]
     default: Any
     unit: str = ""
     base: dict[str, Any] = field(default_factory=dict)
@@ -53,7 +53,7 @@ class Sweep:
     @property
     def ordered(self) -> bool:
         """Whether the values follow each other, so that a line may connect them."""
-        return any(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
+        return any(isinstance(value, int | float) and not isinstance(value, bool) for value in self.levels)
 
     def options(self, value: Any, resolution: float) -> dict[str, Any]:  # noqa: ANN401 - of any option
         """Return the options of a call."""

@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.collections import LineCollection
-from matplotlib.lines import Line2D
 
 import cgroup
 from cgroup.plots.style import CORRECT, QUIET_TEXT, TEXT, WRONG
-from cgroup.rigid import apply
 from method_figures.drawing import (
     ACCENT,
     FONT,
@@ -28,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cgroup.datasets import MatchingProblem
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+    from cgroup.types import BoolArray, IndexArray
 
 
 def _joined(problem: MatchingProblem, bound: float) -> BoolArray:
@@ -37,7 +35,7 @@ def _joined(problem: MatchingProblem, bound: float) -> BoolArray:
 
 
 def gc() -> Figure:
-    """The largest star, and the sizes of all."""
+    """Draw the largest star, and the sizes of all."""
     problem = small_problem(60, 0.3)
     joined = _joined(problem, 3.0)
     sizes = joined.sum(axis=1) + 1
@@ -61,7 +59,7 @@ def gc() -> Figure:
 
 
 def mac() -> Figure:
-    """The graph, its heaviest maximal clique, and what cliques propose."""
+    """Draw the graph, its heaviest maximal clique, and what cliques propose."""
     problem = small_problem(40, 0.3, seed=4)
     joined = _joined(problem, 4.0)
     cliques = _maximal_cliques(joined)
@@ -124,7 +122,9 @@ def _draw_graph(axes: Axes, problem: MatchingProblem, joined: BoolArray, clique:
     edges = np.argwhere(np.triu(joined, 1))
     strong = inside[edges].all(axis=1)
     for chosen, color, width, order in ((~strong, "#c9c9c9", 0.6, 1), (strong, ACCENT, 1.1, 2)):
-        axes.add_collection(LineCollection(list(places[edges[chosen]]), colors=color, linewidths=width, zorder=order))
+        axes.add_collection(
+            LineCollection(list(places[edges[chosen]]), colors=color, linewidths=width, zorder=order)
+        )
     axes.scatter(*places.T, s=36, color=colors_of(problem.inlier_mask), linewidths=0, zorder=3)
     axes.scatter(*places[inside].T, s=90, facecolors="none", edgecolors=ACCENT, linewidths=1.4, zorder=4)
     axes.set(xlim=(-1.15, 1.15), ylim=(-1.15, 1.15))
@@ -132,7 +132,7 @@ def _draw_graph(axes: Axes, problem: MatchingProblem, joined: BoolArray, clique:
 
 
 def teaser() -> Figure:
-    """The clique that is kept, the truncated cost, and the vote for one axis of the translation."""
+    """Draw the clique that is kept, the truncated cost, and the vote for one axis of the translation."""
     problem = small_problem(34, 0.3, seed=4)
     joined = _joined(problem, 5.0)
     cliques = _maximal_cliques(joined)
@@ -162,7 +162,13 @@ def _draw_vote(axes: Axes, problem: MatchingProblem) -> None:
     order = np.argsort(proposed[shown], kind="stable")
     centers, colors = proposed[shown][order], np.array(colors_of(problem.inlier_mask[shown]))[order]
     for height, (center, color) in enumerate(zip(centers, colors, strict=True)):
-        axes.plot([center - beta, center + beta], [height, height], color=color, linewidth=2.2, solid_capstyle="butt")
+        axes.plot(
+            [center - beta, center + beta],
+            [height, height],
+            color=color,
+            linewidth=2.2,
+            solid_capstyle="butt",
+        )
     grid = np.linspace(-30, 30, 601)
     cost = np.minimum(((grid[:, None] - proposed) / beta) ** 2, 1).sum(axis=1)
     twin = axes.twinx()
@@ -170,11 +176,11 @@ def _draw_vote(axes: Axes, problem: MatchingProblem) -> None:
     twin.set(yticks=[], ylim=(cost.min() - 1, cost.max() + 1))
     twin.spines[:].set_visible(False)
     axes.set(xlim=(-30, 30), yticks=[])
-    finish(axes, title="Translation along x: least cost (blue) wins", xlabel="offset from the true one (pr)", grid=False)
+    finish(axes, title="Translation: least cost wins", xlabel="offset from the true one (pr)", grid=False)
 
 
 def clipper() -> Figure:
-    """Affinities, ordered by u, and the cut through u."""
+    """Draw affinities, ordered by u, and the cut through u."""
     problem = small_problem(60, 0.3)
     result = cgroup.clipper(problem.source, problem.target, resolution=problem.resolution)
     u = np.asarray(result.scores)

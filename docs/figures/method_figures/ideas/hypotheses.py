@@ -41,7 +41,7 @@ def _residuals(problem: MatchingProblem, rows: IndexArray) -> FloatArray:
 
 
 def ransac() -> Figure:
-    """A bad sample and a good one, and how many agree with each of many."""
+    """Draw a bad sample and a good one, and how many agree with each of many."""
     problem = small_problem(60, 0.4)
     rng = np.random.default_rng(5)
     samples = [rng.choice(len(problem), 3, replace=False) for _ in range(120)]
@@ -56,7 +56,13 @@ def ransac() -> Figure:
         title_of(panel, f"{name}: {counts[number]} agree")
     places = np.arange(1, len(counts) + 1)
     axes.scatter(
-        places, counts, s=10, color=[CORRECT if each else WRONG for each in clean], linewidths=0, alpha=0.85, zorder=3
+        places,
+        counts,
+        s=10,
+        color=[CORRECT if each else WRONG for each in clean],
+        linewidths=0,
+        alpha=0.85,
+        zorder=3,
     )
     axes.step(places, np.maximum.accumulate(counts), where="post", color=TEXT, linewidth=1.2)
     axes.set_ylim(0, None)
@@ -88,20 +94,29 @@ def _draw_sample(axes: Axes, problem: MatchingProblem, rows: IndexArray) -> None
 
 
 def lc() -> Figure:
-    """What a match adds to a pose's support, and the poses that the matches speak for."""
+    """Draw what a match adds to a pose's support, and the poses that the matches speak for."""
     problem = small_problem(1000, 0.02, seed=6, noise=1.2, radius=100.0)
     result = cgroup.group(problem.correspondences(), "lc")
     figure = new_figure(3.0)
     left, middle, right = figure.subplots(1, 3)
     residual = np.linspace(0, 7, 200)
-    for level, name, color in ((5.0, "distinctive", TEXT), (3.2, "usual", ACCENT), (1.0, "in a crowd", QUIET_TEXT)):
+    for level, name, color in (
+        (5.0, "distinctive", TEXT),
+        (3.2, "usual", ACCENT),
+        (1.0, "in a crowd", QUIET_TEXT),
+    ):
         gain = np.where(residual < 6, np.maximum(0, level - residual**2 / (2 * 2.7**2)), 0)
         left.plot(residual, gain, color=color, linewidth=1.5)
         left.annotate(
             name, (0, level), xytext=(4, 3), textcoords="offset points", fontsize=FONT - 0.5, color=color
         )
     left.set(xlim=(0, 7), ylim=(0, 5.9))
-    finish(left, title="What a match adds to the support", xlabel=r"residual $r_i$ ($\tau / 3$)", ylabel="support")
+    finish(
+        left,
+        title="What a match adds to the support",
+        xlabel=r"residual $r_i$ ($\tau / 3$)",
+        ylabel="support",
+    )
     _draw_modes(middle, problem, result)
     _draw_residuals(right, problem, result)
     name_right_and_wrong(figure, dots=False)
@@ -121,7 +136,11 @@ def _draw_modes(axes: Axes, problem: MatchingProblem, result: cgroup.Grouping) -
         for pose in poses[:shown]
     ]
     axes.bar(
-        np.arange(1, shown + 1), scores[:shown], color=[CORRECT if each else WRONG for each in right], width=0.75, alpha=0.8
+        np.arange(1, shown + 1),
+        scores[:shown],
+        color=[CORRECT if each else WRONG for each in right],
+        width=0.75,
+        alpha=0.8,
     )
     axes.text(
         0.97,
@@ -152,7 +171,7 @@ def _draw_residuals(axes: Axes, problem: MatchingProblem, result: cgroup.Groupin
 
 
 def turboreg() -> Figure:
-    """Heavy pairs are mostly right; a triangle over one of them is a pose."""
+    """Show that heavy pairs are mostly right; a triangle over one of them is a pose."""
     problem = small_problem(150, 0.15, seed=7, noise=0.4, radius=60.0)
     weight = _second_order(problem, 1.6, 60.0)
     pairs = np.argwhere(np.triu(weight, 1) > 0)
@@ -164,7 +183,7 @@ def turboreg() -> Figure:
     pivot = pairs[order[0]]
     third = _best_third(weight, pivot)
     _draw_triangle(left, problem, np.array([*pivot, third]))
-    title_of(left, "A pivot, and the third match that makes the heaviest triangle")
+    title_of(left, "A pivot (thick) and its heaviest triangle")
     places = np.arange(1, len(order) + 1)
     for chosen, color in ((~both, WRONG), (both, CORRECT)):
         mask = chosen[order]

@@ -43,7 +43,9 @@ def ratio_matrix(problem: MatchingProblem) -> FloatArray:
     return np.divide(np.minimum(source, target), longer, out=np.zeros_like(longer), where=longer > 0)
 
 
-def show_matrix(axes: Axes, matrix: FloatArray, right: int, title: str, *, greatest: float | None = None) -> None:
+def show_matrix(
+    axes: Axes, matrix: FloatArray, right: int, title: str, *, greatest: float | None = None
+) -> None:
     """Show a matrix whose first rows and columns belong to right matches."""
     axes.imshow(matrix, cmap=BLUES, vmin=0, vmax=greatest, interpolation="nearest")
     size = len(matrix)
@@ -56,7 +58,7 @@ def show_matrix(axes: Axes, matrix: FloatArray, right: int, title: str, *, great
 
 
 def st() -> Figure:
-    """The affinity matrix, its principal eigenvector, and what is accepted."""
+    """Draw the affinity matrix, its principal eigenvector, and what is accepted."""
     problem = small_problem(60, 0.3)
     right = int(problem.inlier_mask.sum())
     result = cgroup.st(problem.source, problem.target)
@@ -70,7 +72,12 @@ def st() -> Figure:
     colors = np.array(colors_of(problem.inlier_mask[order]))
     axes.bar(places[kept], vector[order][kept], color=list(colors[kept]), width=0.78)
     axes.bar(
-        places[~kept], vector[order][~kept], color="white", edgecolor=list(colors[~kept]), linewidth=0.9, width=0.7
+        places[~kept],
+        vector[order][~kept],
+        color="white",
+        edgecolor=list(colors[~kept]),
+        linewidth=0.9,
+        width=0.7,
     )
     finish(
         axes,
@@ -84,7 +91,7 @@ def st() -> Figure:
 
 
 def gtm() -> Figure:
-    """How the population gathers on the right matches, step by step."""
+    """Draw how the population gathers on the right matches, step by step."""
     problem = small_problem(60, 0.3)
     payoff = ratio_matrix(problem)
     steps = 100
@@ -99,7 +106,9 @@ def gtm() -> Figure:
     show_matrix(left, payoff**4, int(problem.inlier_mask.sum()), r"Payoff of all pairs, $\Pi^4$")
     for row in np.argsort(problem.inlier_mask, kind="stable"):
         right = problem.inlier_mask[row]
-        axes.plot(np.arange(steps + 1), shares[:, row], color=CORRECT if right else WRONG, linewidth=0.9, alpha=0.75)
+        axes.plot(
+            np.arange(steps + 1), shares[:, row], color=CORRECT if right else WRONG, linewidth=0.9, alpha=0.75
+        )
     axes.axhline(result.threshold or 0.0, color=TEXT, linewidth=1.1, linestyle=(0, (4, 2)))
     axes.annotate(
         "Otsu's cut after 100 steps",
@@ -117,7 +126,7 @@ def gtm() -> Figure:
 
 
 def sc2pcr() -> Figure:
-    """First-order compatibility, where wrong pairs agree too, and the second order, where they don't."""
+    """Draw first-order compatibility, where wrong pairs agree too, and the second order, where they don't."""
     problem = small_problem(80, 0.25, seed=2)
     source, target = distances(problem)
     first = (np.abs(source - target) < 5) & ~np.eye(len(problem), dtype=bool)
@@ -131,7 +140,11 @@ def sc2pcr() -> Figure:
     both = problem.inlier_mask[:, None] & problem.inlier_mask[None, :]
     counts = [second[pairs & ~both], second[pairs & both]]
     axes[2].hist(
-        counts, bins=list(np.arange(0, second.max() + 2) - 0.5), stacked=True, color=[WRONG, CORRECT], alpha=0.8
+        counts,
+        bins=list(np.arange(0, second.max() + 2) - 0.5),
+        stacked=True,
+        color=[WRONG, CORRECT],
+        alpha=0.8,
     )
     finish(
         axes[2],
@@ -140,7 +153,13 @@ def sc2pcr() -> Figure:
         ylabel="pairs",
     )
     axes[2].text(
-        0.97, 0.9, "green: both are right", transform=axes[2].transAxes, ha="right", fontsize=FONT - 0.5, color=QUIET_TEXT
+        0.97,
+        0.9,
+        "green: both are right",
+        transform=axes[2].transAxes,
+        ha="right",
+        fontsize=FONT - 0.5,
+        color=QUIET_TEXT,
     )
     name_right_and_wrong(figure)
     return figure

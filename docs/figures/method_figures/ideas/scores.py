@@ -10,8 +10,8 @@ import cgroup
 from cgroup import features
 from cgroup.datasets import standin_pair
 from cgroup.evaluation import correct_matches
-from cgroup.registration import describe
 from cgroup.plots.style import CORRECT, QUIET_TEXT, TEXT, WRONG
+from cgroup.registration import describe
 from method_figures.drawing import (
     ACCENT,
     FONT,
@@ -32,7 +32,7 @@ _VIEW = 1  # of the problems on views
 
 
 def ss() -> Figure:
-    """Similarities of right and wrong matches, and where Otsu's method cuts them."""
+    """Draw similarities of right and wrong matches, and where Otsu's method cuts them."""
     matches, correct = problems(VIEWS)[_VIEW]
     similarity = np.asarray(matches.similarity)
     cut = cgroup.ss(similarity).threshold or 0.0
@@ -44,7 +44,12 @@ def ss() -> Figure:
     cuts = np.linspace(similarity.min(), similarity.max(), 101)[1:-1]
     right.plot(cuts, [_between_classes(similarity, each) for each in cuts], color=ACCENT, linewidth=1.6)
     mark_cut(right, cut, "greatest here")
-    finish(right, title="Otsu: how far apart the two classes lie", xlabel="cut", ylabel="variance between classes")
+    finish(
+        right,
+        title="Otsu: how far apart the two classes lie",
+        xlabel="cut",
+        ylabel="variance between classes",
+    )
     right.set_ylim(0, right.get_ylim()[1] * 1.15)
     name_right_and_wrong(figure, dots=False)
     return figure
@@ -59,7 +64,7 @@ def _between_classes(scores: FloatArray, cut: float) -> float:
 
 
 def nnsr() -> Figure:
-    """Nearest and second-nearest distances, with Lowe's line between what is kept and what isn't."""
+    """Draw nearest and second-nearest distances, with Lowe's line between what is kept and what isn't."""
     first, second, correct = _descriptor_distances()
     ratio = first / second
     figure = new_figure(2.9)
@@ -70,10 +75,13 @@ def nnsr() -> Figure:
     left.fill_between(reach, 0, 0.8 * reach, color=ACCENT, alpha=0.10, linewidth=0)
     left.plot(reach, 0.8 * reach, color=TEXT, linewidth=1.1, linestyle=(0, (4, 2)))
     left.plot(reach, reach, color=QUIET_TEXT, linewidth=0.8)
-    left.text(0.97, 0.05, "kept: clearly nearer than the second", transform=left.transAxes, ha="right", fontsize=FONT)
+    left.text(0.93, 0.3, "kept", transform=left.transAxes, ha="right", fontsize=FONT, color=ACCENT)
     left.set(xlim=(0.2, reach[1]), ylim=(0.1, reach[1]))
     finish(
-        left, title="Distances to the two nearest descriptors", xlabel="second nearest $d_2$", ylabel="nearest $d_1$"
+        left,
+        title="Distances to the two nearest descriptors",
+        xlabel="second nearest $d_2$",
+        ylabel="nearest $d_1$",
     )
     draw_histogram(right, ratio, correct, bins=np.linspace(ratio.min(), 1, 29))
     mark_cut(right, 0.8, "max_ratio = 0.8", left=True)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cgroup.datasets import MatchingProblem
-    from cgroup.types import FloatArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray
 
 _COUNTS = LinearSegmentedColormap.from_list("counts", ["#ffffff", "#cfe3f2", ACCENT])
 
@@ -38,21 +38,26 @@ def _problem() -> MatchingProblem:
 
 def _candidates(problem: MatchingProblem, scores: FloatArray) -> tuple[int, int]:
     """Pick a right match and a wrong one of usual scores."""
-    picked = []
-    for rows in (np.flatnonzero(problem.inlier_mask), np.flatnonzero(~problem.inlier_mask)):
-        picked.append(int(rows[np.argsort(scores[rows])[int(0.6 * len(rows))]]))
-    return picked[0], picked[1]
+    return _usual(problem.inlier_mask, scores), _usual(~problem.inlier_mask, scores)
+
+
+def _usual(chosen: BoolArray, scores: FloatArray) -> int:
+    """Pick the match of a score that is exceeded by two in five of those chosen."""
+    rows = np.flatnonzero(chosen)
+    return int(rows[np.argsort(scores[rows])[int(0.6 * len(rows))]])
 
 
 def si() -> Figure:
-    """What global voters see of a right and of a wrong match, and the shares of votes."""
+    """Draw what global voters see of a right and of a wrong match, and the shares of votes."""
     problem = _problem()
     result = cgroup.group(problem.correspondences(), "si", neighbors=60)
     scores = np.asarray(result.scores)
     figure = new_figure(2.9)
     first, second, third = figure.subplots(1, 3)
     voters = np.argsort(problem.ratio, kind="stable")[:60]
-    for axes, match, name in zip((first, second), _candidates(problem, scores), ("right", "wrong"), strict=True):
+    for axes, match, name in zip(
+        (first, second), _candidates(problem, scores), ("right", "wrong"), strict=True
+    ):
         _draw_residuals(axes, problem, match, voters)
         finish(
             axes,
@@ -67,8 +72,8 @@ def si() -> Figure:
     return figure
 
 
-def _draw_residuals(axes: Axes, problem: MatchingProblem, match: int, voters: FloatArray) -> None:
-    """Draw each voter by the residual under the candidate's own pose, and by how well it keeps its distance."""
+def _draw_residuals(axes: Axes, problem: MatchingProblem, match: int, voters: IndexArray) -> None:
+    """Draw each voter by its residual under the candidate's own pose, and by its distance ratio."""
     others = voters[voters != match]
     rotation = problem.target_lrf[match].T @ problem.source_lrf[match]
     moved = (problem.source[others] - problem.source[match]) @ rotation.T + problem.target[match]
@@ -76,7 +81,12 @@ def _draw_residuals(axes: Axes, problem: MatchingProblem, match: int, voters: Fl
     ratio = _distance_ratio(problem, match)[others]
     axes.add_patch(Rectangle((0.5, 0.9), 4.5, 0.1, color=ACCENT, alpha=0.15, linewidth=0))
     axes.scatter(
-        np.clip(residual, 0.6, 400), ratio, s=14, color=colors_of(problem.inlier_mask[others]), alpha=0.8, linewidths=0
+        np.clip(residual, 0.6, 400),
+        ratio,
+        s=14,
+        color=colors_of(problem.inlier_mask[others]),
+        alpha=0.8,
+        linewidths=0,
     )
     count = int(((residual < 5) & (ratio > 0.9)).sum())
     axes.set_xscale("log")
@@ -99,14 +109,16 @@ def _distance_ratio(problem: MatchingProblem, match: int) -> FloatArray:
 
 
 def cv() -> Figure:
-    """The weight of a vote, and what a right and a wrong match get."""
+    """Draw the weight of a vote, and what a right and a wrong match get."""
     problem = _problem()
     result = cgroup.group(problem.correspondences(), "cv", voters=60)
     scores = np.asarray(result.scores)
     figure = new_figure(2.9)
     first, second, third = figure.subplots(1, 3)
     voters = np.argsort(problem.ratio, kind="stable")[:60]
-    for axes, match, name in zip((first, second), _candidates(problem, scores), ("right", "wrong"), strict=True):
+    for axes, match, name in zip(
+        (first, second), _candidates(problem, scores), ("right", "wrong"), strict=True
+    ):
         _draw_agreement(axes, problem, match, voters[voters != match])
         finish(
             axes,
@@ -122,7 +134,7 @@ def cv() -> Figure:
     return figure
 
 
-def _draw_agreement(axes: Axes, problem: MatchingProblem, match: int, others: FloatArray) -> None:
+def _draw_agreement(axes: Axes, problem: MatchingProblem, match: int, others: IndexArray) -> None:
     """Draw each voter by its two differences, over the weight that they give."""
     reach, turn = 40.0, 60.0
     grid_r, grid_l = np.meshgrid(np.linspace(0, reach, 120), np.linspace(0, turn, 120))
@@ -130,9 +142,7 @@ def _draw_agreement(axes: Axes, problem: MatchingProblem, match: int, others: Fl
     axes.pcolormesh(grid_r, grid_l, weight, cmap=_COUNTS, vmin=0, vmax=1.2, rasterized=True)
     source = np.linalg.norm(problem.source[others] - problem.source[match], axis=1)
     target = np.linalg.norm(problem.target[others] - problem.target[match], axis=1)
-    differ = np.abs(
-        _angles(problem.source_lrf, match, others) - _angles(problem.target_lrf, match, others)
-    )
+    differ = np.abs(_angles(problem.source_lrf, match, others) - _angles(problem.target_lrf, match, others))
     axes.scatter(
         np.minimum(np.abs(source - target), reach),
         np.minimum(differ, turn),
@@ -149,14 +159,14 @@ def _draw_agreement(axes: Axes, problem: MatchingProblem, match: int, others: Fl
     axes.text(0.6 * reach, 0.9 * turn, "blue: vote near 1", fontsize=FONT - 1, color=QUIET_TEXT, ha="center")
 
 
-def _angles(frames: FloatArray, match: int, others: FloatArray) -> FloatArray:
+def _angles(frames: FloatArray, match: int, others: IndexArray) -> FloatArray:
     """Degrees between the frame of one match and those of others, Eq. (9)."""
     traces = np.einsum("ab,nab->n", frames[match], frames[others])
     return np.degrees(np.arccos(np.clip((traces - 1) / 2, -1, 1)))
 
 
 def hough3d() -> Figure:
-    """How a vote is cast, and the votes in the slice of Hough space that holds the peak."""
+    """Draw how a vote is cast, and the votes in the slice of Hough space that holds the peak."""
     problem = small_problem(300, 0.3, seed=8, noise=1.0, radius=100.0)
     votes = _cast(problem)
     low, high = votes.min(axis=0), votes.max(axis=0)
@@ -199,5 +209,12 @@ def _frame_bin(axes: Axes, edges: list[FloatArray], place: tuple[int, int], *, s
     x, y = edges[0][place[0]], edges[1][place[1]]
     size = edges[0][1] - edges[0][0], edges[1][1] - edges[1][0]
     axes.add_patch(
-        Rectangle((x, y), *size, fill=False, edgecolor=TEXT, linewidth=1.6 if strong else 0.9, zorder=4 if strong else 3)
+        Rectangle(
+            (x, y),
+            *size,
+            fill=False,
+            edgecolor=TEXT,
+            linewidth=1.6 if strong else 0.9,
+            zorder=4 if strong else 3,
+        )
     )
