@@ -137,8 +137,8 @@ GROUPS: dict[str, dict[str, str]] = {
 }
 
 
-def write(folder: Path) -> None:
-    """Write one page per module that there is, and the table of modules."""
+def write(folder: Path) -> list[str]:
+    """Write one page per module that there is, and the table of modules; return the pages."""
     modules = [name for name in GROUPS if _is_there(name)]
     _write(folder / "modules.txt", _module_table(modules))
     homes: dict[int, str] = {}
@@ -146,6 +146,7 @@ def write(folder: Path) -> None:
         module = importlib.import_module(name)
         _write(folder / f"{name}.rst", _page(name, module, homes))
     _drop_pages_of_lost_names(folder, modules)
+    return [f"reference/{name}.rst" for name in modules]
 
 
 def _drop_pages_of_lost_names(folder: Path, modules: list[str]) -> None:

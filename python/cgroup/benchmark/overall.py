@@ -21,7 +21,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cgroup.benchmark.rankings import LEVEL, Interval, bootstrap, compare_with_best, holm, mcnemar, signed_rank
+from cgroup.benchmark.rankings import (
+    LEVEL,
+    Interval,
+    bootstrap,
+    compare_with_best,
+    holm,
+    mcnemar,
+    signed_rank,
+)
 from cgroup.datasets.generated_matches import GeneratedMatches
 
 if TYPE_CHECKING:

@@ -210,9 +210,7 @@ def holm(p: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def compare_with_best(
-    values: FloatArray | BoolArray, test: Test, best: int | None = None
-) -> list[float]:
+def compare_with_best(values: FloatArray | BoolArray, test: Test, best: int | None = None) -> list[float]:
     """Find the p of each column's difference from one, adjusted by Holm; 1 for that one.
 
     Parameters

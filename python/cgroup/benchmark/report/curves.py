@@ -93,7 +93,10 @@ def scores_chart(
         )
         for column, title in titles.items()
     ]
-    looks = look_up(methods, styles) | {"all": Look("all", QUIET_TEXT, "square"), "correct": Look("correct", CORRECT)}
+    looks = look_up(methods, styles) | {
+        "all": Look("all", QUIET_TEXT, "square"),
+        "correct": Look("correct", CORRECT),
+    }
     return Chart(name, alt, panels + _match_panels(rows, levels, x_title), looks, files)
 
 

@@ -187,9 +187,7 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
         criteria=_split_paragraphs(CRITERIA),
         titles=EXPERIMENTS,
         claims_of=lambda each: [
-            v
-            for v in verdicts
-            if v.paper_section.startswith(each.sections) and v.verdict != "not testable"
+            v for v in verdicts if v.paper_section.startswith(each.sections) and v.verdict != "not testable"
         ],
         **parts,
     )

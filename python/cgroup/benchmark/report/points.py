@@ -26,7 +26,12 @@ _MILLISECONDS = "median milliseconds per call"
 
 
 def times_chart(
-    times: pd.DataFrame, *, exponents: Mapping[str, float], complexities: Mapping[str, str], styles: Mapping[str, MethodStyle], alt: str
+    times: pd.DataFrame,
+    *,
+    exponents: Mapping[str, float],
+    complexities: Mapping[str, str],
+    styles: Mapping[str, MethodStyle],
+    alt: str,
 ) -> Chart:
     """Chart milliseconds over the number of matches.
 
@@ -63,7 +68,9 @@ def times_chart(
     return Chart("time", alt, [panel], looks, ("time",))
 
 
-def pairs_chart(rows: pd.DataFrame, methods: tuple[str, str], *, styles: Mapping[str, MethodStyle], alt: str, file: str) -> Chart:
+def pairs_chart(
+    rows: pd.DataFrame, methods: tuple[str, str], *, styles: Mapping[str, MethodStyle], alt: str, file: str
+) -> Chart:
     """Chart the precision of two methods pair by pair, and the share of pairs up to each precision.
 
     Parameters
@@ -156,19 +163,22 @@ def pipelines_chart(related: pd.DataFrame, *, alt: str) -> Chart:
     """
     rows = related.assign(method=related["pipeline"])
     drawn = choose_looks(related)
-    looks = {
-        name: Look(name, look.color, look.symbol, dash_of(look.dashes))
-        for name, look in drawn.items()
-    }
+    looks = {name: Look(name, look.color, look.symbol, dash_of(look.dashes)) for name, look in drawn.items()}
     panels = [_by_overlap(rows, list(looks))] if rows["overlap"].notna().any() else []
     for name, of_set in rows.groupby("set", sort=False):
         means = estimate_means(of_set, ("right",))["right"]
         seconds = of_set.groupby("method")["seconds"].median()
-        points = [_make_point(method, float(seconds[method]), means[method]) for method in looks if method in means]
+        points = [
+            _make_point(method, float(seconds[method]), means[method]) for method in looks if method in means
+        ]
         panels.append(
             Panel(
-                str(name), "median seconds per pair", "share of right poses", points,
-                kind="points", logarithmic="x",
+                str(name),
+                "median seconds per pair",
+                "share of right poses",
+                points,
+                kind="points",
+                logarithmic="x",
             )  # fmt: skip
         )
     return Chart("registration", alt, panels, looks, ("registration",))

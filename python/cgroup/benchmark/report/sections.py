@@ -71,7 +71,9 @@ class Selections:
 
 def make_sections(experiment: Experiment, evidence: Evidence, pictures: PictureBook) -> list[Section]:
     """Make a section for each data set of the paper with records of an experiment."""
-    samples = ((place, evidence.sample(experiment.id, place, every_method=True)) for place in experiment.places)
+    samples = (
+        (place, evidence.sample(experiment.id, place, every_method=True)) for place in experiment.places
+    )
     return [
         _make_section(sample, f"{experiment.id}-{place.lower()}", f"{place}: {sample.description}", pictures)
         for place, sample in samples
@@ -101,9 +103,7 @@ def _chart_experiment(sample: Sample, anchor: str, pictures: PictureBook) -> Cha
     if experiment.id != "epsilon":  # the same matches at each threshold
         files.append(pictures.save(f"{anchor}-inliers", inliers_figure(rows, **labels)))
     alt = _describe(sample)
-    return scores_chart(
-        anchor, rows, x_title=experiment.label, alt=alt, files=tuple(files), styles=styles
-    )
+    return scores_chart(anchor, rows, x_title=experiment.label, alt=alt, files=tuple(files), styles=styles)
 
 
 def _name_combinations(sample: Sample) -> pd.DataFrame:
@@ -118,7 +118,11 @@ def _name_combinations(sample: Sample) -> pd.DataFrame:
 
 def _describe(sample: Sample) -> str:
     """Say in words what a chart shows."""
-    table, rates, ratios = sample.by_level("f_score"), sample.overall("registered"), sample.matches("inlier_ratio")
+    table, rates, ratios = (
+        sample.by_level("f_score"),
+        sample.overall("registered"),
+        sample.matches("inlier_ratio"),
+    )
     best = table.mean().idxmax()
     most = [method_style(method).label for method in rates.index[rates == rates.max()]]
     return (
@@ -163,9 +167,7 @@ def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[Chart, Tab
     return times_chart(times, **looks, alt=alt), timing_table(times, fitted)
 
 
-def draw_selections(
-    out: Path, evidence: Evidence, root: Path | None, pictures: PictureBook
-) -> Selections:
+def draw_selections(out: Path, evidence: Evidence, root: Path | None, pictures: PictureBook) -> Selections:
     """Draw what is selected on a few pairs."""
     methods = sort_methods(evidence.frame["method"].unique())
     drawn: list[Picture] = []

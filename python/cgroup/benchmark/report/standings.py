@@ -105,7 +105,9 @@ def _describe(overall: Overall) -> str:
     if overall.units < LEAST_PAIRS:
         parts.append(f"No intervals: they need at least {LEAST_PAIRS} pairs.")
     else:
-        parts.append(f"Bars are {100 * LEVEL:.0f} % intervals of the mean (bootstrap over pairs, by data set).")
+        parts.append(
+            f"Bars are {100 * LEVEL:.0f} % intervals of the mean (bootstrap over pairs, by data set)."
+        )
     if overall.by_object:
         parts.append(
             f"Pairs of one object or room are drawn together in {', '.join(overall.by_object)}, which has"
