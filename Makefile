@@ -103,6 +103,12 @@ lint: $(VENV)/.ready-dev ## check format, lints and who imports whom
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/python tools/collect_licenses.py --check
+	$(BIN)/python tools/check_version.py
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+	$(BIN)/zizmor --offline --quiet .github
+	$(BIN)/shellcheck .ci/run fuzz/run
 
 types: $(VENV)/.ready-dev ## check types, and the stubs against the compiled core
 	$(BIN)/basedpyright

@@ -84,12 +84,12 @@ def plot(
     """
     pose, correct = given["pose"], given["correct"]
     drawing = Drawing(
-        source=_points("source", given["source"], matches.source),
-        target=_points("target", given["target"], matches.target),
+        source=as_points("source", matches.source if given["source"] is None else given["source"]),
+        target=as_points("target", matches.target if given["target"] is None else given["target"]),
         matches=matches,
         mask=mask,
         pose=np.eye(4) if pose is None else check_rigid(pose, "T_target_source"),
-        correct=None if correct is None else _flags(correct, len(mask)),
+        correct=None if correct is None else as_flags("correct", correct, len(mask)),
         grouping=grouping,
         title=title,
         is_placed=is_placed,
@@ -97,17 +97,17 @@ def plot(
     return _views.draw(drawing, interactive=as_flag("interactive", interactive))
 
 
-def _points(name: str, cloud: Any, matched: Any) -> FloatArray:  # noqa: ANN401 - a cloud of any kind
-    points = matched if cloud is None else getattr(cloud, "points", cloud)
-    array = real_points(name, points).astype(np.float64)
+def as_points(name: str, cloud: Any) -> FloatArray:  # noqa: ANN401 - a cloud of any kind
+    """Return the points of a cloud, at least one."""
+    array = real_points(name, getattr(cloud, "points", cloud)).astype(np.float64)
     if len(array) == 0:
         raise refusal(name, array, "give a cloud with points, or matches")
     return array
 
 
-def _flags(correct: Any, count: int) -> BoolArray:  # noqa: ANN401 - whatever is given
-    array = np.asarray(correct)
+def as_flags(name: str, flags: Any, count: int) -> BoolArray:  # noqa: ANN401 - whatever is given
+    """Return one truth value for each match."""
+    array = np.asarray(flags)
     if array.dtype != bool or array.shape != (count,):
-        name = "correct"
-        raise refusal(name, correct, f"give an array of {count} bool")
+        raise refusal(name, flags, f"give an array of {count} bool")
     return array

@@ -22,10 +22,12 @@ from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
 from cgroup.rigid import apply
-from cgroup.types import PointCloud
+from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from numpy.typing import ArrayLike
 
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
@@ -53,12 +55,12 @@ _VOXEL_STEPS = 30  # of the bisection for the cell size
 _STONE_GAP = 1.3  # diameters between the centres of what clutter puts beside the model
 
 
-def add_noise(cloud: PointCloud, sigma: float, rng: np.random.Generator) -> PointCloud:
+def add_noise(cloud: PointCloud | ArrayLike, sigma: float, rng: np.random.Generator) -> PointCloud:
     """Move every point by Gaussian noise along x, y and z.
 
     Parameters
     ----------
-    cloud : PointCloud
+    cloud : PointCloud or (N,3) array_like of float
         Left as it is.
     sigma : float
         Standard deviation along each axis, in the data's unit.
@@ -85,16 +87,16 @@ def add_noise(cloud: PointCloud, sigma: float, rng: np.random.Generator) -> Poin
     >>> round(float((noisy.points - scan.points).std()), 1)
     0.5
     """
-    points, deviation = as_instance("cloud", cloud, PointCloud).points, as_number("sigma", sigma)
+    cloud, deviation = as_cloud("cloud", cloud), as_number("sigma", sigma)
     if not (np.isfinite(deviation) and deviation >= 0):
         message = f"sigma: got {deviation}; give a finite length, 0 or greater"
         raise InputError(message)
-    noise = deviation * as_instance("rng", rng, np.random.Generator).normal(size=points.shape)
-    return replace(cloud, points=points + noise, normals=None)
+    noise = deviation * as_instance("rng", rng, np.random.Generator).normal(size=cloud.points.shape)
+    return replace(cloud, points=cloud.points + noise, normals=None)
 
 
 def decimate(
-    cloud: PointCloud,
+    cloud: PointCloud | ArrayLike,
     share: float,
     rng: np.random.Generator,
     *,
@@ -104,7 +106,7 @@ def decimate(
 
     Parameters
     ----------
-    cloud : PointCloud
+    cloud : PointCloud or (N,3) array_like of float
         Left as it is.
     share : float
         Of the points that are kept, greater than 0 and at most 1.
@@ -140,7 +142,8 @@ def decimate(
     if not 0 < part <= 1:
         message = f"share: got {part}; give the part of the points to keep, above 0 and at most 1"
         raise InputError(message)
-    count = round(part * len(as_instance("cloud", cloud, PointCloud)))
+    cloud = as_cloud("cloud", cloud)
+    count = round(part * len(cloud))
     _check_left(count, f"share {part}")
     if method == "voxel":
         return PointCloud(_voxel_subset(cloud.points, count))

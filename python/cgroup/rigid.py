@@ -106,11 +106,11 @@ def invert(transform: FloatArray) -> FloatArray:
 
 
 def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
-    """Accept a 4x4 rigid transform of column vectors.
+    """Accept a 4x4 rigid transform of column vectors, or its first three rows.
 
     Parameters
     ----------
-    transform : (4,4) array_like of float
+    transform : (4,4) or (3,4) array_like of float
         Rotation and translation.
     name : str
         What to call it in an error.
@@ -118,7 +118,7 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     Returns
     -------
     (4,4) array of float64
-        The same numbers as float64.
+        The same numbers as float64; the last row is 0 0 0 1.
 
     Raises
     ------
@@ -156,8 +156,10 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
 
 def _matrix(name: str, transform: ArrayLike) -> FloatArray:
     matrix = as_floats(name, transform)
+    if matrix.shape == (3, 4):
+        return np.concatenate([matrix, [[0.0, 0.0, 0.0, 1.0]]])
     if matrix.shape != (4, 4):
-        message = f"{name}: got shape {matrix.shape}; a rigid transform is a 4x4 matrix"
+        message = f"{name}: got shape {matrix.shape}; a rigid transform is a 4x4 matrix, or its first 3 rows"
         raise InputError(message)
     return matrix
 

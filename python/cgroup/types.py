@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import _core, _views
+from cgroup._arguments import as_faces, as_points
 from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup._drawing import plot
 from cgroup._fields import OPTIONAL_FIELDS, check_fields
+from cgroup._foreign import cloud_parts
 from cgroup._notebook import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.rigid import apply, check_rigid
@@ -504,3 +506,34 @@ class PointCloud:
         matrix = check_rigid(transform)
         normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
         return PointCloud(apply(matrix, self.points), normals, self.faces, self.colors, self.dropped)
+
+
+def find_cloud(name: str, cloud: object) -> PointCloud | None:
+    """Return a `PointCloud`, or one made of a cloud of another library; None for arrays.
+
+    Raises
+    ------
+    InputError
+        If its parts aren't points, normals and triangles.
+    """
+    if isinstance(cloud, PointCloud):
+        return cloud
+    parts = cloud_parts(name, cloud)
+    if parts is None:
+        return None
+    normals = None if parts.normals is None else as_points(f"{name}.normals", parts.normals)
+    faces = None if parts.faces is None else as_faces(f"{name}.faces", parts.faces)
+    return PointCloud(as_points(name, parts.points), normals, faces)
+
+
+def as_cloud(name: str, cloud: PointCloud | ArrayLike) -> PointCloud:
+    """Return a `PointCloud` of points in any form.
+
+    Raises
+    ------
+    InputError
+        If they are no points.
+    """
+    if isinstance(cloud, PointCloud):
+        return cloud
+    return find_cloud(name, cloud) or PointCloud(as_points(name, cloud))

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import doctest
 import re
 from pathlib import Path
 
 import pytest
 
-import cgroup
-import cgroup.features
 from cgroup.registry import METHOD_INFO
 
 ROOT = Path(__file__).parents[2]
@@ -61,8 +58,3 @@ def test_make_targets_exist():
 def test_method_table_is_that_of_the_registry():
     rows = re.findall(r"^\| \[?`(\w+)`(?:\]\(\S+\))? \|.*\| ([^|]+) \|$", README, flags=re.MULTILINE)
     assert rows == [(info.function.__name__, info.complexity) for info in METHOD_INFO.values()]
-
-
-@pytest.mark.parametrize("module", [cgroup, cgroup.features])
-def test_documented_examples(module):
-    assert doctest.testmod(module).failed == 0

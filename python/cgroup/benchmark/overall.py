@@ -42,9 +42,6 @@ if TYPE_CHECKING:
 LEAST_OBJECTS = 5
 """Of a data set whose objects are drawn in place of its pairs."""
 
-LEAST_PAIRS = 5
-"""For an interval: fewer say nothing of others."""
-
 REAL, GENERATED = "real and semi-synthetic", "synthetic"
 """Kinds of pairs that are ranked apart."""
 
@@ -83,8 +80,8 @@ class Overall:
         Adjusted p of the difference of two methods by the first measure, over all twos.
     pairs : dict of str to int
         Number of pairs by data set.
-    cases, units : int
-        How many cases all ranked methods have, and how many units are drawn.
+    cases, further_cases, units : int
+        How many cases all ranked methods have, how many only some of them, and how many units are drawn.
     by_object : tuple of str
         Data sets whose objects are drawn.
     unranked : dict of str to int
@@ -97,6 +94,7 @@ class Overall:
     p_between: dict[tuple[str, str], float]
     pairs: dict[str, int]
     cases: int
+    further_cases: int
     units: int
     by_object: tuple[str, ...]
     unranked: dict[str, int]
@@ -178,6 +176,7 @@ def _rank_kind(kind: str, rows: pd.DataFrame, measures: tuple[str, ...]) -> Over
         _compare_all(_unit_means(by_pair[0].to_numpy(np.float64), of_unit), ranked),
         {str(name): int(count) for name, count in pairs.groupby("dataset", sort=False).size().items()},
         len(shared),
+        rows.loc[rows["method"].isin(ranked), "case"].nunique() - len(shared),
         len(units),
         tuple(dict.fromkeys(d for d, unit in zip(datasets, units, strict=True) if unit not in single)),
         {str(method): int(count) for method, count in counts.items() if method not in ranked},

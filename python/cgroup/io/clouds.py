@@ -14,7 +14,7 @@ from cgroup.features import DescribedCloud
 from cgroup.io._files import parse_file, write_file
 from cgroup.io._numpy_files import npz_bytes, read_arrays, single_number
 from cgroup.io.cloud_formats import PARSERS, CloudContent
-from cgroup.types import PointCloud
+from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     import os
@@ -80,15 +80,15 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     return _finite_cloud(path, parse_file(path, reader))
 
 
-def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
+def write_cloud(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike) -> None:
     """Write a point cloud as binary PLY, coordinates in double precision.
 
     Parameters
     ----------
     path : path-like
         Must end in ``.ply``.
-    cloud : PointCloud
-        Normals, faces and colours are written where there are any.
+    cloud : PointCloud or (N,3) array_like of float
+        Or a cloud of another library. Normals, faces and colours are written where there are any.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     if path.suffix.lower() != ".ply":
         message = f"{path}: point clouds are written as PLY; use a name that ends in .ply"
         raise InputError(message)
-    as_instance("cloud", cloud, PointCloud)
+    cloud = as_cloud("cloud", cloud)
     columns: list[tuple[str, str, str, NDArray[Any]]] = [
         (name, "<f8", "double", cloud.points[:, i]) for i, name in enumerate("xyz")
     ]
@@ -133,7 +133,7 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     write_file(path, text.encode() + vertices.tobytes() + triangles)
 
 
-def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: ArrayLike) -> None:
+def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike, indices: ArrayLike) -> None:
     """Write the keypoints of a cloud.
 
     Parameters
@@ -141,7 +141,7 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: Ar
     path : path-like
         ``.npz`` with the arrays ``indices`` and ``points``, or ``.ply``: the whole cloud in grey, its
         keypoints in vermilion.
-    cloud : PointCloud
+    cloud : PointCloud or (N,3) array_like of float
         The whole cloud.
     indices : (m,) array_like of int
         Rows of the cloud.
@@ -165,7 +165,8 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: Ar
     True
     """
     path, rows = as_path("path", path), as_rows("indices", indices)
-    if rows.max(initial=-1) >= len(as_instance("cloud", cloud, PointCloud)):
+    cloud = as_cloud("cloud", cloud)
+    if rows.max(initial=-1) >= len(cloud):
         message = f"indices: got row {rows.max()}, but the cloud has {len(cloud)} points"
         raise InputError(message)
     if path.suffix.lower() == ".npz":

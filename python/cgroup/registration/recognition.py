@@ -15,7 +15,7 @@ from cgroup.registration.instances import InstanceSearch
 from cgroup.registration.mesh import as_model
 from cgroup.registration.pair import common_voxel
 from cgroup.registration.prepared import PreparedScan, prepare_scan
-from cgroup.registration.scan import Scan, as_scan
+from cgroup.registration.scan import Scan, as_point_cloud, as_scan
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
@@ -247,6 +247,7 @@ def _as_ready_or_scan(
             message = f"{label}: prepared without its outside; prepare it with normals='mesh' or 'given'"
             raise InputError(message)
         return model
+    model = as_point_cloud(label, model)
     has_faces = isinstance(model, PointCloud) and model.faces is not None
     has_normals = isinstance(model, PointCloud) and model.normals is not None
     if by_frames and not has_faces:

@@ -68,7 +68,7 @@ class Table:
     def descending(self) -> list[bool]:
         """Whether the first click on each column shows the largest first: numbers, but no ranks or p."""
         return [
-            number and header != "rank" and not header.startswith("p (")
+            number and header not in {"rank", "p"}
             for number, header in zip(self.numeric, self.headers, strict=True)
         ]
 

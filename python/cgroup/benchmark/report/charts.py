@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from cgroup.benchmark.overall import LEAST_PAIRS
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.pages import chart_html
 from cgroup.plots.curves import sort_methods
 from cgroup.plots.style import method_styles
@@ -167,7 +167,7 @@ def look_up(methods: Iterable[str], styles: Mapping[str, MethodStyle]) -> dict[s
 
 
 def dash_of(dashes: LineStyleType) -> str:
-    """Plotly's name of matplotlib's dashes."""
+    """Return plotly's name of matplotlib's dashes."""
     return "solid" if dashes == "-" else "dash"
 
 

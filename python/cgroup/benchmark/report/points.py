@@ -54,18 +54,24 @@ def times_chart(
         One panel, both axes logarithmic.
     """
     methods = sort_methods(times.columns)
-    series = [Series(method, y=(1e3 * times[method]).tolist()) for method in methods]
+    series = [
+        Series(
+            method,
+            y=(1e3 * times[method]).tolist(),
+            notes=[_describe_growth(exponents.get(method, np.nan), complexities.get(method))] * len(times),
+        )
+        for method in methods
+    ]
     panel = Panel(
         "time", "number of matches n", "milliseconds per grouping, one thread", series,
         at=[float(n) for n in times.index], share=False, logarithmic="xy",
     )  # fmt: skip
-    looks = look_up(methods, styles)
-    for method, look in looks.items():
-        fitted = exponents.get(method, np.nan)
-        grows = "" if np.isnan(fitted) else f" ~ n^{fitted:.2f}"
-        paper = f" (paper {complexities[method]})" if method in complexities else ""
-        looks[method] = look._replace(label=look.label + grows + paper)
-    return Chart("time", alt, [panel], looks, ("time",))
+    return Chart("time", alt, [panel], look_up(methods, styles), ("time",))
+
+
+def _describe_growth(exponent: float, paper: str | None) -> str:
+    measured = "" if np.isnan(exponent) else f"measured n^{exponent:.2f}"
+    return "; ".join(filter(None, (measured, paper and f"paper {paper}")))
 
 
 def pairs_chart(
@@ -179,7 +185,7 @@ def pipelines_chart(related: pd.DataFrame, *, alt: str) -> Chart:
                 points,
                 kind="points",
                 logarithmic="x",
-            )  # fmt: skip
+            )
         )
     return Chart("registration", alt, panels, looks, ("registration",))
 

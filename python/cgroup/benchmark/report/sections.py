@@ -160,8 +160,8 @@ def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[Chart, Tab
     pictures.save("time", timing_figure(times, **looks, title=f"Time per grouping, {sources}"))
     last = times.iloc[-1].dropna()
     alt = (
-        f"Mean time of {len(times.columns)} methods over the number of matches of {sources}, logarithmic axes; "
-        f"at n {times.index[-1]:,} {method_style(last.idxmin()).label} is the fastest, "
+        f"Mean time of {len(times.columns)} methods over the number of matches of {sources}, logarithmic "
+        f"axes; at n {times.index[-1]:,} {method_style(last.idxmin()).label} is the fastest, "
         f"{method_style(last.idxmax()).label} the slowest."
     )
     return times_chart(times, **looks, alt=alt), timing_table(times, fitted)

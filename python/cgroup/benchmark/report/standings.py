@@ -1,22 +1,25 @@
 """What the page shows at its top: methods ranked over all pairs, and who is better than whom."""
 
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
+
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.overall import GENERATED, LEAST_OBJECTS, LEAST_PAIRS, Overall, Standing, rank_overall
+from cgroup.benchmark.overall import GENERATED, LEAST_OBJECTS, Overall, Standing, rank_overall
 from cgroup.benchmark.paper import PAPER_EPSILON
 from cgroup.benchmark.rankings import LEVEL
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell
 from cgroup.benchmark.report.trial_tables import with_fewest_threads
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots.style import method_style
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_NAMES = {"f_score": "F", "registered": "registered", "right": "registered"}
+_NAMES = {"f_score": "mean F", "registered": "registered", "right": "registered"}
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class StandingsSection:
 def make_standings(
     frame: pd.DataFrame, trials: pd.DataFrame, registrations: pd.DataFrame
 ) -> list[StandingsSection]:
-    """Rank what there is: methods on cases, methods on matches, and ways to register.
+    """Rank what there is: methods on cases, methods on matches, and pipelines.
 
     Parameters
     ----------
@@ -54,17 +57,19 @@ def make_standings(
     list of StandingsSection
         Real and semi-synthetic pairs before synthetic ones.
     """
-    ranked = [
-        *(("methods", each) for each in rank_overall(*_pick_cases(frame))),
-        *(("methods on matches", each) for each in rank_overall(*_pick_trials(trials))),
-        *(("ways to register", each) for each in rank_overall(*_pick_registrations(registrations))),
+    kinds = {
+        "methods": rank_overall(*_pick_cases(frame)),
+        "methods on matches": rank_overall(*_pick_trials(trials)),
+        "pipelines": rank_overall(*_pick_registrations(registrations)),
+    }
+    several = sum(map(bool, kinds.values())) > 1
+    return [
+        _make_section(what, overall, named=several) for what, ranked in kinds.items() for overall in ranked
     ]
-    several = len({what for what, _ in ranked}) > 1
-    return [_make_section(what if several else "", overall) for what, overall in ranked]
 
 
 def _pick_cases(frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Records at the paper's threshold; cases that failed for every method are no one's failure."""
+    """Pick records at the paper's threshold; cases that failed for every method are no one's failure."""
     measures = ("f_score", "registered")
     if frame.empty:
         return frame, measures
@@ -88,11 +93,12 @@ def _pick_registrations(registrations: pd.DataFrame) -> tuple[pd.DataFrame, tupl
     return rows.assign(case=case, method=rows["pipeline"]), ("right",)
 
 
-def _make_section(what: str, overall: Overall) -> StandingsSection:
-    prefix = f"{what}, ".capitalize() if what else ""
-    kind = f"{overall.kind} pairs"
-    title = prefix + kind if prefix else kind.capitalize()
-    return StandingsSection(title, _describe(overall), _rank(overall), _compare(overall))
+def _make_section(what: str, overall: Overall, *, named: bool) -> StandingsSection:
+    pairs = f"{overall.kind} pairs"
+    title = f"{what}: {pairs}" if named else pairs
+    noun = "pipeline" if what == "pipelines" else "method"
+    ranking, differences = _rank(overall, noun), _compare(overall, noun)
+    return StandingsSection(title[0].upper() + title[1:], _describe(overall), ranking, differences)
 
 
 def _describe(overall: Overall) -> str:
@@ -100,50 +106,50 @@ def _describe(overall: Overall) -> str:
     count = sum(overall.pairs.values())
     data = ", ".join(f"{name} {pairs}" for name, pairs in overall.pairs.items())
     parts = [f"Means over {count} pairs ({data}), each with the mean of its cases, {overall.cases:,} in all."]
+    if overall.further_cases:
+        parts.append(f"{overall.further_cases:,} further cases, which not all were run on, are left out.")
     if overall.kind == GENERATED:
-        parts.append("These are generated shapes: they show that everything works, not which method is best.")
-    if overall.units < LEAST_PAIRS:
-        parts.append(f"No intervals: they need at least {LEAST_PAIRS} pairs.")
+        parts.append("Generated shapes say little of real ones.")
+    if _has_intervals(overall):
+        parts += [
+            f"Bars are {100 * LEVEL:.0f} % intervals of the mean (bootstrap over pairs, by data set).",
+            "Bold: can't be told from the first of the column at a level of 5 %; p is that of the difference",
+            "from that first one, by paired tests on the same pairs (Wilcoxon's signed ranks;",
+            "McNemar's where a pair is registered or not), adjusted by Holm.",
+        ]
     else:
-        parts.append(
-            f"Bars are {100 * LEVEL:.0f} % intervals of the mean (bootstrap over pairs, by data set)."
-        )
+        parts.append(f"No intervals and no tests: they need at least {LEAST_PAIRS} pairs.")
     if overall.by_object:
         parts.append(
-            f"Pairs of one object or room are drawn together in {', '.join(overall.by_object)}, which has"
-            f" {LEAST_OBJECTS} or more of them."
+            f"Pairs of one object or room are drawn and tested together in {', '.join(overall.by_object)}:"
+            f" {LEAST_OBJECTS} or more of them are known there."
         )
-    parts.append(
-        "Bold: can’t be told from the first of the column at a level of 5 %; p is that of the difference"
-        " from that first one, by paired tests on the same pairs (Wilcoxon’s signed ranks; McNemar’s where a"
-        " pair is registered or not), adjusted by Holm."
-    )
     if overall.unranked:
         names = ", ".join(f"{method_style(name).label} ({n})" for name, n in overall.unranked.items())
         parts.append(f"Not ranked, as run on fewer than half of the cases: {names}.")
     return " ".join(parts)
 
 
-def _rank(overall: Overall) -> Table:
-    certain = overall.units >= LEAST_PAIRS
+def _has_intervals(overall: Overall) -> bool:
+    return overall.units >= LEAST_PAIRS
+
+
+def _rank(overall: Overall, noun: str) -> Table:
+    certain = _has_intervals(overall)
     lines: list[tuple[Cell, ...]] = []
     for place, method in enumerate(overall.methods, start=1):
         cells = [cell for of in overall.standings.values() for cell in _show(of, method, certain=certain)]
         lines.append((Cell(str(place), float(place)), method_cell(method), *cells))
-    headers = [
-        header
-        for measure in overall.standings
-        for header in (f"{'mean F' if measure == 'f_score' else _NAMES[measure]}", f"p ({_NAMES[measure]})")
-    ]
-    first = _NAMES[next(iter(overall.standings))]
-    return Table(f"Ranking by {first}", ("rank", "method", *headers), lines)
+    names = [_NAMES[measure] for measure in overall.standings]
+    headers = [header for name in names for header in ((name, "p") if certain else (name,))]
+    return Table(f"Ranking by {names[0]}", ("rank", noun, *headers), lines)
 
 
-def _show(standings: dict[str, Standing], method: str, *, certain: bool) -> tuple[Cell, Cell]:
+def _show(standings: dict[str, Standing], method: str, *, certain: bool) -> tuple[Cell, ...]:
     """Cells of a mean, and of the p of its difference from the highest."""
     (mean, low, high), p, tied = standings[method]
     if not certain:
-        return Cell(f"{mean:.3f}", mean), Cell(MISSING, math.inf)
+        return (Cell(f"{mean:.3f}", mean),)
     text = f"{mean:.3f} [{low:.2f}, {high:.2f}]"
     highest = mean == max(each.interval.mean for each in standings.values())
     return (
@@ -156,10 +162,10 @@ def _show_p(p: float) -> str:
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
 
 
-def _compare(overall: Overall) -> Table:
+def _compare(overall: Overall, noun: str) -> Table:
     measure = next(iter(overall.standings))
     means = {method: standing.interval.mean for method, standing in overall.standings[measure].items()}
-    certain = overall.units >= LEAST_PAIRS
+    certain = _has_intervals(overall)
     lines = [
         (
             method_cell(one),
@@ -176,9 +182,8 @@ def _compare(overall: Overall) -> Table:
         )
         for one in overall.methods
     ]
-    caption = (
-        f"Difference in {_NAMES[measure]}, row minus column; bold where it is more than chance "
-        "(paired test, adjusted by Holm over all twos)"
+    caption = f"Difference in {_NAMES[measure]}, row minus column" + (
+        "; bold where p < 0.05 (paired test, adjusted by Holm over all twos)" if certain else ""
     )
-    headers = ("method", *(method_cell(other).text for other in overall.methods))
+    headers = (noun, *(method_cell(other).text for other in overall.methods))
     return Table(caption, headers, lines)

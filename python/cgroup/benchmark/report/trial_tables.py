@@ -103,7 +103,7 @@ def ranking(rows: pd.DataFrame) -> Table:
         for place, rank in enumerate(rank_methods(rows), start=1)
     ]
     headers = ("rank", "method", "F", "P", "R", "registered", "accurate", "P > 0.1", "tied with the first in")
-    caption = f"Ranking by F, with {100 * LEVEL:.0f} % intervals (bootstrap over problems; ties: paired tests, Holm)"
+    caption = f"Ranking by F, with {LEVEL:.0%} intervals (bootstrap over problems; ties: paired tests, Holm)"
     return Table(caption, headers, lines)
 
 

@@ -25,7 +25,7 @@ function hoverText(panel, look, series, i, place) {
   const lines = [`<b>${escapeText(look.label)}</b>`, `${escapeText(panel.y_title)}: <b>${show(series.y[i])}</b>${interval}`];
   lines.push(`${escapeText(panel.x_title)}: ${escapeText(typeof place === "number" ? show(place) : place)}`);
   if (series.counts) lines.push(`${series.counts[i]} pair${series.counts[i] === 1 ? "" : "s"}`);
-  if (series.notes) lines.push(escapeText(series.notes[i]));
+  if (series.notes?.[i]) lines.push(escapeText(series.notes[i]));
   return lines.join("<br>");
 }
 
