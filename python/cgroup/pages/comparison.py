@@ -10,7 +10,7 @@ from cgroup._drawing import as_flags, as_points
 from cgroup._values import as_instance, as_items, refusal
 from cgroup.comparison import MethodResult, find_correct
 from cgroup.pages.viewer import Selection, View, view_html
-from cgroup.registry import ALIASES, METHOD_INFO
+from cgroup.registry import METHOD_INFO
 from cgroup.rigid import check_rigid
 from cgroup.types import Correspondences
 
@@ -109,7 +109,7 @@ def comparison_page(
 
 
 def _selection(result: MethodResult) -> Selection:
-    score, name = result.score, ALIASES.get(result.method, result.method)
-    label = METHOD_INFO[name].label if name in METHOD_INFO else name
+    score, info = result.score, METHOD_INFO.get(result.method)
+    label = result.method if info is None else info.label
     numbers = tuple(f"{value:.2f}" for value in (score.precision, score.recall, score.f_score))
     return Selection(label, result.grouping, (*numbers, "yes" if result.registered else "no"))
