@@ -28,7 +28,7 @@ VISIBLE_WITHIN = 2.0
 
 
 def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike) -> FloatArray:
-    """Distance of each match from its true place, |R p + t - p'|.
+    """Distance of each match from its true place, ``|R p + t - p'|``.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
 def correct_matches(
     source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float
 ) -> BoolArray:
-    """Tell which matches are correct: |R p + t - p'| <= tolerance.
+    """Tell which matches are correct: ``|R p + t - p'|`` <= tolerance.
 
     Parameters
     ----------
