@@ -105,8 +105,8 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     Raises
     ------
     InputError
-        If a shape isn't (N, 3), a coordinate isn't finite, the others are too large or too close together to be
-        squared, or the radius isn't positive.
+        If a shape isn't (N, 3), a coordinate isn't finite, the others are too large or too close together
+        to be squared, or the radius isn't positive.
     """
     queries, stored = _finite_points("points", points), _finite_points("others", others)
     limit = as_length("radius", radius)
