@@ -23,7 +23,7 @@ _CACHES = {
     "darwin": ("XDG_CACHE_HOME", "Library/Caches"),
     "win32": ("LOCALAPPDATA", "AppData/Local"),
 }
-"""By platform: the variable that names the folder for caches, and its place in the user's home otherwise."""
+"""The variable that names the folder for caches, and that folder in the home otherwise; by platform."""
 
 
 def cache_folder() -> Path:
