@@ -143,14 +143,12 @@ class OneToThreeFiles(CorrespondenceFiles):
 
 
 def _three_nearest(folder: Path) -> dict[str, _Files]:
-    """List poses with their matches, where either is there; poses of clouds alone aren't meant."""
     pairs: dict[str, _Files] = {}
     for pose in sorted(folder.rglob("*-*.pose")):
         matches = pose.with_name(f"{pose.stem.replace('-', '_', 1)}_top3.match")
-        if matches.is_file() or not any(pose.parent.glob("*.pcd")):
-            within = OUTDOOR_INLIER if "kitti" in pose.parent.name else TERRESTRIAL_INLIER
-            name = pose.with_suffix("").relative_to(folder).as_posix()
-            pairs[name] = _Files(matches, None, pose, within, "kitti")
+        within = OUTDOOR_INLIER if "kitti" in pose.parent.name else TERRESTRIAL_INLIER
+        name = pose.with_suffix("").relative_to(folder).as_posix()
+        pairs[name] = _Files(matches, None, pose, within, "kitti")
     return pairs
 
 

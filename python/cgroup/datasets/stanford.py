@@ -93,7 +93,7 @@ class StanfordViews(Dataset):
         if self._listed or not self._absent:
             return super().note()
         return (
-            f"{len(self._absent)} views aren't there, and so are no pairs of them, such as {self._absent[0]}"
+            f"pairs of views that aren't there are left out ({len(self._absent)}, such as {self._absent[0]})"
         )
 
     def subject_of(self, name: str) -> str:
