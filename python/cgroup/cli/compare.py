@@ -32,6 +32,7 @@ from cgroup.cli.options import (
     WideOption,
 )
 from cgroup.cli.output import Ending, files_in, options_of
+from cgroup.cli.pages import COMPARISON_PAGE, HtmlOption, write_comparison_page
 from cgroup.cli.terminal import show_stages, shown_name, write_figure
 from cgroup.comparison import MAX_DISPLACEMENT, MAX_ROTATION, compare, find_correct, write_table
 from cgroup.io._results import check_folder, make_folder
@@ -83,6 +84,7 @@ def compare_command(
     keypoints: KeypointsOption = None,
     nms_radius: NmsRadiusOption = None,
     out: OutOption = DEFAULT_OUT,
+    html: HtmlOption = False,
     save: SaveOption = None,
     as_json: JsonOption = False,
     wide: WideOption = False,
@@ -102,6 +104,7 @@ def compare_command(
         true_pose,
         title=f"{shown_name(source)} to {shown_name(target)}",
         folder=folder,
+        html=html,
         max_rotation=max_rotation,
         max_displacement=max_displacement,
         detector=detector,
@@ -110,7 +113,9 @@ def compare_command(
         keypoints=keypoints,
         nms_radius=nms_radius,
     )
-    document = _make_document(context, (source, target), clouds, compared, files_in(folder, _FILES))
+    document = _make_document(
+        context, (source, target), clouds, compared, files_in(folder, _files(html=html))
+    )
     ending.finish(document, lambda document: print_comparison(document, wide=wide))
 
 
@@ -123,6 +128,7 @@ def demo_command(
         typer.Option(min=0, metavar="NUMBER", help="Another seed, another shape.", rich_help_panel="Shape"),
     ] = 0,
     out: OutOption = DEFAULT_OUT,
+    html: HtmlOption = False,
     save: SaveOption = None,
     as_json: JsonOption = False,
     wide: WideOption = False,
@@ -144,9 +150,17 @@ def demo_command(
     for file, cloud in zip(files, clouds, strict=True):
         io.write_cloud(file, cloud)
     io.write_transform(folder / "truth.txt", pair.T_target_source)
-    compared = _compare_methods(clouds, pair.T_target_source, title="Generated pair", folder=folder)
-    document = _make_document(context, files, clouds, compared, files_in(folder, (*_SCANS, *_FILES)))
+    compared = _compare_methods(
+        clouds, pair.T_target_source, title="Generated pair", folder=folder, html=html
+    )
+    document = _make_document(
+        context, files, clouds, compared, files_in(folder, (*_SCANS, *_files(html=html)))
+    )
     ending.finish(document, lambda document: print_comparison(document, wide=wide))
+
+
+def _files(*, html: bool) -> tuple[str, ...]:
+    return (*_FILES, COMPARISON_PAGE) if html else _FILES
 
 
 def _make_document(
@@ -194,11 +208,12 @@ def _compare_methods(
     *,
     title: str,
     folder: Path,
+    html: bool,
     max_rotation: float = MAX_ROTATION,
     max_displacement: float = MAX_DISPLACEMENT,
     **front: Any,  # noqa: ANN401 - options of `correspond`
 ) -> _Comparison:
-    """Match, group by every method, and write `_FILES`."""
+    """Match, group by every method, and write the files."""
     with show_stages() as begin:
         matches = correspond(*clouds, progress=begin, **front)
         correct = find_correct(matches, true_pose)
@@ -218,6 +233,8 @@ def _compare_methods(
         begin("figures")
         make_folder(folder)
         _draw_comparison(clouds, compared, f"{title}: {count_correct(correct)}", folder)
+        if html:
+            write_comparison_page(folder, clouds, matches, compared.results, true_pose, correct, title)
         write_table(folder / "comparison.csv", compared.results)
         io.write_correspondences(folder / "correspondences.npz", matches)
     return compared

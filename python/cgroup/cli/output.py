@@ -14,7 +14,18 @@ if TYPE_CHECKING:
 
     from cgroup.cli.json_output import Document
 
-_NOT_OPTIONS = ("source", "target", "correspondences", "models", "cloud", "out", "as_json", "save", "wide")
+_NOT_OPTIONS = (
+    "source",
+    "target",
+    "correspondences",
+    "models",
+    "cloud",
+    "out",
+    "html",
+    "as_json",
+    "save",
+    "wide",
+)
 """Parameters that say nothing of how a result is computed."""
 
 

@@ -34,6 +34,7 @@ from cgroup.cli.options import (
     VoxelOption,
 )
 from cgroup.cli.output import Ending, files_in, options_of, print_files
+from cgroup.cli.pages import REGISTRATION_PAGE, HtmlOption, page_of_refused, write_registration_page
 from cgroup.cli.terminal import (
     print_facts,
     print_pose,
@@ -90,6 +91,7 @@ def register_command(
     nms_radius: NmsRadiusOption = None,
     resolution: ResolutionOption = None,
     out: OutOption = DEFAULT_OUT,
+    html: HtmlOption = False,
     save: SaveOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -105,7 +107,8 @@ def register_command(
     ending = Ending(as_json=as_json, save=save)
     clouds = read_both(source, target)
     paper = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
-    with show_stages() as begin:
+    title = f"{source.name} on {target.name}"
+    with page_of_refused(out, clouds, title, wanted=html), show_stages() as begin:
         done = register(
             *clouds,
             voxel=voxel,
@@ -124,12 +127,14 @@ def register_command(
         io.write_cloud(folder / "aligned.ply", clouds[0].transformed(done.T_target_source))
         io.write_correspondences(folder / "correspondences.npz", done.correspondences)
         write_figure(folder / "registration.png", figure)
+        if html:
+            write_registration_page(folder, clouds, done, title)
     document = make_document(
         "register",
         inputs=describe_pair((source, target), clouds),
         options=options_of(context),
         results=registration_results(done),
-        files=files_in(folder, _FILES),
+        files=files_in(folder, (*_FILES, REGISTRATION_PAGE) if html else _FILES),
     )
     ending.finish(document, print_registration)
 

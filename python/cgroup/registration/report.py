@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._run import Run
 from cgroup.registration.freedom import MOST_OPEN_MOTIONS, count_open_motions
 from cgroup.registration.judgement import ACCEPTED
 from cgroup.registration.result import Registration
@@ -84,7 +85,8 @@ def _verified_group(matches: Correspondences, pose: FloatArray, within: float) -
     """Return the matches that a pose lays together."""
     residuals = np.linalg.norm(apply(pose, matches.source) - matches.target, axis=1)
     positions = (matches.source, matches.target)
-    return Grouping(residuals <= within, None, None, pose, {}, _positions=positions)
+    run = Run("register", {"tolerance": within}, resolution=matches.resolution)
+    return Grouping(residuals <= within, None, None, pose, {}, _positions=positions, _run=run)
 
 
 def _notes(open_motion: FloatArray | None, motions: int, alternatives: int) -> list[str]:
