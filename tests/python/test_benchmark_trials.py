@@ -222,7 +222,8 @@ def test_rankings_are_printed_as_tables_of_80_columns(
 ) -> None:
     lines = print_rankings(finished, capsys).splitlines()
     assert max(map(len, lines)) <= 80
-    assert {"All sets", "grid", "Left out: P > 0.1, tied with the first in. --wide shows all."} <= set(lines)
+    assert {"All sets", "grid"} <= set(lines)
+    assert any(line.startswith("Left out: ") for line in lines)
     wide = print_rankings(finished, capsys, "--wide")
     assert "tied with the first in" in wide
     assert "Left out" not in wide

@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,6 @@ from cgroup.io import read_transform, write_cloud
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 BOXES = re.compile("[\u2500-\u257f\x1b]")
 
@@ -41,6 +41,13 @@ def list_commands() -> Iterator[tuple[tuple[str, ...], Any]]:
 
 
 COMMANDS = dict(list_commands())
+
+
+def parse_command(line: str) -> None:
+    """Read the words of a command line as the program does, without running it."""
+    given = shlex.split(line)[1:]
+    known = tuple(given[:2]) if tuple(given[:2]) in COMMANDS else tuple(given[:1])
+    COMMANDS[known].make_context("cgroup", given[len(known) :])
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +89,7 @@ def test_examples_are_commands_that_exist(words: tuple[str, ...]) -> None:
     typed = [line.split(" > ")[0] for line in lines if line.startswith("cgroup ") and "COMMAND" not in line]
     assert typed
     for line in typed:
-        given = shlex.split(line)[1:]
-        known = tuple(given[:2]) if tuple(given[:2]) in COMMANDS else tuple(given[:1])
-        command = COMMANDS[known]
-        command.make_context("cgroup", given[len(known) :], resilient_parsing=False)
+        parse_command(line)
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
@@ -369,3 +373,36 @@ def test_help_loads_no_library_for_results() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+# --- the page ------------------------------------------------------------------------------------
+
+PAGE = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```console\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+def test_the_page_shows_output_of_80_columns() -> None:
+    assert len(BLOCKS) >= 4
+    assert max(len(line) for block in BLOCKS for line in block.splitlines()) <= 80
+
+
+def test_the_page_shows_commands_that_exist() -> None:
+    lines = [line[2:].split(" | ")[0] for block in BLOCKS for line in block.splitlines() if line[:2] == "$ "]
+    assert len(lines) >= 5
+    for line in lines:
+        parse_command(line)
+
+
+def test_the_page_names_every_command_and_every_key(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, command in COMMANDS.items():
+        if words[:1] not in {(), ("results",)} and not hasattr(command, "commands"):
+            assert re.search(rf"`[^`]*\b{words[-1]}\b[^`]*`", PAGE), words
+    for line in (
+        "register {0}/source.ply {0}/target.ply",
+        "compare {0}/source.ply {0}/target.ply --truth {0}/truth.txt",
+        "group {0}/matches.npz",
+        "describe {0}/source.ply",
+    ):
+        document = parse(run(capsys, *line.format(folder).split(), "--json")[1])
+        for key in (*document, *document["results"], *document["inputs"][0]):
+            assert f"`{key}`" in PAGE, (line, key)

@@ -146,8 +146,10 @@ def test_no_error_speaks_python(files: dict[str, Any], capsys: pytest.CaptureFix
         ("a voxel that is `unknown_name=3`", "a voxel that is unknown_name"),
         (
             "tolerance: got nothing; give `resolution` (see cgroup.features.resolution) or `tolerance`",
-            "tolerance: not known; give --resolution, the mean point spacing of the clouds, or --tolerance, "
-            "both in the file's unit",
+            (
+                "tolerance: not known; give --resolution, the mean point spacing of the clouds, or --tolerance, "
+                "both in the file's unit"
+            ),
         ),
         (
             "deviation: got nothing; give `resolution` (see cgroup.features.resolution) or `deviation`",

@@ -16,6 +16,8 @@ from cgroup.errors import InputError, NoConsensusError
 if TYPE_CHECKING:
     from collections.abc import Generator, Mapping
 
+    from cgroup.errors import CgroupError
+
 _NAMES = re.compile(r"[A-Za-z_]\w*(, [A-Za-z_]\w*)*(?=: )")
 _QUOTED = re.compile(r"`(?P<name>\w+)(?:=(?P<quote>['\"]?)(?P<value>[^`'\"]*)(?P=quote))?`")
 
@@ -38,11 +40,16 @@ def reworded_errors(context: Any) -> Generator[None, None, None]:  # noqa: ANN40
     try:
         yield
     except NoConsensusError as error:
-        reworded = NoConsensusError(in_options(str(error), _options_of(context)))
+        reworded = NoConsensusError(reword(error, context))
         reworded.registration = error.registration
         raise reworded from error
     except InputError as error:
-        raise InputError(in_options(str(error), _options_of(context))) from error
+        raise InputError(reword(error, context)) from error
+
+
+def reword(error: CgroupError, context: Any) -> str:  # noqa: ANN401
+    """Return the message of an error in terms of the command's options."""
+    return in_options(str(error), _options_of(context))
 
 
 def in_options(message: str, options: Mapping[str, str]) -> str:
