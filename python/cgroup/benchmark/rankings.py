@@ -32,6 +32,19 @@ if TYPE_CHECKING:
 
     Test: TypeAlias = Callable[[ArrayLike, ArrayLike], float]
 
+__all__ = [
+    "LEVEL",
+    "RESAMPLES",
+    "Interval",
+    "Rank",
+    "bootstrap",
+    "comparable",
+    "holm",
+    "mcnemar",
+    "rank_methods",
+    "signed_rank",
+]
+
 RESAMPLES = 10_000
 """Draws of the bootstrap."""
 
@@ -40,7 +53,23 @@ LEVEL = 0.95
 
 
 class Interval(NamedTuple):
-    """A mean and the interval about it."""
+    """A mean and the interval about it.
+
+    Attributes
+    ----------
+    mean : float
+        Over the problems.
+    low, high : float
+        Ends of the interval that holds 95 % of the means of resampled problems.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.benchmark.rankings import bootstrap
+    >>> (interval,) = bootstrap(np.array([[0.0], [1.0], [1.0], [1.0]]))
+    >>> interval
+    Interval(mean=0.75, low=0.25, high=1.0)
+    """
 
     mean: float
     low: float
@@ -60,6 +89,18 @@ class Rank(NamedTuple):
         Whether it can't be told from the first in F, or from the one that registers most.
     p_f_score, p_registered : float
         Adjusted p of the difference from those; 1 for these themselves.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.rankings import rank_methods
+    >>> methods = ["gc"] * 3 + ["gtm"] * 3
+    >>> trials = pd.DataFrame({"case": [1, 2, 3] * 2, "method": methods})
+    >>> trials["f_score"] = [0.5, 0.6, 0.7, 0.9, 0.9, 0.8]
+    >>> trials = trials.assign(right=True, kind="related", skipped="")
+    >>> best, other = rank_methods(trials)
+    >>> best.method, other.registered_tied
+    ('gtm', True)
     """
 
     method: str
@@ -84,6 +125,22 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
     -------
     list of Rank
         The best first; ties in the order of the rows. Empty without problems.
+
+    Raises
+    ------
+    KeyError
+        For trials that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.rankings import rank_methods
+    >>> methods = ["gc"] * 3 + ["gtm"] * 3
+    >>> trials = pd.DataFrame({"case": [1, 2, 3] * 2, "method": methods})
+    >>> trials["f_score"] = [0.5, 0.6, 0.7, 0.9, 0.9, 0.8]
+    >>> trials = trials.assign(right=True, kind="related", skipped="")
+    >>> [(rank.method, round(rank.f_score.mean, 2)) for rank in rank_methods(trials)]
+    [('gtm', 0.87), ('gc', 0.6)]
     """
     rows = comparable(trials)
     scores, registered = _by_problem(rows, "f_score"), _by_problem(rows, "right")
@@ -102,10 +159,35 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
 
 
 def comparable(trials: pd.DataFrame) -> pd.DataFrame:
-    """Keep the problems that have an answer, and the methods that could be run on at least one.
+    """Keep the problems that have an answer, and methods that could be run on one.
 
     A pair without a single right match stays: its matches are what the front end left of it, and no
     method registers it.
+
+    Parameters
+    ----------
+    trials : DataFrame
+        Rows of `cgroup.benchmark.records.load_trials`.
+
+    Returns
+    -------
+    DataFrame
+        Some of the rows.
+
+    Raises
+    ------
+    KeyError
+        For trials that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.rankings import comparable
+    >>> trials = pd.DataFrame(
+    ...     {"method": ["ss", "gtm"], "skipped": ["needs similarity", ""]}
+    ... )
+    >>> list(comparable(trials.assign(kind="related"))["method"])
+    ['gtm']
     """
     related = trials[trials["kind"] == "related"]
     lacking = related["skipped"].str.startswith("needs ")
@@ -132,6 +214,14 @@ def bootstrap(
     -------
     list of Interval
         One per column; NaN where it has no values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.benchmark.rankings import bootstrap
+    >>> first, second = bootstrap(np.array([[0.2, 1.0], [0.4, 1.0], [0.6, 1.0]]))
+    >>> round(first.mean, 2), second
+    (0.4, Interval(mean=1.0, low=1.0, high=1.0))
     """
     numbers = np.ones_like(sums) if counts is None else counts
     labels = np.zeros(len(sums), dtype=np.intp)
@@ -171,7 +261,32 @@ def _percentiles(draws: FloatArray) -> tuple[float, float]:
 
 
 def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
-    """Return the p of Wilcoxon's signed-rank test on paired values; 1 where all are equal."""
+    """Return the p of Wilcoxon's signed-rank test on paired values.
+
+    Parameters
+    ----------
+    one, other : (n,) array_like of float
+        Values on the same problems.
+
+    Returns
+    -------
+    float
+        Two-sided; 1 where all are equal.
+
+    Raises
+    ------
+    ValueError
+        For unlike numbers of values.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.rankings import signed_rank
+    >>> signed_rank([0.9, 0.8], [0.9, 0.8])
+    1.0
+    >>> one, other = [0.9, 0.8, 0.7, 0.9, 0.6, 0.8], [0.1, 0.3, 0.2, 0.4, 0.1, 0.2]
+    >>> signed_rank(one, other) < 0.05
+    True
+    """
     difference = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)
     if not difference.any():
         return 1.0
@@ -179,7 +294,29 @@ def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
-    """Return the p of McNemar's exact test on paired successes; 1 where they never differ."""
+    """Return the p of McNemar's exact test on paired successes.
+
+    Parameters
+    ----------
+    one, other : (n,) array_like of bool
+        Whether each of two methods succeeded, on the same problems.
+
+    Returns
+    -------
+    float
+        Two-sided; 1 where they never differ.
+
+    Raises
+    ------
+    ValueError
+        For unlike numbers of values.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.rankings import mcnemar
+    >>> mcnemar([True] * 8, [True, True] + [False] * 6)
+    0.03125
+    """
     first, second = np.asarray(one, dtype=bool), np.asarray(other, dtype=bool)
     only_first, only_second = int((first & ~second).sum()), int((second & ~first).sum())
     if not only_first + only_second:
@@ -188,7 +325,26 @@ def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Adjust the p of several tests: the chance of any false rejection keeps the level (Holm 1979)."""
+    """Adjust the p of several tests, so that the chance of any false alarm keeps.
+
+    After Holm, Scandinavian Journal of Statistics 1979.
+
+    Parameters
+    ----------
+    p : sequence of float
+        Of each test.
+
+    Returns
+    -------
+    list of float
+        In the same order; significant are those below the level.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.rankings import holm
+    >>> holm([0.01, 0.04, 0.03])
+    [0.03, 0.06, 0.06]
+    """
     adjusted = [0.0] * len(p)
     so_far = 0.0
     for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):

@@ -3,6 +3,16 @@
 Needs plotly, which comes with the extra ``cgroup[scans]``.
 """
 
-from cgroup.pages.page import chart_html, chart_text, page_html, write_page
+from cgroup.pages.comparison import comparison_page
+from cgroup.pages.page import chart_html, chart_text, data_html, page_html, write_page
+from cgroup.pages.registration import registration_page
 
-__all__ = ["chart_html", "chart_text", "page_html", "write_page"]
+__all__ = [
+    "chart_html",
+    "chart_text",
+    "comparison_page",
+    "data_html",
+    "page_html",
+    "registration_page",
+    "write_page",
+]

@@ -69,7 +69,8 @@ const charts = (() => {
       area.textContent = "";
       await plotly.newPlot(area, data, layout, {
         responsive: true, displaylogo: false, scrollZoom: Boolean(layout.scene), displayModeBar: touch ? false : "hover",
-        modeBarButtonsToRemove: ["lasso2d", "select2d", "resetCameraLastSave3d", "sendDataToCloud"],
+        modeBarButtonsToRemove: ["lasso2d", "select2d", "resetCameraLastSave3d", "sendDataToCloud", "sendChartToCloud"],
+        plotlyServerURL: "", // nothing leaves the page
       });
       return area;
     } catch (error) {

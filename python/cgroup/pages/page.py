@@ -60,21 +60,52 @@ def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", cap
 
     Examples
     --------
-    >>> chart = chart_html("line", {"data": [{"y": [1, 3, 2]}], "layout": {}}, label="A line")
+    >>> chart = chart_html(
+    ...     "line", {"data": [{"y": [1, 3, 2]}], "layout": {}}, label="A line"
+    ... )
     >>> chart.startswith('<figure class="chart" id="line"')
     True
     """
-    content = json.dumps(_plain(figure), separators=(",", ":")).translate(_UNSAFE_IN_SCRIPTS)
     below = f"<figcaption>{caption}</figcaption>" if caption else ""
     return (
         f'<figure class="chart" id="{html.escape(name)}" style="--height: {html.escape(height)}">'
         f'<div class="chart-area" role="img" aria-label="{html.escape(label)}"></div>'
-        f'<script type="application/json">{content}</script>{below}</figure>'
+        f'<script type="application/json">{_json(_plain(figure))}</script>{below}</figure>'
     )
 
 
+def data_html(name: str, value: Any) -> str:  # noqa: ANN401 - whatever JSON can hold
+    """Make the HTML of data for a page's own script, which nobody sees.
+
+    Parameters
+    ----------
+    name : str
+        Identifier of its element; the script reads
+        ``JSON.parse(document.getElementById(name).textContent)``.
+    value : object
+        What JSON can hold; numbers are finite.
+
+    Returns
+    -------
+    str
+        A ``<script>`` for the body of `page_html`.
+
+    Examples
+    --------
+    >>> data_html("counts", {"kept": 3})
+    '<script type="application/json" id="counts">{"kept":3}</script>'
+    """
+    return f'<script type="application/json" id="{html.escape(name)}">{_json(value)}</script>'
+
+
+def _json(value: Any) -> str:  # noqa: ANN401 - as above
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).translate(_UNSAFE_IN_SCRIPTS)
+
+
 def chart_text(text: object) -> str:
-    """Escape a text that a chart shows as it is; plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
+    """Escape a text that a chart is to show as it is.
+
+    Without it plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
 
     Parameters
     ----------
@@ -95,7 +126,7 @@ def chart_text(text: object) -> str:
 
 
 def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
-    """Put a page together: plotly's script, if there is a chart, style, body, and what draws the charts.
+    """Put a page together: style, body, and what draws the charts in it.
 
     Parameters
     ----------
@@ -130,12 +161,12 @@ def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
     library = (
         f'<script type="text/plain" id="chart-library">{_packed_plotly()}</script>' if has_charts else ""
     )
-    return Template(_part("page.html")).substitute(
+    return Template(part("page.html")).substitute(
         title=html.escape(title),
-        css=_part("page.css") + css,
+        css=part("page.css") + css,
         body=body,
         library=library,
-        script=_part("page.js") + script,
+        script=part("page.js") + script,
     )
 
 
@@ -170,13 +201,13 @@ def write_page(path: str | os.PathLike[str], page: str) -> None:
 def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
     """Return a figure as JSON has it: arrays of numbers become short, as bytes in base64."""
     try:
-        from plotly import io  # noqa: PLC0415 - an extra
+        from plotly import graph_objects  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         raise InputError(NEEDS_PLOTLY) from error
     try:
-        content = json.loads(str(io.to_json(figure, validate=False)))
-        data, layout = content["data"], content.get("layout", {})
-    except (TypeError, ValueError, AttributeError, KeyError) as error:
+        content = json.loads(str(graph_objects.Figure(figure).to_json(validate=False)))
+        data, layout = content["data"], content["layout"]
+    except (TypeError, ValueError, AttributeError) as error:
         refused = refusal("figure", figure, "give a plotly figure, or a dict of its data and layout")
         raise refused from error
     return {"data": data, "layout": {name: value for name, value in layout.items() if name != "template"}}
@@ -192,5 +223,6 @@ def _packed_plotly() -> str:
 
 
 @functools.cache
-def _part(name: str) -> str:
+def part(name: str) -> str:
+    """Return a file of this package: a template, a style or a script."""
     return resources.files("cgroup.pages").joinpath(name).read_text(encoding="utf-8")

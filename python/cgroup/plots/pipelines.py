@@ -68,6 +68,24 @@ def pipelines_figure(frame: pd.DataFrame, *, title: str) -> Figure:
     Figure
         A panel with the share of right poses over the overlap, all sets together, and for each set one with
         that share over the median seconds.
+
+    Raises
+    ------
+    KeyError
+        For rows that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import pipelines_figure
+    >>> frame = pd.DataFrame(
+    ...     {"pipeline": "cgroup", "name": "cgroup", "set": "rooms"}, index=[0, 1]
+    ... )
+    >>> frame = frame.assign(
+    ...     refined=False, overlap=[0.3, 0.8], right=[False, True], seconds=[0.5, 0.4]
+    ... )
+    >>> len(pipelines_figure(frame, title="One way to register").axes)
+    2
     """
     sets = list(dict.fromkeys(frame["set"]))
     looks = choose_looks(frame)

@@ -120,6 +120,9 @@ CORRECT = "#009E73"
 WRONG = "#D55E00"
 """Wrong matches: vermilion."""
 
+MISSED = "#CC79A7"
+"""Correct matches that were dropped: a reddish purple, of the same scheme."""
+
 GROUPED = "#0072B2"
 """Matches of a group where it isn't known which are correct."""
 

@@ -53,14 +53,22 @@ class Verdict:
     ----------
     id, paper_section, statement, criterion : str
         Of the claim.
-    verdict : str
-        One of `OUTCOMES`.
+    verdict : {"confirmed", "partly", "not confirmed", "not testable"}
+        What the tests of the claim come to.
     measured : str
         The numbers; what is missing, where it isn't testable.
     data : str
         Data sets used, with the origin of their pairs.
     explanation : str
         Why it came out so on this data, where somebody has found out.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.claims import check_claims
+    >>> verdict = check_claims(pd.DataFrame(), pd.DataFrame())[0]
+    >>> verdict.id, verdict.verdict
+    ('C-01', 'not testable')
     """
 
     id: str

@@ -116,6 +116,18 @@ def write_report(
     ------
     InputError
         If the folder has no records, some aren't what was written, or it can't be written to.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.report import write_report
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> write_report(Path("results")).name
+    'report.html'
     """
     tell = progress or ignore_progress
     tell("reading records")
