@@ -115,7 +115,7 @@ class Dataset(ABC):
     role : {"full-full", "full-partial", "partial-partial", "correspondences"}
         What is matched with what.
     origin : {"real", "semi-synthetic", "synthetic"}
-        Where the clouds come from; single pairs may differ, see `origin_of`.
+        Where the clouds come from; `origin_of` says it of a single pair, which may differ.
     protocols : tuple of str
         Names in `cgroup.evaluation.PROTOCOLS` that make sense here.
     citation : str
