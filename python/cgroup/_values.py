@@ -11,7 +11,7 @@ import operator
 import os
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 _Kind = TypeVar("_Kind")
 
 LARGEST_COUNT = 2**64 - 1
+
+_LONGEST_WORD = 80
+"""Letters of a wrong word that are compared with the right ones."""
 
 
 def as_count(name: str, value: object, least: int, remedy: str | None = None) -> int:
@@ -86,8 +89,24 @@ def as_flag(name: str, value: object) -> bool:
 def as_choice(name: str, value: object, choices: Collection[str]) -> str:
     """Return one of a few words."""
     if not isinstance(value, str) or value not in choices:
-        raise refusal(name, value, f"choose one of {', '.join(choices)}")
+        refuse_word(name, value, choices, guess_word(value, choices))
     return value
+
+
+def refuse_word(
+    name: str, value: object, choices: Collection[str], meant: str | None, otherwise: str = ""
+) -> NoReturn:
+    """Raise the error for a word that is none of the choices; it says which was probably meant."""
+    guess = f"; did you mean {meant!r}?" if meant else ""
+    raise refusal(name, value, f"choose one of {', '.join(choices)}{otherwise}{guess}")
+
+
+def guess_word(value: object, choices: Collection[str]) -> str | None:
+    """Return the choice that a wrong word resembles, or None."""
+    import difflib  # noqa: PLC0415 - errors only
+
+    close = difflib.get_close_matches(value[:_LONGEST_WORD], choices, n=1) if isinstance(value, str) else []
+    return close[0] if close else None
 
 
 def as_word(name: str, value: object) -> str:

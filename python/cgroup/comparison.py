@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._values import as_items
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import (
     correct_matches,
@@ -19,7 +20,7 @@ from cgroup.evaluation import (
     translation_error,
 )
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
-from cgroup.group import group
+from cgroup.group import check_method, group
 from cgroup.io import write_file
 from cgroup.registry import METHODS
 
@@ -33,6 +34,16 @@ if TYPE_CHECKING:
     from cgroup.evaluation import GroupScore
     from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
 
+
+__all__ = [
+    "MAX_DISPLACEMENT",
+    "MAX_ROTATION",
+    "MethodResult",
+    "compare",
+    "find_correct",
+    "table",
+    "write_table",
+]
 
 MAX_ROTATION = 5.0
 """Degrees that the pose of a registered pair may be off, by default."""
@@ -66,6 +77,17 @@ class MethodResult:
         Whether rotation error and displacement are within the limits of `compare`.
     seconds : float
         Wall time of the grouping alone.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.comparison import compare
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> (result,) = compare(matches, pose, methods=["gtm"])
+    >>> result.method, result.registered, result.score.precision > 0.9
+    ('gtm', True, True)
     """
 
     method: str
@@ -99,9 +121,10 @@ def compare(
     T_target_source : (4,4) array_like of float
         True pose.
     methods : iterable of str
-        Names from `METHODS`; all by default.
+        Names from `METHODS`, in any case; all by default.
     tolerance : float, optional
-        As in `find_correct`.
+        Largest distance of a correct match from its true place, in the data's unit; 5 times the resolution of
+        the correspondences by default.
     correct : (n,) array_like of bool, optional
         Which correspondences are correct, where that is known already; `tolerance` doesn't matter then.
     max_rotation : float
@@ -120,8 +143,23 @@ def compare(
     Raises
     ------
     InputError
-        If a field or the resolution is missing, or the pose isn't rigid.
+        If a field that a method needs or the resolution is missing, a method is unknown, or the pose isn't
+        rigid; as the first result is asked for, or that of the method.
+    OutOfMemoryError
+        Where the system gives no memory for a method.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.comparison import compare
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> results = compare(matches, pose, methods=["gc", "gtm"])
+    >>> {result.method: result.registered for result in results}
+    {'gc': True, 'gtm': True}
     """
+    names = [check_method(method) for method in as_items("methods", methods, "give names from METHODS")]
     if correct is None:
         correct = find_correct(correspondences, T_target_source, tolerance=tolerance)
     if max_displacement is None:
@@ -129,7 +167,7 @@ def compare(
     if max_displacement is None:
         max_displacement = MAX_DISPLACEMENT * _need_resolution(correspondences, "max_displacement")
     truth = _Truth(np.asarray(T_target_source), np.asarray(correct), max_rotation, max_displacement)
-    for method in methods:
+    for method in names:
         if progress is not None:
             progress(method)
         yield _run_method(correspondences, method, truth)
@@ -153,12 +191,22 @@ def find_correct(
     Returns
     -------
     (n,) array of bool
-        As `cgroup.evaluation.correct_matches` gives it.
+        True where the true pose leaves no greater distance than the tolerance.
 
     Raises
     ------
     InputError
         If neither tolerance nor resolution is known, or the pose isn't rigid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import Correspondences
+    >>> from cgroup.comparison import find_correct
+    >>> source, target = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]]
+    >>> matches = Correspondences(source, target, resolution=0.5)
+    >>> find_correct(matches, np.eye(4))
+    array([ True, False])
     """
     if tolerance is None:
         tolerance = CORRECT_WITHIN * _need_resolution(correspondences, "tolerance")
@@ -213,6 +261,17 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
     -------
     list of dict
         Method, counts, scores, both criteria, pose errors (degrees; the data's unit) and milliseconds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.comparison import compare, table
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> rows = table(compare(matches, pose, methods=["gtm"]))
+    >>> rows[0]["method"], rows[0]["matches"], rows[0]["correct"]
+    ('gtm', 200, 100)
     """
     return [
         {
@@ -248,9 +307,25 @@ def write_table(path: str | os.PathLike[str], results: Iterable[MethodResult]) -
     Raises
     ------
     InputError
-        If the file can't be written.
+        If there is no result, or the file can't be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from cgroup.comparison import compare, write_table
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> results = compare(matches, pose, methods=["gtm"])
+    >>> write_table("results.csv", results)
+    >>> Path("results.csv").read_text().split(",")[:3]
+    ['method', 'matches', 'correct']
     """
     rows = table(results)
+    if not rows:
+        message = "results: got none; give the results of one method or more"
+        raise InputError(message)
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()

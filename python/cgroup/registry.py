@@ -6,9 +6,11 @@ the paper compared: its claims and presets are about those nine, whatever else i
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from cgroup._values import guess_word, refuse_word
 from cgroup.methods import (
     clipper,
     cv,
@@ -31,6 +33,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from cgroup.types import Grouping
+
+
+__all__ = [
+    "METHODS",
+    "METHOD_INFO",
+    "PAPER_METHODS",
+    "PRESETS",
+    "MethodInfo",
+    "label_of",
+]
 
 
 @dataclass(frozen=True)
@@ -59,6 +71,14 @@ class MethodInfo:
         Who proposed it, and where.
     individual : bool
         Whether it judges correspondences one by one (paper, section 3.1) rather than in groups (3.2).
+
+    Examples
+    --------
+    >>> from cgroup.registry import METHOD_INFO
+    >>> METHOD_INFO["gtm"].label, METHOD_INFO["gtm"].complexity
+    ('GTM', 'n² per step')
+    >>> [info.name for info in METHOD_INFO.values() if "ratio" in info.fields]
+    ['nnsr', 'si', 'cv']
     """
 
     name: str
@@ -271,15 +291,89 @@ METHODS: Mapping[str, Callable[..., Grouping]] = {info.name: info.function for i
 PAPER_METHODS: tuple[str, ...] = tuple(info.name for info in _TABLE if info.in_paper)
 """Names of the nine methods that the paper compares, in its order."""
 
-ALIASES: Mapping[str, str] = {
-    info.function.__name__: info.name for info in _TABLE if info.function.__name__ != info.name
+_NO_LETTERS = str.maketrans("", "", " -_+")
+
+
+def _spell(name: str) -> str:
+    """Return a name without what people write differently: case, hyphens, plus signs, raised digits."""
+    return unicodedata.normalize("NFKC", name).casefold().translate(_NO_LETTERS)
+
+
+_SPELLINGS = {
+    _spell(spelling): info for info in _TABLE for spelling in (info.name, info.label, info.function.__name__)
 }
-"""Function names that differ from the public names."""
+
+
+def look_up_method(name: object) -> MethodInfo | None:
+    """Return what is known of a method, or None.
+
+    Parameters
+    ----------
+    name : str
+        Its public name, its label or the name of its function, in any case: "3dhv", "hough3d" and "3DHV"
+        are one method, as are "sc2pcr" and "SC2-PCR".
+    """
+    return _SPELLINGS.get(_spell(name)) if isinstance(name, str) else None
+
+
+def find_method(name: object, otherwise: str = "") -> MethodInfo:
+    """Return what is known of a method.
+
+    Parameters
+    ----------
+    name : str
+        As in `look_up_method`.
+    otherwise : str
+        What else may be given, for the error: ", or give module:function".
+
+    Returns
+    -------
+    MethodInfo
+        With its public name.
+
+    Raises
+    ------
+    InputError
+        If there is no such method; the message lists those that there are, and the one probably meant.
+
+    Examples
+    --------
+    >>> find_method("Hough3D").name, find_method("TEASER++").name
+    ('3dhv', 'teaser')
+    """
+    info = look_up_method(name)
+    if info is None:
+        similar = guess_word(_spell(name), _SPELLINGS) if isinstance(name, str) else None
+        meant = None if similar is None else _SPELLINGS[similar].name
+        refuse_word("method", name, METHOD_INFO, meant, otherwise)
+    return info
 
 
 def label_of(method: str) -> str:
-    """Return what tables and messages call a method, by its name or that of its function."""
-    return METHOD_INFO[ALIASES.get(method, method)].label
+    """Say what tables and messages call a method.
+
+    Parameters
+    ----------
+    method : str
+        Any of its names.
+
+    Returns
+    -------
+    str
+        Its short name.
+
+    Raises
+    ------
+    InputError
+        For a name that no method has.
+
+    Examples
+    --------
+    >>> from cgroup.registry import label_of
+    >>> label_of("hough3d"), label_of("sc2pcr")
+    ('3DHV', 'SC2-PCR')
+    """
+    return find_method(method).label
 
 
 PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {

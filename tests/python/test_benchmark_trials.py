@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from typing import TYPE_CHECKING
 
@@ -146,7 +147,7 @@ def test_the_best_offered_pose_is_judged_by_the_truth(tmp_path: Path) -> None:
     assert (several["ok"] == True).all()  # noqa: E712 - of three values
     assert not several["complete"].any()
     table = failure_table(rows)
-    chosen = next(row for row in table.rows if row[0].text == "SEVERAL")
+    chosen = next(row for row in table.rows if row[0].text == "several")
     assert [cell.text for cell in chosen[1:4]] == ["0.000", "1.000", "0.000"]
 
 
@@ -209,11 +210,34 @@ def test_the_report_shows_each_set(finished: Path) -> None:
     assert (finished / "figures" / "trials-grid.png").exists()
 
 
-def test_rankings_are_printed(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def print_rankings(finished: Path, capsys: pytest.CaptureFixture[str], *options: str) -> str:
     with pytest.raises(SystemExit) as done:
-        main(["benchmark", "rankings", "--out", str(finished)])
+        main(["benchmark", "rankings", "--out", str(finished), *options])
     assert done.value.code == 0
-    printed = capsys.readouterr().out
+    return capsys.readouterr().out
+
+
+def test_rankings_are_printed_as_tables_of_80_columns(
+    finished: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = print_rankings(finished, capsys).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert {"All sets", "grid", "Left out: P > 0.1, tied with the first in. --wide shows all."} <= set(lines)
+    wide = print_rankings(finished, capsys, "--wide")
+    assert "tied with the first in" in wide
+    assert "Left out" not in wide
+
+
+def test_rankings_as_json_are_those_of_python(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = json.loads(print_rankings(finished, capsys, "--json"))["results"]["sets"]["grid"]
+    trials = records.load_trials(finished)
+    ranks = rank_methods(trials[trials["threads"] == 1])
+    assert [row["method"] for row in found] == [rank.method for rank in ranks]
+    assert [row["f_score"]["mean"] for row in found] == [rank.f_score.mean for rank in ranks]
+
+
+def test_rankings_are_printed_as_markdown(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    printed = print_rankings(finished, capsys, "--format", "markdown")
     assert printed.startswith("## All sets\n")
     assert "\n## grid\n\ngenerated-matches: " in printed
     assert "| 1 | " in printed

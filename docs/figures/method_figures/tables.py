@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cgroup.registry import ALIASES, METHOD_INFO
+from cgroup.registry import METHOD_INFO, find_method
 from method_figures.measured import METHODS_CSV, heading, load_methods
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ def _fast(rows: pd.DataFrame) -> str:
 
 def public(function: str) -> str:
     """Return the public name of a method by its function's."""
-    return ALIASES.get(function, function)
+    return find_method(function).name
 
 
 def function_of(method: str) -> str:

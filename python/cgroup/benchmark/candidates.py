@@ -14,13 +14,19 @@ import numpy as np
 from cgroup._plugins import load_plugin
 from cgroup.errors import InputError
 from cgroup.group import group
-from cgroup.registry import ALIASES, METHODS
+from cgroup.registry import find_method
 from cgroup.types import OPTIONAL_FIELDS, Correspondences, Grouping
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from cgroup.types import RealArray
+
+__all__ = [
+    "IN_RESOLUTIONS",
+    "Candidate",
+    "candidate",
+]
 
 IN_RESOLUTIONS = "_pr"
 """An option whose name ends so is a length in pr; the method gets it without that, in the data's unit."""
@@ -35,9 +41,15 @@ class Candidate:
     label : str
         What it is called in records.
     name : str
-        One of `METHODS`, or ``module:function``.
+        One of `METHODS`, spelt as there, or ``module:function``.
     options : str
-        JSON object with sorted keys.
+        JSON object with sorted keys; a name ending in ``_pr`` is a length in pr.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.candidates import candidate
+    >>> candidate("GC, 2 pr", "gc", {"tolerance_pr": 2})
+    Candidate(label='GC, 2 pr', name='gc', options='{"tolerance_pr": 2}')
     """
 
     label: str
@@ -46,12 +58,33 @@ class Candidate:
 
     @property
     def key(self) -> str:
-        """Names what is computed, whatever the label."""
-        text = json.dumps([ALIASES.get(self.name, self.name), self.options])
+        """Hash that names what is computed, whatever the label.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.candidates import candidate
+        >>> candidate("mine", "gc", {}).key == candidate("yours", "gc", {}).key
+        True
+        """
+        text = json.dumps([self.name, self.options])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def check(self) -> None:
-        """Raise `InputError` for an unknown method or option."""
+        """Refuse an unknown method or option.
+
+        Raises
+        ------
+        InputError
+            For an unknown method or option, or a function that can't be imported.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.candidates import Candidate
+        >>> Candidate("GC", "gc", '{"colour": 3}').check()  # doctest: +ELLIPSIS
+        Traceback (most recent call last):
+            ...
+        cgroup.errors.InputError: option: gc has no 'colour'; it takes tolerance, ...
+        """
         known = [name for name in _parameters(self.name) if name not in _FIELDS]
         given = (name.removesuffix(IN_RESOLUTIONS) for name in json.loads(self.options))
         unknown = [name for name in given if name not in known]
@@ -69,7 +102,7 @@ class Candidate:
         seed : int
             Passed on where the method takes a seed and the options set none.
         threads : int, optional
-            Likewise; None for all cores.
+            Passed on where the method takes a number of threads; None for all cores.
 
         Returns
         -------
@@ -79,7 +112,17 @@ class Candidate:
         Raises
         ------
         InputError
-            If the problem lacks what the method needs, or a function from outside returns no mask.
+            If the problem lacks what the method needs, or a function from outside returns no mask. What such
+            a function raises itself is passed on.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.benchmark.candidates import candidate
+        >>> from cgroup.datasets import make_problem
+        >>> problem = make_problem(np.random.default_rng(0), 200)
+        >>> candidate("GC, 2 pr", "gc", {"tolerance_pr": 2}).run(problem.correspondences())
+        Grouping(86 of 200 selected)
         """
         options: dict[str, Any] = self.parameters(seed, correspondences.resolution)
         if "threads" in _parameters(self.name):
@@ -89,7 +132,31 @@ class Candidate:
         return _as_grouping(self.name, _function(self.name)(correspondences, **options), correspondences)
 
     def parameters(self, seed: int, resolution: float | None) -> dict[str, Any]:
-        """Options as the method gets them, threads aside."""
+        """Return the options as the method gets them, threads aside.
+
+        Parameters
+        ----------
+        seed : int
+            Passed on where the method takes a seed and the options set none.
+        resolution : float or None
+            Length of one pr, by which options that end in ``_pr`` are multiplied.
+
+        Returns
+        -------
+        dict
+            Keyword arguments by name.
+
+        Raises
+        ------
+        InputError
+            For a length in pr where the resolution is None.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.candidates import candidate
+        >>> candidate("", "ransac", {"tolerance_pr": 2}).parameters(seed=7, resolution=0.5)
+        {'seed': 7, 'tolerance': 1.0}
+        """
         given: dict[str, Any] = {}
         for name, value in json.loads(self.options).items():
             bare = name.removesuffix(IN_RESOLUTIONS)
@@ -102,6 +169,8 @@ class Candidate:
 
 _FIELDS = ("source", "target", *OPTIONAL_FIELDS)
 
+_OTHERWISE = ", or give module:function"
+
 
 def candidate(label: str, name: str, options: Mapping[str, Any]) -> Candidate:
     """Make a candidate whose method and options exist.
@@ -111,20 +180,32 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Candidate:
     label : str
         What to call it; the name if empty.
     name : str
-        One of `METHODS`, or ``module:function`` for a function that takes correspondences and returns a
-        `Grouping` or a (n,) mask of bool.
+        One of `METHODS` in any spelling, or ``module:function`` for a function that takes correspondences and
+        returns a `Grouping` or a (n,) mask of bool.
     options : mapping
         Keyword arguments that JSON can hold; a name ending in ``_pr`` is a length in pr.
 
     Returns
     -------
     Candidate
+        The method with its options and label; two of the same key compute the same.
 
     Raises
     ------
     InputError
         For an unknown method or option, or a function that can't be imported.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.benchmark.candidates import candidate
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> tuned = candidate("GTM, longer", "gtm", {"iterations": 500})
+    >>> tuned.label, tuned.run(problem.correspondences()).mask.shape
+    ('GTM, longer', (200,))
     """
+    name = name if ":" in name else find_method(name, _OTHERWISE).name
     made = Candidate(label or name, name, json.dumps(dict(options), sort_keys=True))
     made.check()
     return made
@@ -148,11 +229,7 @@ def _function(name: str) -> Callable[..., Any]:
             message = f"method: {name} is a {type(function).__name__}; name a function"
             raise InputError(message)
         return function
-    function = METHODS.get(ALIASES.get(name, name))
-    if function is None:
-        message = f"method: got {name!r}; choose one of {', '.join(METHODS)}, or give module:function"
-        raise InputError(message)
-    return function
+    return find_method(name, _OTHERWISE).function
 
 
 def _as_grouping(name: str, result: object, correspondences: Correspondences) -> Grouping:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeAlias
 
 from cgroup._plugins import load_plugin
+from cgroup._values import guess_word, refuse_word
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
 from cgroup.datasets.correspondence_files import CorrespondenceFiles, OneToThreeFiles
@@ -60,7 +61,8 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
         One of `DATASETS`; or "module:attribute" for one from outside the package: a class, or any callable,
         that takes the data root and returns a `Dataset`.
     root : Path, optional
-        Folder that holds the data sets' folders; see `data_root`.
+        Folder that holds the data sets' folders; by default that in the environment variable ``CGROUP_DATA``.
+        The data sets named standin-... and generated-matches need none.
 
     Returns
     -------
@@ -71,11 +73,17 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
     ------
     InputError
         If the name is unknown, or the data isn't there: the message says where to get it.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import open_dataset
+    >>> stones = open_dataset("standin-full")
+    >>> stones.title, len(stones.pair_names())
+    ('Stones, full to full', 6)
     """
     factory = load_plugin("dataset", name) if ":" in name else DATASETS.get(name)
     if factory is None:
-        message = f"dataset: got {name!r}; choose one of {', '.join(DATASETS)}, or give module:attribute"
-        raise InputError(message)
+        refuse_word("dataset", name, DATASETS, guess_word(name, DATASETS), ", or give module:attribute")
     dataset = factory(root)
     if not isinstance(dataset, Dataset):
         message = f"dataset: {name!r} made a {type(dataset).__name__}; it has to be a cgroup.datasets.Dataset"

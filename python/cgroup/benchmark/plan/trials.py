@@ -11,7 +11,7 @@ from cgroup.benchmark.plan.datasets import draw, draw_pairs
 from cgroup.datasets import mixed_names
 from cgroup.datasets.generated_matches import GeneratedMatches
 from cgroup.errors import InputError
-from cgroup.registry import ALIASES, PRESETS
+from cgroup.registry import PRESETS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -103,5 +103,5 @@ def _list_generated(grid: GridEntry, epsilon: float, seed: int) -> Iterator[Prob
 
 def _with_preset(method: Candidate, preset: str) -> Candidate:
     """Add the options of a preset to those that the method has."""
-    options = PRESETS[preset].get(ALIASES.get(method.name, method.name), {})
+    options = PRESETS[preset].get(method.name, {})
     return replace(method, options=json.dumps({**options, **json.loads(method.options)}, sort_keys=True))

@@ -17,7 +17,7 @@ from cgroup.benchmark.run.scoring import measure_pose, none_unless_finite
 from cgroup.benchmark.run.stages import describe_error
 from cgroup.evaluation import score_group
 from cgroup.registration.poses import group_poses
-from cgroup.registry import ALIASES, METHOD_INFO
+from cgroup.registry import METHOD_INFO
 
 if TYPE_CHECKING:
     from cgroup.benchmark.candidates import Candidate
@@ -72,7 +72,7 @@ def _filled(record: TrialRecord, **known: Any) -> TrialRecord:  # noqa: ANN401 -
 
 def _find_lacking(method: Candidate, matches: Correspondences) -> str:
     """Name a field that a method needs and matches lack; "" where there is none."""
-    info = METHOD_INFO.get(ALIASES.get(method.name, method.name))
+    info = METHOD_INFO.get(method.name)
     return next((name for name in info.fields if getattr(matches, name) is None), "") if info else ""
 
 

@@ -1,0 +1,103 @@
+"""Methods go by their name, their label and the name of their function, in any case."""
+
+from __future__ import annotations
+
+import doctest
+
+import numpy as np
+import pytest
+from public_calls import MATCHES, PAIR, VOXEL
+
+import cgroup
+from cgroup import registry
+from cgroup.benchmark.candidates import candidate
+from cgroup.benchmark.config import parse_config, replace_methods
+from cgroup.comparison import compare
+from cgroup.errors import InputError
+from cgroup.group import check_method
+from cgroup.registration import register
+from cgroup.registry import METHOD_INFO, label_of
+
+SPELLINGS = {
+    "3dhv": ("3DHV", "hough3d", "Hough3D", "HOUGH_3D", "3d-hv"),
+    "sc2pcr": ("SC2-PCR", "sc2_pcr", "SC²-PCR", "Sc2Pcr"),
+    "teaser": ("TEASER++", "Teaser", "teaser++"),
+    "turboreg": ("TurboReg", "turbo-reg"),
+    "gtm": ("GTM", " gtm "),
+    "ransac": ("RANSAC", "Ransac"),
+}
+
+
+@pytest.mark.parametrize(("name", "spelling"), [(n, s) for n, all_ in SPELLINGS.items() for s in all_])
+def test_a_method_goes_by_all_its_spellings(name: str, spelling: str):
+    assert check_method(spelling) == name
+    assert label_of(spelling) == METHOD_INFO[name].label
+
+
+@pytest.mark.parametrize("info", METHOD_INFO.values(), ids=lambda info: info.name)
+def test_name_label_and_function_mean_the_same(info):
+    for spelling in (info.name, info.label, info.function.__name__):
+        assert {check_method(spelling), check_method(spelling.upper()), check_method(spelling.lower())} == {
+            info.name
+        }
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("gmt", "gtm"),
+        ("RANSACK", "ransac"),
+        ("turbo", "turboreg"),
+        ("Teaser3", "teaser"),
+        ("hough", "3dhv"),
+        ("icp", None),
+    ],
+)
+def test_an_unknown_method_is_refused_with_the_one_probably_meant(given: str, meant: str | None):
+    with pytest.raises(InputError, match=rf"^method: got '{given}'; choose one of ss, nnsr, si.*") as caught:
+        cgroup.group(MATCHES, given)
+    assert str(caught.value).endswith(f"; did you mean {meant!r}?" if meant else "clipper")
+
+
+@pytest.mark.parametrize("given", ["", "++", "gc:gc", "g" * 10**6, None, 3, b"gc", ["gc"]])
+def test_what_names_no_method_is_refused(given):
+    with pytest.raises(InputError, match="^method: got .*choose one of ss"):
+        cgroup.group(MATCHES, given)
+
+
+def test_every_function_that_takes_a_method_takes_all_spellings():
+    expected = cgroup.group(MATCHES, "3dhv").mask
+    np.testing.assert_array_equal(cgroup.group(MATCHES, "Hough3D").mask, expected)
+    np.testing.assert_array_equal(cgroup.group_many([MATCHES], "HOUGH3D")[0].mask, expected)
+    (result,) = compare(MATCHES, np.eye(4), methods=["Hough3D"])
+    assert result.method == "3dhv"
+    a, b = (register(PAIR.source, PAIR.target, voxel=VOXEL, method=name) for name in ("gc", "GC"))
+    np.testing.assert_array_equal(a.T_target_source, b.T_target_source)
+
+
+def test_an_unknown_method_is_refused_before_any_is_run():
+    began: list[str] = []
+    with pytest.raises(InputError, match="did you mean 'gtm'"):
+        list(compare(MATCHES, np.eye(4), methods=["ss", "gmt"], progress=began.append))
+    assert not began
+
+
+def test_a_configuration_takes_all_spellings_and_keeps_its_labels():
+    text = """name = "mine"
+methods = ["GTM", { name = "hough3d", label = "Hough (mine)" }]
+[[experiment]]
+id = "a"
+dataset = "standin"
+"""
+    config = parse_config(text)
+    candidates = [entry.candidate() for entry in config.methods]
+    assert [(each.name, each.label) for each in candidates] == [("gtm", "gtm"), ("3dhv", "Hough (mine)")]
+    assert candidates[0] == candidate("", "gtm", {})
+    replaced = replace_methods(config, ["Paper", " SC2-PCR"])
+    assert [entry.candidate().name for entry in replaced.methods] == [*cgroup.PAPER_METHODS, "sc2pcr"]
+    with pytest.raises(InputError, match="or give module:function; did you mean 'gtm'"):
+        parse_config(text.replace('"GTM"', '"GMT"'))
+
+
+def test_the_example_runs():
+    assert doctest.testmod(registry).failed == 0
