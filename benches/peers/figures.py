@@ -9,7 +9,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
 from cgroup.plots import style
-from cgroup.plots.curves import finish, marker_size, panels
+from cgroup.plots.curves import MARKER_SIZE, finish, panels
 from peers.catalogue import OURS, PEERS, Peer
 from peers.scaling import LEAST_MIB, Curve, Quantity
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.path import Path
 
 PANELS = {
     "GC": ("gc",),
@@ -51,7 +52,8 @@ class Look(NamedTuple):
     """How one peer is drawn."""
 
     color: str
-    marker: str
+    marker: str | Path
+    size: float = 1.0
 
 
 def scaling_figure(
@@ -100,7 +102,7 @@ def panel_looks(methods: tuple[str, ...]) -> dict[str, Look]:
     for peer in (peer for peer in PEERS.values() if peer.method in methods):
         own = style.method_style(peer.method)
         if is_ours(peer.name):
-            looks[peer.name] = Look(own.color, own.marker)
+            looks[peer.name] = Look(own.color, own.marker, own.size)
         else:
             color = library_color(peer)
             marker, white = VARIANTS[used.get(color, 0) % len(VARIANTS)]
@@ -127,7 +129,7 @@ def _draw(axes: Axes, curve: Curve, look: Look, quantity: Quantity, *, again: bo
         np.maximum(curve.values, LEAST_DRAWN[quantity]),
         color=look.color,
         marker="" if again else look.marker,
-        markersize=marker_size(look.marker) * (1.1 if ours else 0.85),
+        markersize=MARKER_SIZE * look.size * (1.1 if ours else 0.85),
         markeredgecolor="white",
         markeredgewidth=0.4,
         linestyle=(0, (2.5, 1.2)) if again else "-",

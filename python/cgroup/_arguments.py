@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cgroup._foreign import ACCEPTED, as_host_array, cloud_parts
 from cgroup._show import cut, escape, show
 from cgroup._values import refusal
 from cgroup.errors import InputError
@@ -53,8 +54,8 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
         return value
     _check_lists(name, value)
     try:
-        return np.asarray(value)
-    except MemoryError:
+        return np.asarray(as_host_array(name, value))
+    except (InputError, MemoryError):
         raise
     except Exception as error:  # whatever the object's own conversion raises
         message = (
@@ -79,12 +80,12 @@ def _check_lists(name: str, value: object) -> None:
     raise refusal(name, value, f"give an array of {_DEEPEST - 1} axes at most")
 
 
-def as_reals(name: str, value: ArrayLike) -> RealArray:
+def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real numbers") -> RealArray:
     """Return `value` as a contiguous, aligned float32 or float64 array; not copied where it is one."""
     array = as_array(name, value)
     if array.dtype.kind not in "fiub":
         got = show(value) if array.ndim == 0 else f"an array of {array.dtype}"
-        message = f"{name}: got {got}; give an array of real numbers"
+        message = f"{name}: got {got}; {remedy}"
         raise InputError(message)
     if array.dtype not in AS_THEY_ARE:
         with np.errstate(over="ignore"):  # to infinity, which is refused or not as any other
@@ -96,8 +97,9 @@ def as_reals(name: str, value: ArrayLike) -> RealArray:
 
 
 def real_points(name: str, value: ArrayLike) -> RealArray:
-    """Return `value` as (n,3) float32 or float64."""
-    array = as_reals(name, value)
+    """Return `value` as (n,3) float32 or float64: an array, or the points of a cloud of another library."""
+    parts = None if type(value) is np.ndarray and value.dtype.names is None else cloud_parts(name, value)
+    array = as_reals(name, value if parts is None else parts.points, ACCEPTED)
     if array.shape == (0,):
         return array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:

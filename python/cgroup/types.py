@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import _core, _views
+from cgroup._arguments import as_faces, as_points
 from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup._drawing import plot
 from cgroup._fields import OPTIONAL_FIELDS, check_fields
+from cgroup._foreign import cloud_parts
 from cgroup._notebook import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.rigid import apply, check_rigid
@@ -42,7 +44,7 @@ _WITHOUT_POINTS = (
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
-    """Putative matches between two shapes; row i of every field describes the same match.
+    """Putative matches between two shapes; row i of every field is the same match.
 
     The arrays are read-only copies, which nothing changes later: float32 where they were given so, else
     float64.
@@ -68,7 +70,22 @@ class Correspondences:
     Raises
     ------
     InputError
-        For a wrong shape or type; the message names the field and what to do.
+        For a wrong shape or type, or frames on one side only; the message names the field and what to do.
+        What the numbers mean (finite points, frames that are rotations) is checked by the method that uses
+        them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import Correspondences, group
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> target = source + [1.0, 0.0, 0.0]
+    >>> target[40:] = 0.0
+    >>> matches = Correspondences(source, target, resolution=0.01)
+    >>> matches
+    Correspondences(n=50, fields=['source', 'target', 'resolution'])
+    >>> group(matches, "gc").size
+    40
     """
 
     source: RealArray
@@ -190,7 +207,8 @@ class Grouping:
     threshold : float or None
         The cut on the scores that was really used.
     model : (4,4) array of float64 or None
-        The transform behind the selection, for methods that fit one (RANSAC, LC); maps source into target.
+        The transform behind the selection, for methods that fit one (RANSAC, LC, MAC, SC2-PCR, TurboReg,
+        TEASER++, CLIPPER); maps source into target.
     diagnostics : dict of str to float
         Facts about the run: iterations, seed of the cluster, eigenvalue, ...
     alternatives : (k,4,4) array of float64 or None
@@ -206,6 +224,19 @@ class Grouping:
     instances : (m,n) array of bool or None
         Groups of different rigid motions, each of which is `ok`, the best first: row 0 is `mask`. None unless
         several were asked for; no row unless the group is `ok`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import gtm
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> target = source + [1.0, 0.0, 0.0]
+    >>> target[40:] = source[:10]
+    >>> group = gtm(source, target)
+    >>> group
+    Grouping(40 of 50 selected)
+    >>> group.mask[38:42]
+    array([ True,  True, False, False])
     """
 
     mask: BoolArray
@@ -223,20 +254,46 @@ class Grouping:
 
     @property
     def indices(self) -> IndexArray:
-        """Rows of the selected correspondences, ascending: (m,) array of int64."""
+        """Rows of the selected correspondences, ascending: (m,) array of int64.
+
+        Examples
+        --------
+        >>> from cgroup import nnsr
+        >>> nnsr([0.3, 0.95, 0.7]).indices
+        array([0, 2])
+        """
         return np.flatnonzero(self.mask).astype(np.int64, copy=False)
 
     @property
     def size(self) -> int:
-        """Number of selected correspondences."""
+        """Number of selected correspondences.
+
+        Examples
+        --------
+        >>> from cgroup import nnsr
+        >>> nnsr([0.3, 0.95, 0.7]).size
+        2
+        """
         return int(np.count_nonzero(self.mask))
 
     @property
     def complete(self) -> bool:
         """Whether the method looked at all that its definition asks for.
 
-        False where a bound on cliques, steps, time or memory cut the search short; the docstring of the
-        method says which entry of `diagnostics` tells how far it came.
+        False where a bound on cliques, steps, time or memory cut the search short:
+        ``diagnostics["truncated"]`` is 1 then. The other entries of `diagnostics` tell how far it came, such
+        as ``vertices`` or ``cliques`` (MAC).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import mac
+        >>> rng = np.random.default_rng(0)
+        >>> source, target = rng.uniform(size=(2, 200, 3))
+        >>> mac(source, target, resolution=0.1).complete
+        True
+        >>> mac(source, target, resolution=0.1, max_cliques=1).complete
+        False
         """
         return not self.diagnostics.get("truncated", 0.0)
 
@@ -254,6 +311,17 @@ class Grouping:
             For fewer than three selected correspondences, or a group on one line.
         InputError
             Where the method was given no points (`ss`, `nnsr`): use `cgroup.group`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import gtm
+        >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+        >>> gtm(source, source + [1.0, 2.0, 3.0]).transform().round(6) + 0.0
+        array([[1., 0., 0., 1.],
+               [0., 1., 0., 2.],
+               [0., 0., 1., 3.],
+               [0., 0., 0., 1.]])
         """
         if self._positions is None:
             raise InputError(_WITHOUT_POINTS.format("transform"))
@@ -388,6 +456,14 @@ class PointCloud:
         Red, green, blue.
     dropped : int
         Points of the file that were left out because a coordinate was NaN or infinite.
+
+    Examples
+    --------
+    >>> from cgroup.types import PointCloud
+    >>> import numpy as np
+    >>> cloud = PointCloud(np.zeros((100, 3)))
+    >>> len(cloud), cloud.normals is None
+    (100, True)
     """
 
     points: FloatArray
@@ -412,7 +488,52 @@ class PointCloud:
         -------
         PointCloud
             Moved points and turned normals; faces and colours as they were.
+
+        Raises
+        ------
+        InputError
+            If the transform isn't rigid: not (4,4) of finite numbers, a rotation and the row 0 0 0 1.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.types import PointCloud
+        >>> upwards = np.eye(4)
+        >>> upwards[2, 3] = 5.0
+        >>> PointCloud(np.zeros((1, 3))).transformed(upwards).points
+        array([[0., 0., 5.]])
         """
         matrix = check_rigid(transform)
         normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
         return PointCloud(apply(matrix, self.points), normals, self.faces, self.colors, self.dropped)
+
+
+def find_cloud(name: str, cloud: object) -> PointCloud | None:
+    """Return a `PointCloud`, or one made of a cloud of another library; None for arrays.
+
+    Raises
+    ------
+    InputError
+        If its parts aren't points, normals and triangles.
+    """
+    if isinstance(cloud, PointCloud):
+        return cloud
+    parts = cloud_parts(name, cloud)
+    if parts is None:
+        return None
+    normals = None if parts.normals is None else as_points(f"{name}.normals", parts.normals)
+    faces = None if parts.faces is None else as_faces(f"{name}.faces", parts.faces)
+    return PointCloud(as_points(name, parts.points), normals, faces)
+
+
+def as_cloud(name: str, cloud: PointCloud | ArrayLike) -> PointCloud:
+    """Return a `PointCloud` of points in any form.
+
+    Raises
+    ------
+    InputError
+        If they are no points.
+    """
+    if isinstance(cloud, PointCloud):
+        return cloud
+    return find_cloud(name, cloud) or PointCloud(as_points(name, cloud))

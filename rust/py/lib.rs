@@ -16,8 +16,9 @@ mod verification;
 
 use pyo3::prelude::*;
 
+// Needs no global lock: classes are frozen, inputs are copied and then checked, pools of threads lie behind a mutex.
 /// The compiled core of cgroup. Use it through the `cgroup` package.
-#[pymodule(gil_used = true)]
+#[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
     use super::cloud::Cloud;

@@ -237,6 +237,7 @@ def _files(folder: Path) -> dict[str, dict[str, Any]]:
         "read_descriptors": {"path": folder / "described.npz"},
         "read_correspondences": {"path": folder / "matches.npz"},
         "read_transform": {"path": folder / "pose.txt"},
+        "read_transforms": {"path": folder / "pose.txt"},
         "write_file": {"path": folder / "file", "content": b"content"},
         "write_cloud": {"path": folder / "other.ply", "cloud": PAIR.source},
         "write_descriptors": {"path": folder / "other.npz", "described": described},

@@ -13,6 +13,7 @@ from matplotlib.colors import to_hex
 
 from cgroup.benchmark.claims.base import mean_times
 from cgroup.benchmark.evidence import Evidence
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots import (
     inliers_figure,
     pair_precision_figure,
@@ -20,7 +21,7 @@ from cgroup.plots import (
     scores_figure,
     timing_figure,
 )
-from cgroup.plots.style import METHOD_STYLES, PRINT_WIDTH, method_style
+from cgroup.plots.style import METHOD_STYLES, PRINT_WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,6 +78,30 @@ def test_names_have_no_order_and_nothing_connects_them() -> None:
     assert drawn(figure)
 
 
+def test_levels_of_few_pairs_are_hollow_and_no_solid_line_leads_there() -> None:
+    found = rows("overlap", "U3M")
+    sparse = found["x"] == found["x"].min()
+    few = found["pair"].isin(found.loc[sparse, "pair"].unique()[: LEAST_PAIRS - 1])
+    figure = scores_figure(found[~sparse | few], **LABELS)
+    filled, hollow = (
+        [
+            line
+            for line in figure.axes[0].lines
+            if line.get_markerfacecolor() == face and line.get_marker() != "None"
+        ]
+        for face in (METHOD_STYLES["gtm"].color, "white")
+    )
+    assert filled[0].get_markevery() == [1, 2, 3, 4, 5, 6]
+    assert [line.get_markevery() for line in hollow] == [[0]] * len(METHODS)
+    solid = next(line for line in figure.axes[0].lines if line.get_color() == METHOD_STYLES["gtm"].color)
+    assert np.isnan(solid.get_ydata()[1])
+    assert "fewer than 5 pairs" in {text.get_text() for text in figure.legends[0].get_texts()}
+    assert drawn(figure)
+    assert "fewer than 5 pairs" not in {
+        text.get_text() for text in scores_figure(found, **LABELS).legends[0].get_texts()
+    }
+
+
 def test_registration_has_a_panel_per_applicable_criterion() -> None:
     views = rows("overlap", "U3M").assign(**{"ok:kitti": None})
     figure = registration_rate_figure(views, **LABELS)
@@ -131,14 +156,6 @@ def test_one_level_and_one_method_are_enough() -> None:
     one = rows("noise", "B3R").query("method == 'gtm' and x == 0.05")
     for draw in (scores_figure, registration_rate_figure, inliers_figure):
         assert drawn(draw(one, **LABELS))
-
-
-def test_methods_of_ones_own_are_grey_and_keep_their_look() -> None:
-    assert method_style("gc+ransac") == method_style("gc+ransac")
-    assert method_style("gc+ransac").color not in {look.color for look in METHOD_STYLES.values()}
-    frame = rows("noise", "B3R").replace({"method": {"gtm": "mine"}})
-    figure = scores_figure(frame, **LABELS)
-    assert [text.get_text() for text in figure.legends[0].get_texts()][-1] == "MINE"
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -146,7 +146,7 @@ def test_the_best_offered_pose_is_judged_by_the_truth(tmp_path: Path) -> None:
     assert (several["ok"] == True).all()  # noqa: E712 - of three values
     assert not several["complete"].any()
     table = failure_table(rows)
-    chosen = next(row for row in table.rows if row[0].text == "SEVERAL")
+    chosen = next(row for row in table.rows if row[0].text == "several")
     assert [cell.text for cell in chosen[1:4]] == ["0.000", "1.000", "0.000"]
 
 

@@ -46,6 +46,13 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
     ------
     InputError
         If the shapes don't fit, or the transform isn't rigid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import match_errors
+    >>> match_errors([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]], np.eye(4))
+    array([0., 5.])
     """
     moved = apply(check_rigid(T_target_source, "T_target_source"), as_points("source", source))
     there = as_points("target", target)
@@ -59,7 +66,7 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
 def correct_matches(
     source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float
 ) -> BoolArray:
-    """Which matches are correct: |R p + t - p'| <= tolerance.
+    """Tell which matches are correct: |R p + t - p'| <= tolerance.
 
     Parameters
     ----------
@@ -79,13 +86,20 @@ def correct_matches(
     ------
     InputError
         If the shapes don't fit, the transform isn't rigid, or the tolerance isn't positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import correct_matches
+    >>> correct_matches([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]], np.eye(4), tolerance=1.0)
+    array([ True, False])
     """
     limit = as_length("tolerance", tolerance)
     return match_errors(source, target, T_target_source) <= limit
 
 
 def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
-    """Which points have at least one of the others within a radius.
+    """Tell which points have at least one of the others within a radius.
 
     Parameters
     ----------
@@ -105,6 +119,12 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     ------
     InputError
         If a shape isn't (N, 3), a coordinate isn't finite, or the radius isn't positive.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import within
+    >>> within([[0, 0, 0], [5, 0, 0]], [[0, 0, 1]], radius=1.0)
+    array([ True, False])
     """
     queries, stored = _finite_points("points", points), _finite_points("others", others)
     limit = as_length("radius", radius)
@@ -159,6 +179,14 @@ def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *,
     ------
     InputError
         If a cloud is empty or not finite, or the transform or tolerance is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import overlap
+    >>> view = np.column_stack([np.arange(10.0), np.zeros((10, 2))])
+    >>> overlap(view[:8], view[4:], np.eye(4), tolerance=0.5)
+    0.6666666666666666
     """
     moved = apply(check_rigid(T_target_source, "T_target_source"), _finite_points("source", source))
     there = _finite_points("target", target)
@@ -179,7 +207,7 @@ def alignment_error(
     *,
     tolerance: float,
 ) -> float:
-    """How far an estimated pose leaves the overlapping source points from their true places.
+    """Mean displacement of the overlapping source points under an estimated pose.
 
     Parameters
     ----------
@@ -200,6 +228,16 @@ def alignment_error(
     ------
     InputError
         If a cloud isn't finite, or a transform or the tolerance is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import alignment_error
+    >>> points = np.random.default_rng(0).uniform(size=(100, 3))
+    >>> shifted = np.eye(4)
+    >>> shifted[0, 3] = 0.25
+    >>> alignment_error(points, points, shifted, np.eye(4), tolerance=0.1)
+    0.25
     """
     points, limit = _finite_points("source", source), as_length("tolerance", tolerance)
     expected, reached = (
@@ -213,7 +251,7 @@ def alignment_error(
 
 
 def mean_displacement(points: ArrayLike, estimated: ArrayLike, true: ArrayLike) -> float:
-    """How far an estimated pose leaves points from their true places, on average.
+    """Mean distance of points under an estimated pose from their true places.
 
     Unlike the translation error it does not depend on where the origin lies.
 
@@ -258,19 +296,23 @@ def clutter_and_occlusion(
     *,
     tolerance: float,
 ) -> tuple[float, float]:
-    """Share of the scene that isn't the model, and share of the model that the scene hides.
+    """Share of a scene that isn't the model, and of the model that the scene hides.
 
     Parameters
     ----------
-    model, scene : (N,3) and (M,3) array_like of float
-        Vertices of the two meshes.
-    model_faces, scene_faces : (K,3) array_like of int
-        Their triangles.
+    model : (N,3) array_like of float
+        Vertices of the model's mesh.
+    model_faces : (K,3) array_like of int
+        Its triangles, as rows of its vertices.
+    scene : (M,3) array_like of float
+        Vertices of the scene's mesh.
+    scene_faces : (L,3) array_like of int
+        Its triangles, as rows of its vertices.
     T_scene_model : (4,4) array_like of float
         True pose of the model in the scene.
     tolerance : float
-        Scene vertices so close to the posed model belong to it, in the data's unit;
-        `VISIBLE_WITHIN` times the resolution is usual.
+        Scene vertices so close to the posed model belong to it, in the data's unit; twice the resolution is
+        usual.
 
     Returns
     -------
@@ -281,7 +323,17 @@ def clutter_and_occlusion(
     Raises
     ------
     InputError
-        If a mesh has no area, or the transform or tolerance is invalid.
+        If a mesh has no area, faces that are no rows of its vertices, or a vertex that isn't finite; or if
+        the transform or tolerance is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import clutter_and_occlusion
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 0, 0], [9, 1, 0], [9, 0, 3]]
+    >>> scene_faces = [[0, 1, 2], [3, 4, 5]]
+    >>> clutter_and_occlusion(corners[:3], [[0, 1, 2]], corners, scene_faces, np.eye(4), tolerance=0.1)
+    (0.75, 0.0)
     """
     posed, vertices = (
         apply(check_rigid(T_scene_model, "T_scene_model"), _finite_points("model", model)),

@@ -8,7 +8,7 @@ it.
 from cgroup.io._files import write_file
 from cgroup.io.clouds import read_cloud, read_descriptors, write_cloud, write_descriptors, write_keypoints
 from cgroup.io.correspondences import read_correspondences, write_correspondences, write_mask
-from cgroup.io.transforms import read_transform, write_transform
+from cgroup.io.transforms import read_transform, read_transforms, write_transform
 from cgroup.rigid import RIGID_TOLERANCE, check_rigid
 from cgroup.types import PointCloud
 
@@ -20,6 +20,7 @@ __all__ = [
     "read_correspondences",
     "read_descriptors",
     "read_transform",
+    "read_transforms",
     "write_cloud",
     "write_correspondences",
     "write_descriptors",

@@ -30,7 +30,29 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file, or raise `InputError` with the system's reason."""
+    """Write the bytes of a file.
+
+    Parameters
+    ----------
+    path : path-like
+        Where to; a file that is there is replaced.
+    content : bytes
+        All that it is to hold.
+
+    Raises
+    ------
+    InputError
+        If the file can't be written, with the system's reason.
+
+    Examples
+    --------
+    >>> from cgroup.io import write_file
+    >>> write_file("notes.txt", b"scan 3 is upside down")
+    >>> write_file("no/such/folder/notes.txt", b"")
+    Traceback (most recent call last):
+        ...
+    cgroup.errors.InputError: no/such/folder/notes.txt: can't be written (No such file or directory)
+    """
     path, content = as_path("path", path), as_instance("content", content, bytes)
     try:
         path.write_bytes(content)

@@ -14,7 +14,7 @@ from cgroup.features import DescribedCloud
 from cgroup.io._files import parse_file, write_file
 from cgroup.io._numpy_files import npz_bytes, read_arrays, single_number
 from cgroup.io.cloud_formats import PARSERS, CloudContent
-from cgroup.types import PointCloud
+from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     import os
@@ -31,7 +31,7 @@ _KEYPOINT_COLOR = (213, 94, 0)
 
 
 def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
-    """Read a point cloud or mesh.
+    r"""Read a point cloud or mesh.
 
     PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS; text (``.xyz``, ``.txt``, ``.csv``)
     with x y z in its first three columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``; KITTI's
@@ -61,6 +61,15 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     InputError
         If the file is missing, unreadable, cut off, of an unknown format, no regular file, or has no finite
         point.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.io import read_cloud
+    >>> _ = Path("scan.xyz").write_text("0 0 0\n1 0 0\nnan nan nan\n")
+    >>> cloud = read_cloud("scan.xyz")
+    >>> cloud.points.tolist(), cloud.dropped
+    ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 1)
     """
     path = as_path("path", path)
     reader = PARSERS.get(path.suffix.lower())
@@ -71,26 +80,35 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     return _finite_cloud(path, parse_file(path, reader))
 
 
-def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
+def write_cloud(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike) -> None:
     """Write a point cloud as binary PLY, coordinates in double precision.
 
     Parameters
     ----------
     path : path-like
         Must end in ``.ply``.
-    cloud : PointCloud
-        Normals, faces and colours are written where there are any.
+    cloud : PointCloud or (N,3) array_like of float
+        Or a cloud of another library. Normals, faces and colours are written where there are any.
 
     Raises
     ------
     InputError
-        If the suffix is another one, or the file can't be written.
+        If the suffix is another one, `cloud` is no `PointCloud`, or the file can't be written.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import read_cloud, write_cloud
+    >>> scan = standin_pair(pixels=60).source
+    >>> write_cloud("scan.ply", scan)
+    >>> bool((read_cloud("scan.ply").points == scan.points).all())
+    True
     """
     path = as_path("path", path)
     if path.suffix.lower() != ".ply":
         message = f"{path}: point clouds are written as PLY; use a name that ends in .ply"
         raise InputError(message)
-    as_instance("cloud", cloud, PointCloud)
+    cloud = as_cloud("cloud", cloud)
     columns: list[tuple[str, str, str, NDArray[Any]]] = [
         (name, "<f8", "double", cloud.points[:, i]) for i, name in enumerate("xyz")
     ]
@@ -115,7 +133,7 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     write_file(path, text.encode() + vertices.tobytes() + triangles)
 
 
-def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: ArrayLike) -> None:
+def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike, indices: ArrayLike) -> None:
     """Write the keypoints of a cloud.
 
     Parameters
@@ -123,7 +141,7 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: Ar
     path : path-like
         ``.npz`` with the arrays ``indices`` and ``points``, or ``.ply``: the whole cloud in grey, its
         keypoints in vermilion.
-    cloud : PointCloud
+    cloud : PointCloud or (N,3) array_like of float
         The whole cloud.
     indices : (m,) array_like of int
         Rows of the cloud.
@@ -131,10 +149,24 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud, indices: Ar
     Raises
     ------
     InputError
-        If the suffix is another one, or the file can't be written.
+        If the suffix is another one, `cloud` is no `PointCloud`, a row is none of its points, or the file
+        can't be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import write_keypoints
+    >>> from cgroup.registration import detect
+    >>> scan = standin_pair(pixels=60).source
+    >>> rows = detect(scan, keypoints=50)
+    >>> write_keypoints("keypoints.npz", scan, rows)
+    >>> bool((np.load("keypoints.npz")["points"] == scan.points[rows]).all())
+    True
     """
     path, rows = as_path("path", path), as_rows("indices", indices)
-    if rows.max(initial=-1) >= len(as_instance("cloud", cloud, PointCloud)):
+    cloud = as_cloud("cloud", cloud)
+    if rows.max(initial=-1) >= len(cloud):
         message = f"indices: got row {rows.max()}, but the cloud has {len(cloud)} points"
         raise InputError(message)
     if path.suffix.lower() == ".npz":
@@ -158,7 +190,17 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     Raises
     ------
     InputError
-        If the suffix is another one, or the file can't be written.
+        If the suffix is another one, `described` is no `DescribedCloud`, or the file can't be written.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import read_descriptors, write_descriptors
+    >>> from cgroup.registration import describe
+    >>> described = describe(standin_pair(pixels=60).source, descriptor="rcs")
+    >>> write_descriptors("scan.npz", described)
+    >>> len(read_descriptors("scan.npz")) == len(described)
+    True
     """
     path = as_path("path", path)
     if path.suffix.lower() != ".npz":
@@ -185,6 +227,15 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
     ------
     InputError
         If the file is missing or unreadable, or lacks an array.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import read_descriptors, write_descriptors
+    >>> from cgroup.registration import describe
+    >>> write_descriptors("scan.npz", describe(standin_pair(pixels=60).source, descriptor="rcs"))
+    >>> read_descriptors("scan.npz").descriptors.shape[1]
+    72
     """
     path = as_path("path", path)
     arrays = read_arrays(path, _DESCRIBED_FIELDS)

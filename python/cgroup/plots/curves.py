@@ -12,18 +12,28 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots import style
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Container, Iterable, Mapping
 
     import pandas as pd
     from matplotlib.axes import Axes
 
+    from cgroup.plots.style import MethodStyle
+    from cgroup.types import BoolArray, FloatArray
+
+MARKER_SIZE = 4.5
+"""Points across a disk."""
+
+FEW = f"fewer than {LEAST_PAIRS} pairs"
+"""What hollow markers mean."""
+
 _PANEL_HEIGHT = 2.3
 _FONT = 8
-_MARKER = 4.5
-_STAR = 7.0  # looks smaller than other markers of its size
+_MOST_COLUMNS, _LETTERS, _HANDLE = 9, 110, 6.5  # of a legend: columns, letters that fit, those of a handle
+_DOTS = (0, (1, 2.5))  # a line to levels of few pairs
 _SPREAD = 0.32  # of the methods around a name
 _SHORT_NAME = 4
 _NAMES_TURNED = 40  # degrees, for names on the x axis
@@ -60,7 +70,9 @@ def panels(count: int, *, columns: int, title: str, extra: float = 0.0) -> tuple
     return figure, list(grid[:count])
 
 
-def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
+def draw_curves(
+    axes: Axes, table: pd.DataFrame, looks: Mapping[str, MethodStyle], few: Container[object] = ()
+) -> None:
     """Draw one curve per method.
 
     Parameters
@@ -70,27 +82,50 @@ def draw_curves(axes: Axes, table: pd.DataFrame) -> None:
     table : DataFrame
         One row per level, ascending, one column per method. Levels that are names have no order, so that
         nothing connects them, and the methods stand side by side.
+    looks : mapping of str to MethodStyle
+        Of each method.
+    few : container
+        Levels that have too few pairs for a curve: their markers are hollow, and the lines to them dotted.
     """
     levels = list(table.index)
-    places = np.array(place_levels(axes, levels))
+    sparse = np.array([level in few for level in levels], dtype=bool)
+    places = np.array(place_levels(axes, levels), dtype=np.float64)
     named = isinstance(levels[0], str)
-    methods = sort_methods(table.columns)
+    methods = [method for method in sort_methods(looks) if method in table.columns]
     aside = np.linspace(-_SPREAD, _SPREAD, len(methods)) if named else np.zeros(len(methods))
     for method, shift in zip(methods, aside, strict=True):
-        look = style.method_style(method)
-        axes.plot(
-            places + shift,
-            table[method].to_numpy(dtype=float),
-            color=look.color,
-            marker=look.marker,
-            linestyle="" if named else look.dashes,
-            linewidth=1.1,
-            markersize=marker_size(look.marker),
-            markeredgecolor="white",
-            markeredgewidth=0.4,
-            clip_on=False,
-            zorder=3,
-        )
+        look, heights = looks[method], table[method].to_numpy(dtype=float)
+        if not named:
+            _connect(axes, places, heights, look, sparse)
+        for hollow in (False, True):
+            if (sparse == hollow).any():
+                axes.plot(
+                    places + shift,
+                    heights,
+                    color=look.color,
+                    marker=look.marker,
+                    markevery=np.flatnonzero(sparse == hollow).tolist(),
+                    linestyle="",
+                    markersize=marker_size(look),
+                    markerfacecolor="white" if hollow else look.color,
+                    markeredgecolor=look.color if hollow else "white",
+                    markeredgewidth=0.9 if hollow else 0.4,
+                    clip_on=False,
+                    zorder=3,
+                )
+
+
+def _connect(
+    axes: Axes, places: FloatArray, heights: FloatArray, look: MethodStyle, sparse: BoolArray
+) -> None:
+    """Connect neighbouring levels, by a dotted line where either has few pairs."""
+    dotted = np.flatnonzero(sparse[:-1] | sparse[1:])
+    x, y = (np.insert(values, dotted + 1, np.nan) for values in (places, heights))  # a gap for each
+    common = {"color": look.color, "clip_on": False, "zorder": 3}
+    axes.plot(x, y, linestyle=look.dashes, linewidth=1.1, **common)
+    for start in dotted:
+        two = slice(start, start + 2)
+        axes.plot(places[two], heights[two], linestyle=_DOTS, linewidth=0.7, **common)
 
 
 def place_levels(axes: Axes, levels: list[float] | list[str]) -> list[float]:
@@ -121,9 +156,8 @@ def finish(axes: Axes, *, title: str = "", xlabel: str = "", ylabel: str = "", s
         axes.set_yticks(np.linspace(0, 1, 6))
 
 
-def legend(figure: Figure, methods: Iterable[str]) -> None:
-    """Name the methods below all panels."""
-    names = sort_methods(methods)
+def legend(figure: Figure, looks: Mapping[str, MethodStyle], *, few: bool = False) -> None:
+    """Name the methods below all panels, and say what hollow markers are if there are levels of few pairs."""
     handles = [
         Line2D(
             [],
@@ -132,15 +166,18 @@ def legend(figure: Figure, methods: Iterable[str]) -> None:
             marker=look.marker,
             linestyle=look.dashes,
             linewidth=1.1,
-            markersize=marker_size(look.marker),
-            label=look.label,
+            markersize=marker_size(look),
+            label=style.as_it_is(look.label),
         )
-        for look in map(style.method_style, names)
+        for look in (looks[method] for method in sort_methods(looks))
     ]
+    if few:
+        hollow = {"marker": "o", "markerfacecolor": "white", "markersize": MARKER_SIZE, "linestyle": _DOTS}
+        handles.append(Line2D([], [], color=style.QUIET_TEXT, label=FEW, linewidth=0.7, **hollow))
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=min(len(handles), 9),
+        ncols=_count_columns([len(str(handle.get_label())) for handle in handles]),
         frameon=False,
         fontsize=_FONT,
         handlelength=2.4,
@@ -149,12 +186,21 @@ def legend(figure: Figure, methods: Iterable[str]) -> None:
     )
 
 
+def _count_columns(lengths: list[int]) -> int:
+    """Count the columns of names that stand beside each other; names of so many letters fill them in turn."""
+    for count in range(min(len(lengths), _MOST_COLUMNS), 1, -1):
+        width = sum(max(column) for column in np.array_split(lengths, count)) + count * _HANDLE
+        if width <= _LETTERS:
+            return count
+    return 1
+
+
 def sort_methods(methods: Iterable[str]) -> list[str]:
     """Sort methods: the paper's order, then any others."""
     known = list(style.METHOD_STYLES)
     return sorted(methods, key=lambda name: known.index(name) if name in known else len(known))
 
 
-def marker_size(marker: str) -> float:
+def marker_size(look: MethodStyle) -> float:
     """Size of a marker in points."""
-    return _STAR if marker == "*" else _MARKER
+    return MARKER_SIZE * look.size

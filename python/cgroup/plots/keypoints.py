@@ -10,21 +10,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from cgroup._arguments import as_points, as_rows
 from cgroup.plots import style
 from cgroup.plots.shading import face_broadside, find_front, shade
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cgroup.types import FloatArray, IndexArray
+    from numpy.typing import ArrayLike
 
 _COLUMNS = 2
 _PANEL = 5  # inches
 
 
 def keypoints_figure(
-    points: FloatArray,
-    keypoints: Mapping[str, IndexArray],
+    points: ArrayLike,
+    keypoints: Mapping[str, ArrayLike],
     *,
     title: str,
     viewpoint: tuple[float, float, float] = (0, 0, 0),
@@ -33,9 +34,9 @@ def keypoints_figure(
 
     Parameters
     ----------
-    points : (N,3) array of float64
+    points : (N,3) array_like of float
         Whole cloud.
-    keypoints : mapping of str to (m,) array of int
+    keypoints : mapping of str to (m,) array_like of int
         Rows of the cloud, by the name of the detector.
     title : str
         Shown on top.
@@ -46,9 +47,27 @@ def keypoints_figure(
     -------
     Figure
         Keypoints on the far side are left out, and counted below the panel.
+
+    Raises
+    ------
+    IndexError
+        For keypoints that are no rows of the points.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import keypoints_figure
+    >>> from cgroup.registration import detect
+    >>> scan = standin_pair(pixels=60).source
+    >>> found = {name: detect(scan, detector=name, keypoints=50) for name in ("h3d", "iss")}
+    >>> figure = keypoints_figure(scan.points, found, title="Two detectors")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['h3d', 'iss']
+    >>> figure.savefig("keypoints.png")
     """
-    view = face_broadside(points, viewpoint)
-    projected = view.project(points)
+    cloud = as_points("points", points)
+    view = face_broadside(cloud, viewpoint)
+    projected = view.project(cloud)
     picture, visible = shade(projected, style.TARGET_TINT), find_front(projected)
     left, right, bottom, top = picture.extent
     columns = min(_COLUMNS, len(keypoints))
@@ -62,10 +81,11 @@ def keypoints_figure(
         axes.set_aspect("equal", anchor="N")
     for axes, (name, found) in zip(panels, keypoints.items(), strict=False):
         axes.imshow(picture.rgba, extent=picture.extent, origin="lower", interpolation="nearest")
-        seen = projected[found[visible[found]]]
+        rows_shown = as_rows(name, found)
+        seen = projected[rows_shown[visible[rows_shown]]]
         axes.scatter(seen[:, 0], seen[:, 1], s=9, color=style.WRONG, edgecolors="white", linewidths=0.3)
         axes.set_title(name, loc="left", fontsize=11, fontweight="bold", color=style.TEXT)
-        shown = f"{len(found)} keypoints, {len(seen)} on this side"
+        shown = f"{len(rows_shown)} keypoints, {len(seen)} on this side"
         axes.set_title(shown, loc="right", fontsize=9, color=style.QUIET_TEXT)
     figure.suptitle(title, color=style.TEXT)
     return figure

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from cgroup._drawing import Drawing
     from cgroup.types import BoolArray, Correspondences, FloatArray
@@ -28,19 +29,19 @@ _WIDTH = 12  # inches
 
 
 def registration_figure(
-    source: FloatArray,
-    target: FloatArray,
+    source: ArrayLike,
+    target: ArrayLike,
     correspondences: Correspondences,
     *,
     mask: BoolArray,
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the grouped matches between two clouds, and the two clouds as the pose lays them.
+    """Draw the matches of a group, and the two clouds as the pose lays them.
 
     Parameters
     ----------
-    source, target : (N,3) array of float64
+    source, target : (N,3) array_like of float
         Whole clouds.
     correspondences : Correspondences
         All matches.
@@ -55,6 +56,30 @@ def registration_figure(
     -------
     Figure
         The source is shown turned as in the pose, so that lines of right matches run parallel.
+
+    Raises
+    ------
+    InputError
+        For points that aren't (N,3), or a pose that isn't (4,4).
+    IndexError
+        For a mask that isn't aligned with the matches.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import registration_figure
+    >>> from cgroup.registration import register
+    >>> pair = standin_pair(pixels=60)
+    >>> done = register(pair.source, pair.target)
+    >>> figure = registration_figure(
+    ...     pair.source.points,
+    ...     pair.target.points,
+    ...     done.correspondences,
+    ...     mask=done.grouping.mask,
+    ...     T_target_source=done.T_target_source,
+    ...     title="Two views of a stone",
+    ... )
+    >>> figure.savefig("registration.png")
     """
     scene = Scene.of(source, target, T_target_source)
     widths, height = scene.widths, scene.height
@@ -76,8 +101,8 @@ def registration_figure(
 
 
 def comparison_figure(
-    source: FloatArray,
-    target: FloatArray,
+    source: ArrayLike,
+    target: ArrayLike,
     correspondences: Correspondences,
     *,
     correct: BoolArray,
@@ -85,11 +110,11 @@ def comparison_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw what each method selected, correct matches in one colour and wrong ones in another.
+    """Draw what each method selected: correct matches in one colour, wrong in another.
 
     Parameters
     ----------
-    source, target : (N,3) array of float64
+    source, target : (N,3) array_like of float
         Whole clouds.
     correspondences : Correspondences
         All matches.
@@ -106,6 +131,33 @@ def comparison_figure(
     -------
     Figure
         The source is shown turned as in the true pose, so that lines of correct matches run parallel.
+
+    Raises
+    ------
+    InputError
+        For points that aren't (N,3), or a pose that isn't (4,4).
+    ValueError
+        For masks that aren't aligned with the matches.
+
+    Examples
+    --------
+    >>> from cgroup import group
+    >>> from cgroup.comparison import find_correct
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import comparison_figure
+    >>> from cgroup.registration import correspond
+    >>> pair = standin_pair(pixels=60)
+    >>> matches = correspond(pair.source, pair.target, keypoints=200)
+    >>> figure = comparison_figure(
+    ...     pair.source.points,
+    ...     pair.target.points,
+    ...     matches,
+    ...     correct=find_correct(matches, pair.T_target_source),
+    ...     masks={name: group(matches, name).mask for name in ("gc", "gtm")},
+    ...     T_target_source=pair.T_target_source,
+    ...     title="Two methods",
+    ... )
+    >>> figure.savefig("methods.png")
     """
     rows = -(-len(masks) // _COLUMNS)
     scene = Scene.of(source, target, T_target_source)
@@ -117,7 +169,7 @@ def comparison_figure(
         drawn = scene.draw_selection(axes, correspondences, mask, correct)
         score = score_group(mask, correct)
         numbers = f"P {score.precision:.2f}   R {score.recall:.2f}   F {score.f_score:.2f}"
-        label = style.method_style(method).label
+        label = style.as_it_is(style.method_style(method).label)
         _caption(axes, label, f"{numbers}   {_format_count(drawn, score.selected)}")
     for axes in panels[len(masks) :]:
         axes.set_axis_off()

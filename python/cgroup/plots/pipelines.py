@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from matplotlib.lines import Line2D
 
+from cgroup.plots import style
 from cgroup.plots.curves import finish, panels
-from cgroup.plots.style import TEXT
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.path import Path
     from matplotlib.typing import LineStyleType
 
 OVERLAP_EDGES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
@@ -29,7 +30,6 @@ _BLUES = ("#0B3C8C", "#1F77B4", "#6BAED6", "#9ECAE1")
 _GREENS = ("#00682F", "#2CA25F", "#66C2A4", "#99D8C9")
 _REDS = ("#B2182B", "#E6550D", "#FDAE6B")
 _PURPLES = ("#6A1B9A", "#BA68C8")
-_GREYS = ("#444444", "#888888", "#BBBBBB")
 _FAMILIES = {
     "cgroup": _BLUES,
     "cgroup-paper": _BLUES,
@@ -38,14 +38,17 @@ _FAMILIES = {
     "open3d-fgr": _REDS,
     "kiss-matcher": _PURPLES,
 }
-"""Shades of each kind of pipeline; others are grey."""
+"""Shades of each kind of pipeline; others are drawn as methods from outside are."""
 
 _MARKERS = "osD^v<>PXhpd"
 
 
-class _Look(NamedTuple):
+class Look(NamedTuple):
+    """How one pipeline is drawn, as `style.MethodStyle` says of methods."""
+
     color: str
-    marker: str
+    marker: str | Path
+    symbol: str
     dashes: LineStyleType
 
 
@@ -65,33 +68,52 @@ def pipelines_figure(frame: pd.DataFrame, *, title: str) -> Figure:
     Figure
         A panel with the share of right poses over the overlap, all sets together, and for each set one with
         that share over the median seconds.
+
+    Raises
+    ------
+    KeyError
+        For rows that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import pipelines_figure
+    >>> frame = pd.DataFrame({"pipeline": "cgroup", "name": "cgroup", "set": "rooms"}, index=[0, 1])
+    >>> frame = frame.assign(refined=False, overlap=[0.3, 0.8], right=[False, True], seconds=[0.5, 0.4])
+    >>> len(pipelines_figure(frame, title="One way to register").axes)
+    2
     """
     sets = list(dict.fromkeys(frame["set"]))
-    looks = _choose_looks(frame)
+    looks = choose_looks(frame)
     figure, axes = panels(1 + len(sets), columns=3, title=title, extra=0.2)
     _draw_overlap(axes[0], frame, looks)
     for each, name in zip(axes[1:], sets, strict=True):
         finish(each, title=name, xlabel="median seconds per pair", share=True)
         _draw_times(each, frame[frame["set"] == name], looks)
-    axes[0].set_ylabel("share of right poses", fontsize=8, color=TEXT)
+    axes[0].set_ylabel("share of right poses", fontsize=8, color=style.TEXT)
     _name_pipelines(figure, looks)
     return figure
 
 
-def _choose_looks(frame: pd.DataFrame) -> dict[str, _Look]:
+def choose_looks(frame: pd.DataFrame) -> dict[str, Look]:
     """Choose colours by the kind of pipeline, and markers by the order; refined ones are drawn dashed."""
     named = frame.drop_duplicates("pipeline")
-    looks: dict[str, _Look] = {}
+    own = style.own_styles(named.loc[~named["name"].isin(_FAMILIES), "pipeline"])
+    looks: dict[str, Look] = {}
     used: dict[tuple[str, ...], int] = {}
     for label, name, refined in zip(named["pipeline"], named["name"], named["refined"], strict=True):
-        shades = _FAMILIES.get(name, _GREYS)
+        dashes = (0, (3, 1.5)) if refined else "-"
+        if label in own:
+            looks[label] = Look(own[label].color, own[label].marker, own[label].symbol, dashes)
+            continue
+        shades = _FAMILIES[name]
         used[shades] = used.get(shades, -1) + 1
         color, marker = shades[used[shades] % len(shades)], _MARKERS[len(looks) % len(_MARKERS)]
-        looks[label] = _Look(color, marker, (0, (3, 1.5)) if refined else "-")
+        looks[label] = Look(color, marker, style.SYMBOLS[marker], dashes)
     return looks
 
 
-def _draw_overlap(axes: Axes, frame: pd.DataFrame, looks: dict[str, _Look]) -> None:
+def _draw_overlap(axes: Axes, frame: pd.DataFrame, looks: dict[str, Look]) -> None:
     classes = np.digitize(frame["overlap"].to_numpy(), OVERLAP_EDGES[1:-1])
     right, labels = frame["right"].to_numpy(), frame["pipeline"].to_numpy()
     known = np.isfinite(frame["overlap"].to_numpy())
@@ -108,7 +130,7 @@ def _draw_overlap(axes: Axes, frame: pd.DataFrame, looks: dict[str, _Look]) -> N
     axes.set_xlim(0, 1)
 
 
-def _draw_times(axes: Axes, frame: pd.DataFrame, looks: dict[str, _Look]) -> None:
+def _draw_times(axes: Axes, frame: pd.DataFrame, looks: dict[str, Look]) -> None:
     for name, look in looks.items():
         chosen = frame[frame["pipeline"] == name]
         if len(chosen):
@@ -122,7 +144,7 @@ def _draw_times(axes: Axes, frame: pd.DataFrame, looks: dict[str, _Look]) -> Non
     axes.minorticks_off()
 
 
-def _line(look: _Look) -> dict[str, object]:
+def _line(look: Look) -> dict[str, object]:
     return {
         "marker": look.marker,
         "linestyle": look.dashes,
@@ -135,6 +157,9 @@ def _line(look: _Look) -> dict[str, object]:
     }
 
 
-def _name_pipelines(figure: Figure, looks: dict[str, _Look]) -> None:
-    handles = [Line2D([], [], color=look.color, label=name, **_line(look)) for name, look in looks.items()]
+def _name_pipelines(figure: Figure, looks: dict[str, Look]) -> None:
+    handles = [
+        Line2D([], [], color=look.color, label=style.as_it_is(name), **_line(look))
+        for name, look in looks.items()
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=8)

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.collections import LineCollection
 
+from cgroup._arguments import as_points
 from cgroup.plots import style
 from cgroup.plots.shading import Picture, face_broadside, overlay, shade
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
 
@@ -37,11 +39,12 @@ class Scene:
     overlay: Picture
 
     @classmethod
-    def of(cls, source: FloatArray, target: FloatArray, pose: FloatArray) -> Scene:
+    def of(cls, source: ArrayLike, target: ArrayLike, pose: FloatArray) -> Scene:
         """Make the scene of two clouds and a pose between them."""
-        view = face_broadside(target)
-        placed = view.project(apply(pose, source))
-        there = view.project(target)
+        where = as_points("target", target)
+        view = face_broadside(where)
+        placed = view.project(apply(pose, as_points("source", source)))
+        there = view.project(where)
         tints = (style.SOURCE_TINT, style.TARGET_TINT)
         pictures = shade(placed, tints[0]), shade(there, tints[1])
         (left, right, *_), (start, end, *_) = (picture.extent for picture in pictures)

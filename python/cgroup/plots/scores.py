@@ -11,16 +11,20 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cgroup.plots import style
+from cgroup.plots.curves import marker_size
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cgroup.evaluation import GroupScore
+    from cgroup.plots.style import MethodStyle
 
 _F_LEVELS = (0.2, 0.4, 0.6, 0.8)
 
 
-def precision_recall_figure(scores: Mapping[str, GroupScore], *, title: str) -> Figure:
+def precision_recall_figure(
+    scores: Mapping[str, GroupScore], *, title: str, styles: Mapping[str, MethodStyle] | None = None
+) -> Figure:
     """Draw precision over recall, one marker per method, over lines of equal F.
 
     Parameters
@@ -29,11 +33,23 @@ def precision_recall_figure(scores: Mapping[str, GroupScore], *, title: str) -> 
         By the method's name; one marker each.
     title : str
         Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
 
     Returns
     -------
     Figure
         Up and to the right is better.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import GroupScore
+    >>> from cgroup.plots import precision_recall_figure
+    >>> scores = {"gtm": GroupScore(100, 20, 16, 15), "gc": GroupScore(100, 20, 30, 18)}
+    >>> figure = precision_recall_figure(scores, title="Two methods")
+    >>> figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()
+    ('recall', 'precision')
     """
     figure = Figure(figsize=(6.4, 4.8), dpi=style.DOTS_PER_INCH, layout="constrained")
     axes = figure.subplots()
@@ -44,15 +60,15 @@ def precision_recall_figure(scores: Mapping[str, GroupScore], *, title: str) -> 
         end = f"F {level:g}"
         axes.annotate(end, (1, precision[-1]), xytext=(3, 0), textcoords="offset points",
                       fontsize=8, va="center", color=style.QUIET_TEXT)  # fmt: skip
+    looks, handles = style.method_styles(scores, styles), {}
     for method, score in scores.items():
-        look = style.method_style(method)
-        axes.scatter(
+        look = looks[method]
+        handles[style.as_it_is(look.label)] = axes.scatter(
             score.recall,
             score.precision,
-            label=look.label,
             color=look.color,
             marker=look.marker,
-            s=140 if look.marker == "*" else 80,  # a star looks smaller
+            s=18 * marker_size(look),
             edgecolors="white",
             linewidths=0.6,
             zorder=3,
@@ -61,5 +77,11 @@ def precision_recall_figure(scores: Mapping[str, GroupScore], *, title: str) -> 
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="recall", ylabel="precision", aspect="equal")
     axes.spines[["top", "right"]].set_visible(False)
     figure.suptitle(title, color=style.TEXT, fontsize=11)
-    figure.legend(loc="outside right upper", frameon=False)
+    figure.legend(
+        list(handles.values()),
+        list(handles),
+        fontsize=min(10, 215 / len(handles)),
+        loc="outside right upper",
+        frameon=False,
+    )
     return figure

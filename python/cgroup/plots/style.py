@@ -1,36 +1,118 @@
 """Colours, markers and labels, the same in every figure.
 
-Method colours are Paul Tol's "muted" scheme, which stays distinct for colour-blind readers; the
-markers tell the methods apart in print, and dashes the individual-based methods from the group-based.
+The colours of the paper's methods are Paul Tol's "muted" scheme, which stays distinct for colour-blind
+readers; the markers tell the methods apart in print, and dashes the individual-based methods from the
+group-based. Methods from outside get colours and markers that none of the package's has, by the order in
+which they appear: eight colours, chosen to be at least 13 apart from each other and 9 from the package's, in
+CIEDE2000, for normal vision and for deuteranopia, protanopia and tritanopia as Machado et al. (2009) simulate
+them.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D
+
 from cgroup.registry import METHOD_INFO
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from matplotlib.typing import LineStyleType
 
 
 class MethodStyle(NamedTuple):
-    """How one method is drawn."""
+    """How one method is drawn.
+
+    Attributes
+    ----------
+    label : str
+        What figures and tables call it.
+    color : str
+        As #RRGGBB.
+    marker : str or Path
+        In matplotlib's notation.
+    symbol : str
+        The same marker by plotly's name.
+    size : float
+        Of the marker, beside that of a disk: pointed ones look smaller than they are.
+    dashes : line style
+        In matplotlib's notation.
+    """
 
     label: str
     color: str
-    marker: str
+    marker: str | Path
+    symbol: str
+    size: float = 1.0
     dashes: LineStyleType = "-"
 
 
+_POINTED = 1.55
 _INDIVIDUAL: LineStyleType = (0, (4, 1.5))
 
+SYMBOLS = {
+    "o": "circle",
+    "s": "square",
+    "^": "triangle-up",
+    "v": "triangle-down",
+    "<": "triangle-left",
+    ">": "triangle-right",
+    "D": "diamond",
+    "d": "diamond-tall",
+    "P": "cross",
+    "X": "x",
+    "*": "star",
+    "p": "pentagon",
+    "h": "hexagon",
+    "H": "hexagon2",
+    "8": "octagon",
+}
+"""Markers by matplotlib's and by plotly's names."""
+
 METHOD_STYLES = {
-    info.name: MethodStyle(info.label, info.color, info.marker, _INDIVIDUAL if info.individual else "-")
+    info.name: MethodStyle(
+        info.label,
+        info.color,
+        info.marker,
+        SYMBOLS[info.marker],
+        _POINTED if info.marker == "*" else 1.0,
+        _INDIVIDUAL if info.individual else "-",
+    )
     for info in METHOD_INFO.values()
 }
+"""Those of the package."""
 
-_FURTHER_MARKERS = ("h", "p", "8", "d", ">", "H")
+OWN_COLORS = (
+    "#0000FF",
+    "#D20F00",
+    "#D2A5B4",
+    "#784B4B",
+    "#7878FF",
+    "#78000F",
+    "#B4C396",
+    "#9687B4",
+)
+"""Of methods from outside, in this order."""
+
+
+def _outline(*corners: tuple[float, float]) -> Path:
+    return Path([*corners, corners[0]], closed=True)
+
+
+OWN_MARKERS = (
+    (Path.unit_regular_star(4, 0.4), "star-diamond", 1.6),
+    (_outline((-0.9, -1), (0.9, -1), (-0.9, 1), (0.9, 1)), "hourglass", 1.1),
+    (Path.unit_regular_star(6, 0.55), "hexagram", 1.35),
+    (_outline((-1, -0.9), (-1, 0.9), (1, -0.9), (1, 0.9)), "bowtie", 1.1),
+    (Path.unit_regular_star(3, 0.3), "star-triangle-up", 1.6),
+    (_outline((-1.2, 0), (0, 0.65), (1.2, 0), (0, -0.65)), "diamond-wide", 1.3),
+    (Path.unit_regular_star(4, 0.4).transformed(Affine2D().rotate_deg(45)), "star-square", 1.4),
+    (_outline((-0.9, 0.9), (0.9, 0.9), (0.9, -0.9)), "triangle-ne", 1.0),
+)
+"""Of methods from outside: matplotlib's, plotly's, and sizes."""
 
 CORRECT = "#009E73"
 """Correct matches: a bluish green, told from `WRONG` by every common kind of colour vision."""
@@ -56,7 +138,55 @@ PRINT_WIDTH = 7.2
 """Inches: both columns of a page."""
 
 
+def method_styles(
+    methods: Iterable[str], chosen: Mapping[str, MethodStyle] | None = None
+) -> dict[str, MethodStyle]:
+    """Choose how methods are drawn.
+
+    Parameters
+    ----------
+    methods : iterable of str
+        Public names, and labels of methods from outside: all that a figure shows, or all of a report, in
+        which a method has to look the same everywhere.
+    chosen : mapping of str to MethodStyle, optional
+        Looks that are chosen already, such as those of the whole report.
+
+    Returns
+    -------
+    dict of str to MethodStyle
+        For `METHOD_STYLES` and those chosen, theirs; for others the next of `OWN_COLORS` and `OWN_MARKERS`,
+        in the order in which they appear, and for a label the name as it is given.
+
+    Examples
+    --------
+    >>> styles = method_styles(["gtm", "mine", "My other one"])
+    >>> [look.label for look in styles.values()]
+    ['GTM', 'mine', 'My other one']
+    >>> [styles[name].color for name in ("mine", "My other one")]
+    ['#0000FF', '#D20F00']
+    """
+    names = list(dict.fromkeys(methods))
+    known = METHOD_STYLES | dict(chosen or {})
+    own = own_styles((name for name in names if name not in known), len(known) - len(METHOD_STYLES))
+    return {name: known.get(name) or own[name] for name in names}
+
+
 def method_style(method: str) -> MethodStyle:
-    """Style of a method by its public name; grey for one that isn't known here, its marker by its name."""
-    marker = _FURTHER_MARKERS[sum(method.encode()) % len(_FURTHER_MARKERS)]
-    return METHOD_STYLES.get(method, MethodStyle(method.upper(), "#666666", marker))
+    """Return how a method is drawn that is the only one from outside, or what it is called."""
+    return method_styles([method])[method]
+
+
+def as_it_is(text: str) -> str:
+    """Return a text for matplotlib to show as it is; between dollar signs it would expect formulas."""
+    return text.replace("$", r"\$")
+
+
+def own_styles(names: Iterable[str], used: int = 0) -> dict[str, MethodStyle]:
+    """Choose how things from outside are drawn, after so many others; the first 64 all look different."""
+    return {name: _own_style(name, place) for place, name in enumerate(names, used)}
+
+
+def _own_style(name: str, place: int) -> MethodStyle:
+    color = OWN_COLORS[place % len(OWN_COLORS)]
+    marker, symbol, size = OWN_MARKERS[(place + place // len(OWN_COLORS)) % len(OWN_MARKERS)]
+    return MethodStyle(name, color, marker, symbol, size)

@@ -10,7 +10,7 @@ from cgroup import features
 from cgroup._arguments import as_points
 from cgroup._values import as_length
 from cgroup.errors import InputError
-from cgroup.registration.scan import NEEDED_FOR, as_scan
+from cgroup.registration.scan import NEEDED_FOR, as_point_cloud, as_scan
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
@@ -27,10 +27,11 @@ _MESH_SPACING = 0.5  # voxels between points on a large face
 
 def as_model(name: str, cloud: PointCloud | Cloud | ArrayLike, normals: Normals, voxel: float | None) -> Scan:
     """Check a whole model, whose normals or faces tell its outside."""
+    cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:
         message = (
             f"{name}: got no {NEEDED_FOR[normals]}, which tell the outside of a model; give a PointCloud "
-            "with them"
+            "with them, or another library's cloud or mesh"
         )
         raise InputError(message)
     if normals == "given":

@@ -94,15 +94,18 @@ def register(
     Raises
     ------
     NoConsensusError
-        If no pose can be trusted; its ``registration`` is the best guess.
+        If no pose can be trusted; its ``registration`` is the best guess, or None where there is not even
+        one.
     InputError
-        If a cloud or an option can't be worked with.
+        If a cloud or an option can't be worked with; the message names it.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.registration import register
-    >>> pair = standin_pair(pixels=100)
+    >>> pair = standin_pair(pixels=60)
     >>> done = register(pair.source, pair.target)
     >>> done.ok, bool(abs(done.T_target_source - pair.T_target_source).max() < done.voxel)
     (True, True)

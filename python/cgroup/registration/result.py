@@ -27,7 +27,7 @@ class Registration:
     ok : bool
         Whether the pose is held to be right.
     probability : float
-        That it is, in [0,1]; see `docs/registration.md` for the data behind it.
+        That it is, in [0,1], fitted on half of 1,200 pairs of real scans: right, unrelated and mirrored ones.
     fitness : float
         Share of the source's surface that lies on the target's.
     inlier_rmse : float
@@ -50,6 +50,17 @@ class Registration:
         What a user should know of the pose: sentences.
     seconds : dict of str to float
         Wall time of each stage, in order.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import register
+    >>> pair = standin_pair(pixels=60)
+    >>> done = register(pair.source, pair.target)
+    >>> done.ok, done.probability > 0.9, done.T_target_source.shape
+    (True, True, (4, 4))
+    >>> len(done.correspondences) == len(done.grouping.mask), done.open_motion
+    (True, None)
     """
 
     T_target_source: FloatArray
@@ -68,7 +79,16 @@ class Registration:
 
     @property
     def resolution(self) -> float:
-        """The unit pr of the matches, in the data's unit."""
+        """The unit pr of the matches, in the data's unit.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import register
+        >>> pair = standin_pair(pixels=60)
+        >>> register(pair.source, pair.target, voxel=5.0).resolution  # 0.4 of the voxel
+        2.0
+        """
         resolution = self.correspondences.resolution
         assert resolution is not None  # noqa: S101 - every front end sets it
         return resolution

@@ -10,7 +10,7 @@ from cgroup._arguments import as_faces, as_points, real_points
 from cgroup._values import as_length
 from cgroup.errors import InputError
 from cgroup.features import Cloud
-from cgroup.types import PointCloud
+from cgroup.types import PointCloud, find_cloud
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -71,9 +71,16 @@ class Scan:
         return given
 
 
+def as_point_cloud(name: str, cloud: PointCloud | Cloud | ArrayLike) -> PointCloud | Cloud | ArrayLike:
+    """Return a cloud of another library as `PointCloud`, with its normals and faces; others as they are."""
+    found = None if isinstance(cloud, Cloud) else find_cloud(name, cloud)
+    return cloud if found is None else found
+
+
 def as_scan(name: str, cloud: PointCloud | Cloud | ArrayLike) -> Scan:
     """Check a cloud, and make it ready."""
     normals, faces = None, None
+    cloud = as_point_cloud(name, cloud)
     if isinstance(cloud, PointCloud):
         normals, faces = _surface_of(name, cloud)
         cloud = cloud.points

@@ -53,6 +53,18 @@ class Verification:
         Of each.
     evidence : (k,) array of int64
         Matches that each lays together; 0 without matches.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import features
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.verification import Surface, verify
+    >>> points = standin_pair(pixels=60).source.points
+    >>> surface = Surface(points, features.normals(points), unit=0.4 * features.resolution(points))
+    >>> found = verify(surface, surface, np.eye(4))
+    >>> found.T_target_source.shape, found.score > 1.9, found.margin, found.fitness
+    ((4, 4), True, inf, 1.0)
     """
 
     T_target_source: FloatArray
@@ -99,7 +111,7 @@ def verify(
     match_tolerance : float, optional
         Distance within which they do; 2.5 units, a voxel, unless given.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -109,7 +121,10 @@ def verify(
     Raises
     ------
     InputError
-        For no pose, one that is not rigid (the message names it), or surfaces of different units.
+        For no pose, one that is not rigid (the message names it), surfaces of different units, what is no
+        `Surface` or no `Correspondences`, or a tolerance that is not positive.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -164,7 +179,7 @@ def score_poses(
     poses : (m,4,4) or (4,4) array_like of float
         Rigid transforms from the source into the target.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -174,7 +189,10 @@ def score_poses(
     Raises
     ------
     InputError
-        For a pose that is not rigid (the message names it), or surfaces of different units.
+        For a pose that is not rigid (the message names it), surfaces of different units, or what is no
+        `Surface`.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -30,7 +30,7 @@ order by s.entry, l.place, c.dataset, c.pair, c.kind, c.other
 
 
 def load_registrations(path: Path) -> pd.DataFrame:
-    """Read how the latest configuration's pairs were registered, one row per pair and pipeline.
+    """Read how pairs were registered, one row per pair and pipeline.
 
     Parameters
     ----------
@@ -50,7 +50,19 @@ def load_registrations(path: Path) -> pd.DataFrame:
     Raises
     ------
     InputError
-        If there are no records at all.
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> len(records.load_registrations(Path("results")))  # the configuration asks for none
+    0
     """
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
 

@@ -43,7 +43,7 @@ _NUMBERS = (
 
 
 def load_trials(path: Path) -> pd.DataFrame:
-    """Read how methods grouped the latest configuration's problems, one row per problem, method and threads.
+    """Read how methods grouped problems, one row per problem, method and threads.
 
     Parameters
     ----------
@@ -69,7 +69,19 @@ def load_trials(path: Path) -> pd.DataFrame:
     Raises
     ------
     InputError
-        If there are no records at all.
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> easy = {"id": "easy", "grid": {"n": 200, "inliers": 0.3, "repeats": 2}}
+    >>> _ = run(Config(name="mine", methods=["gtm"], trials={"sets": [easy]}), Path("results"))
+    >>> trials = records.load_trials(Path("results"))
+    >>> trials[["set", "method", "n", "right"]].values.tolist()
+    [['easy', 'gtm', 200, True], ['easy', 'gtm', 200, True]]
     """
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
 

@@ -1,0 +1,198 @@
+"""Clouds and arrays of other libraries, told by what they offer: nothing is imported for them.
+
+Each reader looks for what one kind of object has, and returns its parts as they are; who asks checks them as
+any other array. An object that no reader knows is left to NumPy.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+ACCEPTED = (
+    "give (n,3) real numbers: an array, a tensor, a data frame with columns x, y, z, or a cloud or mesh of "
+    "Open3D, small_gicp, trimesh, PyVista, laspy or ROS"
+)
+
+
+class CloudParts(NamedTuple):
+    """What a foreign cloud consists of, unchecked: (n,3) points, normals, triangles as rows of the points."""
+
+    points: Any
+    normals: Any = None
+    faces: Any = None
+
+
+def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - whatever is passed
+    """Return the parts of a cloud of another library; None for arrays, lists and objects that aren't clouds.
+
+    Raises
+    ------
+    InputError
+        For a table that doesn't say which of its columns are x, y and z.
+    """
+    if isinstance(value, np.ndarray):
+        fields = value.dtype.names
+        return None if fields is None else _parts_of_columns(name, fields, value.__getitem__)
+    if isinstance(value, list | tuple | str | bytes | int | float | type):
+        return None
+    for read in _READERS:
+        try:
+            parts = read(name, value)
+        except (InputError, MemoryError):
+            raise
+        except Exception:  # noqa: BLE001, S112 - attributes may raise as they like; NumPy is asked at last
+            continue
+        if parts is not None:
+            return parts
+    return None
+
+
+def as_host_array(name: str, value: Any) -> Any:  # noqa: ANN401 - whatever is passed
+    """Return the array of a tensor that lies in the computer's memory; anything else as it is.
+
+    Raises
+    ------
+    InputError
+        For a tensor on another device.
+    """
+    if not (callable(getattr(value, "cpu", None)) and callable(getattr(value, "numpy", None))):
+        only_dlpack = hasattr(value, "__dlpack__") and not hasattr(value, "__array__")
+        return np.from_dlpack(value) if only_dlpack else value
+    device = str(getattr(value, "device", "cpu"))
+    if "cpu" not in device.casefold():
+        message = (
+            f"{name}: got a {type(value).__name__} on {device}; copy it to the computer's memory: .cpu()"
+        )
+        raise InputError(message)
+    for step in ("detach", "resolve_conj", "resolve_neg"):
+        value = getattr(value, step, lambda same=value: same)()
+    # NumPy has no such numbers; single precision holds them all.
+    return (value.float() if "bfloat16" in str(getattr(value, "dtype", "")) else value).numpy()
+
+
+def _parts_of_columns(name: str, columns: Iterable[Any], column: Callable[[Any], Any]) -> CloudParts:
+    """Return points, and normals if there are some, from columns with names."""
+    keys = list(columns)
+    named: dict[str, list[Any]] = {}
+    for key in keys:
+        named.setdefault(str(key).strip(" /#").casefold(), []).append(key)
+
+    def find(wanted: tuple[str, str, str]) -> Any:  # noqa: ANN401 - of a library's own kind
+        if not all(each in named for each in wanted):
+            return None
+        for each in wanted:
+            if len(named[each]) > 1:
+                message = f"{name}: got several columns called {each!r}; keep one of them"
+                raise InputError(message)
+        return _stack([column(named[each][0]) for each in wanted])
+
+    points = find(("x", "y", "z"))
+    if points is None and len(keys) == 3:
+        points = _stack([column(key) for key in keys])
+    if points is None:
+        shown = ", ".join(str(key) for key in keys[:8]) + (", ..." if len(keys) > 8 else "")
+        message = f"{name}: got columns {shown}; call three of them x, y and z, or give these three alone"
+        raise InputError(message)
+    normals = find(("nx", "ny", "nz"))
+    return CloudParts(points, find(("normal_x", "normal_y", "normal_z")) if normals is None else normals)
+
+
+def _stack(columns: list[Any]) -> Any:  # noqa: ANN401 - checked by who asks
+    arrays = [each.to_numpy() if hasattr(each, "to_numpy") else np.asarray(each) for each in columns]
+    return np.stack(arrays, axis=1)
+
+
+def _read_table(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
+    """pandas, polars, pyarrow."""
+    if not (hasattr(value, "__getitem__") and hasattr(value, "__len__")):
+        return None
+    columns = getattr(value, "column_names", None)
+    columns = getattr(value, "columns", None) if columns is None else columns
+    if columns is None:
+        return None
+    return _parts_of_columns(name, columns, value.__getitem__)
+
+
+def _read_tensor_cloud(_name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
+    """Open3D's clouds and meshes of tensors."""
+    for table, triangles in (("point", ""), ("vertex", "triangle")):
+        points: Any = getattr(value, table, ())
+        if not callable(points) and "positions" in points:
+            corners: Any = getattr(value, triangles) if triangles else ()
+            return CloudParts(points["positions"], _entry(points, "normals"), _entry(corners, "indices"))
+    return None
+
+
+def _entry(table: Any, key: str) -> Any:  # noqa: ANN401
+    """Return an entry of Open3D's maps of tensors, which have no `get`; None where there is none."""
+    return table[key] if key in table else None  # noqa: SIM401
+
+
+def _read_homogeneous(_name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
+    """small_gicp: a method that returns (n,4), the last column 1.
+
+    Its normals are left: until they are estimated, they are whatever lay in memory, such as another cloud's.
+    """
+    if not (callable(getattr(value, "points", None)) and callable(getattr(value, "normals", None))):
+        return None
+    return CloudParts(np.asarray(value.points())[:, :3])
+
+
+def _read_message(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
+    """PointCloud2 of ROS: records of `point_step` bytes, rows of `row_step`."""
+    if not all(hasattr(value, each) for each in ("fields", "point_step", "row_step", "is_bigendian", "data")):
+        return None
+    order = ">" if value.is_bigendian else "<"
+    places = {
+        str(field.name).casefold(): (order + _ROS_TYPES[field.datatype], field.offset)
+        for field in value.fields
+        if field.count <= 1
+    }
+    kinds, offsets = zip(*places.values(), strict=True)
+    record = np.dtype(
+        {"names": list(places), "formats": kinds, "offsets": offsets, "itemsize": value.point_step}
+    )
+    shape, strides = (value.height, value.width), (value.row_step, value.point_step)
+    points = np.ndarray(shape, record, memoryview(bytes(value.data)), strides=strides).reshape(-1)
+    return _parts_of_columns(name, places, points.__getitem__)
+
+
+_ROS_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+
+
+def _read_attributes(_name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
+    """Open3D, trimesh, PyVista, meshio, laspy: arrays by name."""
+    for where in ("xyz", "vertices", "points"):
+        points = getattr(value, where, None)
+        if points is not None and not callable(points):
+            return CloudParts(points, _stored_normals(value), _triangles(value))
+    return None
+
+
+def _stored_normals(value: Any) -> Any:  # noqa: ANN401
+    """Return normals that are stored with points; those of meshes follow from their faces."""
+    stored = getattr(value, "normals", None)
+    if stored is None and "Normals" in (getattr(value, "point_data", None) or ()):
+        stored = value.point_data["Normals"]
+    return None if stored is None or callable(stored) or len(stored) == 0 else stored
+
+
+def _triangles(value: Any) -> Any:  # noqa: ANN401
+    for name in ("faces", "triangles", "regular_faces"):
+        try:
+            faces = np.asarray(getattr(value, name))
+        except Exception:  # noqa: BLE001, S112 - a mesh of other polygons says so in its own way
+            continue
+        if faces.ndim == 2 and faces.shape[1] == 3 and faces.dtype.kind in "iu" and len(faces):
+            return faces
+    return None
+
+
+_READERS = (_read_table, _read_tensor_cloud, _read_homogeneous, _read_message, _read_attributes)
