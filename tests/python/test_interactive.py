@@ -15,7 +15,7 @@ from cgroup.comparison import compare, find_correct
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_transform
 from cgroup.pages import comparison_page, log_to_rerun, registration_page, write_page
-from cgroup.pages.rerun import between
+from cgroup.pages.recording import between
 from cgroup.pages.scene import MAX_POINTS, line_vertices, scene_of
 from cgroup.pages.viewer import MAX_MATCHES
 from cgroup.registration import correspond, register

@@ -1,13 +1,13 @@
 """Pages to look at in a browser: charts to turn, zoom and point at, in one HTML file that fetches nothing.
 
-Pages need plotly, which comes with the extra ``cgroup[scans]``; recordings for the viewer Rerun need rerun-sdk
+Pages need plotly, which comes with ``cgroup[scans]``; recordings for the viewer Rerun need rerun-sdk
 (``cgroup[rerun]``).
 """
 
 from cgroup.pages.comparison import comparison_page
 from cgroup.pages.page import chart_html, chart_text, data_html, page_html, write_page
+from cgroup.pages.recording import log_to_rerun
 from cgroup.pages.registration import registration_page
-from cgroup.pages.rerun import log_to_rerun
 
 __all__ = [
     "chart_html",

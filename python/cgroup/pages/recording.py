@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -80,14 +81,16 @@ def log_to_rerun(
     clouds = as_points("source", source), as_points("target", target)
     pose = _pose(grouping) if T_target_source is None else check_rigid(T_target_source, "T_target_source")
     flags = None if correct is None else as_flags("correct", correct, len(correspondences))
-    recording = _recording(path)
-    _log_clouds(recording, clouds)
+    rerun = _load_rerun()
+    recording = _open(rerun, path)
+    _log_clouds(rerun, recording, clouds)
     kinds = _kinds(grouping.mask, flags)
     for step in range(_STEPS):
         recording.set_time(_TIMELINE, sequence=step)
         moved = between(np.eye(4), pose, step / (_STEPS - 1), clouds[0].mean(axis=0))
-        _log_pose(recording, moved)
-        _log_lines(recording, moved, correspondences, kinds, grouping if step == 0 else None)
+        recording.log("source", rerun.Transform3D(translation=moved[:3, 3], mat3x3=moved[:3, :3]))
+        ends = np.stack([apply(moved, correspondences.source), correspondences.target], axis=1)
+        _log_lines(rerun, recording, ends, kinds, grouping if step == 0 else None)
     recording.flush()
 
 
@@ -127,12 +130,16 @@ def _pose(grouping: Grouping) -> FloatArray:
         raise InputError(message) from error
 
 
-def _recording(path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN401 - rerun's
+def _load_rerun() -> Any:  # noqa: ANN401 - a module
     try:
-        import rerun  # noqa: PLC0415 - an extra
+        return importlib.import_module("rerun")
     except ModuleNotFoundError as error:
         message = "a Rerun recording needs rerun-sdk; pip install 'cgroup[rerun]'"
         raise InputError(message) from error
+
+
+def _open(rerun: Any, path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN401 - rerun's
+    """Return a recording that goes to a file, or the one that is open."""
     if path is None:
         recording = rerun.get_global_data_recording()
         if recording is None:
@@ -148,40 +155,27 @@ def _recording(path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN401 - re
     return recording
 
 
-def _log_clouds(recording: Any, clouds: tuple[FloatArray, FloatArray]) -> None:  # noqa: ANN401 - rerun's
-    from rerun import Points3D  # noqa: PLC0415 - an extra
-
+def _log_clouds(rerun: Any, recording: Any, clouds: tuple[FloatArray, FloatArray]) -> None:  # noqa: ANN401
     tints = (style.SOURCE_TINT, style.TARGET_TINT)
     for name, points, tint in zip(("source", "target"), clouds, tints, strict=True):
         color = [round(255 * part) for part in tint]
-        recording.log(f"{name}/points", Points3D(points, colors=[color]), static=True)
-
-
-def _log_pose(recording: Any, pose: FloatArray) -> None:  # noqa: ANN401 - rerun's
-    from rerun import Transform3D  # noqa: PLC0415 - an extra
-
-    recording.log("source", Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
+        recording.log(f"{name}/points", rerun.Points3D(points, colors=[color]), static=True)
 
 
 def _log_lines(
+    rerun: Any,  # noqa: ANN401 - a module
     recording: Any,  # noqa: ANN401 - rerun's
-    pose: FloatArray,
-    matches: Correspondences,
+    ends: FloatArray,
     kinds: list[tuple[str, BoolArray, str]],
     labeled: Grouping | None,
 ) -> None:
     """Log where the lines are; colours and labels, which stay, with the first step only."""
-    from rerun import LineStrips3D  # noqa: PLC0415 - an extra
-
-    ends = np.stack([apply(pose, matches.source), apply(np.eye(4), matches.target)], axis=1)
     for name, rows, color in kinds:
-        if labeled is None:
-            lines = LineStrips3D(ends[rows])
-        else:
+        looks: dict[str, Any] = {}
+        if labeled is not None:
             shown = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
-            labels = _labels(labeled, rows)
-            lines = LineStrips3D(ends[rows], colors=[shown], labels=labels, show_labels=False)
-        recording.log(f"matches/{name}", lines)
+            looks = {"colors": [shown], "labels": _labels(labeled, rows), "show_labels": False}
+        recording.log(f"matches/{name}", rerun.LineStrips3D(ends[rows], **looks))
 
 
 def _kinds(mask: BoolArray, correct: BoolArray | None) -> list[tuple[str, BoolArray, str]]:
