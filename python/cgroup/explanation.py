@@ -46,6 +46,17 @@ class Explanation:
         Why, in words.
     remedy : str
         What would have kept it, other things being equal; empty where it was kept or nothing is known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import ransac
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> target = source + 1.0
+    >>> target[49] += 0.5
+    >>> why = ransac(source, target, tolerance=0.1, refine=True).explain(49)
+    >>> why.kept, round(why.residual, 2), why.tolerance
+    (False, 0.87, 0.1)
     """
 
     index: int
@@ -68,7 +79,19 @@ class Explanation:
 
     @property
     def residual_in_resolutions(self) -> float | None:
-        """The residual in pr; None where either isn't known."""
+        """The residual in pr; None where either isn't known.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import ransac
+        >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+        >>> target = source + 1.0
+        >>> target[49] += 0.5
+        >>> group = ransac(source, target, resolution=0.01, refine=True)
+        >>> round(group.explain(49).residual_in_resolutions, 1)
+        86.6
+        """
         if self.residual is None or self.resolution is None:
             return None
         return self.residual / self.resolution

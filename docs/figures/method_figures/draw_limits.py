@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from cgroup.plots.style import TEXT, method_style
 from cgroup.registry import find_method
-from method_figures.drawing import finish, name_below, new_figure
+from method_figures.drawing import FONT, finish, name_below, new_figure
 from method_figures.measured import load_methods
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ BESIDE = {
 
 NEEDS_FRAMES = ("si", "cv", "hough3d")
 _KINDS = {
-    "uniform": "anywhere",
+    "uniform": "random",
     "second-pose": "second\npose",
     "planes": "planes",
     "mirror": "mirror\nimage",
@@ -86,6 +86,7 @@ def draw_limits(method: str) -> Figure:
     else:
         third.set_xticks(range(len(_KINDS)), list(_KINDS.values()))
         finish(third, title="Kinds of wrong ones (2 % right)")
+    third.tick_params(axis="x", labelsize=FONT - 2)
     third.set_xlim(-0.5, third.get_xticks()[-1] + 0.5)
     third.grid(visible=False, axis="x")
     name_methods(figure, method)
