@@ -62,7 +62,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.io": {
         "Clouds": "read_cloud write_cloud PointCloud",
-        "Poses": "read_transform write_transform check_rigid RIGID_TOLERANCE",
+        "Poses": "read_transform read_transforms write_transform check_rigid RIGID_TOLERANCE",
         "Matches and groups": "read_correspondences write_correspondences write_mask",
         "Descriptors and keypoints": "read_descriptors write_descriptors write_keypoints",
         "Any file": "write_file",
@@ -102,7 +102,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.pages": {
         "Pages of a result": "registration_page comparison_page",
-        "Any page": "page_html write_page chart_html chart_text",
+        "Any page": "page_html write_page chart_html data_html chart_text",
         "Rerun": "log_to_rerun",
     },
     "cgroup.registry": {

@@ -63,7 +63,7 @@ class MethodResult:
     grouping : Grouping
         What it selected.
     score : GroupScore
-        Precision, recall, F; its `registered` is the paper's criterion, precision above 0.1.
+        Precision, recall, F; its `registered` says whether precision exceeds 0.1.
     T_target_source : (4,4) array of float64, optional
         Least-squares pose of the group; None if the group fixes none.
     rotation_error : float

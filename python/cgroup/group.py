@@ -45,8 +45,8 @@ def group(
         "3dhv", "Hough3D".
     preset : str
         Where the method's options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
-        paper's formulas to the letter; "original", its own author's options; "pcl"; "legacy_header";
-        "3dmatch" and "kitti", published constants in metres.
+        formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
+        "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     **options
         Options of the method by their names, such as ``tolerance=0.1``; they win over the preset's.
 
@@ -107,9 +107,9 @@ def group_many(
     method : str
         Name of the method for all of them, one of `cgroup.METHODS`.
     preset : str
-        Where its options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the paper's
-        formulas to the letter; "original", its own author's options; "pcl"; "legacy_header"; "3dmatch" and
-        "kitti", published constants in metres.
+        Where its options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
+        formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
+        "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     threads : int, optional
         Number of problems worked on at a time; None for one per core. Results do not depend on it.
     **options

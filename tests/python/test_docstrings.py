@@ -48,7 +48,7 @@ FAULTS = {
 }
 """What numpydoc finds, and what is a fault here."""
 
-POINTERS = re.compile(r"[Ss]ee the (module|class|docstring)|[Aa]s in `|[Ll]ikewise[;.]|docs/\w")
+POINTERS = re.compile(r"[Ss]ee (the (module|class|docstring)|`)|[Aa]s in `|[Ll]ikewise[;.]|docs/\w")
 """What leaves the reader of a single page, or of `help`, without an answer."""
 
 

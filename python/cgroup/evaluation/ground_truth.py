@@ -76,7 +76,7 @@ def correct_matches(
     T_target_source : (4,4) array_like of float
         True pose.
     tolerance : float
-        In the data's unit; the paper takes `CORRECT_WITHIN` times the resolution.
+        In the data's unit; 5 times the resolution is usual.
 
     Returns
     -------

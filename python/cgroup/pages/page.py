@@ -201,13 +201,15 @@ def write_page(path: str | os.PathLike[str], page: str) -> None:
 def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
     """Return a figure as JSON has it: arrays of numbers become short, as bytes in base64."""
     try:
-        from plotly import graph_objects  # noqa: PLC0415 - an extra
+        from plotly.basedatatypes import BaseFigure  # noqa: PLC0415 - an extra
+        from plotly.graph_objects import Figure  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         raise InputError(NEEDS_PLOTLY) from error
     try:
-        content = json.loads(str(graph_objects.Figure(figure).to_json(validate=False)))
+        drawn = as_instance("figure", Figure(figure) if isinstance(figure, dict) else figure, BaseFigure)
+        content = json.loads(str(drawn.to_json(validate=False)))
         data, layout = content["data"], content["layout"]
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError) as error:
         refused = refusal("figure", figure, "give a plotly figure, or a dict of its data and layout")
         raise refused from error
     return {"data": data, "layout": {name: value for name, value in layout.items() if name != "template"}}

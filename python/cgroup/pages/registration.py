@@ -87,9 +87,9 @@ def registration_page(
 
 def _lead(registration: Registration, refusal: str | None) -> str:
     if refusal is not None:
-        why = html.escape(as_instance("refusal", refusal, str))
-        what = "<b>Refused: this pose is a guess that can't be trusted.</b>"
-        return f'<p class="refused" role="alert">{what} {why}</p>'
+        why = as_instance("refusal", refusal, str)
+        sentence = html.escape(f"{why[:1].upper()}{why[1:].removesuffix('.')}.")
+        return f'<p class="refused" role="alert"><b>Refused: this is a guess.</b> {sentence}</p>'
     count = f"{registration.grouping.size:,} of {len(registration.correspondences):,} matches"
     sure = f"The pose is right with a probability of {registration.probability:.3f}."
     share = f"{100 * registration.fitness:.0f} % of the source"

@@ -33,8 +33,8 @@ class Verification:
     score : float
         Its agreement less violations, at most 2; 0 or less for nothing in common.
     margin : float
-        Lead in ln score (and evidence, see `verify`) over the best pose that differs by more than 10 degrees
-        or 20 units; infinite where there is none.
+        Lead in ``ln score + 0.1 ln(1 + min(evidence, 20))`` over the best pose that differs by more than 10
+        degrees or 20 units; infinite where there is none.
     fitness : float
         Share of the source's points that lie on the target's surface: within 2 units of its plane, normals
         alike.
