@@ -146,7 +146,9 @@ def test_other_inputs_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.C
     with np.load(folder / "matches.npz") as file:
         np.savez(changed, **{**file, "resolution": 0.03})
     run(capsys, "group", changed, "--save", "three")
-    assert "Note: not the same in all of them: matches." in run(capsys, "results", "compare", "one", "three")[1]
+    assert (
+        "Note: not the same in all of them: matches." in run(capsys, "results", "compare", "one", "three")[1]
+    )
 
 
 def test_runs_as_files(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
