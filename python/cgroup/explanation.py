@@ -46,6 +46,13 @@ class Explanation:
         Why, in words.
     remedy : str
         What would have kept it, other things being equal; empty where it was kept or nothing is known.
+
+    Examples
+    --------
+    >>> from cgroup import nnsr
+    >>> why = nnsr([0.5, 0.95]).explain(1)
+    >>> why.kept, why.rank, why.remedy
+    (False, 2, 'with a ratio of at most 0.8')
     """
 
     index: int
@@ -68,7 +75,19 @@ class Explanation:
 
     @property
     def residual_in_resolutions(self) -> float | None:
-        """The residual in pr; None where either isn't known."""
+        """The residual in pr; None where either isn't known.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import ransac
+        >>> source = np.random.default_rng(0).uniform(0, 100, size=(9, 3))
+        >>> target = source.copy()
+        >>> target[8] += [0, 0, 40]
+        >>> why = ransac(source, target, resolution=2.0).explain(8)
+        >>> why.kept, round(why.residual_in_resolutions)
+        (False, 20)
+        """
         if self.residual is None or self.resolution is None:
             return None
         return self.residual / self.resolution

@@ -351,8 +351,10 @@ class Grouping:
         --------
         >>> from cgroup import ss
         >>> why = ss([0.2, 0.8, 0.9]).explain(0)
-        >>> print(why)
-        Match 0 was dropped: its score of 0.2 (rank 3 of 3) lies below the cut at 0.5. ...
+        >>> why.kept, why.rank, why.remedy
+        (False, 3, 'with a score above 0.5')
+        >>> print(why.reason)
+        its score of 0.2 (rank 3 of 3) lies below the cut at 0.5
         """
         return _views.explain(self, index)
 

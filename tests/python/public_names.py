@@ -30,6 +30,7 @@ MODULES = (
     "cgroup.nuisances",
     "cgroup.comparison",
     "cgroup.plots",
+    "cgroup.pages",
     "cgroup.benchmark.candidates",
     "cgroup.benchmark.pipelines",
     "cgroup.benchmark.config",

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup._drawing import as_flags, as_points
-from cgroup._values import as_instance, as_items, refusal
+from cgroup._values import as_instance, as_items
 from cgroup.comparison import MethodResult, find_correct
+from cgroup.errors import InputError
 from cgroup.pages.viewer import Selection, View, view_html
 from cgroup.registry import METHOD_INFO
 from cgroup.rigid import check_rigid
@@ -35,7 +36,7 @@ def comparison_page(
     tolerance: float | None = None,
     title: str = "Comparison",
 ) -> str:
-    """Make the page of a comparison: what each method kept of the same matches, and why.
+    """Make the page of a comparison: what methods kept of the same matches, and why.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ def comparison_page(
     correct : (n,) array_like of bool, optional
         Which matches are correct, where that is known already.
     tolerance : float, optional
-        As in `cgroup.comparison.find_correct`, otherwise.
+        Otherwise: largest distance of a correct match from its true place; 5 resolutions by default.
     title : str
         Plain text.
 
@@ -82,8 +83,8 @@ def comparison_page(
         as_instance("results", each, MethodResult) for each in as_items("results", results, "give several")
     ]
     if not found:
-        name = "results"
-        raise refusal(name, found, "give at least one MethodResult")
+        message = "results: got none; give at least one MethodResult"
+        raise InputError(message)
     pose = check_rigid(T_target_source, "T_target_source")
     if correct is None:
         correct = find_correct(correspondences, pose, tolerance=tolerance)

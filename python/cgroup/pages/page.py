@@ -101,7 +101,9 @@ def _json(value: Any) -> str:  # noqa: ANN401 - as above
 
 
 def chart_text(text: object) -> str:
-    """Escape a text that a chart shows as it is; plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
+    """Escape a text that a chart shows as it is.
+
+    Plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
 
     Parameters
     ----------
@@ -122,7 +124,7 @@ def chart_text(text: object) -> str:
 
 
 def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
-    """Put a page together: plotly's script, if there is a chart, style, body, and what draws the charts.
+    """Put a page together: style, body, and what its charts are drawn by.
 
     Parameters
     ----------
@@ -154,9 +156,7 @@ def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
     True
     """
     has_charts = '<figure class="chart"' in body
-    library = (
-        f'<script type="text/plain" id="chart-library">{_packed_plotly()}</script>' if has_charts else ""
-    )
+    library = f'<script type="text/plain" id="chart-library">{packed_plotly()}</script>' if has_charts else ""
     return Template(part("page.html")).substitute(
         title=html.escape(title),
         css=part("page.css") + css,
@@ -212,7 +212,8 @@ def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
 
 
 @functools.cache
-def _packed_plotly() -> str:
+def packed_plotly() -> str:
+    """Return plotly's script, compressed, in base64."""
     try:
         from plotly.offline import get_plotlyjs  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:

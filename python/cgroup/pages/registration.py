@@ -28,7 +28,7 @@ def registration_page(
     title: str = "Registration",
     refusal: str | None = None,
 ) -> str:
-    """Make the page of a registration: both clouds, to turn around, and the matches laid together.
+    """Make the page of a registration: both clouds to turn around, and the matches.
 
     Parameters
     ----------

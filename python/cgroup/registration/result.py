@@ -101,7 +101,7 @@ class Registration:
         correct: ArrayLike | None = None,
         interactive: bool = False,
     ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
-        """Draw the clouds, the matches that the pose lays together, and the clouds as the pose lays them.
+        """Draw the clouds, matches between them, and the source where the pose lays it.
 
         Parameters
         ----------
