@@ -48,7 +48,6 @@ nb_merge_streams = True
 
 # The interface. Types stand in the docstrings, where they are worded for people.
 default_role = "autolink"
-autosummary_generate = True
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
@@ -57,7 +56,7 @@ add_module_names = False
 
 # Examples, pictures and the pages of the interface are made when the site is built.
 examples.copy(DOCS.parent / "examples", DOCS / "_generated" / "examples")
-reference.write(DOCS / "reference")
+autosummary_generate = reference.write(DOCS / "reference")
 sphinx_gallery_conf = examples.gallery(DOCS / "_generated" / "examples", "gallery")
 
 # Appearance.

@@ -34,7 +34,7 @@ for name, registration in found:
 # -----------------------------------------------
 
 view = face_broadside(scene.points)
-figure = Figure(figsize=(9, 4.5), layout="constrained")
+figure = Figure(figsize=(8, 6), layout="constrained")
 left, right = figure.subplots(1, 2, sharex=True, sharey=True)
 seen = view.project(scene.points)
 left.scatter(seen[:, 0], seen[:, 1], c=seen[:, 2], s=1, cmap="Greys_r", linewidths=0)
@@ -43,7 +43,7 @@ right.scatter(seen[:, 0], seen[:, 1], color="#cccccc", s=1, linewidths=0)
 for (name, registration), color in zip(found, ("#0072B2", "#E69F00", "#009E73", "#CC79A7"), strict=False):
     placed = view.project(apply(registration.T_target_source, models[name].points))
     right.scatter(placed[:, 0], placed[:, 1], color=color, s=0.5, linewidths=0, label=name)
-right.legend(markerscale=12, frameon=False)
+figure.legend(loc="outside lower center", ncols=4, markerscale=12, frameon=False)
 right.set_title("the models found")
 for axes in (left, right):
     axes.set_aspect("equal")

@@ -7,6 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
+from sphinx_gallery.sorting import ExplicitOrder
+
+_ORDER = (
+    "register_two_scans.py",
+    "compare_methods.py",
+    "explain_a_dropped_match.py",
+    "close_lidar_loops.py",
+    "find_what_is_on_the_table.py",
+    "*",
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,7 +42,7 @@ def gallery(folder: Path, name: str) -> dict[str, Any]:
         "ignore_pattern": r"__init__\.py|/notebooks/",
         "image_scrapers": (scrape_figures,),
         "capture_repr": ("_repr_html_",),
-        "within_subsection_order": "FileNameSortKey",
+        "within_subsection_order": ExplicitOrder(_ORDER),
         "remove_config_comments": True,
         "show_memory": False,
         "show_signature": False,

@@ -62,7 +62,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.io": {
         "Clouds": "read_cloud write_cloud PointCloud",
-        "Poses": "read_transform write_transform check_rigid RIGID_TOLERANCE",
+        "Poses": "read_transform read_transforms write_transform check_rigid RIGID_TOLERANCE",
         "Matches and groups": "read_correspondences write_correspondences write_mask",
         "Descriptors and keypoints": "read_descriptors write_descriptors write_keypoints",
         "Any file": "write_file",
@@ -95,18 +95,18 @@ GROUPS: dict[str, dict[str, str]] = {
         "more_clutter more_occlusion LEAST_POINTS",
     },
     "cgroup.plots": {
-        "Clouds and matches": "registration_figure comparison_figure keypoints_figure",
+        "Clouds and matches": "registration_figure comparison_figure matches_figure keypoints_figure",
         "Curves of an evaluation": "precision_recall_figure scores_figure inliers_figure "
         "registration_rate_figure pair_precision_figure timing_figure",
         "Rankings": "trials_figure pipelines_figure",
     },
     "cgroup.pages": {
         "Pages of a result": "registration_page comparison_page",
-        "Any page": "page_html write_page chart_html chart_text",
+        "Any page": "page_html write_page chart_html data_html chart_text",
         "Rerun": "log_to_rerun",
     },
     "cgroup.registry": {
-        "What is known of each method": "METHOD_INFO MethodInfo label_of ALIASES",
+        "What is known of each method": "METHOD_INFO MethodInfo find_method label_of",
         "Names": "METHODS PAPER_METHODS PRESETS",
     },
     "cgroup.benchmark.config": {
@@ -137,8 +137,8 @@ GROUPS: dict[str, dict[str, str]] = {
 }
 
 
-def write(folder: Path) -> None:
-    """Write one page per module that there is, and the table of modules."""
+def write(folder: Path) -> list[str]:
+    """Write one page per module that there is, and the table of modules; return the pages."""
     modules = [name for name in GROUPS if _is_there(name)]
     _write(folder / "modules.txt", _module_table(modules))
     homes: dict[int, str] = {}
@@ -146,6 +146,7 @@ def write(folder: Path) -> None:
         module = importlib.import_module(name)
         _write(folder / f"{name}.rst", _page(name, module, homes))
     _drop_pages_of_lost_names(folder, modules)
+    return [f"reference/{name}.rst" for name in modules]
 
 
 def _drop_pages_of_lost_names(folder: Path, modules: list[str]) -> None:

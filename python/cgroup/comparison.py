@@ -63,7 +63,7 @@ class MethodResult:
     grouping : Grouping
         What it selected.
     score : GroupScore
-        Precision, recall, F; its `registered` is the paper's criterion, precision above 0.1.
+        Precision, recall, F; its `registered` says whether precision exceeds 0.1.
     T_target_source : (4,4) array of float64, optional
         Least-squares pose of the group; None if the group fixes none.
     rotation_error : float
@@ -84,9 +84,10 @@ class MethodResult:
     >>> from cgroup.comparison import compare
     >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 200)
-    >>> (result,) = compare(problem.correspondences(), problem.T_target_source, methods=["gtm"])
-    >>> result.method, result.registered, result.score.precision > 0.9, result.T_target_source.shape
-    ('gtm', True, True, (4, 4))
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> (result,) = compare(matches, pose, methods=["gtm"])
+    >>> result.method, result.registered, result.score.precision > 0.9
+    ('gtm', True, True)
     """
 
     method: str
@@ -153,7 +154,8 @@ def compare(
     >>> from cgroup.comparison import compare
     >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 200)
-    >>> results = compare(problem.correspondences(), problem.T_target_source, methods=["gc", "gtm"])
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> results = compare(matches, pose, methods=["gc", "gtm"])
     >>> {result.method: result.registered for result in results}
     {'gc': True, 'gtm': True}
     """
@@ -201,7 +203,8 @@ def find_correct(
     >>> import numpy as np
     >>> from cgroup import Correspondences
     >>> from cgroup.comparison import find_correct
-    >>> matches = Correspondences([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]], resolution=0.5)
+    >>> source, target = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]]
+    >>> matches = Correspondences(source, target, resolution=0.5)
     >>> find_correct(matches, np.eye(4))
     array([ True, False])
     """
@@ -265,7 +268,8 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
     >>> from cgroup.comparison import compare, table
     >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 200)
-    >>> rows = table(compare(problem.correspondences(), problem.T_target_source, methods=["gtm"]))
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> rows = table(compare(matches, pose, methods=["gtm"]))
     >>> rows[0]["method"], rows[0]["matches"], rows[0]["correct"]
     ('gtm', 200, 100)
     """
@@ -312,7 +316,8 @@ def write_table(path: str | os.PathLike[str], results: Iterable[MethodResult]) -
     >>> from cgroup.comparison import compare, write_table
     >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 200)
-    >>> results = compare(problem.correspondences(), problem.T_target_source, methods=["gtm"])
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> results = compare(matches, pose, methods=["gtm"])
     >>> write_table("results.csv", results)
     >>> Path("results.csv").read_text().split(",")[:3]
     ['method', 'matches', 'correct']

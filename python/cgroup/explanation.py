@@ -49,10 +49,14 @@ class Explanation:
 
     Examples
     --------
-    >>> from cgroup import nnsr
-    >>> why = nnsr([0.5, 0.95]).explain(1)
-    >>> why.kept, why.rank, why.remedy
-    (False, 2, 'with a ratio of at most 0.8')
+    >>> import numpy as np
+    >>> from cgroup import ransac
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> target = source + 1.0
+    >>> target[49] += 0.5
+    >>> why = ransac(source, target, tolerance=0.1, refine=True).explain(49)
+    >>> why.kept, round(why.residual, 2), why.tolerance
+    (False, 0.87, 0.1)
     """
 
     index: int
@@ -81,12 +85,12 @@ class Explanation:
         --------
         >>> import numpy as np
         >>> from cgroup import ransac
-        >>> source = np.random.default_rng(0).uniform(0, 100, size=(9, 3))
-        >>> target = source.copy()
-        >>> target[8] += [0, 0, 40]
-        >>> why = ransac(source, target, resolution=2.0).explain(8)
-        >>> why.kept, round(why.residual_in_resolutions)
-        (False, 20)
+        >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+        >>> target = source + 1.0
+        >>> target[49] += 0.5
+        >>> group = ransac(source, target, resolution=0.01, refine=True)
+        >>> round(group.explain(49).residual_in_resolutions, 1)
+        86.6
         """
         if self.residual is None or self.resolution is None:
             return None

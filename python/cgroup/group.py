@@ -45,8 +45,8 @@ def group(
         "3dhv", "Hough3D".
     preset : str
         Where the method's options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
-        paper's formulas to the letter; "original", its own author's options; "pcl"; "legacy_header";
-        "3dmatch" and "kitti", published constants in metres.
+        formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
+        "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     **options
         Options of the method by their names, such as ``tolerance=0.1``; they win over the preset's.
 
@@ -107,9 +107,9 @@ def group_many(
     method : str
         Name of the method for all of them, one of `cgroup.METHODS`.
     preset : str
-        Where its options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the paper's
-        formulas to the letter; "original", its own author's options; "pcl"; "legacy_header"; "3dmatch" and
-        "kitti", published constants in metres.
+        Where its options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
+        formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
+        "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     threads : int, optional
         Number of problems worked on at a time; None for one per core. Results do not depend on it.
     **options
@@ -139,7 +139,7 @@ def group_many(
     >>> from cgroup import group_many
     >>> from cgroup.datasets import make_problem
     >>> rng = np.random.default_rng(0)
-    >>> problems = [make_problem(rng, 300, inlier_ratio=0.3).correspondences() for _ in range(4)]
+    >>> problems = [make_problem(rng, 300).correspondences() for _ in range(4)]
     >>> groups = group_many(problems, "gc")
     >>> len(groups), groups[0].mask.shape
     (4, (300,))
@@ -185,7 +185,7 @@ def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:
             modest = [other.name for other in METHOD_INFO.values() if other.fields == ("source", "target")]
             message = (
                 f"method: {info.name} needs `{name}`, which these correspondences lack; "
-                f"give it to Correspondences, or use a method that does without: {', '.join(modest)}"
+                f"give `Correspondences` with it, or use a method that does without: {', '.join(modest)}"
             )
             raise InputError(message)
     return Fields(**{name: getattr(correspondences, name) for name in (*info.fields, *info.optional_fields)})

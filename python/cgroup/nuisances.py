@@ -182,7 +182,9 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     >>> import numpy as np
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.nuisances import apply_nuisance
-    >>> harder = apply_nuisance("noise", standin_pair(pixels=60), 0.5, np.random.default_rng(0))
+    >>> harder = apply_nuisance(
+    ...     "noise", standin_pair(pixels=60), 0.5, np.random.default_rng(0)
+    ... )
     >>> harder.name, dict(harder.facts)
     ('standin-0', {'noise': 0.5})
     """

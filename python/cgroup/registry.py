@@ -66,7 +66,7 @@ class MethodInfo:
     color, marker : str
         How figures draw it, in matplotlib's notation.
     in_paper : bool
-        Whether the paper compares it.
+        Whether the evaluation of Yang et al., TPAMI 2019, compares it.
     citation : str
         Who proposed it, and where.
     individual : bool

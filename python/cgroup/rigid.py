@@ -186,7 +186,7 @@ def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     --------
     >>> import numpy as np
     >>> from cgroup.rigid import rotation_error
-    >>> quarter_turn = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    >>> quarter_turn = np.eye(4)[[1, 0, 2, 3]] * [1, -1, 1, 1]
     >>> rotation_error(quarter_turn, np.eye(4))
     90.0
     """

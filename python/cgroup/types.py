@@ -173,7 +173,9 @@ class Correspondences:
         >>> from cgroup.registration import correspond
         >>> pair = standin_pair(pixels=40)
         >>> matches = correspond(pair.source, pair.target)
-        >>> figure = matches.plot(pair.source, pair.target, T_target_source=pair.T_target_source)
+        >>> figure = matches.plot(
+        ...     pair.source, pair.target, T_target_source=pair.T_target_source
+        ... )
         >>> type(figure).__name__
         'Figure'
         """
@@ -351,10 +353,11 @@ class Grouping:
         --------
         >>> from cgroup import ss
         >>> why = ss([0.2, 0.8, 0.9]).explain(0)
-        >>> why.kept, why.rank, why.remedy
-        (False, 3, 'with a score above 0.5')
-        >>> print(why.reason)
-        its score of 0.2 (rank 3 of 3) lies below the cut at 0.5
+        >>> why.kept, why.rank, why.threshold
+        (False, 3, 0.5)
+        >>> print(why)  # doctest: +NORMALIZE_WHITESPACE
+        Match 0 was dropped: its score of 0.2 (rank 3 of 3) lies below the cut at
+        0.5. It would have been kept with a score above 0.5.
         """
         return _views.explain(self, index)
 

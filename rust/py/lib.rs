@@ -11,6 +11,7 @@ mod features;
 mod grouping;
 mod heap;
 mod options;
+mod proximity;
 mod run;
 mod verification;
 
@@ -31,6 +32,8 @@ mod _core {
     };
     #[pymodule_export]
     use super::grouping::{group, rigid_fit};
+    #[pymodule_export]
+    use super::proximity::within;
     #[pymodule_export]
     use super::verification::{FineSurface, Surface, align, places, score_poses, verify};
 

@@ -91,6 +91,13 @@ class Matches(_Fake):
         return CorrespondencePair(name, Correspondences(source, target, resolution=1.0), pose)
 
 
+class Partial(Matches):
+    """Lacks the file of one more pair."""
+
+    def lacking_pairs(self) -> dict[str, Path]:
+        return {"gone": Path("nowhere", "gone.txt")}
+
+
 class Absent(Matches):
     """Isn't there."""
 

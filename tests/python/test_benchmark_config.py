@@ -206,3 +206,17 @@ def test_ransac_after_another_method_stays_inside_its_group() -> None:
         after = candidate("", f"cgroup.benchmark.chained:{chained.__name__}", {}).run(matches)
         assert 3 <= after.size <= before.size
         assert not (after.mask & ~before.mask).any()
+
+
+def test_pairs_that_lack_files_are_left_out_and_named(tmp_path: Path) -> None:
+    partial = MATCHES.replace("Matches", "Partial")
+    summary = serial(partial + 'pairs = ["m1", "gone", "m0"]', tmp_path)
+    assert summary.missing == {
+        "benchmark_fakes:Partial": "1 of 9 pairs lack files: gone (no nowhere/gone.txt)"
+    }
+    assert records.load_missing(tmp_path) == summary.missing
+    assert summary.counts["correspond"].done == 2
+    config = parse_config(partial)
+    assert {case.pair for case in make_plan(config, None).experiments[0].cases} == {f"m{n}" for n in range(8)}
+    with pytest.raises(InputError, match="has no pair 'never'"):
+        make_plan(parse_config(partial + 'pairs = ["never"]'), None)

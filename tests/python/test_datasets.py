@@ -558,8 +558,10 @@ def test_threedmatch_reads_logs_of_both_benchmarks(threedmatch: Path, views: Mat
     other = matching(dataset, "3DLoMatch/kitchen/2-0")
     np.testing.assert_allclose(other.T_target_source @ pair.T_target_source, np.eye(4), atol=1e-9)
     (threedmatch / "threedmatch" / "kitchen" / "cloud_bin_0.ply").unlink()
-    with pytest.raises(InputError, match=r"cloud_bin_0.ply: isn't there"):
+    with pytest.raises(InputError, match=r"cloud_bin_0.ply: no such file"):
         dataset.load("3DMatch/kitchen/0-2")
+    with pytest.raises(InputError, match=r"cloud_bin_0.ply: isn't there"):
+        open_dataset("3dmatch", threedmatch)
 
 
 def test_threedmatch_test_sets_are_whole_fragments_of_one_benchmark(

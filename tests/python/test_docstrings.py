@@ -48,7 +48,7 @@ FAULTS = {
 }
 """What numpydoc finds, and what is a fault here."""
 
-POINTERS = re.compile(r"[Ss]ee the (module|class|docstring)|[Aa]s in `|[Ll]ikewise[;.]|docs/\w")
+POINTERS = re.compile(r"[Ss]ee (the (module|class|docstring)|`)|[Aa]s in `|[Ll]ikewise[;.]|docs/\w")
 """What leaves the reader of a single page, or of `help`, without an answer."""
 
 
@@ -123,7 +123,7 @@ def code_of(public: Public) -> str:
 
 @EVERY
 def test_raise_statements_are_documented(public: Public) -> None:
-    raised = set(re.findall(r"^ +raise (\w+)\(", code_of(public), flags=re.MULTILINE))
+    raised = set(re.findall(r"^ +raise ([A-Z]\w+)\(", code_of(public), flags=re.MULTILINE))
     assert raised - {"NotImplementedError"} <= raised_by(public)
 
 

@@ -18,6 +18,7 @@ import pandas as pd
 import cgroup
 from cgroup import comparison, datasets, features, pages, plots, registration, registry, types
 from cgroup.benchmark import candidates, config, pipelines, rankings, records, report, run
+from cgroup.pages import page
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,6 +75,12 @@ def find_open3d_missing() -> object:
         return features.iss(PROBLEM.source, backend="open3d")
 
 
+def find_plotly_missing() -> object:
+    page._packed_plotly.cache_clear()
+    with mock.patch.dict(sys.modules, {"plotly.offline": None}):
+        return pages.page_html("", '<figure class="chart"></figure>')
+
+
 def of_levels(draw: Callable[..., object]) -> Callable[[], object]:
     return partial(draw, pd.DataFrame({"method": ["gtm"]}), xlabel="", title="")
 
@@ -99,10 +106,16 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
         lambda: cgroup.nnsr([0.5]).transform(),
         lambda: cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2]).transform(),
     ),
+    "cgroup.Grouping.explain": (lambda: cgroup.nnsr([0.5]).explain(1),),
+    "cgroup.Grouping.plot": (lambda: cgroup.nnsr([0.5]).plot(),),
+    "cgroup.Correspondences.plot": (lambda: BARE.plot(T_target_source=np.eye(3)),),
     "cgroup.types.PointCloud.transformed": (lambda: CLOUD.transformed(2 * np.eye(4)),),
     "cgroup.registry.label_of": (lambda: registry.label_of("nonsense"),),
     "cgroup.features.iss": (find_open3d_missing,),
     "cgroup.registration.register": (lambda: registration.register(UNRELATED.source, UNRELATED.target),),
+    "cgroup.registration.Registration.plot": (
+        lambda: registration.register(PAIR.source, PAIR.target).plot(correct=[True]),
+    ),
     "cgroup.registration.PreparedScan.resized": (
         lambda: registration.prepare(PAIR.source, voxel=6.0).resized(100),
     ),
@@ -143,6 +156,11 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     ),
     "cgroup.plots.pipelines_figure": (lambda: plots.pipelines_figure(pd.DataFrame(), title=""),),
     "cgroup.plots.trials_figure": (lambda: plots.trials_figure(pd.DataFrame(), title=""),),
+    "cgroup.pages.chart_html": (lambda: pages.chart_html("a", 3, label="a"),),
+    "cgroup.pages.comparison_page": (lambda: pages.comparison_page(CLOUD, CLOUD, BARE, [], np.eye(4)),),
+    "cgroup.pages.page_html": (find_plotly_missing,),
+    "cgroup.pages.registration_page": (lambda: pages.registration_page(CLOUD, CLOUD, 3),),
+    "cgroup.pages.write_page": (lambda: pages.write_page(NOWHERE / "page.html", ""),),
     "cgroup.benchmark.candidates.Candidate.check": (candidates.Candidate("", "nonsense").check,),
     "cgroup.benchmark.candidates.Candidate.run": (lambda: candidates.candidate("", "lc", {}).run(BARE),),
     "cgroup.benchmark.candidates.Candidate.parameters": (
@@ -180,7 +198,6 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
         for name in records.__all__
         if name not in {"aggregate", "exponents", "load_groups"}
     },
-    "cgroup.benchmark.rankings.bootstrap": (lambda: rankings.bootstrap(np.empty((0, 2))),),
     "cgroup.benchmark.rankings.comparable": (lambda: rankings.comparable(pd.DataFrame()),),
     "cgroup.benchmark.rankings.rank_methods": (lambda: rankings.rank_methods(pd.DataFrame()),),
     "cgroup.benchmark.rankings.mcnemar": (lambda: rankings.mcnemar([True, False], [True, True, False]),),

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from cgroup.plots.style import TEXT, method_style
-from cgroup.registry import ALIASES
-from method_figures.drawing import finish, name_below, new_figure
+from cgroup.registry import find_method
+from method_figures.drawing import FONT, finish, name_below, new_figure
 from method_figures.measured import load_methods
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ BESIDE = {
 
 NEEDS_FRAMES = ("si", "cv", "hough3d")
 _KINDS = {
-    "uniform": "anywhere",
+    "uniform": "random",
     "second-pose": "second\npose",
     "planes": "planes",
     "mirror": "mirror\nimage",
@@ -86,6 +86,7 @@ def draw_limits(method: str) -> Figure:
     else:
         third.set_xticks(range(len(_KINDS)), list(_KINDS.values()))
         finish(third, title="Kinds of wrong ones (2 % right)")
+    third.tick_params(axis="x", labelsize=FONT - 2)
     third.set_xlim(-0.5, third.get_xticks()[-1] + 0.5)
     third.grid(visible=False, axis="x")
     name_methods(figure, method)
@@ -93,7 +94,7 @@ def draw_limits(method: str) -> Figure:
 
 
 def _of(table: pd.DataFrame, name: str) -> pd.DataFrame:
-    return table[table["method"] == ALIASES.get(name, name)]
+    return table[table["method"] == find_method(name).name]
 
 
 def _by_kind(rows: pd.DataFrame) -> pd.Series:
@@ -107,7 +108,7 @@ def _by_frames(rows: pd.DataFrame) -> pd.Series:
 
 
 def _curve(axes: Axes, name: str, values: pd.Series, *, strong: bool, joined: bool = True) -> None:
-    look = method_style(ALIASES.get(name, name))
+    look = method_style(find_method(name).name)
     axes.plot(
         list(values.index),
         values.to_numpy(dtype=float),
@@ -128,7 +129,7 @@ def name_methods(figure: Figure, method: str) -> None:
     """Name the method and those beside it, in its order."""
     handles = []
     for name in (method, *BESIDE[method]):
-        look = method_style(ALIASES.get(name, name))
+        look = method_style(find_method(name).name)
         strong = name == method
         handles.append(
             Line2D(
@@ -154,7 +155,7 @@ def draw_cost(method: str) -> Figure:
     for axes, column in zip(panels, ("milliseconds", "mebibytes"), strict=True):
         shown = (method, *BESIDE[method])
         for name, rows in chosen.groupby("method"):
-            if name not in [ALIASES.get(each, each) for each in shown]:
+            if name not in [find_method(each).name for each in shown]:
                 values = rows.set_index("n")[column].sort_index()
                 axes.plot(
                     values.index, np.maximum(values, _LEAST[column]), color="#d9d9d9", linewidth=0.9, zorder=1

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cgroup.registry import ALIASES, METHOD_INFO
+from cgroup.registry import METHOD_INFO, find_method
 from method_figures.measured import METHODS_CSV, heading, load_methods
 
 if TYPE_CHECKING:
@@ -24,28 +24,29 @@ _OPENING = re.compile(r"<!-- measured: ([^\n]+?) -->\n.*?<!-- end of measured --
 
 GROUPS = {
     "individual": ("ss", "nnsr", "si", "cv"),
-    "group-based": ("ransac", "st", "gc", "hough3d", "gtm"),
+    "group": ("ransac", "st", "gc", "hough3d", "gtm"),
     "modern": ("lc", "mac", "sc2pcr", "turboreg", "teaser", "clipper"),
 }
 """Functions by kind, as the pages list them."""
 
 IDEAS = {
     "ss": "alike descriptors",
-    "nnsr": "a descriptor much nearer than the second nearest",
-    "si": "votes of neighbours and of the most distinctive, under the match's own pose",
-    "cv": "votes of the most distinctive, by distance and frame",
-    "ransac": "the motion of three that most agree with",
-    "st": "the main cluster of the matrix of all pairs",
-    "gc": "a seed and all that keep their distance to it",
-    "hough3d": "votes for where the source's centre lies",
-    "gtm": "a population that gathers on those that agree",
-    "lc": "the pose that makes the matches likelier than chance does",
-    "mac": "every maximal clique is a pose; the best wins",
-    "sc2pcr": "sets around seeds that agree with the same others",
-    "turboreg": "triangles over the heaviest pairs",
-    "teaser": "maximum clique, then truncated least squares",
-    "clipper": "the densest set that all agree",
+    "nnsr": "distinct descriptors",
+    "si": "votes under its own pose",
+    "cv": "votes by distance, frame",
+    "ransac": "best of random triples",
+    "st": "principal eigenvector",
+    "gc": "largest star of a seed",
+    "hough3d": "votes for the centre",
+    "gtm": "survivors of a game",
+    "lc": "pose that beats chance",
+    "mac": "every maximal clique",
+    "sc2pcr": "sets with common others",
+    "turboreg": "triangles on heavy pairs",
+    "teaser": "clique, truncated fit",
+    "clipper": "densest agreeing set",
 }
+"""Each method in a few words, for a table on one screen."""
 
 _NEEDS = {"source": "points", "similarity": "similarities", "ratio": "ratios", "source_lrf": "frames"}
 
@@ -69,7 +70,7 @@ def fill(text: str) -> str:
 
 def _render(what: str) -> str:
     kind, _, name = what.partition(" ")
-    return {"cost": cost_table, "group": group_table, "best": best_table, "needs": needs_table}[kind](name)
+    return {"cost": cost_table, "all": all_table, "best": best_table, "needs": needs_table}[kind](name)
 
 
 def sized(n: int | None = None, share: float | None = None) -> pd.DataFrame:
@@ -97,22 +98,27 @@ def cost_table(function: str) -> str:
     )
 
 
-def group_table(name: str) -> str:
-    """List all methods of one kind with what they need, their cost, and what they reach."""
+def all_table(_: str) -> str:
+    """List all methods with what they need, their cost, and what they reach."""
     lines = [
-        "| method | idea | needs | cost | F, 10 % right | F, 2 % right | F, 1 % right | ms, n = 1,000 |",
-        "|---|---|---|---|---:|---:|---:|---:|",
+        "| method | idea | needs | cost | F at 10 / 2 / 1 % | ms |",
+        "|---|---|---|---|---:|---:|",
     ]
-    for function in GROUPS[name]:
-        info = METHOD_INFO[public(function)]
-        rows = sized(1000)[lambda table, info=info: table["method"] == info.name].set_index("inliers")
-        scores = " | ".join(two(rows["f_score"][share]) for share in (0.1, 0.02, 0.01))
-        needs = ", ".join(_NEEDS[field] for field in info.fields if field in _NEEDS)
-        lines.append(
-            f"| [{info.label}]({function}.md) | {IDEAS[function]} | {needs} | {info.complexity} | {scores} "
-            f"| {time(rows['milliseconds'][0.1])} |"
-        )
-    return "\n".join(lines)
+    for group, functions in GROUPS.items():
+        lines.append(f"| ***{group}*** |" + " |" * 5)
+        lines.extend(_method_row(function) for function in functions)
+    return _captioned(lines, _source())
+
+
+def _method_row(function: str) -> str:
+    info = METHOD_INFO[public(function)]
+    rows = sized(1000)[lambda table: table["method"] == info.name].set_index("inliers")
+    scores = " / ".join(two(rows["f_score"][share]) for share in (0.1, 0.02, 0.01))
+    needs = ", ".join(_NEEDS[field] for field in info.fields if field in _NEEDS)
+    return (
+        f"| [{info.label}]({function}.md) | {IDEAS[function]} | {needs} | {info.complexity} | {scores} "
+        f"| {time(rows['milliseconds'][0.1])} |"
+    )
 
 
 def best_table(_: str) -> str:
@@ -176,7 +182,7 @@ def _fast(rows: pd.DataFrame) -> str:
 
 def public(function: str) -> str:
     """Return the public name of a method by its function's."""
-    return ALIASES.get(function, function)
+    return find_method(function).name
 
 
 def function_of(method: str) -> str:

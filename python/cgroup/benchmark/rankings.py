@@ -94,8 +94,10 @@ class Rank(NamedTuple):
     --------
     >>> import pandas as pd
     >>> from cgroup.benchmark.rankings import rank_methods
-    >>> trials = pd.DataFrame({"case": [1, 2, 3] * 2, "method": ["gc"] * 3 + ["gtm"] * 3})
-    >>> trials = trials.assign(f_score=[0.5, 0.6, 0.7, 0.9, 0.9, 0.8], right=True, kind="related", skipped="")
+    >>> methods = ["gc"] * 3 + ["gtm"] * 3
+    >>> trials = pd.DataFrame({"case": [1, 2, 3] * 2, "method": methods})
+    >>> trials["f_score"] = [0.5, 0.6, 0.7, 0.9, 0.9, 0.8]
+    >>> trials = trials.assign(right=True, kind="related", skipped="")
     >>> best, other = rank_methods(trials)
     >>> best.method, other.registered_tied
     ('gtm', True)
@@ -133,8 +135,10 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
     --------
     >>> import pandas as pd
     >>> from cgroup.benchmark.rankings import rank_methods
-    >>> trials = pd.DataFrame({"case": [1, 2, 3] * 2, "method": ["gc"] * 3 + ["gtm"] * 3})
-    >>> trials = trials.assign(f_score=[0.5, 0.6, 0.7, 0.9, 0.9, 0.8], right=True, kind="related", skipped="")
+    >>> methods = ["gc"] * 3 + ["gtm"] * 3
+    >>> trials = pd.DataFrame({"case": [1, 2, 3] * 2, "method": methods})
+    >>> trials["f_score"] = [0.5, 0.6, 0.7, 0.9, 0.9, 0.8]
+    >>> trials = trials.assign(right=True, kind="related", skipped="")
     >>> [(rank.method, round(rank.f_score.mean, 2)) for rank in rank_methods(trials)]
     [('gtm', 0.87), ('gc', 0.6)]
     """
@@ -179,7 +183,9 @@ def comparable(trials: pd.DataFrame) -> pd.DataFrame:
     --------
     >>> import pandas as pd
     >>> from cgroup.benchmark.rankings import comparable
-    >>> trials = pd.DataFrame({"method": ["ss", "gtm"], "skipped": ["needs similarity", ""]})
+    >>> trials = pd.DataFrame(
+    ...     {"method": ["ss", "gtm"], "skipped": ["needs similarity", ""]}
+    ... )
     >>> list(comparable(trials.assign(kind="related"))["method"])
     ['gtm']
     """
@@ -277,7 +283,8 @@ def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
     >>> from cgroup.benchmark.rankings import signed_rank
     >>> signed_rank([0.9, 0.8], [0.9, 0.8])
     1.0
-    >>> signed_rank([0.9, 0.8, 0.7, 0.9, 0.6, 0.8], [0.1, 0.3, 0.2, 0.4, 0.1, 0.2]) < 0.05
+    >>> one, other = [0.9, 0.8, 0.7, 0.9, 0.6, 0.8], [0.1, 0.3, 0.2, 0.4, 0.1, 0.2]
+    >>> signed_rank(one, other) < 0.05
     True
     """
     difference = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 from cgroup import io
+from cgroup._values import refusal
 from cgroup.cli.comparison_output import comparison_results, count_correct, print_comparison
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.inputs import describe_pair, read_both
@@ -92,6 +93,9 @@ def compare_command(
 
     Writes the table, the matches and pictures.
     """
+    for name, limit in (("max_rotation", max_rotation), ("max_displacement", max_displacement)):
+        if not np.isfinite(limit):
+            raise refusal(name, limit, "give a finite number")
     folder, true_pose = check_folder(out), io.read_transform(truth)
     ending = Ending(as_json=as_json, save=save)
     clouds = read_both(source, target)

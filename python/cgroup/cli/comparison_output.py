@@ -79,8 +79,8 @@ def print_comparison(document: Document, *, wide: bool = False) -> None:
     print_table(_COLUMNS, [_cells(row) for row in rows], best=_find_best(rows), wide=wide)
     print_prose(
         f"Registered: the pose that the group fixes is off by at most {limits['max_rotation_deg']:g} "
-        f"degrees, and by {limits['max_displacement_pr']:g} pr on average over the matched points. P > 0.1: the "
-        "paper's criterion, which asks for no pose."
+        f"degrees, and by {limits['max_displacement_pr']:g} pr on average over the matched points. P > 0.1: "
+        "the paper's criterion, which asks for no pose."
     )
     if results["correct_under_inverse"]:
         print_prose(

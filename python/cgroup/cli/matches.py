@@ -11,6 +11,7 @@ import numpy as np
 import typer
 
 from cgroup import io
+from cgroup._values import as_length
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.json_output import Document, make_document
 from cgroup.cli.options import GROUPING, OUTPUT, JsonOption, MatchesArgument, MethodOption, SaveOption
@@ -35,6 +36,8 @@ _EXAMPLES = examples(
     "",
     "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json",
 )
+_WITHOUT_TOLERANCE = ("gtm",)
+"""Methods whose tolerance belongs to an option that the command line lacks."""
 
 app = make_app()
 
@@ -80,10 +83,13 @@ def group_command(
     options = _method_options(method, tolerance)
     path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     check_file(path)
+    spacing = None if resolution is None else as_length("resolution", resolution)
     ending = Ending(as_json=as_json, save=save)
     given = io.read_correspondences(correspondences)
-    if resolution is not None:
-        given = _with_resolution(given, resolution)
+    if spacing is not None:
+        given = _with_resolution(given, spacing)
+    elif given.resolution is not None:
+        as_length(f"{correspondences}: resolution", given.resolution)
     start = time.perf_counter()
     with show_stages() as begin:
         begin(f"grouping by {label_of(method)}")
@@ -111,7 +117,11 @@ def _method_options(method: str, tolerance: float | None) -> dict[str, Any]:
     """Return the options of the method that were given, or raise where it has none of the kind."""
     if tolerance is None:
         return {}
-    having = [name for name, function in METHODS.items() if "tolerance" in signature(function).parameters]
+    having = [
+        name
+        for name, function in METHODS.items()
+        if "tolerance" in signature(function).parameters and name not in _WITHOUT_TOLERANCE
+    ]
     if method not in having:
         message = f"--tolerance: {method} has none; methods that have one: {', '.join(having)}"
         raise InputError(message)

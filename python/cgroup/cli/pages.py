@@ -11,6 +11,7 @@ import typer
 from cgroup._show import escape
 from cgroup.cli.options import OUTPUT
 from cgroup.cli.streams import write_error
+from cgroup.cli.wording import reword
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io._results import make_folder
 
@@ -76,14 +77,20 @@ def write_comparison_page(
 
 @contextmanager
 def page_of_refused(
-    folder: Path, clouds: tuple[PointCloud, PointCloud], title: str, *, wanted: bool
+    context: typer.Context,
+    folder: Path,
+    clouds: tuple[PointCloud, PointCloud],
+    title: str,
+    *,
+    wanted: bool,
 ) -> Generator[None, None, None]:
     """Where no pose can be trusted, write a page of the guess, and let the error pass."""
     try:
         yield
     except NoConsensusError as error:
         if wanted and error.registration is not None:
-            write_registration_page(make_folder(folder), clouds, error.registration, title, str(error))
+            refusal = reword(error, context)
+            write_registration_page(make_folder(folder), clouds, error.registration, title, refusal)
             write_error(
                 f"cgroup: wrote {REGISTRATION_PAGE} of the guess that is refused to {escape(str(folder))}/"
             )

@@ -108,7 +108,7 @@ def register_command(
     clouds = read_both(source, target)
     paper = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
     title = f"{source.name} on {target.name}"
-    with page_of_refused(out, clouds, title, wanted=html), show_stages() as begin:
+    with page_of_refused(context, out, clouds, title, wanted=html), show_stages() as begin:
         done = register(
             *clouds,
             voxel=voxel,

@@ -106,7 +106,8 @@ def print_differences(document: Document, *, wide: bool) -> None:
         return
     columns = [Column("", is_text=True), *_columns_of(compared)]
     rows = [
-        [_NAMES.get(name, name), *map(show_value, values)] for name, values in compared["results"].items()
+        [str(_NAMES.get(name, name)), *map(show_value, values)]
+        for name, values in compared["results"].items()
     ]
     print_table(columns, rows, wide=wide)
 

@@ -6,14 +6,9 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING
 
-from rich.cells import cell_len
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
 from cgroup._show import escape
 from cgroup.cli.colors import wants_colors
-from cgroup.cli.terminal import print_line, print_text, terminal_width
+from cgroup.cli.terminal import print_line, print_prose, print_text, terminal_width
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -62,6 +57,8 @@ def print_table(
     wide : bool
         Whether all is shown, however wide that is.
     """
+    from rich.cells import cell_len  # noqa: PLC0415 - slow to load
+
     cells = [[escape(cell) for cell in row] for row in rows]
     widths = [
         max(cell_len(column.header), *(cell_len(row[at]) for row in cells), 0)
@@ -71,7 +68,7 @@ def print_table(
     print_text(_render(columns, cells, shown, widths, best))
     left_out = [column.header for at, column in enumerate(columns) if at not in shown]
     if left_out:
-        print_line(f"Left out: {', '.join(left_out)}. --wide shows all.")
+        print_prose(f"Left out: {', '.join(left_out)}. --wide shows all.")
     elif is_cut:
         print_line("Cut to fit; --wide shows all.")
 
@@ -106,6 +103,10 @@ def _render(
     widths: list[int],
     best: Collection[tuple[int, int]],
 ) -> str:
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+    from rich.table import Table  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
     table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
     for at in shown:
         justify = "left" if columns[at].is_text else "right"
@@ -131,6 +132,8 @@ def _render(
 
 def _cut(text: str, width: int) -> str:
     """Return the beginning of a text that is too wide; its end in plain dots, which every output has."""
+    from rich.cells import cell_len  # noqa: PLC0415 - slow to load
+
     if cell_len(text) <= width:
         return text
     while cell_len(text) > width - 3:

@@ -16,11 +16,16 @@ from cgroup.errors import InputError, NoConsensusError
 if TYPE_CHECKING:
     from collections.abc import Generator, Mapping
 
+    from cgroup.errors import CgroupError
+
 _NAMES = re.compile(r"[A-Za-z_]\w*(, [A-Za-z_]\w*)*(?=: )")
 _QUOTED = re.compile(r"`(?P<name>\w+)(?:=(?P<quote>['\"]?)(?P<value>[^`'\"]*)(?P=quote))?`")
 
-_STAND_FOR = {"source_viewpoint": "viewpoint", "target_viewpoint": "viewpoint"}
-"""Options that one more general option may have set."""
+_SET_BY = {"source_viewpoint": "viewpoint", "target_viewpoint": "viewpoint"}
+"""Options that a more general one sets, where it is given alone."""
+
+_IN_FILES = {"PointCloud": "file", "Correspondences": "a file"}
+"""Objects of the library that the command line reads from files."""
 
 _MISSING_LENGTH = "got nothing"
 """How the core begins where a length is known neither by itself nor by the resolution."""
@@ -35,11 +40,16 @@ def reworded_errors(context: Any) -> Generator[None, None, None]:  # noqa: ANN40
     try:
         yield
     except NoConsensusError as error:
-        reworded = NoConsensusError(in_options(str(error), _options_of(context)))
+        reworded = NoConsensusError(reword(error, context))
         reworded.registration = error.registration
         raise reworded from error
     except InputError as error:
-        raise InputError(in_options(str(error), _options_of(context))) from error
+        raise InputError(reword(error, context)) from error
+
+
+def reword(error: CgroupError, context: Any) -> str:  # noqa: ANN401
+    """Return the message of an error in terms of the command's options."""
+    return in_options(str(error), _options_of(context))
 
 
 def in_options(message: str, options: Mapping[str, str]) -> str:
@@ -61,7 +71,8 @@ def in_options(message: str, options: Mapping[str, str]) -> str:
     what, rest = ("", message) if heads is None else (heads[0], message[heads.end() :])
     names = what.split(", ")
     if rest.startswith(f": {_MISSING_LENGTH}; "):
-        return f"{names[0]}: not known; {_advise_on_lengths(names[0], options)}"
+        unknown = names[0] if names[0] in options else "resolution"
+        return f"{unknown}: not known; {_advise_on_lengths(unknown, options)}"
     if what == _NEEDS_MEMORY:
         reason = rest.partition("; ")[2].replace("allow that many, or ", "")
         return f"not enough memory: {reason}"
@@ -71,13 +82,13 @@ def in_options(message: str, options: Mapping[str, str]) -> str:
 
 
 def _advise_on_lengths(name: str, options: Mapping[str, str]) -> str:
-    given = options.get("resolution", "--resolution")
-    advice = f"give {given}, the mean point spacing of the clouds"
-    return f"{advice}, or {options[name]}, both in the file's unit" if name in options else advice
+    advice = f"give {options.get('resolution', '--resolution')}, the mean point spacing of the clouds"
+    also = f", or {options[name]}, both" if name != "resolution" else ","
+    return f"{advice}{also} in the file's unit"
 
 
 def _unquote(quoted: re.Match[str], options: Mapping[str, str]) -> str:
-    option = options.get(quoted["name"])
+    option = options.get(quoted["name"], _IN_FILES.get(quoted["name"]))
     if option is None:
         return quoted["name"]
     return option if quoted["value"] is None else f"{option} {quoted['value']}"
@@ -88,8 +99,8 @@ def _options_of(context: Any) -> dict[str, str]:  # noqa: ANN401
     options = {
         param.name: param.opts[0] for param in context.command.params if param.param_type_name == "option"
     }
-    for name, general in _STAND_FOR.items():
-        if general in options and (name not in options or not _is_given(context, name)):
+    for name, general in _SET_BY.items():
+        if general in options and _is_given(context, general) and not _is_given(context, name):
             options[name] = options[general]
     options["T_target_source"] = options.get("truth", "pose")
     return options

@@ -16,6 +16,7 @@ from cgroup.datasets.base import (
     dataset_folder,
     fitting_pose,
     missing_file,
+    split_by_files,
 )
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
@@ -57,10 +58,29 @@ class B3RClean(Dataset):
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = dataset_folder(root, "b3r", title=self.title, url=URL)
         self._scenes = _scene_files(self._folder)
+        names = {name: number for number in self._scenes for name in self._names_of(number)}
+        self._names, self._lacking = split_by_files(names, self._find_lacking)
+        if not self._names:
+            raise missing_file(next(iter(self._lacking.values())), self.title, URL)
+
+    def _names_of(self, number: int) -> list[str]:
+        return [f"scene{number}"]
+
+    def _find_lacking(self, number: int) -> Path | None:
+        """Name a missing file of a scene: its model, its pose, or the published scene of the lowest noise."""
+        try:
+            config = _read_config(self._scenes[number])["MODELS"]
+        except InputError:
+            return None  # loading it says why
+        for places in (self._model_files(config["MODEL_0"]), self._pose_files(config["MODEL_0_GROUNDTRUTH"])):
+            if not any(place.is_file() for place in places):
+                return places[0]
+        places = self._scene_files(number, NOISE_LEVELS[0])
+        return None if any(place.is_file() for place in places) else places[1]
 
     def pair_names(self) -> list[str]:
         """Return ``scene0`` to ``scene17``."""
-        return [f"scene{number}" for number in self._scenes]
+        return list(self._names)
 
     def load(self, name: str) -> MatchingPair:
         """Pose the model."""
@@ -70,8 +90,8 @@ class B3RClean(Dataset):
 
     def _posed_model(self, number: int) -> tuple[PointCloud, FloatArray]:
         config = _read_config(self._scenes[number])
-        model = read_cloud(self._model_file(config["MODELS"]["MODEL_0"]))
-        pose = read_transform(self._pose_file(config["MODELS"]["MODEL_0_GROUNDTRUTH"]))
+        model = read_cloud(_first(self._model_files(config["MODELS"]["MODEL_0"]), self.title))
+        pose = read_transform(_first(self._pose_files(config["MODELS"]["MODEL_0_GROUNDTRUTH"]), self.title))
         scene = self._published_scene(number, NOISE_LEVELS[0])
         pr = features.resolution(model.points)
         tolerance = _FITTING_WITHIN * pr
@@ -82,25 +102,26 @@ class B3RClean(Dataset):
     def _published_scene(self, number: int, noise: float) -> PointCloud:
         path = self._scene_file(number, noise)
         if path is None:
-            raise missing_file(self._folder / "scenes" / f"Scene{number}_{noise}.ply", self.title, URL)
+            raise missing_file(self._scene_files(number, noise)[1], self.title, URL)
         return read_cloud(path)
 
     def _scene_file(self, number: int, noise: float) -> Path | None:
+        return next((place for place in self._scene_files(number, noise) if place.is_file()), None)
+
+    def _scene_files(self, number: int, noise: float) -> tuple[Path, Path]:
         path = _unquote(_read_config(self._scenes[number])["SCENE"]["PATH"])
         stem, _, suffix = path.rpartition(".")
         noisy = f"{stem}_{noise}.{suffix}"
-        places = (self._folder / noisy, self._folder / "scenes" / noisy.rsplit("/", 1)[-1])
-        return next((place for place in places if place.is_file()), None)
+        return self._folder / noisy, self._folder / "scenes" / noisy.rsplit("/", 1)[-1]
 
-    def _model_file(self, written: str) -> Path:
+    def _model_files(self, written: str) -> tuple[Path, Path]:
         """Owners' path below the data set's folder, or ``models/<name of its folder>.ply``."""
         path = _unquote(written)
-        places = (self._folder / path, self._folder / "models" / f"{path.split('/')[-2]}.ply")
-        return _first(places, self.title)
+        return self._folder / path, self._folder / "models" / f"{path.split('/')[-2]}.ply"
 
-    def _pose_file(self, written: str) -> Path:
+    def _pose_files(self, written: str) -> tuple[Path, Path]:
         path = _unquote(written)
-        return _first((self._folder / path, self._folder / "gt" / path.rsplit("/", 1)[-1]), self.title)
+        return self._folder / path, self._folder / "gt" / path.rsplit("/", 1)[-1]
 
 
 class B3R(B3RClean):
@@ -117,9 +138,12 @@ class B3R(B3RClean):
 
     name: ClassVar[str] = "b3r"
 
+    def _names_of(self, number: int) -> list[str]:
+        return [f"scene{number}-noise{noise}" for noise in NOISE_LEVELS]
+
     def pair_names(self) -> list[str]:
         """Return ``scene0-noise0.1`` to ``scene17-noise0.5``."""
-        return [f"scene{number}-noise{noise}" for number in self._scenes for noise in NOISE_LEVELS]
+        return super().pair_names()
 
     def load(self, name: str) -> MatchingPair:
         """Read the model and its noisy scene."""

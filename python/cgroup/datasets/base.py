@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -16,16 +18,19 @@ from cgroup.features import ORIGIN
 from cgroup.rigid import apply, invert
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from cgroup.features import Viewpoint
     from cgroup.types import Correspondences, FloatArray, PointCloud
 
 Role: TypeAlias = Literal["full-full", "full-partial", "partial-partial", "correspondences"]
 Origin: TypeAlias = Literal["real", "semi-synthetic", "synthetic"]
+Entry = TypeVar("Entry")
 
 MIN_FITTING = 0.05
 """A pose is taken to be wrong when fewer of the source points than this share come to lie on the target."""
+
+_NAMED_LACKING = 3  # pairs, of those that lack files
 
 _FITTING_SAMPLE = 3000  # source points that a pose is checked with
 
@@ -110,7 +115,7 @@ class Dataset(ABC):
     role : {"full-full", "full-partial", "partial-partial", "correspondences"}
         What is matched with what.
     origin : {"real", "semi-synthetic", "synthetic"}
-        Where the clouds come from; single pairs may differ, see `origin_of`.
+        Where the clouds come from; `origin_of` says it of a single pair, which may differ.
     protocols : tuple of str
         Names in `cgroup.evaluation.PROTOCOLS` that make sense here.
     citation : str
@@ -145,9 +150,13 @@ class Dataset(ABC):
     citation: ClassVar[str]
     single_views: ClassVar[bool] = False
 
+    _lacking: Mapping[str, Path] = MappingProxyType({})
+
     @abstractmethod
     def pair_names(self) -> list[str]:
-        """Return the names of all pairs, always in the same order, without reading clouds.
+        """Return the names of all pairs that can be loaded, always in the same order.
+
+        No cloud is read for it. Pairs of which a file isn't there belong into `lacking_pairs`.
 
         Returns
         -------
@@ -186,6 +195,23 @@ class Dataset(ABC):
         >>> open_dataset("standin-full").load("stone0").name
         'stone0'
         """
+
+    def lacking_pairs(self) -> Mapping[str, Path]:
+        """Return the pairs that the data set should have, but of which a file isn't there, with that file.
+
+        None unless a subclass knows of some.
+        """
+        return self._lacking
+
+    def note(self) -> str:
+        """Return a sentence about what isn't there; empty where nothing is missing."""
+        lacking = self.lacking_pairs()
+        if not lacking:
+            return ""
+        named = list(itertools.islice(lacking.items(), _NAMED_LACKING))
+        listed = ", ".join(f"{name} (no {_short(path)})" for name, path in named)
+        more = ", ..." if len(lacking) > len(named) else ""
+        return f"{len(lacking)} of {len(lacking) + len(self.pair_names())} pairs lack files: {listed}{more}"
 
     def origin_of(self, name: str) -> Origin:
         """Return where the clouds of one pair come from.
@@ -290,9 +316,43 @@ class Dataset(ABC):
         cgroup.errors.InputError: standin-full: has no pair 'pebble'; it has 6, such as 'stone0'
         """
         names = self.pair_names()
+        if name in self.lacking_pairs():
+            message = f"{self.name}: the pair {name!r} needs {self.lacking_pairs()[name]}, which isn't there"
+            raise InputError(message)
         if name not in names:
             message = f"{self.name}: has no pair {name!r}; it has {len(names)}, such as {names[0]!r}"
             raise InputError(message)
+
+
+def split_by_files(
+    pairs: Mapping[str, Entry], find_lacking: Callable[[Entry], Path | None]
+) -> tuple[dict[str, Entry], dict[str, Path]]:
+    """Tell pairs that can be loaded from those of which a file isn't there.
+
+    Parameters
+    ----------
+    pairs : mapping of str to anything
+        By name.
+    find_lacking : callable
+        Returns the first file that a pair needs and that isn't there, or None.
+
+    Returns
+    -------
+    pairs, lacking : dict
+        Those that can be loaded, and the missing files of the others; in the order given.
+    """
+    found = {name: find_lacking(entry) for name, entry in pairs.items()}
+    lacking = {name: path for name, path in found.items() if path is not None}
+    return {name: entry for name, entry in pairs.items() if name not in lacking}, lacking
+
+
+def first_missing(*paths: Path) -> Path | None:
+    """Return the first path that is no file; None where all are."""
+    return next((path for path in paths if not path.is_file()), None)
+
+
+def _short(path: Path) -> str:
+    return "/".join(path.parts[-2:])
 
 
 def data_root(given: Path | str | None = None) -> Path:

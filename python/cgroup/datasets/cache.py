@@ -23,7 +23,7 @@ _CACHES = {
     "darwin": ("XDG_CACHE_HOME", "Library/Caches"),
     "win32": ("LOCALAPPDATA", "AppData/Local"),
 }
-"""The variable that names the folder for caches, and where it is in the user's home otherwise; by platform."""
+"""The variable that names the folder for caches, and that folder in the home otherwise; by platform."""
 
 
 def cache_folder() -> Path:

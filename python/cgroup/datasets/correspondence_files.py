@@ -5,7 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from cgroup.datasets.base import CorrespondencePair, Dataset, dataset_folder, missing_file
+from cgroup.datasets.base import (
+    CorrespondencePair,
+    Dataset,
+    dataset_folder,
+    first_missing,
+    missing_file,
+    split_by_files,
+)
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.io import read_cloud, read_correspondences, read_transform
 from cgroup.types import Correspondences
@@ -69,13 +76,19 @@ class CorrespondenceFiles(Dataset):
 
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = dataset_folder(root, "corr", title=self.title, url=URL)
-        self._pairs = self._find()
+        self._pairs, self._lacking = split_by_files(
+            self._find(), lambda files: first_missing(*filter(None, (files.source, files.target, files.pose)))
+        )
+        if not self._pairs:
+            raise missing_file(next(iter(self._lacking.values()), self._usual_file()), self.title, self._url)
+
+    _url: ClassVar[str] = URL
+
+    def _usual_file(self) -> Path:
+        return self._folder / "<pair>" / "corr.txt"
 
     def _find(self) -> dict[str, _Files]:
-        pairs = {**_six_columns(self._folder), **_two_files(self._folder)}
-        if not pairs:
-            raise missing_file(self._folder / "<pair>" / "corr.txt", self.title, URL)
-        return pairs
+        return {**_six_columns(self._folder), **_two_files(self._folder)}
 
     def pair_names(self) -> list[str]:
         """Return the names of the folders, with the number of the pair where a folder holds several."""
@@ -120,33 +133,32 @@ class OneToThreeFiles(CorrespondenceFiles):
         "Pomerleau et al.: Challenging data sets, IJRR 2012"
     )
 
+    _url: ClassVar[str] = TCF_URL
+
+    def _usual_file(self) -> Path:
+        return self._folder / "<pair>_top3.match"
+
     def _find(self) -> dict[str, _Files]:
-        pairs = _three_nearest(self._folder)
-        if not pairs:
-            raise missing_file(self._folder / "<pair>_top3.match", self.title, TCF_URL)
-        return pairs
+        return _three_nearest(self._folder)
 
 
 def _three_nearest(folder: Path) -> dict[str, _Files]:
     pairs: dict[str, _Files] = {}
     for pose in sorted(folder.rglob("*-*.pose")):
         matches = pose.with_name(f"{pose.stem.replace('-', '_', 1)}_top3.match")
-        if matches.is_file():
-            within = OUTDOOR_INLIER if "kitti" in pose.parent.name else TERRESTRIAL_INLIER
-            name = pose.with_suffix("").relative_to(folder).as_posix()
-            pairs[name] = _Files(matches, None, pose, within, "kitti")
+        within = OUTDOOR_INLIER if "kitti" in pose.parent.name else TERRESTRIAL_INLIER
+        name = pose.with_suffix("").relative_to(folder).as_posix()
+        pairs[name] = _Files(matches, None, pose, within, "kitti")
     return pairs
 
 
 def _six_columns(folder: Path) -> dict[str, _Files]:
-    found = [
-        path.parent for path in sorted(folder.rglob("corr.txt")) if (path.parent / "GTmat.txt").is_file()
-    ]
+    listed = sorted(path.parent for name in ("corr.txt", "GTmat.txt") for path in folder.rglob(name))
     return {
         home.relative_to(folder).as_posix(): _Files(
             home / "corr.txt", None, home / "GTmat.txt", INDOOR_INLIER, "3dmatch"
         )
-        for home in found
+        for home in dict.fromkeys(listed)
     }
 
 
@@ -156,7 +168,6 @@ def _two_files(folder: Path) -> dict[str, _Files]:
     for source in sorted(folder.rglob(f"*{ending}")):
         number = source.name.removesuffix(ending)
         target, pose = (source.with_name(f"{number}{rest}") for rest in ("_fpfh_kpts_dst.txt", "_trans.txt"))
-        if target.is_file() and pose.is_file():
-            name = f"{source.parent.relative_to(folder).as_posix()}/{number}"
-            pairs[name] = _Files(source, target, pose, OUTDOOR_INLIER, "kitti")
+        name = f"{source.parent.relative_to(folder).as_posix()}/{number}"
+        pairs[name] = _Files(source, target, pose, OUTDOOR_INLIER, "kitti")
     return pairs

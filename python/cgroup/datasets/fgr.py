@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair, dataset_folder, missing_file
+from cgroup.datasets.base import (
+    CorrespondencePair,
+    Dataset,
+    MatchingPair,
+    dataset_folder,
+    first_missing,
+    missing_file,
+    split_by_files,
+)
 from cgroup.datasets.redwood_log import read_log
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap
@@ -30,6 +38,7 @@ if TYPE_CHECKING:
 
 URL = "https://github.com/isl-org/FastGlobalRegistration (folder dataset)"
 
+_NEIGHBORS = "fpfh_nn.npz"
 _SOURCE, _TARGET = 1, 0  # gt.log maps cloud 1 into the frame of cloud 0
 
 
@@ -41,11 +50,14 @@ class _FGRPairs(Dataset):
 
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = dataset_folder(root, "fgr", title=self.title, url=URL)
-        self._pairs = {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
+        listed = {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
+        self._pairs, self._lacking = split_by_files(listed, self._find_lacking)
         if not self._pairs:
-            raise missing_file(
-                self._folder / "pairwise_noise_xyz_level_01_01_rot_05" / "gt.log", self.title, URL
-            )
+            usual = self._folder / "pairwise_noise_xyz_level_01_01_rot_05" / "gt.log"
+            raise missing_file(next(iter(self._lacking.values()), usual), self.title, URL)
+
+    def _find_lacking(self, folder: Path) -> Path | None:
+        return first_missing(*(_cloud_file(folder, number) for number in (_TARGET, _SOURCE)))
 
     def pair_names(self) -> list[str]:
         """Return the names of the pairs' folders."""
@@ -55,7 +67,7 @@ class _FGRPairs(Dataset):
         """Read source, target and pose."""
         self.check_name(name)
         folder = self._pairs[name]
-        target, source = (read_cloud(folder / f"Depth_{number:04d}.ply") for number in (_TARGET, _SOURCE))
+        target, source = (read_cloud(_cloud_file(folder, number)) for number in (_TARGET, _SOURCE))
         pose = read_log(folder / "gt.log").get((_TARGET, _SOURCE))
         if pose is None:
             message = f"{folder / 'gt.log'}: has no pose of cloud 1 in the frame of cloud 0"
@@ -81,6 +93,12 @@ class FGR(_FGRPairs):
     title: ClassVar[str] = "FGR"
     role: ClassVar[Role] = "correspondences"
     protocols: ClassVar[tuple[str, ...]] = ("precision>0.1",)
+
+    def _find_lacking(self, folder: Path) -> Path | None:
+        cloud = super()._find_lacking(folder)
+        if cloud or (folder / _NEIGHBORS).is_file():
+            return cloud
+        return first_missing(*(_feature_file(folder, number) for number in (_TARGET, _SOURCE)))
 
     def load(self, name: str) -> CorrespondencePair:
         """Read both clouds, and match their features."""
@@ -123,12 +141,20 @@ class FGRClouds(_FGRPairs):
         return MatchingPair(name, source, target, pose, facts={"overlap": shared})
 
 
+def _cloud_file(folder: Path, number: int) -> Path:
+    return folder / f"Depth_{number:04d}.ply"
+
+
+def _feature_file(folder: Path, number: int) -> Path:
+    return folder / f"features_{number:04d}.bin"
+
+
 def _matches(folder: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
     """Rows of the source, their partners in the target, and the ratio of each match."""
-    neighbors = folder / "fpfh_nn.npz"
+    neighbors = folder / _NEIGHBORS
     if neighbors.is_file():
         return _mutual(neighbors)
-    target, source = (_read_features(folder / f"features_{number:04d}.bin") for number in (_TARGET, _SOURCE))
+    target, source = (_read_features(_feature_file(folder, number)) for number in (_TARGET, _SOURCE))
     found = features.match(source, target, mutual=True)
     return found.source_indices, found.target_indices, found.ratio
 
@@ -147,8 +173,6 @@ def _mutual(path: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
 
 def _read_features(path: Path) -> NDArray[np.float32]:
     """Read FGR's format: two int32 (points, dimensions); per point, x y z and its feature in float32."""
-    if not path.is_file():
-        raise missing_file(path, FGR.title, URL)
     content = read_content(path)
     whole = content[: len(content) // 4 * 4].ljust(8, b"\0")
     count, dimensions = (int(number) for number in np.frombuffer(whole[:8], dtype="<i4"))

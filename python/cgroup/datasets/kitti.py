@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import Dataset, MatchingPair, data_root, dataset_folder, missing_file
+from cgroup.datasets.base import (
+    Dataset,
+    MatchingPair,
+    data_root,
+    dataset_folder,
+    first_missing,
+    missing_file,
+    split_by_files,
+)
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_transform
 from cgroup.io._files import load_numbers, load_text, parse_file
@@ -74,10 +82,12 @@ class KITTI(Dataset):
         base = data_root(root)
         inside = not (base / "kitti").is_dir() and (base / "sequences").is_dir()
         self._folder = base if inside else dataset_folder(root, "kitti", title=self.title, url=URL)
-        found = [entry for number in SEQUENCES for entry in self._list_pairs(number)]
-        self._entries = {entry.name: entry for entry in found if tuple(entry) not in LEFT_OUT}
+        listed = [entry for number in SEQUENCES for entry in self._list_pairs(number)]
+        wanted = {entry.name: entry for entry in listed if tuple(entry) not in LEFT_OUT}
+        self._entries, self._lacking = split_by_files(wanted, self._find_lacking)
         if not self._entries:
-            raise missing_file(self._folder / "sequences" / "08" / "velodyne" / "000000.bin", self.title, URL)
+            example = next(iter(self._lacking.values()), self._scan(SEQUENCES[0], 0))
+            raise missing_file(example, self.title, URL)
 
     def pair_names(self) -> list[str]:
         """Return ``sequence/source-target``, with the numbers of the scans."""
@@ -91,23 +101,39 @@ class KITTI(Dataset):
         return MatchingPair(name, source, target, self._find_pose(entry, source, target))
 
     def _list_pairs(self, sequence: int) -> list[_Entry]:
-        """List the pairs of a sequence whose scans are there; which are paired depends on the poses alone."""
-        poses = self._folder / "poses" / f"{sequence:02d}.txt"
+        """List the pairs of a sequence, which depend on the poses alone."""
+        poses = self._poses(sequence)
         if not poses.is_file():
             return []
-        places = _read_poses(poses)[:, :3, 3]
-        chain = [_Entry(sequence, *both) for both in pair_scans(places)]
-        return [
-            each
-            for each in chain
-            if all(self._scan(sequence, number).is_file() for number in (each.source, each.target))
-        ]
+        return [_Entry(sequence, *both) for both in pair_scans(_read_poses(poses)[:, :3, 3])]
+
+    def note(self) -> str:
+        """Return a sentence about the pairs whose scans, and the sequences whose poses, aren't there."""
+        absent = [self._poses(number) for number in SEQUENCES if not self._poses(number).is_file()]
+        listed = ", ".join(path.name for path in absent)
+        poses = f"no pairs are known of sequences without poses ({listed})" if absent else ""
+        return "; ".join(filter(None, (super().note(), poses)))
+
+    def _find_lacking(self, entry: _Entry) -> Path | None:
+        scans = first_missing(*(self._scan(entry.sequence, number) for number in entry[1:]))
+        if scans or self._refined(entry).is_file():
+            return scans
+        return first_missing(self._calibration(entry.sequence))
+
+    def _poses(self, sequence: int) -> Path:
+        return self._folder / "poses" / f"{sequence:02d}.txt"
+
+    def _refined(self, entry: _Entry) -> Path:
+        return self._folder / "icp" / f"{entry.sequence}_{entry.source}_{entry.target}.npy"
+
+    def _calibration(self, sequence: int) -> Path:
+        return self._folder / "sequences" / f"{sequence:02d}" / "calib.txt"
 
     def _find_pose(self, entry: _Entry, source: PointCloud, target: PointCloud) -> FloatArray:
-        refined = self._folder / "icp" / f"{entry.sequence}_{entry.source}_{entry.target}.npy"
+        refined = self._refined(entry)
         if refined.is_file():
             return read_transform(refined)
-        poses = _read_poses(self._folder / "poses" / f"{entry.sequence:02d}.txt")
+        poses = _read_poses(self._poses(entry.sequence))
         camera = self._read_calibration(entry.sequence)
         rough = invert(poses[entry.target] @ camera) @ poses[entry.source] @ camera
         fixed, moved = FineSurface(target.points, _FINE_SPACING), FineSurface(source.points, _FINE_SPACING)
@@ -115,9 +141,7 @@ class KITTI(Dataset):
 
     def _read_calibration(self, sequence: int) -> FloatArray:
         """Read the pose of the scanner in the camera's frame."""
-        path = self._folder / "sequences" / f"{sequence:02d}" / "calib.txt"
-        if not path.is_file():
-            raise missing_file(path, self.title, URL)
+        path = self._calibration(sequence)
         for line in load_text(path).splitlines():
             name, _, numbers = line.partition(":")
             if name == "Tr":

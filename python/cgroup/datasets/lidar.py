@@ -15,8 +15,10 @@ from cgroup.datasets.base import (
     MatchingPair,
     data_root,
     dataset_folder,
+    first_missing,
     fitting_pose,
     missing_file,
+    split_by_files,
 )
 from cgroup.evaluation import overlap
 from cgroup.io import read_cloud, read_transform
@@ -72,9 +74,13 @@ class LidarScans(Dataset):
         folder = data_root(root)
         if not (folder / "corr").is_dir():
             dataset_folder(root, "lidar", title=self.title, url=URL)
-        self._pairs = {**_named(folder), **_numbered(folder), **_posed(folder)}
+        listed = {**_named(folder), **_numbered(folder), **_posed(folder)}
+        self._pairs, self._lacking = split_by_files(
+            listed, lambda files: first_missing(files.source, files.target)
+        )
         if not self._pairs:
-            raise missing_file(folder / "lidar" / "<name>_source.ply", self.title, URL)
+            example = next(iter(self._lacking.values()), folder / "lidar" / "<name>_source.ply")
+            raise missing_file(example, self.title, URL)
 
     def pair_names(self) -> list[str]:
         """Return the path below the data root, with the name or number of the pair."""
@@ -111,7 +117,7 @@ def _together(root: Path, folder: str, pose: str, source: str, target: str) -> d
     for path in sorted((root / folder).rglob(f"*{pose}")):
         stem = path.name.removesuffix(pose)
         files = _Files(path.with_name(stem + source), path.with_name(stem + target), path)
-        if files.source.is_file() and files.target.is_file():
+        if files.source.is_file() or files.target.is_file():  # else it is a pose of matches alone
             pairs[path.with_name(stem).relative_to(root).as_posix()] = files
     return pairs
 
@@ -120,6 +126,9 @@ def _posed(root: Path) -> dict[str, _Files]:
     pairs: dict[str, _Files] = {}
     for path in sorted((root / "corr").rglob("*-*.pose")):
         source, target = (sorted(path.parent.glob(f"{stem}_*.pcd")) for stem in path.stem.split("-", 1))
-        if source and target:
-            pairs[path.with_suffix("").relative_to(root).as_posix()] = _Files(source[0], target[0], path)
+        if source or target:
+            stems = path.stem.split("-", 1)
+            usual = [path.with_name(f"{stem}_cloud.pcd") for stem in stems]
+            files = _Files((source or usual)[0], (target or usual[1:])[0], path)
+            pairs[path.with_suffix("").relative_to(root).as_posix()] = files
     return pairs

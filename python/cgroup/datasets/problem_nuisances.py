@@ -150,7 +150,12 @@ def make_scene(
     >>> import numpy as np
     >>> from cgroup.datasets import make_scene
     >>> problem = make_scene(
-    ...     np.random.default_rng(0), 300, inliers=0.1, noise=1.0, scene="one-to-three", frames="good"
+    ...     np.random.default_rng(0),
+    ...     300,
+    ...     inliers=0.1,
+    ...     noise=1.0,
+    ...     scene="one-to-three",
+    ...     frames="good",
     ... )
     >>> len(problem), len(np.unique(problem.source, axis=0))
     (300, 100)

@@ -43,7 +43,7 @@ def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
         for start in range(0, len(lines), _LINES):
             first, second = (int(word) for word in lines[start][:2])
             rows = [[float(word) for word in line] for line in lines[start + 1 : start + _LINES]]
-            poses[first, second] = check_rigid(np.array(rows), f"pose {first} {second}")
+            poses[first, second] = check_rigid(np.array(rows).reshape(4, 4), f"pose {first} {second}")
     except ValueError as error:
         message = f"{path}: not a list of poses; five lines each: `i j n`, then a 4x4 matrix ({error})"
         raise InputError(message) from error

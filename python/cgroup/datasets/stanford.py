@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, missing_file
+from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, missing_file, split_by_files
 from cgroup.datasets.cache import cached
 from cgroup.datasets.manifest import manifest_entry
 from cgroup.errors import InputError
@@ -44,6 +44,12 @@ class _View:
     T_world_view: FloatArray
 
 
+class _Listed(NamedTuple):
+    folder: str
+    source: str
+    target: str
+
+
 class StanfordViews(Dataset):
     """Pairs of range views with an overlap of at least `MIN_OVERLAP`; unit m.
 
@@ -66,8 +72,11 @@ class StanfordViews(Dataset):
 
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = dataset_folder(root, "stanford_views", title=self.title, url=URL)
-        self._objects = _objects(self._folder)
-        self._names: list[str] | None = None
+        self._objects, self._absent = _objects(self._folder)
+        self._listed, self._lacking = split_by_files(self._list_pairs(), self._find_lacking)
+        if self._lacking and not self._listed:
+            raise missing_file(next(iter(self._lacking.values())), self.title, URL)
+        self._names = list(self._listed)
 
     def pair_names(self) -> list[str]:
         """Return ``object/source-target`` of all pairs that overlap enough.
@@ -75,9 +84,17 @@ class StanfordViews(Dataset):
         They are taken from the root's manifest where it lists them; else found by looking at all views, which
         takes a minute the first time.
         """
-        if self._names is None:
-            self._names = self._list_pairs() or self._overlapping()
+        if not self._names:
+            self._names = self._overlapping()
         return list(self._names)
+
+    def note(self) -> str:
+        """Return a sentence about listed pairs, or views of Stanford's own lists, that aren't there."""
+        if self._listed or not self._absent:
+            return super().note()
+        return (
+            f"pairs of views that aren't there are left out ({len(self._absent)}, such as {self._absent[0]})"
+        )
 
     def subject_of(self, name: str) -> str:
         """Return the object's folder."""
@@ -93,6 +110,11 @@ class StanfordViews(Dataset):
         shared = _overlap(source, target, pose)
         return MatchingPair(name, source, target, pose, SCANNER, SCANNER, facts={"overlap": shared})
 
+    def _find_lacking(self, pair: _Listed) -> Path | None:
+        views = self._objects.get(pair.folder, {})
+        lacking = [stem for stem in (pair.source, pair.target) if stem not in views]
+        return self._folder / pair.folder / f"{lacking[0]}.ply" if lacking else None
+
     def _views(self, name: str) -> tuple[_View, _View]:
         folder, _, pair = name.rpartition("/")
         views = self._objects[folder]
@@ -102,11 +124,13 @@ class StanfordViews(Dataset):
         message = f"{self.name}: has no pair {name!r}"
         raise InputError(message)
 
-    def _list_pairs(self) -> list[str]:
+    def _list_pairs(self) -> dict[str, _Listed]:
         entry = manifest_entry(self._folder.parent, "stanford_views")
-        if entry is None:
-            return []
-        return [f"{pair['set']}/{_stem(pair['src'])}-{_stem(pair['tgt'])}" for pair in entry["pairs"]]
+        pairs = [
+            _Listed(pair["set"], _stem(pair["src"]), _stem(pair["tgt"]))
+            for pair in (entry["pairs"] if entry else [])
+        ]
+        return {f"{pair.folder}/{pair.source}-{pair.target}": pair for pair in pairs}
 
     def _overlapping(self) -> list[str]:
         names: list[str] = []
@@ -122,32 +146,40 @@ class StanfordViews(Dataset):
         return names
 
 
-def _objects(folder: Path) -> dict[str, dict[str, _View]]:
-    """List the views of each object, by the object's folder and the view's name."""
+def _objects(folder: Path) -> tuple[dict[str, dict[str, _View]], list[str]]:
+    """List the views of each object, by the object's folder and the view's name; and those not there."""
     found: dict[str, dict[str, _View]] = {}
+    absent: list[str] = []
     for configuration in sorted(folder.rglob("*.conf")):
         home = configuration.parent
         named = home.parent if home.name == "data" else home
-        views = _read_configuration(configuration)
+        views, files = _read_configuration(configuration)
+        absent += [(home / file).relative_to(folder).as_posix() for file in files]
         found.setdefault(named.relative_to(folder).as_posix(), {}).update(views)
     if not any(len(views) > 1 for views in found.values()):
-        raise missing_file(folder / "bunny" / "bun.conf", StanfordViews.title, URL)
-    return found
+        example = absent[0] if absent else "bunny/bun.conf"
+        raise missing_file(folder / example, StanfordViews.title, URL)
+    return found, absent
 
 
-def _read_configuration(path: Path) -> dict[str, _View]:
-    """Read the views that are there; lines read ``bmesh file tx ty tz qx qy qz qw``."""
+def _read_configuration(path: Path) -> tuple[dict[str, _View], list[str]]:
+    """Read the views that are there, and name other files; lines read ``bmesh file tx ty tz qx qy qz qw``."""
     views: dict[str, _View] = {}
+    absent: list[str] = []
     for line in load_text(path).splitlines():
         words = line.split()
-        if len(words) == 9 and words[0] == "bmesh" and (path.parent / words[1]).is_file():
+        if len(words) != 9 or words[0] != "bmesh":
+            continue
+        if (path.parent / words[1]).is_file():
             try:
                 numbers = np.array([float(word) for word in words[2:]])
             except ValueError as error:
                 message = f"{path}: can't read the pose in the line {line!r}"
                 raise InputError(message) from error
             views[_stem(words[1])] = _View(path.parent / words[1], _pose(numbers[:3], numbers[3:]))
-    return views
+        else:
+            absent.append(words[1])
+    return views, absent
 
 
 def _pose(translation: FloatArray, quaternion: FloatArray) -> FloatArray:

@@ -19,6 +19,7 @@ from cgroup.datasets.base import (
     dataset_folder,
     fitting_pose,
     missing_file,
+    split_by_files,
 )
 from cgroup.datasets.manifest import manifest_entry
 from cgroup.datasets.redwood_log import read_log
@@ -88,9 +89,12 @@ class ThreeDMatch(Dataset):
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = _find_folder(root, self.title)
         entries = _from_logs(self._folder) or _from_manifest(self._folder)
-        self._entries = {name: each for name, each in entries.items() if name.startswith(self.benchmark)}
+        wanted = {name: each for name, each in entries.items() if name.startswith(self.benchmark)}
+        self._files = _find_fragments(self._folder)
+        self._entries, self._lacking = split_by_files(wanted, self._find_lacking)
         if not self._entries:
-            raise missing_file(self._folder / "<scene>-evaluation" / "gt.log", self.title, URL)
+            usual = self._folder / "<scene>-evaluation" / "gt.log"
+            raise missing_file(next(iter(self._lacking.values()), usual), self.title, URL)
 
     def pair_names(self) -> list[str]:
         """Return ``benchmark/scene/target-source``, numbered as in ``gt.log``."""
@@ -112,15 +116,23 @@ class ThreeDMatch(Dataset):
         shared = overlap(source.points, target.points, pose, tolerance=OVERLAP_WITHIN * pr)
         return MatchingPair(name, source, target, pose, facts={"overlap": shared})
 
+    def _find_lacking(self, entry: _Entry) -> Path | None:
+        for number in (entry.source, entry.target):
+            if self._fragment_file(entry.scene, number) is None:
+                return self._folder / entry.scene / _fragment_names(number)[0]
+        return None
+
+    def _fragment_file(self, scene: str, number: int) -> Path | None:
+        found = (self._files.get((scene, name)) for name in _fragment_names(number))
+        return next((path for path in found if path is not None), None)
+
     def _fragment(self, scene: str, number: int) -> PointCloud:
-        names = (f"cloud_bin_{number}.ply", f"cloud_bin_{number}.pcd", f"cloud_bin_{number}{_THINNED}.npy")
-        for name in names:
-            found = sorted(self._folder.rglob(f"{scene}/{name}"))
-            if found:
-                cloud = read_cloud(found[0])
-                whole = _THINNED in name or not self.thinned
-                return cloud if whole else PointCloud(voxel_means(cloud.points, VOXEL))
-        raise missing_file(self._folder / scene / names[0], self.title, URL)
+        path = self._fragment_file(scene, number)
+        if path is None:
+            raise missing_file(self._folder / scene / _fragment_names(number)[0], self.title, URL)
+        cloud = read_cloud(path)
+        whole = _THINNED in path.name or not self.thinned
+        return cloud if whole else PointCloud(voxel_means(cloud.points, VOXEL))
 
 
 class ThreeDMatchTest(ThreeDMatch):
@@ -147,6 +159,19 @@ def _find_folder(root: Path | str | None, title: str) -> Path:
     if not (base / "threedmatch").is_dir() and (base / "fragments").is_dir():
         return base
     return dataset_folder(root, "threedmatch", title=title, url=URL)
+
+
+def _fragment_names(number: int) -> tuple[str, ...]:
+    """Names that the file of a fragment may have; the first there is taken."""
+    return f"cloud_bin_{number}.ply", f"cloud_bin_{number}.pcd", f"cloud_bin_{number}{_THINNED}.npy"
+
+
+def _find_fragments(folder: Path) -> dict[tuple[str, str], Path]:
+    """Find the files of all fragments, by scene and name."""
+    found: dict[tuple[str, str], Path] = {}
+    for path in sorted(folder.rglob("cloud_bin_*")):
+        found.setdefault((path.parent.name, path.name), path)
+    return found
 
 
 def _from_logs(folder: Path) -> dict[str, _Entry]:

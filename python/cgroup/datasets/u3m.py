@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, fitting_pose, missing_file
+from cgroup.datasets.base import (
+    Dataset,
+    MatchingPair,
+    dataset_folder,
+    first_missing,
+    fitting_pose,
+    missing_file,
+    split_by_files,
+)
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
@@ -64,16 +72,20 @@ class U3M(Dataset):
 
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = dataset_folder(root, "u3m", title=self.title, url=URL)
-        self._entries: dict[str, _Entry] = {}
+        listed: dict[str, _Entry] = {}
         for path in sorted(self._folder.rglob(LIST_FILE)):
             home = path.parent.relative_to(self._folder).as_posix()
             for entry in _read_list(path):
-                self._entries[f"{home}/{entry.source.stem}-{entry.target.stem}"] = entry
+                listed[f"{home}/{entry.source.stem}-{entry.target.stem}"] = entry
+        self._entries, self._lacking = split_by_files(
+            listed, lambda entry: first_missing(entry.source, entry.target)
+        )
         if not self._entries:
-            raise missing_file(self._folder / "<model>" / LIST_FILE, self.title, URL)
+            example = next(iter(self._lacking.values()), self._folder / "<model>" / LIST_FILE)
+            raise missing_file(example, self.title, URL)
 
     def pair_names(self) -> list[str]:
-        """Return ``model/source-target`` of all listed pairs."""
+        """Return ``model/source-target`` of all listed pairs whose views are there."""
         return list(self._entries)
 
     def load(self, name: str) -> MatchingPair:

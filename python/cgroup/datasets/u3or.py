@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, fitting_pose, missing_file
+from cgroup.datasets.base import (
+    Dataset,
+    MatchingPair,
+    dataset_folder,
+    fitting_pose,
+    missing_file,
+    split_by_files,
+)
 from cgroup.datasets.cache import cached
 from cgroup.datasets.generated.scanner import Mesh, merge, range_image
 from cgroup.errors import InputError
@@ -82,12 +89,19 @@ class U3OR(Dataset):
     def __init__(self, root: Path | str | None = None) -> None:
         self._folder = dataset_folder(root, "u3or", title=self.title, url=URL)
         self._poses = _pose_files(self._folder)
+        self._meshes: dict[str, Path] = {}
+        for path in sorted(self._folder.rglob("*.ply")):
+            self._meshes.setdefault(path.name, path)
+        listed = {f"rs{scene}-{model}": (scene, model) for scene, model in self._poses}
+        self._pairs, self._lacking = split_by_files(listed, self._find_lacking)
+        if not self._pairs:
+            raise missing_file(next(iter(self._lacking.values())), self.title, URL)
         self._occlusions = _published_occlusions(self._folder)
         self._models: dict[str, PointCloud] = {}  # read once: each is in many pairs
 
     def pair_names(self) -> list[str]:
         """Return ``rs1-T-rex``, ``rs1-chef``, ... of all published poses."""
-        return [f"rs{scene}-{model}" for scene, model in self._poses]
+        return list(self._pairs)
 
     def origin_of(self, name: str) -> Origin:
         """Return "real" where the scan is there, else "semi-synthetic"."""
@@ -157,23 +171,33 @@ class U3OR(Dataset):
             raise InputError(message)
         return posed
 
+    def _find_lacking(self, pair: tuple[int, str]) -> Path | None:
+        """Name a missing file of a pair: its pose, its model, or what its scene is simulated from."""
+        scene, model = pair
+        if not self._poses[pair].is_file():
+            return self._poses[pair]
+        posed = [other for number, other in self._poses if number == scene]
+        needed = (model,) if self._scan_file(scene) else (model, *posed)
+        lacking = [name for name in needed if self._find_model(name) is None]
+        return self._folder / "models" / MODEL_FILES[lacking[0]][0] if lacking else None
+
     def _parse(self, name: str) -> tuple[int, str]:
         self.check_name(name)
-        scene, _, model = name.partition("-")
-        return int(scene.removeprefix("rs")), model
+        return self._pairs[name]
 
     def _scan_file(self, number: int) -> Path | None:
-        found = sorted(self._folder.rglob(f"rs{number}.ply")) or sorted(
-            self._folder.rglob(f"rs{number}_*.ply")
-        )
-        return found[0] if found else None
+        whole = (path for name, path in self._meshes.items() if name.startswith(f"rs{number}_"))
+        return self._meshes.get(f"rs{number}.ply") or next(whole, None)
+
+    def _find_model(self, name: str) -> Path | None:
+        found = (self._meshes[file] for file in MODEL_FILES[name] if file in self._meshes)
+        return next(found, None)
 
     def _model_file(self, name: str) -> Path:
-        for file in MODEL_FILES[name]:
-            found = sorted(self._folder.rglob(file))
-            if found:
-                return found[0]
-        raise missing_file(self._folder / "models" / MODEL_FILES[name][0], self.title, URL)
+        path = self._find_model(name)
+        if path is None:
+            raise missing_file(self._folder / "models" / MODEL_FILES[name][0], self.title, URL)
+        return path
 
 
 def _pose_files(folder: Path) -> dict[tuple[int, str], Path]:

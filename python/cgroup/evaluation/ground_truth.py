@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup import _core
 from cgroup._arguments import as_faces, as_points
+from cgroup._options import run_options
 from cgroup._values import as_length
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
@@ -28,7 +29,7 @@ VISIBLE_WITHIN = 2.0
 
 
 def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike) -> FloatArray:
-    """Distance of each match from its true place, |R p + t - p'|.
+    """Distance of each match from its true place, ``|R p + t - p'|``.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
 def correct_matches(
     source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float
 ) -> BoolArray:
-    """Tell which matches are correct: |R p + t - p'| <= tolerance.
+    """Tell which matches are correct: ``|R p + t - p'|`` <= tolerance.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def correct_matches(
     T_target_source : (4,4) array_like of float
         True pose.
     tolerance : float
-        In the data's unit; the paper takes `CORRECT_WITHIN` times the resolution.
+        In the data's unit; 5 times the resolution is usual.
 
     Returns
     -------
@@ -91,7 +92,8 @@ def correct_matches(
     --------
     >>> import numpy as np
     >>> from cgroup.evaluation import correct_matches
-    >>> correct_matches([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]], np.eye(4), tolerance=1.0)
+    >>> source, target = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]]
+    >>> correct_matches(source, target, np.eye(4), tolerance=1.0)
     array([ True, False])
     """
     limit = as_length("tolerance", tolerance)
@@ -118,7 +120,8 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     Raises
     ------
     InputError
-        If a shape isn't (N, 3), a coordinate isn't finite, or the radius isn't positive.
+        If a shape isn't (N, 3), a coordinate isn't finite, the others are too large or too close together
+        to be squared, or the radius isn't positive.
 
     Examples
     --------
@@ -128,30 +131,7 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     """
     queries, stored = _finite_points("points", points), _finite_points("others", others)
     limit = as_length("radius", radius)
-    found = np.zeros(len(queries), dtype=bool)
-    if len(stored) == 0 or len(queries) == 0:
-        return found
-    # Cells at least as wide as the radius, so whatever is near lies in one of 27 cells; and not
-    # so narrow that a cell's number would overflow.
-    origin = np.minimum(stored.min(axis=0), queries.min(axis=0))
-    extent = np.maximum(stored.max(axis=0), queries.max(axis=0)) - origin
-    width = max(limit, extent.max() / 1e6)
-    stored_cells = np.floor((stored - origin) / width).astype(np.int64) + 1
-    query_cells = np.floor((queries - origin) / width).astype(np.int64) + 1
-    span = np.floor(extent / width).astype(np.int64) + 3
-    weights = np.array([span[1] * span[2], span[2], 1])
-    stored_keys: IndexArray = stored_cells @ weights
-    order = np.argsort(stored_keys, kind="stable")
-    stored, stored_keys = stored[order], stored_keys[order]
-    for step in itertools.product((-1, 0, 1), repeat=3):
-        todo = np.flatnonzero(~found)
-        keys: IndexArray = (query_cells[todo] + step) @ weights
-        first: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "left")
-        last: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "right")
-        rows, places = _ranges(first, last)
-        distances = np.linalg.norm(queries[todo[rows]] - stored[places], axis=1)
-        found[todo[rows[distances <= limit]]] = True
-    return found
+    return _core.within(queries, stored, run_options(), limit)
 
 
 def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float) -> float:
@@ -332,7 +312,9 @@ def clutter_and_occlusion(
     >>> from cgroup.evaluation import clutter_and_occlusion
     >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 0, 0], [9, 1, 0], [9, 0, 3]]
     >>> scene_faces = [[0, 1, 2], [3, 4, 5]]
-    >>> clutter_and_occlusion(corners[:3], [[0, 1, 2]], corners, scene_faces, np.eye(4), tolerance=0.1)
+    >>> clutter_and_occlusion(
+    ...     corners[:3], [[0, 1, 2]], corners, scene_faces, np.eye(4), tolerance=0.1
+    ... )
     (0.75, 0.0)
     """
     posed, vertices = (
@@ -372,11 +354,3 @@ def triangle_areas(vertices: FloatArray, faces: ArrayLike) -> FloatArray:
     """Area of each triangle, in the square of the data's unit."""
     a, b, c = (vertices[corner] for corner in np.asarray(faces, dtype=np.int64).reshape(-1, 3).T)
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-
-
-def _ranges(first: NDArray[np.intp], last: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Row i paired with each place from first[i] up to last[i]."""
-    counts = last - first
-    rows = np.repeat(np.arange(len(first)), counts)
-    offsets = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return rows, first[rows] + offsets

@@ -39,7 +39,9 @@ class Scores(NamedTuple):
     Examples
     --------
     >>> from cgroup.evaluation import score_counts
-    >>> scores = score_counts(matches=[10, 10], correct=[4, 4], selected=[5, 0], selected_correct=[3, 0])
+    >>> scores = score_counts(
+    ...     matches=[10, 10], correct=[4, 4], selected=[5, 0], selected_correct=[3, 0]
+    ... )
     >>> scores.precision, scores.recall
     (array([0.6, 0. ]), array([0.75, 0.  ]))
     >>> scores.registered
@@ -82,7 +84,8 @@ def score_counts(
     Examples
     --------
     >>> from cgroup.evaluation import score_counts
-    >>> float(score_counts(matches=100, correct=20, selected=16, selected_correct=12).precision)
+    >>> scores = score_counts(100, 20, 16, selected_correct=12)
+    >>> float(scores.precision)
     0.75
     """
     counts = {
@@ -140,7 +143,8 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> GroupScore(matches=100, correct=20, selected=16, selected_correct=12).precision
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> score.precision
         0.75
         """
         return float(self._scores.precision)
@@ -152,7 +156,8 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> GroupScore(matches=100, correct=20, selected=16, selected_correct=12).recall
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> score.recall
         0.6
         """
         return float(self._scores.recall)
@@ -164,7 +169,8 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> round(GroupScore(matches=100, correct=20, selected=16, selected_correct=12).f_score, 3)
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> round(score.f_score, 3)
         0.667
         """
         return float(self._scores.f_score)
@@ -176,7 +182,8 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> GroupScore(matches=100, correct=20, selected=16, selected_correct=12).inlier_ratio
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> score.inlier_ratio
         0.2
         """
         return float(self._scores.inlier_ratio)
@@ -188,7 +195,8 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> GroupScore(matches=100, correct=20, selected=16, selected_correct=12).registered
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> score.registered
         True
         """
         return bool(self._scores.registered)
@@ -221,7 +229,9 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
     Examples
     --------
     >>> from cgroup.evaluation import score_group
-    >>> score = score_group(mask=[True, True, False, False], correct=[True, True, True, False])
+    >>> score = score_group(
+    ...     mask=[True, True, False, False], correct=[True, True, True, False]
+    ... )
     >>> score.precision, round(score.recall, 2)
     (1.0, 0.67)
     """

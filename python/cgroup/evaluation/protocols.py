@@ -78,7 +78,9 @@ class Protocol:
         Examples
         --------
         >>> from cgroup.evaluation import PROTOCOLS
-        >>> PROTOCOLS["3dmatch"].judge(precision=0.4, rotation_error=3.0, translation_error=0.2, rmse_pr=2.0)
+        >>> PROTOCOLS["3dmatch"].judge(
+        ...     precision=0.4, rotation_error=3.0, translation_error=0.2, rmse_pr=2.0
+        ... )
         True
         """
         errors = (

@@ -50,7 +50,9 @@ class Cloud:
     >>> cloud = features.Cloud(standin_pair(pixels=60).source.points)
     >>> pr = features.resolution(cloud)
     >>> keypoints = features.harris3d(cloud, resolution=pr, threshold=1e-6)
-    >>> descriptors = features.shot(cloud, features.normals(cloud), keypoints, radius=15 * pr)
+    >>> descriptors = features.shot(
+    ...     cloud, features.normals(cloud), keypoints, radius=15 * pr
+    ... )
     """
 
     __slots__ = ("_core", "_points")

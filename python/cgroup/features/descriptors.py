@@ -69,7 +69,9 @@ def shot(
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> descriptors = features.shot(points, features.normals(points), [0, 500], radius=15 * pr)
+    >>> descriptors = features.shot(
+    ...     points, features.normals(points), [0, 500], radius=15 * pr
+    ... )
     >>> descriptors.shape, np.linalg.norm(descriptors, axis=1).round(3).tolist()
     ((2, 352), [1.0, 1.0])
     """
@@ -132,7 +134,9 @@ def lfsh(
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> descriptors = features.lfsh(points, features.normals(points), [0, 500], radius=15 * pr)
+    >>> descriptors = features.lfsh(
+    ...     points, features.normals(points), [0, 500], radius=15 * pr
+    ... )
     >>> descriptors.shape, descriptors[0, :10].sum().round(3).item()
     ((2, 30), 1.0)
     """

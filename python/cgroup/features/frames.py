@@ -58,8 +58,11 @@ def shot_lrf(
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
     >>> frames = features.shot_lrf(points, [0, 500], radius=15 * pr)
-    >>> frames.shape, bool(np.allclose(np.cross(frames[0, 0], frames[0, 1]), frames[0, 2]))
-    ((2, 3, 3), True)
+    >>> frames.shape
+    (2, 3, 3)
+    >>> x, y, z = frames[0]
+    >>> bool(np.allclose(np.cross(x, y), z))
+    True
     """
     return _core.shot_lrf(
         core_cloud(points),

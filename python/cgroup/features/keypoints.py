@@ -257,8 +257,9 @@ def drop_isolated(
     Examples
     --------
     >>> from cgroup import features
-    >>> features.drop_isolated([[0, 0, 0], [1, 0, 0], [9, 0, 0]], [0, 2], radius=2, min_points=2).tolist()
-    [0]
+    >>> points = [[0, 0, 0], [1, 0, 0], [9, 0, 0]]
+    >>> features.drop_isolated(points, [0, 2], radius=2, min_points=2)
+    array([0])
     """
     cloud, rows = core_cloud(points), as_rows("keypoints", keypoints)
     if len(rows) == 0:

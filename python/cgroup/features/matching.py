@@ -45,11 +45,12 @@ class Matches:
     Examples
     --------
     >>> from cgroup import features
-    >>> matches = features.match([[0.0, 1.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 2.0], [0.0, 5.0]])
+    >>> source, target = [[0, 1], [1, 0]], [[1, 0], [0, 2], [0, 5]]
+    >>> matches = features.match(source, target)
     >>> matches
     Matches(n=2)
-    >>> matches.target_indices.tolist(), matches.distance.tolist(), matches.ratio.round(2).tolist()
-    ([1, 0], [1.0, 0.0], [0.71, 0.0])
+    >>> matches.target_indices, matches.distance, matches.ratio.round(2)
+    (array([1, 0]), array([1., 0.]), array([0.71, 0.  ]))
     """
 
     source_indices: IndexArray

@@ -233,7 +233,8 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.io import read_descriptors, write_descriptors
     >>> from cgroup.registration import describe
-    >>> write_descriptors("scan.npz", describe(standin_pair(pixels=60).source, descriptor="rcs"))
+    >>> described = describe(standin_pair(pixels=60).source, descriptor="rcs")
+    >>> write_descriptors("scan.npz", described)
     >>> read_descriptors("scan.npz").descriptors.shape[1]
     72
     """

@@ -88,7 +88,8 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
     >>> import numpy as np
     >>> from cgroup import Correspondences
     >>> from cgroup.io import read_correspondences, write_correspondences
-    >>> write_correspondences("matches.npz", Correspondences(np.eye(3), np.eye(3), resolution=0.1))
+    >>> matches = Correspondences(np.eye(3), np.eye(3), resolution=0.1)
+    >>> write_correspondences("matches.npz", matches)
     >>> read_correspondences("matches.npz").resolution
     0.1
     """

@@ -95,9 +95,11 @@ def gtm(
     >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
     >>> group = gtm(problem.source, problem.target)
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # of all matches 30 % are right
+    >>> precision = problem.inlier_mask[group.mask].mean()
+    >>> bool(precision > 0.9)  # of all matches 30 % are right
     True
-    >>> gtm(problem.source, problem.target, iterations=500).size < group.size  # fewer survive longer
+    >>> longer = gtm(problem.source, problem.target, iterations=500)
+    >>> longer.size < group.size
     True
     """
     return call("gtm", locals())

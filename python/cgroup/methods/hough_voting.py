@@ -99,7 +99,8 @@ def hough3d(
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
     >>> frames = {"source_lrf": problem.source_lrf, "target_lrf": problem.target_lrf}
     >>> group = hough3d(problem.source, problem.target, **frames)
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # of all matches 30 % are right
+    >>> precision = problem.inlier_mask[group.mask].mean()
+    >>> bool(precision > 0.9)  # of all matches 30 % are right
     True
     """
     return call("3dhv", locals())

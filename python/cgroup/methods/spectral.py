@@ -89,7 +89,8 @@ def st(
     >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
     >>> group = st(problem.source, problem.target)
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.8)  # of all matches 30 % are right
+    >>> precision = problem.inlier_mask[group.mask].mean()
+    >>> bool(precision > 0.8)  # of all matches 30 % are right
     True
     """
     return call("st", locals())

@@ -11,7 +11,7 @@ from cgroup._values import as_instance, as_items
 from cgroup.comparison import MethodResult, find_correct
 from cgroup.errors import InputError
 from cgroup.pages.viewer import Selection, View, view_html
-from cgroup.registry import METHOD_INFO
+from cgroup.registry import look_up_method
 from cgroup.rigid import check_rigid
 from cgroup.types import Correspondences
 
@@ -36,7 +36,7 @@ def comparison_page(
     tolerance: float | None = None,
     title: str = "Comparison",
 ) -> str:
-    """Make the page of a comparison: what methods kept of the same matches, and why.
+    """Make the page of a comparison: what each method kept of the matches, and why.
 
     Parameters
     ----------
@@ -51,7 +51,8 @@ def comparison_page(
     correct : (n,) array_like of bool, optional
         Which matches are correct, where that is known already.
     tolerance : float, optional
-        Otherwise: largest distance of a correct match from its true place; 5 resolutions by default.
+        Otherwise the largest distance of a correct match from its true place, in the data's unit; 5 times the
+        resolution of the matches by default.
     title : str
         Plain text.
 
@@ -74,7 +75,9 @@ def comparison_page(
     >>> pair = standin_pair(pixels=40)
     >>> matches = correspond(pair.source, pair.target)
     >>> results = compare(matches, pair.T_target_source, methods=["gc", "lc"])
-    >>> page = comparison_page(pair.source, pair.target, matches, results, pair.T_target_source)
+    >>> page = comparison_page(
+    ...     pair.source, pair.target, matches, results, pair.T_target_source
+    ... )
     >>> "LC" in page
     True
     """
@@ -110,7 +113,7 @@ def comparison_page(
 
 
 def _selection(result: MethodResult) -> Selection:
-    score, info = result.score, METHOD_INFO.get(result.method)
+    score, info = result.score, look_up_method(result.method)
     label = result.method if info is None else info.label
     numbers = tuple(f"{value:.2f}" for value in (score.precision, score.recall, score.f_score))
     return Selection(label, result.grouping, (*numbers, "yes" if result.registered else "no"))

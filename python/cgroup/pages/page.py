@@ -60,7 +60,9 @@ def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", cap
 
     Examples
     --------
-    >>> chart = chart_html("line", {"data": [{"y": [1, 3, 2]}], "layout": {}}, label="A line")
+    >>> chart = chart_html(
+    ...     "line", {"data": [{"y": [1, 3, 2]}], "layout": {}}, label="A line"
+    ... )
     >>> chart.startswith('<figure class="chart" id="line"')
     True
     """
@@ -101,9 +103,9 @@ def _json(value: Any) -> str:  # noqa: ANN401 - as above
 
 
 def chart_text(text: object) -> str:
-    """Escape a text that a chart shows as it is.
+    """Escape a text that a chart is to show as it is.
 
-    Plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
+    Without it plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
 
     Parameters
     ----------
@@ -124,7 +126,7 @@ def chart_text(text: object) -> str:
 
 
 def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
-    """Put a page together: style, body, and what its charts are drawn by.
+    """Put a page together: style, body, and what draws the charts in it.
 
     Parameters
     ----------

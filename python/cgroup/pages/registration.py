@@ -61,7 +61,9 @@ def registration_page(
     >>> from cgroup.pages import registration_page
     >>> from cgroup.registration import register
     >>> pair = standin_pair(pixels=60)
-    >>> page = registration_page(pair.source, pair.target, register(pair.source, pair.target))
+    >>> page = registration_page(
+    ...     pair.source, pair.target, register(pair.source, pair.target)
+    ... )
     >>> page.startswith("<!doctype html>")
     True
     """

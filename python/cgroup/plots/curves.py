@@ -121,11 +121,12 @@ def _connect(
     """Connect neighbouring levels, by a dotted line where either has few pairs."""
     dotted = np.flatnonzero(sparse[:-1] | sparse[1:])
     x, y = (np.insert(values, dotted + 1, np.nan) for values in (places, heights))  # a gap for each
-    common = {"color": look.color, "clip_on": False, "zorder": 3}
-    axes.plot(x, y, linestyle=look.dashes, linewidth=1.1, **common)
+    lines = axes.plot(x, y, linestyle=look.dashes, linewidth=1.1)
     for start in dotted:
         two = slice(start, start + 2)
-        axes.plot(places[two], heights[two], linestyle=_DOTS, linewidth=0.7, **common)
+        lines += axes.plot(places[two], heights[two], linestyle=_DOTS, linewidth=0.7)
+    for line in lines:
+        line.set(color=look.color, clip_on=False, zorder=3)
 
 
 def place_levels(axes: Axes, levels: list[float] | list[str]) -> list[float]:
@@ -172,8 +173,9 @@ def legend(figure: Figure, looks: Mapping[str, MethodStyle], *, few: bool = Fals
         for look in (looks[method] for method in sort_methods(looks))
     ]
     if few:
-        hollow = {"marker": "o", "markerfacecolor": "white", "markersize": MARKER_SIZE, "linestyle": _DOTS}
-        handles.append(Line2D([], [], color=style.QUIET_TEXT, label=FEW, linewidth=0.7, **hollow))
+        hollow = Line2D([], [], color=style.QUIET_TEXT, marker="o", markerfacecolor="white", label=FEW)
+        hollow.set(linestyle=_DOTS, linewidth=0.7, markersize=MARKER_SIZE)
+        handles.append(hollow)
     figure.legend(
         handles=handles,
         loc="outside lower center",

@@ -59,7 +59,7 @@ def keypoints_figure(
     >>> from cgroup.plots import keypoints_figure
     >>> from cgroup.registration import detect
     >>> scan = standin_pair(pixels=60).source
-    >>> found = {name: detect(scan, detector=name, keypoints=50) for name in ("h3d", "iss")}
+    >>> found = {name: detect(scan, detector=name) for name in ("h3d", "iss")}
     >>> figure = keypoints_figure(scan.points, found, title="Two detectors")
     >>> [axes.get_title(loc="left") for axes in figure.axes]
     ['h3d', 'iss']

@@ -33,7 +33,8 @@ def scores_figure(
     Parameters
     ----------
     rows : DataFrame
-        Records with the columns ``method``, ``precision``, ``recall``, ``f_score``, and the level in ``x``.
+        Records with the columns ``pair``, ``method``, ``precision``, ``recall``, ``f_score``, and the level
+        in ``x``.
     xlabel : str
         What the levels are, with the unit.
     title : str
@@ -56,8 +57,10 @@ def scores_figure(
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import scores_figure
-    >>> rows = pd.DataFrame({"method": ["gtm"] * 3, "x": [0.1, 0.2, 0.3], "precision": [1.0, 0.9, 0.8]})
-    >>> rows = rows.assign(recall=0.5, f_score=0.6)
+    >>> rows = pd.DataFrame(
+    ...     {"method": ["gtm"] * 3, "x": [0.1, 0.2, 0.3], "precision": [1.0, 0.9, 0.8]}
+    ... )
+    >>> rows = rows.assign(recall=0.5, f_score=0.6, pair="a")
     >>> figure = scores_figure(rows, xlabel="noise (pr)", title="Noise")
     >>> [axes.get_title(loc="left") for axes in figure.axes]
     ['precision', 'recall', 'F-score']
@@ -80,8 +83,8 @@ def registration_rate_figure(
     Parameters
     ----------
     rows : DataFrame
-        Records with the columns ``method``, ``registered`` (by the paper's criterion), and the level in
-        ``x``; stricter criteria are the columns ``ok:<protocol>``.
+        Records with the columns ``pair``, ``method``, ``registered`` (by the paper's criterion), and the
+        level in ``x``; stricter criteria are the columns ``ok:<protocol>``.
     xlabel : str
         What the levels are, with the unit.
     title : str
@@ -104,7 +107,10 @@ def registration_rate_figure(
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import registration_rate_figure
-    >>> rows = pd.DataFrame({"method": "gtm", "x": [0.1, 0.2, 0.3], "registered": [True, True, False]})
+    >>> rows = pd.DataFrame(
+    ...     {"method": "gtm", "x": [0.1, 0.2, 0.3], "registered": [True, True, False]}
+    ... )
+    >>> rows = rows.assign(pair="a")
     >>> figure = registration_rate_figure(rows, xlabel="noise (pr)", title="Noise")
     >>> figure.axes[0].get_title(loc="left")
     "precision > 0.1 (the paper's)"
@@ -166,7 +172,9 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import inliers_figure
-    >>> rows = pd.DataFrame({"pair": "a", "x": [0.1, 0.2], "n": 1000, "correct": [300, 200]})
+    >>> rows = pd.DataFrame(
+    ...     {"pair": "a", "x": [0.1, 0.2], "n": 1000, "correct": [300, 200]}
+    ... )
     >>> rows = rows.assign(inlier_ratio=rows["correct"] / rows["n"])
     >>> figure = inliers_figure(rows, xlabel="noise (pr)", title="Matches")
     >>> [axes.get_title(loc="left") for axes in figure.axes]

@@ -57,9 +57,12 @@ def pair_precision_figure(
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import pair_precision_figure
-    >>> rows = pd.DataFrame({"pair": ["a", "b"] * 2, "method": ["gc", "gc", "gtm", "gtm"]})
+    >>> rows = pd.DataFrame(
+    ...     {"pair": ["a", "b"] * 2, "method": ["gc", "gc", "gtm", "gtm"]}
+    ... )
     >>> rows = rows.assign(precision=[0.4, 0.7, 0.9, 0.95])
-    >>> len(pair_precision_figure(rows, methods=("gc", "gtm"), title="Pair by pair").axes)
+    >>> figure = pair_precision_figure(rows, methods=("gc", "gtm"), title="Two methods")
+    >>> len(figure.axes)
     2
     """
     table = rows.pivot_table(index="pair", columns="method", values="precision")[list(methods)].dropna()

@@ -78,8 +78,12 @@ def pipelines_figure(frame: pd.DataFrame, *, title: str) -> Figure:
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import pipelines_figure
-    >>> frame = pd.DataFrame({"pipeline": "cgroup", "name": "cgroup", "set": "rooms"}, index=[0, 1])
-    >>> frame = frame.assign(refined=False, overlap=[0.3, 0.8], right=[False, True], seconds=[0.5, 0.4])
+    >>> frame = pd.DataFrame(
+    ...     {"pipeline": "cgroup", "name": "cgroup", "set": "rooms"}, index=[0, 1]
+    ... )
+    >>> frame = frame.assign(
+    ...     refined=False, overlap=[0.3, 0.8], right=[False, True], seconds=[0.5, 0.4]
+    ... )
     >>> len(pipelines_figure(frame, title="One way to register").axes)
     2
     """

@@ -55,8 +55,12 @@ def timing_figure(
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import timing_figure
-    >>> times = pd.DataFrame({"gc": [0.001, 0.004], "gtm": [0.01, 0.04]}, index=[1000, 2000])
-    >>> figure = timing_figure(times, exponents={"gc": 2.0, "gtm": 2.0}, complexities={}, title="Time")
+    >>> times = pd.DataFrame(
+    ...     {"gc": [0.001, 0.004], "gtm": [0.01, 0.04]}, index=[1000, 2000]
+    ... )
+    >>> figure = timing_figure(
+    ...     times, exponents={"gc": 2.0, "gtm": 2.0}, complexities={}, title="Time"
+    ... )
     >>> figure.savefig("times.png")
     """
     figure, (axes,) = panels(1, columns=1, title=title, extra=1.5)

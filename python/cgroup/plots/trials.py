@@ -48,7 +48,9 @@ def trials_figure(
     --------
     >>> import pandas as pd
     >>> from cgroup.plots import trials_figure
-    >>> frame = pd.DataFrame({"method": ["gc", "gtm"], "right": [False, True], "f_score": [0.6, 0.9]})
+    >>> frame = pd.DataFrame(
+    ...     {"method": ["gc", "gtm"], "right": [False, True], "f_score": [0.6, 0.9]}
+    ... )
     >>> figure = trials_figure(frame.assign(seconds=[0.001, 0.01]), title="Two methods")
     >>> [axes.get_title(loc="left") for axes in figure.axes]
     ['registered', 'mean F']

@@ -30,7 +30,7 @@ MAX_RESOLUTION_RATIO = 20.0
 
 @dataclass(frozen=True)
 class PaperFront:
-    """Keypoints of a detector, described as in the paper's evaluation.
+    """Keypoints of a detector, described as in the evaluation of Yang et al. (2019).
 
     Attributes
     ----------
@@ -57,7 +57,8 @@ class PaperFront:
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.registration import PaperFront, register
     >>> pair = standin_pair(pixels=60)
-    >>> done = register(pair.source, pair.target, front=PaperFront("iss", "rcs", keypoints=300))
+    >>> front = PaperFront("iss", "rcs", keypoints=300)
+    >>> done = register(pair.source, pair.target, front=front)
     >>> done.ok, len(done.correspondences) < 500
     (True, True)
     """
@@ -94,9 +95,9 @@ def correspond(
 ) -> Correspondences:
     """Match keypoints of two clouds by their descriptors.
 
-    The front end of the paper's evaluation: every source keypoint is matched to the target keypoint with
-    the nearest descriptor, right or wrong. To match one cloud with many, `describe` each once, at the same
-    resolution, and `match_described` them.
+    The front end of the evaluation by Yang et al., TPAMI 2019: every source keypoint is matched to the target
+    keypoint with the nearest descriptor, right or wrong. To match one cloud with many, `describe` each once,
+    at the same resolution, and `match_described` them.
 
     Parameters
     ----------

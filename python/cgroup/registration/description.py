@@ -110,8 +110,9 @@ def surface_normals(
     >>> import numpy as np
     >>> from cgroup.datasets import standin_pair
     >>> pair = standin_pair(pixels=60)
-    >>> towards = surface_normals(pair.source, viewpoint=pair.source_viewpoint)
-    >>> bool((np.sum(towards * (pair.source_viewpoint - pair.source.points), axis=1) >= 0).all())
+    >>> normals = surface_normals(pair.source, viewpoint=pair.source_viewpoint)
+    >>> towards = pair.source_viewpoint - pair.source.points
+    >>> bool((np.sum(normals * towards, axis=1) >= 0).all())
     True
     """
     as_choice("normals", normals, NORMALS)

@@ -75,7 +75,7 @@ def register(
         How long to search: mutual matches only; all matches where these aren't enough; and then finer voxels
         with the three nearest matches of each.
     front : {"dense", "paper"}, DenseFront or PaperFront
-        Where matches come from: every voxel, or the keypoints of a detector, as in the paper's evaluation.
+        Where matches come from: every voxel, or the keypoints of a detector, as `correspond` matches them.
     method : str, optional
         Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" unless given, "gtm" with the
         paper's front.
@@ -107,8 +107,10 @@ def register(
     >>> from cgroup.registration import register
     >>> pair = standin_pair(pixels=60)
     >>> done = register(pair.source, pair.target)
-    >>> done.ok, bool(abs(done.T_target_source - pair.T_target_source).max() < done.voxel)
-    (True, True)
+    >>> done.ok
+    True
+    >>> bool(abs(done.T_target_source - pair.T_target_source).max() < done.voxel)
+    True
     """
     as_choice("effort", effort, EFFORTS)
     clock = StageClock(as_stage_function(progress))

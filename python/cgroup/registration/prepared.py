@@ -236,7 +236,7 @@ def fine_surfaces(
             return both[0], both[1]
     message = (
         f"voxel: got {source.voxel:.4g}, at which source or target has too few points next to each other for "
-        "the last refinement; give a larger voxel"
+        "the last refinement; give a larger `voxel`"
     )
     raise InputError(message)
 

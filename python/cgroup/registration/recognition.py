@@ -254,8 +254,8 @@ def _as_ready_or_scan(
         return as_scan(label, model)
     if not has_faces and not has_normals:
         message = (
-            f"{label}: got neither faces nor normals, which tell its outside; give a PointCloud with them, "
-            "or leave out the viewpoint"
+            f"{label}: got neither faces nor normals, which tell its outside; give a `PointCloud` with them, "
+            "or leave out `viewpoint`"
         )
         raise InputError(message)
     return as_model(label, model, "mesh" if has_faces else "given", voxel)

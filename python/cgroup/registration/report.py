@@ -74,8 +74,11 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None)
     if axis is not None:
         return "the clouds may share too little, or not the axis"
     if source.viewpoint is None or target.viewpoint is None:
-        return "the clouds may share too little; if each is a single scan, say where the scanner stood"
-    return "the clouds may share too little, or a viewpoint may be wrong; more effort may find a pose"
+        return (
+            "the clouds may share too little; if each is a single scan, say where the scanner stood by "
+            "`source_viewpoint` and `target_viewpoint`"
+        )
+    return "the clouds may share too little, or a viewpoint may be wrong; `effort='high'` may find a pose"
 
 
 def _verified_group(matches: Correspondences, pose: FloatArray, within: float) -> Grouping:

@@ -101,7 +101,7 @@ class Registration:
         correct: ArrayLike | None = None,
         interactive: bool = False,
     ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
-        """Draw the clouds, matches between them, and the source where the pose lays it.
+        """Draw both clouds, the matches laid together, and one cloud laid on the other.
 
         Parameters
         ----------

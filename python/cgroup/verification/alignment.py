@@ -113,8 +113,8 @@ class Alignment:
     >>> from cgroup.verification import FineSurface, align
     >>> surface = FineSurface(standin_pair(pixels=60).source.points, 9.0)
     >>> found = align(surface, surface, np.eye(4))
-    >>> found.paired > 0.9, found.residuals.shape == found.deviations.shape, found.information.shape
-    (True, True, (6, 6))
+    >>> found.paired > 0.9, found.information.shape
+    (True, (6, 6))
     """
 
     T_target_source: FloatArray
@@ -180,10 +180,13 @@ def align(
     >>> from cgroup.verification import FineSurface, align
     >>> pair = standin_pair(pixels=80)
     >>> pr = features.resolution(pair.source.points)
-    >>> source, target = (FineSurface(scan.points, 1.5 * pr) for scan in (pair.source, pair.target))
+    >>> source, target = (
+    ...     FineSurface(scan.points, 1.5 * pr) for scan in (pair.source, pair.target)
+    ... )
     >>> near = pair.T_target_source.copy()
     >>> near[:3, 3] += pr
-    >>> bool(abs(align(source, target, near).T_target_source - pair.T_target_source).max() < 0.3 * pr)
+    >>> found = align(source, target, near).T_target_source
+    >>> bool(abs(found - pair.T_target_source).max() < 0.3 * pr)
     True
     """
     return align_each(source, target, as_pose(pose), SAMPLES, threads)[0]

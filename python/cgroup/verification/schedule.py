@@ -33,8 +33,8 @@ class Verification:
     score : float
         Its agreement less violations, at most 2; 0 or less for nothing in common.
     margin : float
-        Lead in ln score (and evidence, see `verify`) over the best pose that differs by more than 10 degrees
-        or 20 units; infinite where there is none.
+        Lead in ``ln score + 0.1 ln(1 + min(evidence, 20))`` over the best pose that differs by more than 10
+        degrees or 20 units; infinite where there is none.
     fitness : float
         Share of the source's points that lie on the target's surface: within 2 units of its plane, normals
         alike.
@@ -61,7 +61,9 @@ class Verification:
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.verification import Surface, verify
     >>> points = standin_pair(pixels=60).source.points
-    >>> surface = Surface(points, features.normals(points), unit=0.4 * features.resolution(points))
+    >>> surface = Surface(
+    ...     points, features.normals(points), unit=0.4 * features.resolution(points)
+    ... )
     >>> found = verify(surface, surface, np.eye(4))
     >>> found.T_target_source.shape, found.score > 1.9, found.margin, found.fitness
     ((4, 4), True, inf, 1.0)
@@ -135,7 +137,12 @@ def verify(
     >>> pair = standin_pair(pixels=80)
     >>> pr = features.resolution(pair.source.points)
     >>> source, target = (
-    ...     Surface(scan.points, features.normals(scan.points), unit=0.4 * pr, viewpoint=(0, 0, 0))
+    ...     Surface(
+    ...         scan.points,
+    ...         features.normals(scan.points),
+    ...         unit=0.4 * pr,
+    ...         viewpoint=(0, 0, 0),
+    ...     )
     ...     for scan in (pair.source, pair.target)
     ... )
     >>> near = pair.T_target_source.copy()
@@ -205,8 +212,8 @@ def score_poses(
     >>> surface = Surface(points, features.normals(points), unit=0.4 * pr)
     >>> away = np.eye(4)
     >>> away[0, 3] = 100 * pr
-    >>> [round(score, 2) for score in score_poses(surface, surface, [np.eye(4), away]).tolist()]
-    [2.0, 0.0]
+    >>> score_poses(surface, surface, [np.eye(4), away]).round(2)
+    array([2., 0.])
     """
     return _core.score_poses(
         core_surface("source", source),

@@ -113,7 +113,7 @@ def lc() -> Figure:
     left.set(xlim=(0, 7), ylim=(0, 5.9))
     finish(
         left,
-        title="What a match adds to the support",
+        title="What a match adds",
         xlabel=r"residual $r_i$ ($\tau / 3$)",
         ylabel="support",
     )

@@ -78,7 +78,7 @@ def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
     --------
     >>> import pandas as pd
     >>> from cgroup.benchmark.claims import check_claims
-    >>> verdicts = check_claims(pd.DataFrame(), pd.DataFrame())  # without records nothing can be tested
+    >>> verdicts = check_claims(pd.DataFrame(), pd.DataFrame())  # no records
     >>> {verdict.verdict for verdict in verdicts}
     {'not testable'}
     """

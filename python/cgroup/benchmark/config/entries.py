@@ -134,7 +134,9 @@ class ExperimentEntry(Table):
     Examples
     --------
     >>> from cgroup.benchmark.config import ExperimentEntry
-    >>> entry = ExperimentEntry(id="noise", dataset="standin-full", nuisance="noise", levels=[0.1, 0.3])
+    >>> entry = ExperimentEntry(
+    ...     id="noise", dataset="standin-full", nuisance="noise", levels=[0.1, 0.3]
+    ... )
     >>> entry.dataset, entry.combinations, entry.epsilons
     (('standin-full',), ('C1',), (5.0,))
     """

@@ -173,7 +173,8 @@ def replace_methods(config: Config, methods: list[str]) -> Config:
     Examples
     --------
     >>> from cgroup.benchmark.config import read_config, replace_methods
-    >>> [method.name for method in replace_methods(read_config("smoke"), ["gtm", "lc"]).methods]
+    >>> config = replace_methods(read_config("smoke"), ["gtm", "lc"])
+    >>> [method.name for method in config.methods]
     ['gtm', 'lc']
     """
     try:

@@ -111,7 +111,9 @@ class PairSetEntry(Table):
     Examples
     --------
     >>> from cgroup.benchmark.config import PairSetEntry
-    >>> entry = PairSetEntry(id="stones", dataset="standin-views", loose="5deg+5pr", strict="2deg+2pr")
+    >>> entry = PairSetEntry(
+    ...     id="stones", dataset="standin-views", loose="5deg+5pr", strict="2deg+2pr"
+    ... )
     >>> entry.mirrored, entry.voxel
     (0, None)
     """
@@ -157,7 +159,12 @@ class RegistrationEntry(Table):
     Examples
     --------
     >>> from cgroup.benchmark.config import RegistrationEntry
-    >>> stones = {"id": "stones", "dataset": "standin-views", "loose": "5deg+5pr", "strict": "2deg+2pr"}
+    >>> stones = {
+    ...     "id": "stones",
+    ...     "dataset": "standin-views",
+    ...     "loose": "5deg+5pr",
+    ...     "strict": "2deg+2pr",
+    ... }
     >>> entry = RegistrationEntry(pipelines=["cgroup", "cgroup-paper"], sets=[stones])
     >>> [pipeline.name for pipeline in entry.pipelines], entry.threads
     (['cgroup', 'cgroup-paper'], 2)

@@ -136,7 +136,9 @@ class TrialSetEntry(Table):
     Examples
     --------
     >>> from cgroup.benchmark.config import TrialSetEntry
-    >>> entry = TrialSetEntry(id="stones", dataset="standin-views", matches="C1", pairs=4)
+    >>> entry = TrialSetEntry(
+    ...     id="stones", dataset="standin-views", matches="C1", pairs=4
+    ... )
     >>> entry.loose, entry.preset
     ('5deg+5pr', 'paper')
     """
@@ -199,7 +201,9 @@ class TrialsEntry(Table):
     Examples
     --------
     >>> from cgroup.benchmark.config import TrialsEntry
-    >>> entry = TrialsEntry(sets=[{"id": "easy", "grid": {"n": 200, "inliers": 0.3}}], limit=10)
+    >>> entry = TrialsEntry(
+    ...     sets=[{"id": "easy", "grid": {"n": 200, "inliers": 0.3}}], limit=10
+    ... )
     >>> entry.threads, entry.sets[0].grid.n
     ((1,), (200,))
     """

@@ -90,7 +90,8 @@ class Pipeline:
         Examples
         --------
         >>> from cgroup.benchmark.pipelines import make_pipeline
-        >>> make_pipeline("mine", "cgroup", {}).key == make_pipeline("yours", "cgroup", {}).key
+        >>> mine, yours = (make_pipeline(name, "cgroup", {}) for name in "ab")
+        >>> mine.key == yours.key
         True
         """
         text = json.dumps([self.name, self.options, self.refined])
@@ -145,7 +146,9 @@ class Pipeline:
         >>> from cgroup.benchmark.pipelines import Problem, make_pipeline
         >>> from cgroup.datasets import standin_pair
         >>> pair = standin_pair(pixels=60)
-        >>> problem = Problem(pair.source.points, pair.target.points, (0, 0, 0), (0, 0, 0), voxel=6.0)
+        >>> problem = Problem(
+        ...     pair.source.points, pair.target.points, (0, 0, 0), (0, 0, 0), voxel=6.0
+        ... )
         >>> answer, seconds = make_pipeline("", "cgroup", {}).run(problem)
         >>> answer.ok, "matching" in seconds
         (True, True)

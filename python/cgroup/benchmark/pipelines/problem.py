@@ -34,7 +34,9 @@ class Problem:
     >>> from cgroup.benchmark.pipelines import Problem
     >>> from cgroup.datasets import standin_pair
     >>> pair = standin_pair(pixels=60)
-    >>> problem = Problem(pair.source.points, pair.target.points, (0, 0, 0), (0, 0, 0), voxel=4.0)
+    >>> problem = Problem(
+    ...     pair.source.points, pair.target.points, (0, 0, 0), (0, 0, 0), voxel=4.0
+    ... )
     >>> problem.voxel, problem.threads, problem.seed
     (4.0, 1, 0)
     """
@@ -65,7 +67,7 @@ class Answer:
     --------
     >>> import numpy as np
     >>> from cgroup.benchmark.pipelines import Answer
-    >>> def stays(problem, clock):  # a pipeline of one's own, "module:stays" in a configuration
+    >>> def stays(problem, clock):  # named "module:stays" in a configuration
     ...     clock.start("pose")
     ...     return Answer(np.eye(4), ok=False)
     >>> Answer(np.eye(4), ok=True).probability

@@ -53,14 +53,17 @@ class OpenDatasets:
         Those that are at hand.
     pairs : dict of str to list of str
         Names of their pairs.
+    lacking : dict of str to set of str
+        Names of pairs of which files aren't there.
     missing : dict of str to str
-        Why others aren't.
+        Why others aren't at hand, and what those that are lack.
     """
 
     def __init__(self, root: Path | None) -> None:
         self._root = root
         self.found: dict[str, Dataset] = {}
         self.pairs: dict[str, list[str]] = {}
+        self.lacking: dict[str, set[str]] = {}
         self.missing: dict[str, str] = {}
 
     def open(self, name: str) -> bool:
@@ -69,14 +72,17 @@ class OpenDatasets:
             try:
                 dataset = open_dataset(name, self._root)
                 self.pairs[name] = dataset.pair_names()
+                self.lacking[name] = set(dataset.lacking_pairs())
                 self.found[name] = dataset
+                if note := dataset.note():
+                    self.missing[name] = note
             except InputError as error:
                 self.missing[name] = str(error)
         return name in self.found
 
 
 def draw_pairs(
-    where: str, wanted: int | tuple[str, ...] | None, name: str, pairs: list[str], seed: int
+    where: str, wanted: int | tuple[str, ...] | None, name: str, opened: OpenDatasets, seed: int
 ) -> list[str]:
     """Choose pairs of a data set; a smaller draw is part of every larger one, so that cases are shared.
 
@@ -88,30 +94,31 @@ def draw_pairs(
         How many, or which; all by default.
     name : str
         Of the data set.
-    pairs : list of str
-        All that it has.
+    opened : OpenDatasets
+        What it has.
     seed : int
         Of the draw.
 
     Returns
     -------
     list of str
-        In the order of `pairs`, unless they are named.
+        In the data set's order, unless they are named; without those of which files aren't there.
 
     Raises
     ------
     InputError
         If a pair is named that doesn't exist.
     """
+    pairs = opened.pairs[name]
     if wanted is None:
         return pairs
     if isinstance(wanted, int):
         return draw("pairs", wanted, pairs, seed, name)
-    unknown = [pair for pair in wanted if pair not in pairs]
+    unknown = [pair for pair in wanted if pair not in pairs and pair not in opened.lacking[name]]
     if unknown:
         message = f"{where}: {name} has no pair {unknown[0]!r}; the first is {pairs[0]!r}"
         raise InputError(message)
-    return list(wanted)
+    return [pair for pair in wanted if pair in pairs]
 
 
 def draw(purpose: str, count: int, items: Sequence[Item], seed: int, name: str) -> list[Item]:

@@ -30,7 +30,7 @@ class PlannedExperiment:
     methods : tuple of Candidate
         To be run on each.
     missing : dict of str to str
-        Data sets that are not at hand, and why.
+        Data sets that are not at hand, or not whole, and why.
     """
 
     experiment: ExperimentEntry
@@ -42,7 +42,7 @@ class PlannedExperiment:
 def plan_experiment(config: Config, experiment: ExperimentEntry, opened: OpenDatasets) -> PlannedExperiment:
     """Find the cases of an experiment."""
     at_hand = [name for name in experiment.dataset if opened.open(name)]
-    missing = {name: opened.missing[name] for name in experiment.dataset if name not in at_hand}
+    missing = {name: opened.missing[name] for name in experiment.dataset if name in opened.missing}
     cases = tuple(case for name in at_hand for case in _list_cases(config.seed, experiment, name, opened))
     entries = experiment.methods or config.methods
     return PlannedExperiment(experiment, cases, tuple(entry.candidate() for entry in entries), missing)
@@ -56,7 +56,7 @@ def _list_cases(seed: int, experiment: ExperimentEntry, name: str, opened: OpenD
             message = f"{experiment.id}: {name} comes as correspondences; it takes no nuisance and no sweep"
             raise InputError(message)
         combinations = (READY_MADE,)
-    for pair in draw_pairs(experiment.id, experiment.pairs, name, opened.pairs[name], seed):
+    for pair in draw_pairs(experiment.id, experiment.pairs, name, opened, seed):
         for level in levels:
             for combination in combinations:
                 if experiment.sweep:

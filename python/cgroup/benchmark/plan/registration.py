@@ -55,7 +55,7 @@ def plan_sets(config: Config, opened: OpenDatasets) -> Iterator[PlannedSet]:
         return
     for entry in config.registration.sets:
         at_hand = [name for name in entry.dataset if opened.open(name)]
-        missing = {name: opened.missing[name] for name in entry.dataset if name not in at_hand}
+        missing = {name: opened.missing[name] for name in entry.dataset if name in opened.missing}
         cases = tuple(case for name in at_hand for case in _list_cases(entry, name, opened, config.seed))
         pipelines, absent = _find_pipelines(config.registration.pipelines, entry.without)
         yield PlannedSet(entry, cases, pipelines, config.registration.threads, missing | absent)
@@ -66,7 +66,7 @@ def _list_cases(entry: PairSetEntry, name: str, opened: OpenDatasets, seed: int)
     if dataset.role == "correspondences":
         message = f"{entry.id}: {name} comes as correspondences; registering needs clouds"
         raise InputError(message)
-    pairs = draw_pairs(entry.id, entry.pairs, name, opened.pairs[name], seed)
+    pairs = draw_pairs(entry.id, entry.pairs, name, opened, seed)
     mixed = [both for both in mixed_names(dataset) if set(both) <= set(pairs)]
     for pair in pairs:
         yield PairCase(name, pair, voxel=entry.voxel, seed=seed)

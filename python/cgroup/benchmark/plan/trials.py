@@ -38,7 +38,7 @@ class PlannedTrials:
     limit : float
         Seconds after which a call is given up.
     missing : dict of str to str
-        Data sets that are not at hand, and why.
+        Data sets that are not at hand, or not whole, and why.
     """
 
     entry: TrialSetEntry
@@ -64,7 +64,7 @@ def plan_trials(config: Config, opened: OpenDatasets) -> Iterator[PlannedTrials]
     for entry in trials.sets:
         names = entry.dataset or (GeneratedMatches.name,)
         at_hand = [name for name in names if opened.open(name)]
-        missing = {name: opened.missing[name] for name in names if name not in at_hand}
+        missing = {name: opened.missing[name] for name in names if name in opened.missing}
         cases = tuple(case for name in at_hand for case in _list_cases(entry, name, opened, config.seed))
         chosen = entry.methods or trials.methods or config.methods
         methods = tuple(_with_preset(each.candidate(), entry.preset) for each in chosen)
@@ -84,7 +84,7 @@ def _list_cases(entry: TrialSetEntry, name: str, opened: OpenDatasets, seed: int
         message = f"{entry.id}: {name} has clouds; matches says how they are matched"
         raise InputError(message)
     how = entry.matches if not ready_made else READY_MADE
-    pairs = draw_pairs(entry.id, entry.pairs, name, opened.pairs[name], seed)
+    pairs = draw_pairs(entry.id, entry.pairs, name, opened, seed)
     rest: dict[str, Any] = {"matches": how, "voxel": entry.voxel, "epsilon": entry.epsilon, "seed": seed}
     for pair in pairs:
         yield Problem(name, pair, **rest)

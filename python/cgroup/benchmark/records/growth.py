@@ -62,7 +62,9 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     --------
     >>> import pandas as pd
     >>> from cgroup.benchmark.records import exponents
-    >>> timing = pd.DataFrame({"method": "gtm", "n": [2000, 4000], "threads": 1, "seconds": [0.1, 0.4]})
+    >>> timing = pd.DataFrame(
+    ...     {"method": "gtm", "n": [2000, 4000], "threads": 1, "seconds": [0.1, 0.4]}
+    ... )
     >>> exponents(timing).round(6).values.tolist()
     [['gtm', 2.0, 2]]
     """

@@ -148,7 +148,7 @@ def load_timing(path: Path) -> pd.DataFrame:
     >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
     >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
     >>> _ = run(config, Path("results"), backend="threading")
-    >>> len(records.load_timing(Path("results")))  # the configuration asks for none
+    >>> len(records.load_timing(Path("results")))  # none was asked for
     0
     """
     return query(path, _TIMES)

@@ -37,8 +37,8 @@ function bandOf(series, x, color) {
     let end = start;
     while (typeof series.low[end + 1] === "number") end += 1;
     const stretch = Array.from({length: end - start + 1}, (_, k) => start + k);
-    xs.push(...stretch.map((i) => x[i]), ...stretch.toReversed().map((i) => x[i]), null);
-    ys.push(...stretch.map((i) => series.low[i]), ...stretch.toReversed().map((i) => series.high[i]), null);
+    xs.push(...stretch.map((i) => x[i]), ...[...stretch].reverse().map((i) => x[i]), null);
+    ys.push(...stretch.map((i) => series.low[i]), ...[...stretch].reverse().map((i) => series.high[i]), null);
     start = end;
   }
   return {x: xs, y: ys, mode: "lines", fill: "toself", fillcolor: fade(color, 0.1), line: {width: 0}, hoverinfo: "skip", showlegend: false};
@@ -96,7 +96,7 @@ function layoutOf(area, meta, panel) {
   const old = area.layout;
   const names = typeof panel.at?.[0] === "string" ? panel.at : null;
   const logarithmic = panel.logarithmic ?? "";
-  const axis = (which, title) => ({...old[which], title: {text: escapeText(title), standoff: 8, font: {size: 13}}, automargin: true, zeroline: false, showline: which === "xaxis", autorange: true, range: undefined, tickvals: undefined, ticktext: undefined, type: "linear"});
+  const axis = (which, title) => ({...old[which], title: {text: escapeText(title), standoff: 8, font: {size: 13}}, automargin: true, zeroline: false, fixedrange: matchMedia("(pointer: coarse)").matches, showline: which === "xaxis", autorange: true, range: undefined, tickvals: undefined, ticktext: undefined, type: "linear"});
   const xaxis = axis("xaxis", panel.x_title), yaxis = axis("yaxis", panel.y_title);
   if (names) Object.assign(xaxis, {tickvals: names.map((_, i) => i), ticktext: names.map(escapeText), range: [-0.5, names.length - 0.5], autorange: false, showgrid: false});
   if (logarithmic.includes("x")) Object.assign(xaxis, {type: "log", ...(panel.at ? {tickvals: panel.at, ticktext: panel.at.map(show)} : {dtick: 1, tickformat: "~g"})});
@@ -104,7 +104,7 @@ function layoutOf(area, meta, panel) {
   if (panel.share) Object.assign(yaxis, {range: [-0.02, 1.02], autorange: false, dtick: 0.2});
   else if (!logarithmic.includes("y")) yaxis.rangemode = "tozero";
   return {
-    ...old, xaxis, yaxis, hovermode: "closest", showlegend: true, legend: {...old.legend, font: {size: 13}, itemsizing: "constant", ...(narrow ? {orientation: "h", x: 0, y: 1.02, yanchor: "bottom"} : {orientation: "v", x: 1.02, y: 1})},
+    ...old, xaxis, yaxis, uirevision: panel.title, hovermode: "closest", showlegend: true, legend: {...old.legend, font: {size: 13}, itemsizing: "constant", ...(narrow ? {orientation: "h", x: 0, y: 1.02, yanchor: "bottom"} : {orientation: "v", x: 1.02, y: 1})},
     margin: {l: 52, r: 12, t: 14, b: 48}, hoverlabel: {...old.hoverlabel, align: "left"},
   };
 }
@@ -160,5 +160,6 @@ const chartSight = new IntersectionObserver((entries) => {
 }, {rootMargin: "300px"});
 chartBlocks.forEach((block) => chartSight.observe(block));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => filled.forEach((_, block) => paint(block)));
+addEventListener("beforeprint", () => chartBlocks.forEach(fill));
 let lastWidth = innerWidth;
 addEventListener("resize", () => { if (innerWidth !== lastWidth) { lastWidth = innerWidth; filled.forEach((_, block) => paint(block)); } });

@@ -1,0 +1,194 @@
+"""A data set of which some files are missing offers the pairs whose files are there, and says which are not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from shared_data import data_folder
+
+from cgroup.datasets import open_dataset
+from cgroup.errors import InputError
+from cgroup.io import PointCloud, write_cloud
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+POINTS = np.random.default_rng(0).normal(size=(30, 3))
+MATRIX = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+LOG = "0 1 2\n" + MATRIX
+INI = '[MODELS]\nMODEL_0 = "/m/{0}/{0}_res.ply"\nMODEL_0_GROUNDTRUTH = "/r/{0}.xf"\n[SCENE]\nPATH = "/r/{0}.ply"\n'
+LINE = " ".join(MATRIX.split())
+KITTI_POSES = "".join(f"1 0 0 0 0 1 0 0 0 0 1 {6 * step}\n" for step in range(8))
+
+LAYOUTS = {
+    "b3r-clean": {
+        **{f"b3r/r/ConfigScene{n}.ini": INI.format(f"S{n}") for n in (0, 1)},
+        **dict.fromkeys((f"b3r/m/S{n}/S{n}_res.ply" for n in (0, 1)), ""),
+        **dict.fromkeys((f"b3r/r/S{n}.xf" for n in (0, 1)), MATRIX),
+        **dict.fromkeys((f"b3r/r/S{n}_0.1.ply" for n in (0, 1)), ""),
+    },
+    "u3or": {
+        **dict.fromkeys((f"u3or/gt/{model}-rs{n}.xf" for model in ("chef", "T-rex") for n in (1, 2)), MATRIX),
+        **dict.fromkeys(("u3or/models/cheff.ply", "u3or/models/T-rex_high.ply", "u3or/scenes/rs1.ply"), ""),
+    },
+    "u3m": {
+        "u3m/Chef/pairs.txt": f"a.ply b.ply {LINE}\na.ply c.ply {LINE}\n",
+        **dict.fromkeys((f"u3m/Chef/{name}.ply" for name in "abc"), ""),
+    },
+    "stanford": {
+        "manifest.json": '{"stanford_views": {"pairs": ['
+        '{"set": "bunny", "src": "a.ply", "tgt": "b-2.ply"}, {"set": "bunny", "src": "a.ply", "tgt": "c.ply"}]}}',
+        "stanford_views/bunny/bun.conf": "".join(f"bmesh {n}.ply 0 0 0 0 0 0 1\n" for n in ("a", "b-2", "c")),
+        **dict.fromkeys((f"stanford_views/bunny/{name}.ply" for name in ("a", "b-2", "c")), ""),
+    },
+    "3dmatch": {
+        "threedmatch/hall-evaluation/gt.log": LOG + LOG.replace("0 1", "0 3", 1),
+        **dict.fromkeys((f"threedmatch/hall/cloud_bin_{n}.ply" for n in (0, 1, 3)), ""),
+    },
+    "lidar": {
+        **dict.fromkeys((f"lidar/{pair}_{end}.ply" for pair in "ab" for end in ("source", "target")), ""),
+        **dict.fromkeys((f"lidar/{pair}_T_target_source.txt" for pair in "ab"), MATRIX),
+        "corr/t/8-2.pose": MATRIX,
+        **dict.fromkeys(("corr/t/8_v.pcd", "corr/t/2_v.pcd"), ""),
+        "corr/matches/1_trans.txt": MATRIX,
+    },
+    "kitti": {
+        "kitti/poses/08.txt": KITTI_POSES,
+        "kitti/sequences/08/calib.txt": "Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n",
+        **dict.fromkeys((f"kitti/sequences/08/velodyne/{n:06d}.bin" for n in range(8)), ""),
+    },
+    "fgr": {
+        **dict.fromkeys((f"fgr/p{n}/gt.log" for n in (1, 2)), LOG),
+        **dict.fromkeys((f"fgr/p{n}/Depth_000{k}.ply" for n in (1, 2) for k in (0, 1)), ""),
+        **dict.fromkeys((f"fgr/p{n}/features_000{k}.bin" for n in (1, 2) for k in (0, 1)), ""),
+    },
+    "corr": {
+        **dict.fromkeys(("corr/room/corr.txt", "corr/hall/corr.txt"), ""),
+        **dict.fromkeys(("corr/room/GTmat.txt", "corr/hall/GTmat.txt", "corr/street/7_trans.txt"), MATRIX),
+        **dict.fromkeys((f"corr/street/7_fpfh_kpts_{end}.txt" for end in ("src", "dst")), ""),
+    },
+    "corr-three": {
+        **dict.fromkeys((f"corr/{place}/8-2.pose" for place in "ab"), MATRIX),
+        **dict.fromkeys((f"corr/{place}/8_2_top3.match" for place in "ab"), ""),
+    },
+}
+LAYOUTS["b3r"] = LAYOUTS["b3r-clean"]
+LAYOUTS["fgr-clouds"] = LAYOUTS["fgr"]
+
+REMOVED = [
+    ("b3r-clean", "b3r/m/S1/S1_res.ply", ["scene1"]),
+    ("b3r-clean", "b3r/r/S0.xf", ["scene0"]),
+    ("b3r-clean", "b3r/r/S0_0.1.ply", ["scene0"]),
+    ("b3r", "b3r/m/S1/S1_res.ply", [f"scene1-noise{noise}" for noise in (0.1, 0.3, 0.5)]),
+    ("u3or", "u3or/models/T-rex_high.ply", ["rs1-T-rex", "rs2-T-rex", "rs2-chef"]),
+    ("u3m", "u3m/Chef/c.ply", ["Chef/a-c"]),
+    ("stanford", "stanford_views/bunny/b-2.ply", ["bunny/a-b-2"]),
+    ("3dmatch", "threedmatch/hall/cloud_bin_3.ply", ["3DMatch/hall/0-3"]),
+    ("lidar", "lidar/b_target.ply", ["lidar/b"]),
+    ("lidar", "corr/t/2_v.pcd", ["corr/t/8-2"]),
+    ("kitti", "kitti/sequences/08/velodyne/000003.bin", ["08/2-3"]),
+    ("fgr", "fgr/p2/features_0001.bin", ["p2"]),
+    ("fgr", "fgr/p1/Depth_0000.ply", ["p1"]),
+    ("fgr-clouds", "fgr/p1/Depth_0001.ply", ["p1"]),
+    ("corr", "corr/hall/GTmat.txt", ["hall"]),
+    ("corr", "corr/room/corr.txt", ["room"]),
+    ("corr", "corr/street/7_fpfh_kpts_dst.txt", ["street/7"]),
+    ("corr-three", "corr/b/8_2_top3.match", ["b/8-2"]),
+]
+
+
+def lay_out(root: Path, name: str) -> None:
+    for file, content in LAYOUTS[name].items():
+        path = root / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix == ".ply":
+            write_cloud(path, PointCloud(POINTS))
+        else:
+            path.write_text(content or "0 0 0 0\n")
+
+
+@pytest.mark.parametrize(("name", "file", "lacking"), REMOVED)
+def test_pairs_that_lack_a_file_are_left_out_and_named(
+    name: str, file: str, lacking: list[str], tmp_path: Path
+) -> None:
+    lay_out(tmp_path, name)
+    whole = open_dataset(name, tmp_path)
+    assert not whole.lacking_pairs()
+    assert name == "kitti" or not whole.note()
+    (tmp_path / file).unlink()
+    dataset = open_dataset(name, tmp_path)
+    assert dataset.pair_names() == [pair for pair in whole.pair_names() if pair not in lacking]
+    assert list(dataset.lacking_pairs()) == lacking
+    for pair, path in dataset.lacking_pairs().items():
+        assert path.stem.split("_")[0] in file
+        assert not path.exists()
+        with pytest.raises(InputError, match=r"needs .*, which isn't there"):
+            dataset.load(pair)
+    total = len(whole.pair_names())
+    assert dataset.note().startswith(f"{len(lacking)} of {total} pairs lack files: {lacking[0]} (no ")
+
+
+@pytest.mark.parametrize(("name", "file", "lacking"), REMOVED[:1] + REMOVED[5:6] + REMOVED[10:11])
+def test_data_sets_without_any_whole_pair_are_not_there(
+    name: str, file: str, lacking: list[str], tmp_path: Path
+) -> None:
+    del lacking
+    lay_out(tmp_path, name)
+    for path in (tmp_path / file).parent.parent.rglob(f"*{(tmp_path / file).suffix}"):
+        path.unlink()
+    with pytest.raises(InputError, match="isn't there, but .* needs it; get it from"):
+        open_dataset(name, tmp_path)
+
+
+def test_a_long_list_is_cut(tmp_path: Path) -> None:
+    lay_out(tmp_path, "b3r")
+    (tmp_path / "b3r/m/S1/S1_res.ply").unlink()
+    (tmp_path / "b3r/r/ConfigScene2.ini").write_text(INI.format("S2"))
+    assert open_dataset("b3r", tmp_path).note() == (
+        "6 of 9 pairs lack files: scene1-noise0.1 (no S1/S1_res.ply), scene1-noise0.3 (no S1/S1_res.ply), "
+        "scene1-noise0.5 (no S1/S1_res.ply), ..."
+    )
+
+
+def test_sequences_and_views_that_nothing_lists_are_named(tmp_path: Path) -> None:
+    lay_out(tmp_path, "kitti")
+    assert open_dataset("kitti", tmp_path).note() == (
+        "no pairs are known of sequences without poses (09.txt, 10.txt)"
+    )
+    lay_out(tmp_path, "stanford")
+    (tmp_path / "manifest.json").unlink()
+    (tmp_path / "stanford_views/bunny/c.ply").unlink()
+    note = open_dataset("stanford", tmp_path).note()
+    assert note == "pairs of views that aren't there are left out (1, such as bunny/c.ply)"
+
+
+REAL = [
+    ("b3r", "b3r/scenes/*.ply"),
+    ("u3or", "u3or/models/cheff_simple.ply"),
+    ("stanford", "stanford_views/bunny/*.ply"),
+    ("3dmatch", "threedmatch/7-scenes-redkitchen/*.npy"),
+    ("lidar", "corr/turboreg_kitti/*.ply"),
+    ("fgr", "fgr/pairwise_noise_xyz_level_01_02_rot_05/*.npz"),
+    ("corr", "corr/turboreg_kitti/*_trans.txt"),
+    ("corr-three", "corr/tcf_kitti09/*.match"),
+]
+
+
+@pytest.mark.parametrize(("name", "files"), REAL)
+def test_real_data_without_a_file(name: str, files: str, tmp_path: Path) -> None:
+    root = data_folder(files.partition("/")[0])
+    for path in root.rglob("*"):
+        link = tmp_path / path.relative_to(root)
+        link.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_file():
+            link.symlink_to(path.resolve())
+    whole = open_dataset(name, tmp_path)
+    assert not whole.lacking_pairs()
+    min(tmp_path.glob(files)).unlink()
+    partial = open_dataset(name, tmp_path)
+    lacking = partial.lacking_pairs()
+    assert 0 < len(lacking) < len(whole.pair_names())
+    assert sorted([*partial.pair_names(), *lacking]) == sorted(whole.pair_names())
+    assert f"{len(lacking)} of {len(whole.pair_names())} pairs lack files" in partial.note()
