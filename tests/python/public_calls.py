@@ -23,7 +23,6 @@ MODULES = ("features", "registration", "verification", "evaluation", "nuisances"
 RESULTS = {
     "Alignment",
     "DescribedCloud",
-    "Explanation",
     "GroupScore",
     "Grouping",
     "Matches",

@@ -35,17 +35,6 @@ GENERATED = config.Config(
 )
 
 
-def without_plotly(call: Callable[[], object]) -> Callable[[], object]:
-    """Return a call as it goes where plotly isn't installed."""
-
-    def called() -> object:
-        pages.page.packed_plotly.cache_clear()
-        with mock.patch.dict(sys.modules, {"plotly": None, "plotly.offline": None}):
-            return call()
-
-    return called
-
-
 def draw_registration(**changed: Any) -> object:
     given = {
         "source": PROBLEM.source,
@@ -86,22 +75,6 @@ def of_levels(draw: Callable[..., object]) -> Callable[[], object]:
 
 
 WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
-    "cgroup.Correspondences.plot": (lambda: BARE.plot(correct=[True]),),
-    "cgroup.Grouping.explain": (lambda: cgroup.ss([0.5]).explain(1),),
-    "cgroup.Grouping.plot": (lambda: cgroup.ss([0.5]).plot(),),
-    "cgroup.registration.Registration.plot": (
-        lambda: registration.register(PAIR.source, PAIR.target).plot(np.zeros((0, 3))),
-    ),
-    "cgroup.pages.chart_html": (lambda: pages.chart_html("a", 3, label="A"),),
-    "cgroup.pages.comparison_page": (
-        lambda: pages.comparison_page(PAIR.source, PAIR.target, BARE, [], np.eye(4)),
-    ),
-    "cgroup.pages.log_to_rerun": (
-        lambda: pages.log_to_rerun(PAIR.source, PAIR.target, BARE, cgroup.ss([0.5])),
-    ),
-    "cgroup.pages.page_html": (without_plotly(lambda: pages.page_html("A", '<figure class="chart"')),),
-    "cgroup.pages.registration_page": (lambda: pages.registration_page(PAIR.source, PAIR.target, 3),),
-    "cgroup.pages.write_page": (lambda: pages.write_page(NOWHERE / "page.html", "A"),),
     "cgroup.Grouping.transform": (
         lambda: cgroup.nnsr([0.5]).transform(),
         lambda: cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2]).transform(),
@@ -158,6 +131,7 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     "cgroup.plots.trials_figure": (lambda: plots.trials_figure(pd.DataFrame(), title=""),),
     "cgroup.pages.chart_html": (lambda: pages.chart_html("a", 3, label="a"),),
     "cgroup.pages.comparison_page": (lambda: pages.comparison_page(CLOUD, CLOUD, BARE, [], np.eye(4)),),
+    "cgroup.pages.log_to_rerun": (lambda: pages.log_to_rerun(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5])),),
     "cgroup.pages.page_html": (find_plotly_missing,),
     "cgroup.pages.registration_page": (lambda: pages.registration_page(CLOUD, CLOUD, 3),),
     "cgroup.pages.write_page": (lambda: pages.write_page(NOWHERE / "page.html", ""),),

@@ -158,7 +158,9 @@ def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
     True
     """
     has_charts = '<figure class="chart"' in body
-    library = f'<script type="text/plain" id="chart-library">{packed_plotly()}</script>' if has_charts else ""
+    library = (
+        f'<script type="text/plain" id="chart-library">{_packed_plotly()}</script>' if has_charts else ""
+    )
     return Template(part("page.html")).substitute(
         title=html.escape(title),
         css=part("page.css") + css,
@@ -214,8 +216,7 @@ def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
 
 
 @functools.cache
-def packed_plotly() -> str:
-    """Return plotly's script, compressed, in base64."""
+def _packed_plotly() -> str:
     try:
         from plotly.offline import get_plotlyjs  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
