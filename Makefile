@@ -22,9 +22,9 @@ DEV_EXTRAS := scans,bench,test,dev,docs
 # Runs a command whose output matters only where it fails.
 quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 
-# Pages of the Python API, beside those of the crate.
-DOCS_OUT ?= target/docs
-DOCS_MODULES := cgroup $(addprefix cgroup.,benchmark datasets evaluation features io nuisances plots registration types verification)
+# The documentation site.
+DOCS_OUT ?= target/site
+SPHINX = $(BIN)/python -m sphinx -d target/site-doctrees docs
 ADVISORIES := https://github.com/rustsec/advisory-db
 
 # Seconds per target, and which: make fuzz SECONDS=60 FUZZ_TARGETS=features
@@ -42,7 +42,7 @@ DIST ?= dist
 UNSTABLE := RUSTC_BOOTSTRAP=1
 HOST := $(shell rustc --print host-tuple 2>/dev/null)
 
-.PHONY: help setup demo test test-rust test-python test-checked sanitize fuzz fmt lint types docs audit package bench bench-peers clean
+.PHONY: help setup demo test test-rust test-python test-checked sanitize fuzz fmt lint types docs linkcheck audit package bench bench-peers clean
 
 help: ## show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -103,15 +103,24 @@ lint: $(VENV)/.ready-dev ## check format, lints and who imports whom
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/python tools/collect_licenses.py --check
+	$(BIN)/python tools/check_version.py
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+	$(BIN)/zizmor --offline --quiet .github
+	$(BIN)/shellcheck .ci/run fuzz/run
 
 types: $(VENV)/.ready-dev ## check types, and the stubs against the compiled core
 	$(BIN)/basedpyright
 	MYPYPATH=python $(BIN)/python -m mypy.stubtest cgroup._core
 
-docs: $(VENV)/.ready-dev ## build the pages of the Rust and the Python interface
+docs: $(VENV)/.ready-dev ## build the documentation site, and the pages of the Rust interface
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --package cgroup
-	$(BIN)/python -m pdoc --docformat numpy --output-directory $(DOCS_OUT) $(DOCS_MODULES)
-	@echo "Written: target/doc/cgroup/index.html, $(DOCS_OUT)/index.html"
+	$(SPHINX) -b html --fail-on-warning --keep-going --quiet $(DOCS_OUT)
+	@echo "Written: $(DOCS_OUT)/index.html, target/doc/cgroup/index.html"
+
+linkcheck: $(VENV)/.ready-dev ## follow every link of the documentation that leaves it; needs the network
+	$(SPHINX) -b linkcheck --quiet target/linkcheck
 
 audit: audit-crates audit-python ## check licences, sources and known vulnerabilities of what cgroup builds on
 

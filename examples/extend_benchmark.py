@@ -1,4 +1,9 @@
-"""Run the benchmark with a method, a data set and a nuisance of one's own, next to the built-in ones."""
+"""
+Your own method in the benchmark
+================================
+
+Run the benchmark with a method, a data set and a nuisance of one's own, next to the built-in ones.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from cgroup.benchmark import records
 from cgroup.benchmark.config import parse_config
@@ -16,6 +22,8 @@ from cgroup.datasets import Dataset, MatchingPair, standin_pair
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from cgroup import Correspondences
 
 
@@ -57,6 +65,17 @@ class MyScans(Dataset):
         return replace(made, name=name)
 
 
+def draw(means: pd.DataFrame) -> Figure:
+    """Draw recall over the number of holes, a curve per method."""
+    figure = Figure(figsize=(6, 3), layout="constrained")
+    axes = figure.subplots()
+    for method, rows in means.groupby("method"):
+        axes.plot(rows["level"], rows["recall"], marker="o", label=method)
+    axes.set(xlabel="holes", ylabel="recall", ylim=(0, 1))
+    axes.legend(frameon=False)
+    return figure
+
+
 CONFIG = """
 name = "mine"
 methods = [
@@ -78,6 +97,8 @@ if __name__ == "__main__":
         run(parse_config(CONFIG), Path(folder), workers=2)
         frame = records.load(Path(folder))
     means = records.aggregate(frame, ["level", "method"])
+    figure = draw(means)
+    figure.savefig("holes.png")
     print(
         means[["level", "method", "pairs", "n", "precision", "recall", "ok:rmse<=5pr"]].to_string(index=False)
     )

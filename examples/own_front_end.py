@@ -1,9 +1,19 @@
-"""Build the matches step by step: any step may be replaced by code of your own."""
+"""
+A front end of your own
+=======================
+
+Build the matches step by step: any step may be replaced by code of your own.
+"""
 
 import cgroup
 from cgroup import features
 from cgroup.datasets import standin_pair
 from cgroup.evaluation import correct_matches, score_group
+from cgroup.plots import registration_figure
+
+# %%
+# Clouds, keypoints, frames, descriptors
+# --------------------------------------
 
 pair = standin_pair()
 clouds = [features.Cloud(cloud.points) for cloud in (pair.source, pair.target)]
@@ -17,6 +27,10 @@ descriptors = [
     features.shot(cloud, features.normals(cloud), rows, radius=15 * pr, lrf=lrf)
     for cloud, rows, lrf in zip(clouds, keypoints, frames, strict=True)
 ]
+# %%
+# Matches, and the group
+# ----------------------
+
 matches = features.match(*descriptors)
 
 correspondences = cgroup.Correspondences(
@@ -31,6 +45,10 @@ correspondences = cgroup.Correspondences(
 )
 group = cgroup.group(correspondences, "ransac", tolerance=3 * pr)
 
+# %%
+# How good is it?
+# ---------------
+
 correct = correct_matches(
     correspondences.source, correspondences.target, pair.T_target_source, tolerance=5 * pr
 )
@@ -38,3 +56,13 @@ score = score_group(group.mask, correct)
 print(
     f"{group.size} of {len(correspondences)} matches grouped, {100 * score.precision:.0f} % of them correct"
 )
+
+figure = registration_figure(
+    clouds[0].points,
+    clouds[1].points,
+    correspondences,
+    mask=group.mask,
+    T_target_source=group.transform(),
+    title="Grouped by RANSAC",
+)
+figure.savefig("own_front_end.png")

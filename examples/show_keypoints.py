@@ -1,4 +1,9 @@
-"""Draw where the two detectors find keypoints, at their usual radius and 200 of them."""
+"""
+Keypoints
+=========
+
+Where the two detectors find keypoints, at their usual radius and 200 of them.
+"""
 
 from cgroup.datasets import standin_pair
 from cgroup.plots import keypoints_figure
@@ -11,6 +16,7 @@ keypoints = {
     "Harris 3D, keypoints=200": detect(scan, detector="h3d", keypoints=200),
     "ISS, keypoints=200": detect(scan, detector="iss", keypoints=200),
 }
-keypoints_figure(scan.points, keypoints, title="Keypoints of a generated scan").savefig("keypoints.png")
+figure = keypoints_figure(scan.points, keypoints, title="Keypoints of a generated scan")
+figure.savefig("keypoints.png")
 for name, rows in keypoints.items():
     print(f"{name:25} {len(rows):5} of {len(scan)} points")

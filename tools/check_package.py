@@ -1,30 +1,34 @@
 """Builds the source distribution, and the wheel from it in an empty folder, and checks both: `make package`.
 
 The tests of the unpacked sources have to be found and to compile; the wheel has to hold the licences,
-and must not tell where it was built. What was built stays in the folder that is named.
+and must not tell where it was built. On Linux it is linked by Zig for systems as old as PLATFORM, and what
+it asks of the system and of Python is audited. What was built stays in the folder that is named.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
-import tempfile
-import zipfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-LICENSES = {"LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY-LICENSES.txt"}
+from check_wheels import check_wheel
 
-# Folders of people and of machines; the compiler's own and the names given in build_backend.py are none.
-FOLDER = re.compile(rb"(?:/root|/home|/Users|/tmp|/work|/var|[A-Z]:\\)[/\\][\w./\\-]*")
+ROOT = Path(__file__).resolve().parents[1]
+WORK = ROOT / "target" / "package"
+ON_LINUX = sys.platform == "linux"
+
+PLATFORM = "manylinux_2_17"
+"""Linux with a C library of 2012 or later, as old as Rust supports."""
 
 
 def run(*command: str | Path, folder: Path, **environment: str | Path) -> str:
     """Run a command in a folder; return what it prints, or end with it where it fails."""
-    variables = os.environ | {name: str(value) for name, value in environment.items()}
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    variables = os.environ | {"PATH": programs} | {name: str(value) for name, value in environment.items()}
     done = subprocess.run(  # noqa: S603
         command,
         cwd=folder,
@@ -50,23 +54,19 @@ def build_sdist(out: Path) -> Path:
 def build_wheel(sources: Path, out: Path) -> Path:
     """Return the wheel, built of the unpacked sources by pip as a user does."""
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
-    run(*pip, "--wheel-dir", out, sources, folder=sources, CARGO_TARGET_DIR=ROOT / "target" / "package")
+    if ON_LINUX:
+        pip += ["--config-settings", f"build-args=--zig --compatibility {PLATFORM}"]
+    run(*pip, "--wheel-dir", out, sources, folder=sources, CARGO_TARGET_DIR=WORK)
     (wheel,) = out.glob("*.whl")
     return wheel
 
 
-def check_wheel(wheel: Path, site: Path) -> None:
-    """Unpack the wheel; end where it lacks a licence or tells of folders."""
-    with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(site)  # noqa: S202 - we have just made it
-    missing = LICENSES - {path.name for path in site.glob("*.dist-info/licenses/*")}
-    if missing:
-        message = f"{wheel.name} lacks {', '.join(sorted(missing))}"
-        raise SystemExit(message)
-    for path in filter(Path.is_file, site.rglob("*")):
-        if found := FOLDER.search(path.read_bytes()):
-            message = f"{wheel.name}: {path.relative_to(site)} tells of {found[0].decode()}"
-            raise SystemExit(message)
+def audit_wheel(wheel: Path) -> None:
+    """End where the wheel asks for more of the system or of Python than its name says."""
+    shown = run(sys.executable, "-m", "auditwheel", "show", wheel, folder=wheel.parent)
+    if f'"{PLATFORM}_' not in shown:
+        raise SystemExit(shown)
+    run("abi3audit", "--strict", wheel, folder=wheel.parent)
 
 
 def check_sources(sources: Path, site: Path) -> int:
@@ -85,14 +85,17 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     for old in [*out.glob("*.tar.gz"), *out.glob("*.whl")]:
         old.unlink()
-    with tempfile.TemporaryDirectory() as folder:
-        sdist = build_sdist(out)
-        with tarfile.open(sdist) as archive:
-            archive.extractall(folder, filter="data")
-        (sources,) = Path(folder).iterdir()
-        wheel, site = build_wheel(sources, out), Path(folder) / "site"
-        check_wheel(wheel, site)
-        count = check_sources(sources, site)
+    unpacked = WORK / "unpacked"  # the same each time, so that compiled crates can be used again
+    shutil.rmtree(unpacked, ignore_errors=True)
+    sdist = build_sdist(out)
+    with tarfile.open(sdist) as archive:
+        archive.extractall(unpacked, filter="data")
+    (sources,) = unpacked.iterdir()
+    wheel, site = build_wheel(sources, out), unpacked / "site"
+    check_wheel(wheel, site)
+    if ON_LINUX:
+        audit_wheel(wheel)
+    count = check_sources(sources, site)
     sys.stdout.write(
         f"{sdist.name}, {wheel.name}: complete, {count} Python tests, no folders of this machine\n"
     )

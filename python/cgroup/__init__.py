@@ -22,6 +22,7 @@ _start.leave_when_interrupted()  # before anything that takes time
 from cgroup import _core
 from cgroup._core import __version__
 from cgroup.errors import CgroupError, InputError, NoConsensusError, OutOfMemoryError
+from cgroup.explanation import Explanation
 from cgroup.group import group, group_many
 from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
 from cgroup.types import Correspondences, Grouping
@@ -35,6 +36,7 @@ __all__ = [
     "PRESETS",
     "CgroupError",
     "Correspondences",
+    "Explanation",
     "Grouping",
     "InputError",
     "NoConsensusError",

@@ -8,10 +8,16 @@ from cgroup import _core
 from cgroup._fields import FIELDS, Fields, check_fields, check_scores
 from cgroup._memory import max_memory_for
 from cgroup._options import run_options
+from cgroup._run import Run
 from cgroup.types import Grouping
 
 if TYPE_CHECKING:
     from cgroup._arrays import RealArray
+
+_VOTES_BY_FRAMES = ("3dhv",)
+"""Methods whose matches are explained by their frames."""
+
+_FRAMES = ("source_lrf", "target_lrf", "source_centroid")
 
 
 def call(method: str, arguments: dict[str, Any]) -> Grouping:
@@ -27,11 +33,15 @@ def call(method: str, arguments: dict[str, Any]) -> Grouping:
     given = {name: arguments.pop(name) for name in FIELDS if name in arguments}
     fields = check_fields(**given) if "source" in given else check_scores(**given)
     # Copies of one's own: the caller's buffers may hold other points by the time of transform().
-    return compute(method, fields, arguments, _copies(fields))
+    return compute(method, _copy_frames(method, fields), arguments, _copies(fields), fields.resolution)
 
 
 def compute(
-    method: str, fields: Fields, options: dict[str, Any], positions: tuple[RealArray, RealArray] | None
+    method: str,
+    fields: Fields,
+    options: dict[str, Any],
+    positions: tuple[RealArray, RealArray] | None,
+    resolution: float | None,
 ) -> Grouping:
     """Group by fields that are checked.
 
@@ -46,6 +56,8 @@ def compute(
         `max_seconds` where it has them. It is used up.
     positions : (source, target) or None
         Points that nothing will change, for `Grouping.transform`.
+    resolution : float or None
+        Of the clouds, whether the method takes it or not, for `Grouping.explain`.
     """
     threads, progress = options.pop("threads"), options.pop("progress", None)
     max_seconds = options.pop("max_seconds", None)
@@ -53,7 +65,18 @@ def compute(
     if max_memory is None:
         max_memory = max_memory_for(0 if fields.source is None else len(fields.source))
     run = run_options(threads, max_memory, progress, max_seconds)
-    return Grouping(*_core.group(method, fields, run, options), positions)
+    votes = method in _VOTES_BY_FRAMES
+    frames = Fields(**{name: getattr(fields, name) for name in _FRAMES}) if votes else None
+    how = Run(method, dict(options), frames, resolution)
+    return Grouping(*_core.group(method, fields, run, options), positions, how)
+
+
+def _copy_frames(method: str, fields: Fields) -> Fields:
+    """Copy the frames that `Grouping.explain` will look at, which the caller may change."""
+    if method not in _VOTES_BY_FRAMES:
+        return fields
+    given = {name: getattr(fields, name) for name in _FRAMES}
+    return fields._replace(**{name: value.copy() for name, value in given.items() if value is not None})
 
 
 def _copies(fields: Fields) -> tuple[RealArray, RealArray] | None:

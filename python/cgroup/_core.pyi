@@ -65,6 +65,7 @@ __all__ = [
     "toldi_lrf",
     "verify",
     "voxel_downsample",
+    "within",
 ]
 
 __version__: str
@@ -193,3 +194,4 @@ class FineSurface:
 def align(
     source: FineSurface, target: FineSurface, poses: FloatArray, run_options: RunOptions, samples: int
 ) -> list[_Alignment]: ...
+def within(points: RealArray, others: RealArray, run_options: RunOptions, radius: float) -> BoolArray: ...

@@ -35,6 +35,16 @@ if TYPE_CHECKING:
     from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
 
 
+__all__ = [
+    "MAX_DISPLACEMENT",
+    "MAX_ROTATION",
+    "MethodResult",
+    "compare",
+    "find_correct",
+    "table",
+    "write_table",
+]
+
 MAX_ROTATION = 5.0
 """Degrees that the pose of a registered pair may be off, by default."""
 
@@ -53,7 +63,7 @@ class MethodResult:
     grouping : Grouping
         What it selected.
     score : GroupScore
-        Precision, recall, F; its `registered` is the paper's criterion, precision above 0.1.
+        Precision, recall, F; its `registered` says whether precision exceeds 0.1.
     T_target_source : (4,4) array of float64, optional
         Least-squares pose of the group; None if the group fixes none.
     rotation_error : float
@@ -67,6 +77,17 @@ class MethodResult:
         Whether rotation error and displacement are within the limits of `compare`.
     seconds : float
         Wall time of the grouping alone.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.comparison import compare
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> (result,) = compare(matches, pose, methods=["gtm"])
+    >>> result.method, result.registered, result.score.precision > 0.9
+    ('gtm', True, True)
     """
 
     method: str
@@ -102,7 +123,8 @@ def compare(
     methods : iterable of str
         Names from `METHODS`, in any case; all by default.
     tolerance : float, optional
-        As in `find_correct`.
+        Largest distance of a correct match from its true place, in the data's unit; 5 times the resolution of
+        the correspondences by default.
     correct : (n,) array_like of bool, optional
         Which correspondences are correct, where that is known already; `tolerance` doesn't matter then.
     max_rotation : float
@@ -121,7 +143,21 @@ def compare(
     Raises
     ------
     InputError
-        If a method is unknown, a field or the resolution is missing, or the pose isn't rigid.
+        If a field that a method needs or the resolution is missing, a method is unknown, or the pose isn't
+        rigid; as the first result is asked for, or that of the method.
+    OutOfMemoryError
+        Where the system gives no memory for a method.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.comparison import compare
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> results = compare(matches, pose, methods=["gc", "gtm"])
+    >>> {result.method: result.registered for result in results}
+    {'gc': True, 'gtm': True}
     """
     names = [check_method(method) for method in as_items("methods", methods, "give names from METHODS")]
     if correct is None:
@@ -155,12 +191,22 @@ def find_correct(
     Returns
     -------
     (n,) array of bool
-        As `cgroup.evaluation.correct_matches` gives it.
+        True where the true pose leaves no greater distance than the tolerance.
 
     Raises
     ------
     InputError
         If neither tolerance nor resolution is known, or the pose isn't rigid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import Correspondences
+    >>> from cgroup.comparison import find_correct
+    >>> source, target = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]]
+    >>> matches = Correspondences(source, target, resolution=0.5)
+    >>> find_correct(matches, np.eye(4))
+    array([ True, False])
     """
     if tolerance is None:
         tolerance = CORRECT_WITHIN * _need_resolution(correspondences, "tolerance")
@@ -215,6 +261,17 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
     -------
     list of dict
         Method, counts, scores, both criteria, pose errors (degrees; the data's unit) and milliseconds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.comparison import compare, table
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> rows = table(compare(matches, pose, methods=["gtm"]))
+    >>> rows[0]["method"], rows[0]["matches"], rows[0]["correct"]
+    ('gtm', 200, 100)
     """
     return [
         {
@@ -250,9 +307,25 @@ def write_table(path: str | os.PathLike[str], results: Iterable[MethodResult]) -
     Raises
     ------
     InputError
-        If the file can't be written.
+        If there is no result, or the file can't be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from cgroup.comparison import compare, write_table
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> matches, pose = problem.correspondences(), problem.T_target_source
+    >>> results = compare(matches, pose, methods=["gtm"])
+    >>> write_table("results.csv", results)
+    >>> Path("results.csv").read_text().split(",")[:3]
+    ['method', 'matches', 'correct']
     """
     rows = table(results)
+    if not rows:
+        message = "results: got none; give the results of one method or more"
+        raise InputError(message)
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()

@@ -1,29 +1,83 @@
-"""Errors that cgroup raises: each says what, got what, why, and what to do."""
+"""Errors that cgroup raises on purpose: each says what, got what, why, and what to do.
+
+All of them are a `CgroupError`, so that one ``except`` catches them; `InputError` and `NoConsensusError` are
+a `ValueError` too, `OutOfMemoryError` a `MemoryError`.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
+__all__ = [
+    "CgroupError",
+    "InputError",
+    "NoConsensusError",
+    "OutOfMemoryError",
+]
+
 
 class CgroupError(Exception):
-    """Base of every error that cgroup raises on purpose."""
+    """Base of every error that cgroup raises on purpose.
+
+    Examples
+    --------
+    >>> import cgroup
+    >>> try:
+    ...     cgroup.nnsr([0.5, 2.0])
+    ... except cgroup.CgroupError as error:
+    ...     print(type(error).__name__)
+    InputError
+    """
 
 
 class InputError(CgroupError, ValueError):
-    """An argument or a file that can't be worked with; `docs/errors.md` has the rule for arguments."""
+    """An argument or a file that can't be worked with.
+
+    Also a `ValueError`. The message says which argument, what it was, and what to give instead.
+
+    Examples
+    --------
+    >>> import cgroup
+    >>> cgroup.nnsr([0.5, 0.9], max_ratio=8)
+    Traceback (most recent call last):
+        ...
+    cgroup.errors.InputError: max_ratio: got 8; give a number between 0 and 1
+    """
 
 
 class OutOfMemoryError(CgroupError, MemoryError):
-    """The system gave no memory for a block that the computation needs."""
+    """The system gave no memory for a block that the computation needs.
+
+    Also a `MemoryError`. The process goes on: free memory, or give fewer points, and call again.
+
+    Examples
+    --------
+    >>> import cgroup
+    >>> issubclass(cgroup.OutOfMemoryError, MemoryError)
+    True
+    """
 
 
 class NoConsensusError(CgroupError, ValueError):
     """No pose: the group doesn't fix one, or the surfaces don't confirm any.
 
+    Also a `ValueError`.
+
     Attributes
     ----------
     registration : cgroup.registration.Registration or None
-        The best guess of `cgroup.registration.register`, which is more likely wrong than right.
+        The best guess of `cgroup.registration.register`, which is more likely wrong than right; None where no
+        registration was asked for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cgroup
+    >>> group = cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2])
+    >>> group.transform()
+    Traceback (most recent call last):
+        ...
+    cgroup.errors.NoConsensusError: no consensus: the group has 2 correspondences; a rigid transform needs 3
     """
 
     registration: Any = None

@@ -1,4 +1,4 @@
-"""One function for all grouping methods, on one problem or on many."""
+"""Any grouping method by its name, on one problem or on many at once."""
 
 from __future__ import annotations
 
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from cgroup.types import Grouping
 
 
+__all__ = [
+    "group",
+    "group_many",
+]
+
+
 def group(
     correspondences: Correspondences,
     method: str,
@@ -35,11 +41,14 @@ def group(
     correspondences : Correspondences
         The method takes the fields that it is defined on.
     method : str
-        One of `METHODS`, in any case; labels and names of functions mean the same: "3dhv", "Hough3D".
+        Name of the method, one of `cgroup.METHODS`, in any case; labels and names of functions mean the same:
+        "3dhv", "Hough3D".
     preset : str
-        One of `PRESETS`.
+        Where the method's options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
+        formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
+        "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     **options
-        Options of the method; they win over the preset's.
+        Options of the method by their names, such as ``tolerance=0.1``; they win over the preset's.
 
     Returns
     -------
@@ -49,7 +58,26 @@ def group(
     Raises
     ------
     InputError
-        For an unknown method, preset or option, or where the method needs a field that is missing.
+        For an unknown method, preset or option, where the method needs a field that is missing, or where a
+        field or an option has a value that the method can't work with.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    See Also
+    --------
+    group_many : Many problems side by side.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import group
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.2)
+    >>> found = group(problem.correspondences(), "sc2pcr")
+    >>> bool((found.mask == problem.inlier_mask).mean() > 0.95)
+    True
+    >>> group(problem.correspondences(), "gc", tolerance=0.1).size < found.size
+    True
     """
     info = find_method(method)
     as_choice("preset", preset, PRESETS)
@@ -58,7 +86,8 @@ def group(
     _refuse_unknown(info.name, options, defaults)
     fields = _fields_for(info, correspondences)
     chosen = {**defaults, **PRESETS[preset].get(info.name, {}), **options}
-    return compute(info.name, fields, chosen, (correspondences.source, correspondences.target))
+    positions = (correspondences.source, correspondences.target)
+    return compute(info.name, fields, chosen, positions, correspondences.resolution)
 
 
 def group_many(
@@ -74,16 +103,46 @@ def group_many(
     Parameters
     ----------
     problems : iterable of Correspondences
-        The problems.
-    method, preset, **options
-        As in `group`, the same for all.
+        The problems; each has the fields that the method is defined on.
+    method : str
+        Name of the method for all of them, one of `cgroup.METHODS`.
+    preset : str
+        Where its options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
+        formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
+        "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     threads : int, optional
-        Number of problems worked on at a time; None for one per core.
+        Number of problems worked on at a time; None for one per core. Results do not depend on it.
+    **options
+        Options of the method by their names, the same for all problems; they win over the preset's.
 
     Returns
     -------
     list of Grouping
         In the order of the problems.
+
+    Raises
+    ------
+    InputError
+        For what is no Correspondences, an unknown method, preset or option, where the method needs a field
+        that is missing, or where a field or an option has a value that the method can't work with. The first
+        problem that fails ends the work on the others.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    See Also
+    --------
+    group : One problem, on all cores.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import group_many
+    >>> from cgroup.datasets import make_problem
+    >>> rng = np.random.default_rng(0)
+    >>> problems = [make_problem(rng, 300).correspondences() for _ in range(4)]
+    >>> groups = group_many(problems, "gc")
+    >>> len(groups), groups[0].mask.shape
+    (4, (300,))
     """
     given = as_items("problems", problems, "give several Correspondences")
     for row, problem in enumerate(given):
@@ -126,7 +185,7 @@ def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:
             modest = [other.name for other in METHOD_INFO.values() if other.fields == ("source", "target")]
             message = (
                 f"method: {info.name} needs `{name}`, which these correspondences lack; "
-                f"give it to Correspondences, or use a method that does without: {', '.join(modest)}"
+                f"give `Correspondences` with it, or use a method that does without: {', '.join(modest)}"
             )
             raise InputError(message)
     return Fields(**{name: getattr(correspondences, name) for name in (*info.fields, *info.optional_fields)})

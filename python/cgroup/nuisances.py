@@ -34,6 +34,20 @@ if TYPE_CHECKING:
     Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
 
 
+__all__ = [
+    "LEAST_POINTS",
+    "NUISANCES",
+    "add_noise",
+    "apply_nuisance",
+    "decimate",
+    "density",
+    "less_overlap",
+    "more_clutter",
+    "more_occlusion",
+    "noise",
+    "voxel_density",
+]
+
 LEAST_POINTS = 100
 """A nuisance that would leave fewer points than this is refused."""
 
@@ -61,7 +75,17 @@ def add_noise(cloud: PointCloud | ArrayLike, sigma: float, rng: np.random.Genera
     Raises
     ------
     InputError
-        If sigma is negative or not finite.
+        If sigma is negative or not finite, `cloud` is no `PointCloud`, or `rng` no generator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import add_noise
+    >>> scan = standin_pair(pixels=60).source
+    >>> noisy = add_noise(scan, 0.5, np.random.default_rng(0))
+    >>> round(float((noisy.points - scan.points).std()), 1)
+    0.5
     """
     cloud, deviation = as_cloud("cloud", cloud), as_number("sigma", sigma)
     if not (np.isfinite(deviation) and deviation >= 0):
@@ -100,7 +124,17 @@ def decimate(
     Raises
     ------
     InputError
-        If the share is out of range or leaves fewer than `LEAST_POINTS` points, or the method is unknown.
+        If the share is out of range or leaves fewer than 100 points, the method is unknown, `cloud` is no
+        `PointCloud`, or `rng` no generator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import decimate
+    >>> scan = standin_pair(pixels=60).source
+    >>> len(scan), len(decimate(scan, 0.5, np.random.default_rng(0)))
+    (2554, 1277)
     """
     as_choice("method", method, ("random", "voxel"))
     as_instance("rng", rng, np.random.Generator)
@@ -123,12 +157,13 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     Parameters
     ----------
     name : str
-        One of `NUISANCES`, or "module:function" for one from outside the package, which takes the pair, the
-        level and the generator and returns a pair.
+        "noise", "density", "voxel-density", "overlap", "occlusion" or "clutter"; or "module:function" for one
+        from outside the package, which takes the pair, the level and the generator and returns a pair.
     pair : MatchingPair
         Left as it is.
     level : float
-        Its meaning is the nuisance's: see the functions in `NUISANCES`.
+        For noise its standard deviation, in resolutions of the target; else a share: of the points that are
+        kept, of overlap, of occlusion, of clutter.
     rng : numpy.random.Generator
         The only source of randomness.
 
@@ -141,6 +176,17 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     ------
     InputError
         If the name is unknown, or the pair or level can't be worked with.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import apply_nuisance
+    >>> harder = apply_nuisance(
+    ...     "noise", standin_pair(pixels=60), 0.5, np.random.default_rng(0)
+    ... )
+    >>> harder.name, dict(harder.facts)
+    ('standin-0', {'noise': 0.5})
     """
     word = as_word("name", name)
     nuisance: Nuisance | None = load_plugin("nuisance", word) if ":" in word else NUISANCES.get(word)
@@ -150,28 +196,147 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
 
 
 def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Gaussian noise on the target, its standard deviation `level` times the clean target's resolution."""
+    """Put Gaussian noise on the target.
+
+    Parameters
+    ----------
+    pair : MatchingPair
+        Left as it is.
+    level : float
+        Standard deviation along each axis, in resolutions of the clean target.
+    rng : numpy.random.Generator
+        Source of the noise.
+
+    Returns
+    -------
+    MatchingPair
+        With the fact ``noise``.
+
+    Raises
+    ------
+    InputError
+        If the level is negative or no number, `pair` is no `MatchingPair`, or `rng` no generator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import noise
+    >>> dict(noise(standin_pair(pixels=60), 2.0, np.random.default_rng(0)).facts)
+    {'noise': 2.0}
+    """
     pair, level = _checked(pair, level)
     sigma = level * features.resolution(pair.target.points)
     return replace(pair, target=add_noise(pair.target, sigma, rng), facts={**pair.facts, "noise": level})
 
 
 def density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Keep a random subset of the target: the share `level`."""
+    """Keep a random subset of the target.
+
+    Parameters
+    ----------
+    pair : MatchingPair
+        Left as it is.
+    level : float
+        Share of the points that are kept, above 0 and at most 1.
+    rng : numpy.random.Generator
+        Chooses the points.
+
+    Returns
+    -------
+    MatchingPair
+        With a target without faces.
+
+    Raises
+    ------
+    InputError
+        If the level is out of range or leaves fewer than 100 points, `pair` is no `MatchingPair`, or `rng` no
+        generator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import density
+    >>> pair = standin_pair(pixels=60)
+    >>> len(pair.target), len(density(pair, 0.25, np.random.default_rng(0)).target)
+    (2299, 575)
+    """
     pair, level = _checked(pair, level)
     return replace(pair, target=decimate(pair.target, level, rng))
 
 
 def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Thin the target out on a grid, down to about the share `level`."""
+    """Thin the target out on a grid.
+
+    Parameters
+    ----------
+    pair : MatchingPair
+        Left as it is.
+    level : float
+        Share of the points that about are left, above 0 and at most 1.
+    rng : numpy.random.Generator
+        Not made use of: the grid says which points are left.
+
+    Returns
+    -------
+    MatchingPair
+        With a target of the means of the points in each cell, without faces, normals and colours.
+
+    Raises
+    ------
+    InputError
+        If the level is out of range or leaves fewer than 100 points, `pair` is no `MatchingPair`, or `rng` no
+        generator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import voxel_density
+    >>> thin = voxel_density(standin_pair(pixels=60), 0.25, np.random.default_rng(0))
+    >>> 550 < len(thin.target) < 600  # of 2299
+    True
+    """
     pair, level = _checked(pair, level)
     return replace(pair, target=decimate(pair.target, level, rng, method="voxel"))
 
 
 def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut both clouds from opposite sides, across a random direction, until they overlap by `level`.
+    """Cut both clouds from opposite sides, until they overlap by about the level.
 
-    Each keeps the same share of its points. The fact ``overlap`` is what is reached, at 4 pr.
+    The cuts run across a random direction, and each cloud keeps the same share of its points.
+
+    Parameters
+    ----------
+    pair : MatchingPair
+        Left as it is.
+    level : float
+        Share of the smaller cloud that the other one shares with it, between 0 and 1.
+    rng : numpy.random.Generator
+        Draws the direction.
+
+    Returns
+    -------
+    MatchingPair
+        With the fact ``overlap``, the share that is reached, at 4 resolutions: it may fall short of the
+        level.
+
+    Raises
+    ------
+    InputError
+        If the level is out of range, or more than the clouds overlap anyway, or leaves fewer than 100 points;
+        if `pair` is no `MatchingPair`, or `rng` no generator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import less_overlap
+    >>> pair = standin_pair(pixels=60)
+    >>> cut = less_overlap(pair, 0.5, np.random.default_rng(0))
+    >>> len(cut.source) < len(pair.source), 0.2 < cut.facts["overlap"] <= 0.5
+    (True, True)
     """
     pair, level = _checked(pair, level)
     _check_share("overlap", level)
@@ -205,10 +370,40 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
 
 
 def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut the model's points out of the target, across a random direction, until the share `level` is hidden.
+    """Cut the model's points out of the target, until a share of the model is hidden.
 
-    A model vertex is visible when the target has a point within 2 pr; the fact ``occlusion`` is the share of
-    the vertices that isn't, so it is exact for models with even density only.
+    The cut runs across a random direction.
+
+    Parameters
+    ----------
+    pair : MatchingPair
+        Of a model (source) and a scene (target); left as it is.
+    level : float
+        Share of the model that about is hidden then, between 0 and 1.
+    rng : numpy.random.Generator
+        Draws the direction.
+
+    Returns
+    -------
+    MatchingPair
+        With the fact ``occlusion``. A model vertex is visible when the target has a point within 2
+        resolutions; the fact is the share of the vertices that isn't, so it is exact for models with even
+        density only.
+
+    Raises
+    ------
+    InputError
+        If the level is out of range, or less than what is hidden already, or leaves fewer than 100 points; if
+        `pair` is no `MatchingPair`, or `rng` no generator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import more_occlusion
+    >>> hidden = more_occlusion(standin_pair(pixels=60), 0.8, np.random.default_rng(0))
+    >>> 0.7 < hidden.facts["occlusion"] < 0.85
+    True
     """
     pair, level = _checked(pair, level)
     _check_share("occlusion", level)
@@ -228,10 +423,38 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
 
 
 def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Put generated stones around the target until the share `level` of its points isn't the model's.
+    """Put generated stones around the target, until a share of it isn't the model's.
 
-    The stones are about as large as the source, and as dense. The fact ``clutter`` counts points, so it is
-    exact for even density only.
+    The stones are about as large as the source, and as dense.
+
+    Parameters
+    ----------
+    pair : MatchingPair
+        Of a model (source) and a scene (target); left as it is.
+    level : float
+        Share of the target's points that aren't the model's then, between 0 and 1.
+    rng : numpy.random.Generator
+        Draws the stones.
+
+    Returns
+    -------
+    MatchingPair
+        With the fact ``clutter``, which counts points, so that it is exact for even density only.
+
+    Raises
+    ------
+    InputError
+        If the level is out of range, or less than the clutter that is there already; if `pair` is no
+        `MatchingPair`, or `rng` no generator.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.nuisances import more_clutter
+    >>> cluttered = more_clutter(standin_pair(pixels=60), 0.8, np.random.default_rng(0))
+    >>> round(cluttered.facts["clutter"], 2)
+    0.8
     """
     pair, level = _checked(pair, level)
     _check_share("clutter", level)

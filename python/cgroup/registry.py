@@ -35,6 +35,16 @@ if TYPE_CHECKING:
     from cgroup.types import Grouping
 
 
+__all__ = [
+    "METHODS",
+    "METHOD_INFO",
+    "PAPER_METHODS",
+    "PRESETS",
+    "MethodInfo",
+    "label_of",
+]
+
+
 @dataclass(frozen=True)
 class MethodInfo:
     """What is known of a method besides its signature.
@@ -56,11 +66,19 @@ class MethodInfo:
     color, marker : str
         How figures draw it, in matplotlib's notation.
     in_paper : bool
-        Whether the paper compares it.
+        Whether the evaluation of Yang et al., TPAMI 2019, compares it.
     citation : str
         Who proposed it, and where.
     individual : bool
         Whether it judges correspondences one by one (paper, section 3.1) rather than in groups (3.2).
+
+    Examples
+    --------
+    >>> from cgroup.registry import METHOD_INFO
+    >>> METHOD_INFO["gtm"].label, METHOD_INFO["gtm"].complexity
+    ('GTM', 'n² per step')
+    >>> [info.name for info in METHOD_INFO.values() if "ratio" in info.fields]
+    ['nnsr', 'si', 'cv']
     """
 
     name: str
@@ -332,12 +350,28 @@ def find_method(name: object, otherwise: str = "") -> MethodInfo:
 
 
 def label_of(method: str) -> str:
-    """Return what tables and messages call a method, by any of its names.
+    """Say what tables and messages call a method.
+
+    Parameters
+    ----------
+    method : str
+        Any of its names.
+
+    Returns
+    -------
+    str
+        Its short name.
 
     Raises
     ------
     InputError
-        As `find_method`.
+        For a name that no method has.
+
+    Examples
+    --------
+    >>> from cgroup.registry import label_of
+    >>> label_of("hough3d"), label_of("sc2pcr")
+    ('3DHV', 'SC2-PCR')
     """
     return find_method(method).label
 

@@ -1,4 +1,8 @@
-"""Rigid transforms: 4x4 matrices of column vectors, p' = R p + t."""
+"""Rigid transforms: 4x4 matrices of column vectors, p' = R p + t.
+
+``T_target_source`` maps points of the source into the frame of the target. Transforms are chained by the
+matrix product: ``T_map_scan2 @ T_scan2_scan1`` maps scan 1 into the map.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +19,28 @@ if TYPE_CHECKING:
 
     from cgroup._arrays import FloatArray, RealArray
 
+__all__ = [
+    "RIGID_TOLERANCE",
+    "apply",
+    "check_rigid",
+    "invert",
+    "rotation_error",
+    "translation_error",
+]
+
 RIGID_TOLERANCE = 1e-3
 """Largest deviation of R^T R from the identity in a transform file; such files carry few digits."""
 
 
 def apply(transform: FloatArray, points: RealArray) -> FloatArray:
-    """Move points.
+    """Move points by a transform.
 
     Parameters
     ----------
     transform : (4,4) array of float64
-        Taken as it is; see `check_rigid`.
+        Taken as it is: whether it is rigid is not looked at.
     points : (N,3) array of float32 or float64
-        Left as they are.
+        Points in any unit; left as they are.
 
     Returns
     -------
@@ -38,6 +51,20 @@ def apply(transform: FloatArray, points: RealArray) -> FloatArray:
     ------
     InputError
         If a shape differs, or holds no numbers.
+
+    See Also
+    --------
+    check_rigid : Says whether a matrix is a rigid transform.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.rigid import apply
+    >>> shift = np.eye(4)
+    >>> shift[:3, 3] = [1, 2, 3]
+    >>> apply(shift, np.zeros((2, 3)))
+    array([[1., 2., 3.],
+           [1., 2., 3.]])
     """
     matrix = _matrix("transform", transform)
     with np.errstate(invalid="ignore", over="ignore"):  # points that aren't finite stay so
@@ -45,7 +72,7 @@ def apply(transform: FloatArray, points: RealArray) -> FloatArray:
 
 
 def invert(transform: FloatArray) -> FloatArray:
-    """Return the transform back.
+    """Invert a transform.
 
     Parameters
     ----------
@@ -61,6 +88,15 @@ def invert(transform: FloatArray) -> FloatArray:
     ------
     InputError
         If the shape differs, or the matrix has no inverse.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.rigid import invert
+    >>> shift = np.eye(4)
+    >>> shift[:3, 3] = [1, 2, 3]
+    >>> invert(shift)[:3, 3]
+    array([-1., -2., -3.])
     """
     try:
         return np.linalg.inv(_matrix("transform", transform)).astype(np.float64, copy=False)
@@ -88,7 +124,18 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     ------
     InputError
         If the shape differs, a number isn't finite, the last row isn't 0 0 0 1, or the upper left
-        3x3 block isn't a rotation to within `RIGID_TOLERANCE`.
+        3x3 block isn't a rotation to within `RIGID_TOLERANCE`; or if `name` is no text.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.rigid import check_rigid
+    >>> check_rigid(np.eye(4)).dtype
+    dtype('float64')
+    >>> check_rigid(2 * np.eye(4), "pose")
+    Traceback (most recent call last):
+        ...
+    cgroup.errors.InputError: pose: last row is [0. 0. 0. 2.], not 0 0 0 1
     """
     matrix = _matrix(as_instance("name", name, str), transform)
     if not np.isfinite(matrix).all():
@@ -134,6 +181,14 @@ def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     ------
     InputError
         If either isn't a rigid transform.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.rigid import rotation_error
+    >>> quarter_turn = np.eye(4)[[1, 0, 2, 3]] * [1, -1, 1, 1]
+    >>> rotation_error(quarter_turn, np.eye(4))
+    90.0
     """
     turn = check_rigid(estimated, "estimated")[:3, :3].T @ check_rigid(true, "true")[:3, :3]
     # The sine keeps the precision that the arc cosine of the trace loses near 0 and 180 degrees.
@@ -158,6 +213,15 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     ------
     InputError
         If either isn't a rigid transform.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.rigid import translation_error
+    >>> shift = np.eye(4)
+    >>> shift[:3, 3] = [3, 4, 0]
+    >>> translation_error(shift, np.eye(4))
+    5.0
     """
     difference = check_rigid(estimated, "estimated")[:3, 3] - check_rigid(true, "true")[:3, 3]
     return float(np.linalg.norm(difference))

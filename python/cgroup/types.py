@@ -7,16 +7,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup import _core
+from cgroup import _core, _views
 from cgroup._arguments import as_faces, as_points
 from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
+from cgroup._drawing import plot
 from cgroup._fields import OPTIONAL_FIELDS, check_fields
 from cgroup._foreign import cloud_parts
-from cgroup.errors import InputError
+from cgroup._notebook import pose_html, result_table
+from cgroup.errors import InputError, NoConsensusError
 from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from numpy.typing import ArrayLike, NDArray
+
+    from cgroup._run import Run
+    from cgroup.explanation import Explanation
 
 __all__ = [
     "OPTIONAL_FIELDS",
@@ -29,10 +36,15 @@ __all__ = [
     "RealArray",
 ]
 
+_WITHOUT_POINTS = (
+    "{}: this group was made without points; "
+    'group correspondences that have them: cgroup.group(correspondences, "ss")'
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
-    """Putative matches between two shapes; row i of every field describes the same match.
+    """Putative matches between two shapes; row i of every field is the same match.
 
     The arrays are read-only copies, which nothing changes later: float32 where they were given so, else
     float64.
@@ -58,7 +70,22 @@ class Correspondences:
     Raises
     ------
     InputError
-        For a wrong shape or type; the message names the field and what to do.
+        For a wrong shape or type, or frames on one side only; the message names the field and what to do.
+        What the numbers mean (finite points, frames that are rotations) is checked by the method that uses
+        them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import Correspondences, group
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> target = source + [1.0, 0.0, 0.0]
+    >>> target[40:] = 0.0
+    >>> matches = Correspondences(source, target, resolution=0.01)
+    >>> matches
+    Correspondences(n=50, fields=['source', 'target', 'resolution'])
+    >>> group(matches, "gc").size
+    40
     """
 
     source: RealArray
@@ -105,6 +132,63 @@ class Correspondences:
         given = [name for name in OPTIONAL_FIELDS if getattr(self, name) is not None]
         return f"Correspondences(n={len(self)}, fields={['source', 'target', *given]})"
 
+    def _repr_html_(self) -> str:
+        return result_table(f"Correspondences: {len(self)} matches", None, _rows_of(self))
+
+    def plot(
+        self,
+        source: PointCloud | ArrayLike | None = None,
+        target: PointCloud | ArrayLike | None = None,
+        *,
+        T_target_source: ArrayLike | None = None,
+        correct: ArrayLike | None = None,
+        interactive: bool = False,
+    ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
+        """Draw both sides and lines between matched points.
+
+        Parameters
+        ----------
+        source, target : PointCloud or (N,3) array_like of float, optional
+            The whole clouds; the matched points where they are not given.
+        T_target_source : (4,4) array_like of float, optional
+            Turns the source as in this pose, so that lines of right matches run parallel.
+        correct : (n,) array_like of bool, optional
+            Which matches are correct; lines are coloured by it.
+        interactive : bool
+            Return a figure to turn around, zoom and point at.
+
+        Returns
+        -------
+        matplotlib.figure.Figure or plotly.graph_objects.Figure
+            Not shown; notebooks show what a cell returns.
+
+        Raises
+        ------
+        InputError
+            If the library for it isn't installed, or an argument doesn't fit.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import correspond
+        >>> pair = standin_pair(pixels=40)
+        >>> matches = correspond(pair.source, pair.target)
+        >>> figure = matches.plot(
+        ...     pair.source, pair.target, T_target_source=pair.T_target_source
+        ... )
+        >>> type(figure).__name__
+        'Figure'
+        """
+        given = {"source": source, "target": target, "pose": T_target_source, "correct": correct}
+        everything = np.ones(len(self), dtype=bool)
+        return plot(given, self, everything, interactive=interactive, title=f"{len(self)} matches")
+
+
+def _rows_of(matches: Correspondences) -> list[tuple[str, str]]:
+    given = [name for name in OPTIONAL_FIELDS if getattr(matches, name) is not None and name != "resolution"]
+    resolution = "" if matches.resolution is None else f"{matches.resolution:.4g}"
+    return [("besides the points", ", ".join(given) or "nothing"), ("resolution (pr)", resolution)]
+
 
 def _own(array: RealArray) -> RealArray:
     copy = array.copy()
@@ -125,7 +209,8 @@ class Grouping:
     threshold : float or None
         The cut on the scores that was really used.
     model : (4,4) array of float64 or None
-        The transform behind the selection, for methods that fit one (RANSAC, LC); maps source into target.
+        The transform behind the selection, for methods that fit one (RANSAC, LC, MAC, SC2-PCR, TurboReg,
+        TEASER++, CLIPPER); maps source into target.
     diagnostics : dict of str to float
         Facts about the run: iterations, seed of the cluster, eigenvalue, ...
     alternatives : (k,4,4) array of float64 or None
@@ -141,6 +226,19 @@ class Grouping:
     instances : (m,n) array of bool or None
         Groups of different rigid motions, each of which is `ok`, the best first: row 0 is `mask`. None unless
         several were asked for; no row unless the group is `ok`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import gtm
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> target = source + [1.0, 0.0, 0.0]
+    >>> target[40:] = source[:10]
+    >>> group = gtm(source, target)
+    >>> group
+    Grouping(40 of 50 selected)
+    >>> group.mask[38:42]
+    array([ True,  True, False, False])
     """
 
     mask: BoolArray
@@ -154,23 +252,50 @@ class Grouping:
     false_alarms: float | None = None
     instances: BoolArray | None = None
     _positions: tuple[RealArray, RealArray] | None = field(default=None, repr=False)
+    _run: Run | None = field(default=None, repr=False)
 
     @property
     def indices(self) -> IndexArray:
-        """Rows of the selected correspondences, ascending: (m,) array of int64."""
+        """Rows of the selected correspondences, ascending: (m,) array of int64.
+
+        Examples
+        --------
+        >>> from cgroup import nnsr
+        >>> nnsr([0.3, 0.95, 0.7]).indices
+        array([0, 2])
+        """
         return np.flatnonzero(self.mask).astype(np.int64, copy=False)
 
     @property
     def size(self) -> int:
-        """Number of selected correspondences."""
+        """Number of selected correspondences.
+
+        Examples
+        --------
+        >>> from cgroup import nnsr
+        >>> nnsr([0.3, 0.95, 0.7]).size
+        2
+        """
         return int(np.count_nonzero(self.mask))
 
     @property
     def complete(self) -> bool:
         """Whether the method looked at all that its definition asks for.
 
-        False where a bound on cliques, steps, time or memory cut the search short; the docstring of the
-        method says which entry of `diagnostics` tells how far it came.
+        False where a bound on cliques, steps, time or memory cut the search short:
+        ``diagnostics["truncated"]`` is 1 then. The other entries of `diagnostics` tell how far it came, such
+        as ``vertices`` or ``cliques`` (MAC).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import mac
+        >>> rng = np.random.default_rng(0)
+        >>> source, target = rng.uniform(size=(2, 200, 3))
+        >>> mac(source, target, resolution=0.1).complete
+        True
+        >>> mac(source, target, resolution=0.1, max_cliques=1).complete
+        False
         """
         return not self.diagnostics.get("truncated", 0.0)
 
@@ -188,15 +313,132 @@ class Grouping:
             For fewer than three selected correspondences, or a group on one line.
         InputError
             Where the method was given no points (`ss`, `nnsr`): use `cgroup.group`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import gtm
+        >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+        >>> gtm(source, source + [1.0, 2.0, 3.0]).transform().round(6) + 0.0
+        array([[1., 0., 0., 1.],
+               [0., 1., 0., 2.],
+               [0., 0., 1., 3.],
+               [0., 0., 0., 1.]])
         """
         if self._positions is None:
-            message = (
-                "transform: this group was made without points; "
-                'group correspondences that have them: cgroup.group(correspondences, "ss")'
-            )
-            raise InputError(message)
+            raise InputError(_WITHOUT_POINTS.format("transform"))
         source, target = self._positions
         return _core.rigid_fit(source[self.mask], target[self.mask])
+
+    def explain(self, index: int) -> Explanation:
+        """Say why a match was kept or dropped.
+
+        Parameters
+        ----------
+        index : int
+            Row of the match.
+
+        Returns
+        -------
+        Explanation
+            Score and rank, the cut, how many others it agrees with, its residual under the group's pose, and
+            what would have kept it; ``str()`` of it is a few sentences.
+
+        Raises
+        ------
+        InputError
+            If there is no such row.
+
+        Examples
+        --------
+        >>> from cgroup import ss
+        >>> why = ss([0.2, 0.8, 0.9]).explain(0)
+        >>> why.kept, why.rank, why.threshold
+        (False, 3, 0.5)
+        >>> print(why)  # doctest: +NORMALIZE_WHITESPACE
+        Match 0 was dropped: its score of 0.2 (rank 3 of 3) lies below the cut at
+        0.5. It would have been kept with a score above 0.5.
+        """
+        return _views.explain(self, index)
+
+    def plot(
+        self,
+        source: PointCloud | ArrayLike | None = None,
+        target: PointCloud | ArrayLike | None = None,
+        *,
+        T_target_source: ArrayLike | None = None,
+        correct: ArrayLike | None = None,
+        interactive: bool = False,
+    ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
+        """Draw both sides and lines between the matches of the group.
+
+        Parameters
+        ----------
+        source, target : PointCloud or (N,3) array_like of float, optional
+            The whole clouds; the matched points where they are not given.
+        T_target_source : (4,4) array_like of float, optional
+            Turns the source as in this pose; that of the group where it is not given.
+        correct : (n,) array_like of bool, optional
+            Which matches are correct; lines are coloured by it.
+        interactive : bool
+            Return a figure to turn around, zoom and point at, which tells of each match why it was kept or
+            dropped.
+
+        Returns
+        -------
+        matplotlib.figure.Figure or plotly.graph_objects.Figure
+            Not shown; notebooks show what a cell returns.
+
+        Raises
+        ------
+        InputError
+            If the library for it isn't installed, an argument doesn't fit, or the method was given no points.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import lc
+        >>> source = np.random.default_rng(0).uniform(0, 100, size=(60, 3))
+        >>> figure = lc(source, source + 5.0, resolution=1.0).plot()
+        >>> type(figure).__name__
+        'Figure'
+        """
+        if self._positions is None:
+            raise InputError(_WITHOUT_POINTS.format("plot"))
+        pose = self._pose() if T_target_source is None else T_target_source
+        given = {"source": source, "target": target, "pose": pose, "correct": correct}
+        matches = Correspondences(*self._positions)
+        title = f"{self.size} of {len(self.mask)} matches selected"
+        return plot(given, matches, self.mask, interactive=interactive, title=title, grouping=self)
+
+    def _pose(self) -> FloatArray | None:
+        """Return the rigid pose of the group, where it has one."""
+        try:
+            return self.transform()
+        except NoConsensusError:
+            return None
+
+    def _repr_html_(self) -> str:
+        return result_table(f"Grouping: {self.size} of {len(self.mask)} selected", self._share, self._rows())
+
+    @property
+    def _share(self) -> float:
+        return self.size / max(len(self.mask), 1)
+
+    def _rows(self) -> list[tuple[str, str]]:
+        """Return what a notebook shows of it."""
+        scores = self.scores if self.scores is not None and len(self.scores) > 0 else None
+        trust = "" if self.ok is None else ("can be trusted" if self.ok else "chance could have made it")
+        return [
+            ("method", "" if self._run is None else self._run.method),
+            ("scores", "" if scores is None else f"{scores.min():.3g} to {scores.max():.3g}"),
+            ("cut", "" if self.threshold is None else f"{self.threshold:.3g}"),
+            ("trust", trust),
+            ("false alarms", "" if self.false_alarms is None else f"{self.false_alarms:.3g}"),
+            ("instances", "" if self.instances is None else str(len(self.instances))),
+            ("search", "" if self.complete else "cut short"),
+            ("pose", "" if self.model is None else pose_html(self.model)),
+        ]
 
     def __repr__(self) -> str:
         cut = "" if self.complete else ", search cut short"
@@ -219,6 +461,14 @@ class PointCloud:
         Red, green, blue.
     dropped : int
         Points of the file that were left out because a coordinate was NaN or infinite.
+
+    Examples
+    --------
+    >>> from cgroup.types import PointCloud
+    >>> import numpy as np
+    >>> cloud = PointCloud(np.zeros((100, 3)))
+    >>> len(cloud), cloud.normals is None
+    (100, True)
     """
 
     points: FloatArray
@@ -243,6 +493,20 @@ class PointCloud:
         -------
         PointCloud
             Moved points and turned normals; faces and colours as they were.
+
+        Raises
+        ------
+        InputError
+            If the transform isn't rigid: not (4,4) of finite numbers, a rotation and the row 0 0 0 1.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.types import PointCloud
+        >>> upwards = np.eye(4)
+        >>> upwards[2, 3] = 5.0
+        >>> PointCloud(np.zeros((1, 3))).transformed(upwards).points
+        array([[0., 0., 5.]])
         """
         matrix = check_rigid(transform)
         normals = None if self.normals is None else self.normals @ matrix[:3, :3].T

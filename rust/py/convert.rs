@@ -88,6 +88,16 @@ impl Reals<'_, Ix2> {
     pub fn points(&self, name: &str) -> PyResult<Points> {
         self.triples(name)
     }
+
+    /// The rows as they are given.
+    pub fn rows(&self) -> PyResult<Vec<[f64; 3]>> {
+        checked(match self {
+            Self::Single(array) => {
+                memory::collect(array.as_slice()?.as_chunks().0.iter().map(|row| row.map(f64::from)))
+            }
+            Self::Double(array) => memory::copied(array.as_slice()?.as_chunks().0),
+        })
+    }
 }
 
 impl<D: Dimension> Reals<'_, D> {

@@ -11,13 +11,15 @@ mod features;
 mod grouping;
 mod heap;
 mod options;
+mod proximity;
 mod run;
 mod verification;
 
 use pyo3::prelude::*;
 
+// Needs no global lock: classes are frozen, inputs are copied and then checked, pools of threads lie behind a mutex.
 /// The compiled core of cgroup. Use it through the `cgroup` package.
-#[pymodule(gil_used = true)]
+#[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
     use super::cloud::Cloud;
@@ -30,6 +32,8 @@ mod _core {
     };
     #[pymodule_export]
     use super::grouping::{group, rigid_fit};
+    #[pymodule_export]
+    use super::proximity::within;
     #[pymodule_export]
     use super::verification::{FineSurface, Surface, align, places, score_poses, verify};
 

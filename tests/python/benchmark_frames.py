@@ -322,8 +322,8 @@ def paper_timing() -> pd.DataFrame:
                 "threads": 1,
                 "repeat": repeat,
                 "seconds": float(seconds(n)) * (1 + 0.01 * (repeat % 3)),
-                "dataset": "standin-full",
-                "pair": "shape0",
+                "dataset": "b3r-clean",
+                "pair": "scene0",
             }
             for method, seconds in cost.items()
             for n in (500, 1000, 2000, 5000, 10000)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import pytest
@@ -32,6 +33,13 @@ def test_run_and_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     status, out, err = command(capsys, "status", "--out", tmp_path / "out")
     assert (status, err) == (0, "")
     assert "failed     2 x correspond: OSError: this pair is broken" in out
+    status, out, err = command(capsys, "status", "--out", tmp_path / "out", "--json")
+    assert (status, err) == (0, "")
+    results = json.loads(out)["results"]
+    assert results["counts"]["correspond"] == {"done": 2, "failed": 2, "wanted": 4}
+    assert results["failures"] == [
+        {"method": "", "error": "OSError: this pair is broken", "times": 2},
+    ]
 
 
 def test_presets(capsys: pytest.CaptureFixture[str]) -> None:

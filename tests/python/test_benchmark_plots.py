@@ -13,6 +13,7 @@ from matplotlib.colors import to_hex
 
 from cgroup.benchmark.claims.base import mean_times
 from cgroup.benchmark.evidence import Evidence
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots import (
     inliers_figure,
     pair_precision_figure,
@@ -75,6 +76,30 @@ def test_names_have_no_order_and_nothing_connects_them() -> None:
     # Side by side, so that equal scores don't hide each other.
     assert len({line.get_xdata()[0] for line in axes.lines}) == len(METHODS)
     assert drawn(figure)
+
+
+def test_levels_of_few_pairs_are_hollow_and_no_solid_line_leads_there() -> None:
+    found = rows("overlap", "U3M")
+    sparse = found["x"] == found["x"].min()
+    few = found["pair"].isin(found.loc[sparse, "pair"].unique()[: LEAST_PAIRS - 1])
+    figure = scores_figure(found[~sparse | few], **LABELS)
+    filled, hollow = (
+        [
+            line
+            for line in figure.axes[0].lines
+            if line.get_markerfacecolor() == face and line.get_marker() != "None"
+        ]
+        for face in (METHOD_STYLES["gtm"].color, "white")
+    )
+    assert filled[0].get_markevery() == [1, 2, 3, 4, 5, 6]
+    assert [line.get_markevery() for line in hollow] == [[0]] * len(METHODS)
+    solid = next(line for line in figure.axes[0].lines if line.get_color() == METHOD_STYLES["gtm"].color)
+    assert np.isnan(solid.get_ydata()[1])
+    assert "fewer than 5 pairs" in {text.get_text() for text in figure.legends[0].get_texts()}
+    assert drawn(figure)
+    assert "fewer than 5 pairs" not in {
+        text.get_text() for text in scores_figure(found, **LABELS).legends[0].get_texts()
+    }
 
 
 def test_registration_has_a_panel_per_applicable_criterion() -> None:

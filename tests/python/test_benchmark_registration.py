@@ -257,7 +257,7 @@ def test_times_of_both_clouds_are_summed(frame: pd.DataFrame) -> None:
 def test_the_page_shows_the_comparison_alone(finished: Path) -> None:
     page = write_report(finished).read_text(encoding="utf-8")
     assert "Registration of whole clouds" in page
-    assert 'id="figure-registration"' in page
+    assert 'id="chart-registration"' in page
     assert "3 / 3" in page
     assert 'id="claims-table"' not in page
     assert (finished / "figures" / "registration.png").stat().st_size > 1000

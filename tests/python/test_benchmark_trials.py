@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from typing import TYPE_CHECKING
 
@@ -209,11 +210,35 @@ def test_the_report_shows_each_set(finished: Path) -> None:
     assert (finished / "figures" / "trials-grid.png").exists()
 
 
-def test_rankings_are_printed(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def print_rankings(finished: Path, capsys: pytest.CaptureFixture[str], *options: str) -> str:
     with pytest.raises(SystemExit) as done:
-        main(["benchmark", "rankings", "--out", str(finished)])
+        main(["benchmark", "rankings", "--out", str(finished), *options])
     assert done.value.code == 0
-    printed = capsys.readouterr().out
+    return capsys.readouterr().out
+
+
+def test_rankings_are_printed_as_tables_of_80_columns(
+    finished: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = print_rankings(finished, capsys).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert {"All sets", "grid"} <= set(lines)
+    assert any(line.startswith("Left out: ") for line in lines)
+    wide = print_rankings(finished, capsys, "--wide")
+    assert "tied with the first in" in wide
+    assert "Left out" not in wide
+
+
+def test_rankings_as_json_are_those_of_python(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = json.loads(print_rankings(finished, capsys, "--json"))["results"]["sets"]["grid"]
+    trials = records.load_trials(finished)
+    ranks = rank_methods(trials[trials["threads"] == 1])
+    assert [row["method"] for row in found] == [rank.method for rank in ranks]
+    assert [row["f_score"]["mean"] for row in found] == [rank.f_score.mean for rank in ranks]
+
+
+def test_rankings_are_printed_as_markdown(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    printed = print_rankings(finished, capsys, "--format", "markdown")
     assert printed.startswith("## All sets\n")
     assert "\n## grid\n\ngenerated-matches: " in printed
     assert "| 1 | " in printed

@@ -186,8 +186,8 @@ WRONG = [
     ("register {source} {target} --voxel 500", "leave 1 voxels of 500"),
     ("register {source} {target} --axis 0 0 0", "axis: got a zero vector"),
     ("register {source} {target} --axis 0 1", "--axis"),
-    ("register {source} {target} --viewpoint 0 0 nan", "source_viewpoint: got"),
-    ("register {source} {target} --target-viewpoint 0 0 1e9", "target_viewpoint: got"),
+    ("register {source} {target} --viewpoint 0 0 nan", "--viewpoint: got"),
+    ("register {source} {target} --target-viewpoint 0 0 1e9", "--target-viewpoint: got"),
     ("register {source} {target} --effort max", "--effort"),
     ("register {source} {target} --front fast", "--front"),
     ("register {source} {target} --support 0", "support: got 0"),
@@ -284,7 +284,7 @@ def test_describe(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     [
         (("--resolution", 0), "resolution: got 0"),
         (("--resolution", 500), "the whole cloud is"),
-        (("--nms-radius", -1), "nms_radius: got -1"),
+        (("--nms-radius", -1), "--nms-radius: got -1"),
     ],
 )
 def test_detect_says_what_is_wrong(

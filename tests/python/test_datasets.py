@@ -173,8 +173,18 @@ def test_protocols_exist(name: str) -> None:
 def test_cache_folder_is_the_one_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CGROUP_CACHE", str(tmp_path / "here"))
     assert cache_folder() == tmp_path / "here"
-    monkeypatch.delenv("CGROUP_CACHE")
-    assert cache_folder().name == "cgroup"
+
+
+@pytest.mark.parametrize("named", [None, "", "relative", "absolute"])
+def test_cache_folder_is_where_caches_are(
+    named: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    platformdirs = pytest.importorskip("platformdirs")
+    monkeypatch.delenv("CGROUP_CACHE", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    if named is not None:
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path) if named == "absolute" else named)
+    assert str(cache_folder()) == platformdirs.user_cache_dir("cgroup", appauthor=False, opinion=False)
 
 
 def test_cache_makes_once_and_outlives_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

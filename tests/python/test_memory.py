@@ -147,3 +147,9 @@ def test_a_limit_of_address_space_leaves_a_share_of_what_is_left_of_it():
     """
     printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert 45 <= int(printed.stdout) <= 50
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere it is a guess")
+def test_the_machine_has_free_what_psutil_says():
+    psutil = pytest.importorskip("psutil")
+    assert _memory._free_on_machine() == pytest.approx(psutil.virtual_memory().available, rel=0.2)

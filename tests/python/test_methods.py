@@ -168,8 +168,8 @@ def test_the_table_knows_the_fields_of_each_method(info):
 
 @pytest.mark.parametrize("method", METHODS.values(), ids=lambda method: method.__name__)
 def test_help_explains_every_argument(method):
-    section = method.__doc__.partition("Parameters\n")[2].partition("Returns\n")[0]
-    explained = re.findall(r"^    (\w[\w, ]*) : \S", section, flags=re.MULTILINE)
+    section = inspect.getdoc(method).partition("Parameters\n")[2].partition("Returns\n")[0]
+    explained = re.findall(r"^(\w[\w, ]*) : \S", section, flags=re.MULTILINE)
     assert {name for names in explained for name in names.split(", ")} == set(
         inspect.signature(method).parameters
     )

@@ -129,6 +129,16 @@ def test_within_is_brute_force(radius: float, rng: np.random.Generator) -> None:
     assert not within(points, np.empty((0, 3)), radius).any()
 
 
+@pytest.mark.parametrize("unit", [1.0, 0.1, 1e-3])
+@pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
+def test_within_includes_its_radius(unit: float, offset: float, rng: np.random.Generator) -> None:
+    # On a lattice many distances are the radius itself, up to rounding: the same rounding as NumPy's.
+    points, others = (rng.integers(0, 9, size=(200, 3)) * unit + offset for _ in range(2))
+    distances = np.linalg.norm(points[:, None] - others[:20], axis=2).min(axis=1)
+    for radius in unit * np.sqrt([1, 2, 3, 4, 5, 9]):
+        np.testing.assert_array_equal(within(points, others[:20], radius), distances <= radius)
+
+
 def test_within_bounds_its_cells() -> None:
     far = np.array([[0.0, 0, 0], [1e9, 1e9, 1e9]])
     assert within(far, far, 1e-9).all()

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import doctest
 import re
 from pathlib import Path
 
 import pytest
 
-import cgroup
-import cgroup.features
 from cgroup.registry import METHOD_INFO
 
 ROOT = Path(__file__).parents[2]
@@ -27,15 +24,28 @@ def test_python_blocks_run_one_after_another(capsys):
 
 # It reads records, which are made for it in test_extending_docs.py.
 FRAGMENTS = {"benchmark"}
-PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if page.stem not in FRAGMENTS]
+MADE_WITH_THE_SITE = {"_generated", "gallery", "api"}
+PAGES = [
+    page
+    for page in sorted((ROOT / "docs").rglob("*.md"))
+    if page.stem not in FRAGMENTS and not MADE_WITH_THE_SITE & set(page.parts)
+]
+# What pages show cgroup together with, and the tests do without where it isn't installed.
+OTHERS = {"gtsam", "open3d", "rclpy", "small_gicp", "torch"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_python_blocks_of_the_docs_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, object] = {}
-    for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
-        exec(compile(block, page.name, "exec"), namespace)
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    try:
+        for block in blocks:
+            exec(compile(block, page.name, "exec"), namespace)
+    except ModuleNotFoundError as missing:
+        if missing.name not in OTHERS:
+            raise
+        pytest.skip(f"the rest of the page needs {missing.name}")
 
 
 def test_make_targets_exist():
@@ -48,8 +58,3 @@ def test_make_targets_exist():
 def test_method_table_is_that_of_the_registry():
     rows = re.findall(r"^\| \[?`(\w+)`(?:\]\(\S+\))? \|.*\| ([^|]+) \|$", README, flags=re.MULTILINE)
     assert rows == [(info.function.__name__, info.complexity) for info in METHOD_INFO.values()]
-
-
-@pytest.mark.parametrize("module", [cgroup, cgroup.features])
-def test_documented_examples(module):
-    assert doctest.testmod(module).failed == 0

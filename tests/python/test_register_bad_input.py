@@ -88,8 +88,8 @@ def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
         ({"voxel": np.inf}, "voxel: got inf"),
         ({"voxel": "2"}, "voxel: got '2'; give a number"),
         ({"voxel": 1000}, "source: .* leave 1 voxels of 1000"),
-        ({"voxel": 60}, "source: .* and 100 are the least; give .* a smaller voxel"),
-        ({"voxel": 0.01}, "source: 0 of its .* voxels of 0.01 .* give a larger voxel"),
+        ({"voxel": 60}, "source: .* and 100 are the least; give .* a smaller `voxel`"),
+        ({"voxel": 0.01}, "source: 0 of its .* voxels of 0.01 .* give a larger `voxel`"),
         ({"voxel": 1e-9}, "voxel: got .* give a larger voxel"),
         ({"voxel": 1e-300}, "voxel: got .* give a larger voxel"),
         ({"source_viewpoint": (0, 0)}, r"source_viewpoint: got \(0, 0\); give three finite numbers"),
@@ -117,7 +117,7 @@ def test_options_that_make_no_sense_are_refused(options: dict[str, Any], words: 
 def test_so_many_voxels_that_matching_takes_long_are_refused() -> None:
     points = np.random.default_rng(0).uniform(size=(200_000, 3))
     with pytest.raises(
-        InputError, match="source: 200000 points, .* 100000 are the most; give a larger voxel"
+        InputError, match="source: 200000 points, .* 100000 are the most; give a larger `voxel`"
     ):
         register(points, points, voxel=0.01)
 

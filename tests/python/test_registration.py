@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import doctest
 import json
-import pkgutil
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
 from shared_data import shared_file
 
 import cgroup
-from cgroup import features, registration
+from cgroup import features
 from cgroup.comparison import compare, table, write_table
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.errors import InputError, NoConsensusError
@@ -213,10 +210,3 @@ def test_given_normals_are_used(pair: MatchingPair, matches: cgroup.Corresponden
     for call in (surface_normals, describe):
         with pytest.raises(InputError, match="normals: got 'up'; choose one of pca, mesh, given"):
             call(pair.source, normals="up")
-
-
-def test_examples() -> None:
-    names = [module.name for module in pkgutil.iter_modules(registration.__path__, "cgroup.registration.")]
-    results = [doctest.testmod(import_module(name)) for name in names]
-    assert sum(result.attempted for result in results) > 15
-    assert not any(result.failed for result in results)

@@ -1,12 +1,14 @@
-"""The report is one page that needs nothing else, whatever the run has."""
+"""The report is one page that needs nothing else, and shows what the run has and nothing that it has not."""
 
 from __future__ import annotations
 
-import base64
+import json
 import re
 from html.parser import HTMLParser
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 import pytest
 from benchmark_frames import paper_frame, paper_timing
@@ -14,20 +16,27 @@ from benchmark_frames import paper_frame, paper_timing
 from cgroup.benchmark.claims import CLAIMS
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
+from cgroup.benchmark.rankings import bootstrap
 from cgroup.benchmark.report import page as report
 from cgroup.benchmark.report import sections
 from cgroup.benchmark.report.cells import method_cell, number
+from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.benchmark.report.tables import failure_table, ranking_table, score_table
 from cgroup.errors import InputError
+from cgroup.evaluation.bins import LEAST_PAIRS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from matplotlib.figure import Figure
+
 VOID = {"meta", "img", "input", "link", "br", "hr"}
+CONTENT = {"table", "figure"}
+MOST_BYTES = 5_000_000
 
 
 class Page(HTMLParser):
-    """What a page holds; fails on tags that don't match."""
+    """What a page holds; fails on tags that don't match, and on attributes that stand twice."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -36,21 +45,34 @@ class Page(HTMLParser):
         self.links: list[str] = []
         self.images: list[dict[str, str]] = []
         self.headings: list[str] = []
+        self.outline: list[str] = []  # headings by their anchors, and tables and figures between them
+        self.metas: dict[str, dict] = {}  # of charts, by their names
+        self.buttons: list[str] = []
         self.rows = 0
+        self._chart = ""
         self.feed(text)
         assert not self.open, self.open
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = {name: value or "" for name, value in attrs}
+        assert len(given) == len(attrs), attrs
         if "id" in given:
             self.ids.append(given["id"])
         if tag == "a":
             self.links.append(given["href"])
         if tag == "img":
             self.images.append(given)
+        if tag == "figure":
+            self._chart = given.get("id", "")
+        if tag == "h2":
+            self.outline.append("#" + given["id"])
+        if tag in CONTENT:
+            self.outline.append(tag)
         self.rows += tag == "tr"
         if tag not in VOID:
             self.open.append(tag)
+        if tag == "script" and given.get("type") == "application/json":
+            self.open[-1] = "script"
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -58,6 +80,14 @@ class Page(HTMLParser):
     def handle_data(self, data: str) -> None:
         if self.open and self.open[-1] in {"h1", "h2", "h3"}:
             self.headings.append(data.strip())
+        if self.open and self.open[-1] == "button":
+            self.buttons.append(data)
+        if self.open and self.open[-1] == "script" and data.startswith('{"data"'):
+            self.metas[self._chart] = json.loads(data)["layout"]["meta"]
+
+    def series(self, chart: str, panel: int, key: str) -> dict:
+        (found,) = [each for each in self.metas[chart]["panels"][panel]["series"] if each["key"] == key]
+        return found
 
 
 def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> report.ReportData:
@@ -111,46 +141,110 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Page, str]:
 
 
 def test_page_fetches_nothing(written: tuple[Path, Page, str]) -> None:
-    _, page, text = written
+    out, page, text = written
     assert not re.search(r"(src|href)\s*=\s*[\"']?(https?:)?//", text)
-    assert not re.search(r"@import|url\(", text)
-    assert all(link.startswith("#") for link in page.links)
-    assert all(image["src"].startswith("data:image/png;base64,") for image in page.images)
+    assert not re.search(r"@import", text)
+    files = [link for link in page.links if not link.startswith("#")]
+    assert files
+    assert all((out / link).is_file() for link in files)
 
 
 def test_links_lead_somewhere_and_ids_are_unique(written: tuple[Path, Page, str]) -> None:
     _, page, _ = written
-    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
+    assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.ids)
     assert len(page.ids) == len(set(page.ids))
 
 
-def test_images_are_whole_and_described(written: tuple[Path, Page, str]) -> None:
-    _, page, _ = written
-    # An experiment with three figures, one of one's own without levels, and time.
-    assert len(page.images) == 4
-    for image in page.images:
-        content = base64.b64decode(image["src"].partition(",")[2])
-        assert content.startswith(b"\x89PNG")
-        assert len(image["alt"]) > 40
+def test_charts_are_described(written: tuple[Path, Page, str]) -> None:
+    _, page, text = written
+    # An experiment, one of one's own whose levels are none, and time.
+    assert set(page.metas) == {"chart-noise-b3r", "chart-time"}
+    labels = re.findall(r'role="img" aria-label="([^"]*)"', text)
+    assert len(labels) == 2
+    assert all(len(label) > 40 for label in labels)
 
 
 def test_figures_are_files_too(written: tuple[Path, Page, str]) -> None:
-    out, page, _ = written
+    out, _, _ = written
     names = {path.stem for path in (out / "figures").iterdir()}
+    assert names == {"noise-b3r-scores", "noise-b3r-registration", "noise-b3r-inliers", "time"}
     assert {path.name for path in (out / "figures").iterdir()} == {
         f"{n}.{e}" for n in names for e in ("png", "pdf")
     }
-    assert len(names) == len(page.images)
     assert (out / "figures" / "time.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_missing_experiments_are_named(written: tuple[Path, Page, str]) -> None:
-    _, _, text = written
-    assert (
-        "No records: the run has no experiment &#39;density&#39; on b3r-clean or b3r or standin-full." in text
-    )
+def test_sections_without_records_are_left_out(written: tuple[Path, Page, str]) -> None:
+    _, page, text = written
+    shown = [each for each in page.outline if each.startswith("#")]
+    assert shown == ["#ranking", "#noise", "#further", "#time", "#selections", "#scores", "#claims", "#data"]
+    assert shown == page.links[: len(shown)], "the list of sections names those that there are"
+    assert "No records" not in text
     assert "u3or: get it there" in text
     assert "the clouds aren&#39;t there &lt;here&gt;" in text
+
+
+def test_no_section_is_empty(written: tuple[Path, Page, str]) -> None:
+    _, page, _ = written
+    empty = [one for one, other in pairwise([*page.outline, "#end"]) if one[0] == "#" and other[0] == "#"]
+    assert empty == ["#selections"], "which says what isn't there"
+
+
+def test_charts_hold_the_means_and_their_intervals(written: tuple[Path, Page, str]) -> None:
+    _, page, _ = written
+    rows = paper_frame("noise")
+    chart = page.metas["chart-noise-b3r"]
+    assert [panel["title"] for panel in chart["panels"][:4]] == ["F", "precision", "recall", "registered"]
+    series = page.series("chart-noise-b3r", 1, "gtm")
+    mine = rows[rows["method"] == "gtm"].groupby(rows["level"].round(6))["precision"]
+    np.testing.assert_allclose(series["y"][1:], mine.mean()[1:], rtol=1e-4)
+    assert series["counts"] == [2, *[3] * 8], "one pair failed at the lowest level"
+    assert set(series["low"]) == {None}, "too few pairs for an interval"
+    assert chart["least"] == LEAST_PAIRS
+
+
+def test_levels_of_few_pairs_are_marked_and_others_have_intervals(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(PictureBook, "save", save_nothing)
+    frame = paper_frame("overlap")
+    levels = sorted(frame["overlap"].unique())
+    few = (frame["overlap"] == levels[0]) & ~frame["pair"].str.endswith(("-0", "-7"))
+    page, text = write(monkeypatch, tmp_path, results(frame[~few], pd.DataFrame()))
+    series = page.series("chart-overlap-u3m", 0, "gtm")
+    assert 0 < series["counts"][0] < LEAST_PAIRS
+    assert series["low"][0] is None
+    series = page.series("chart-overlap-u3m", 0, "ransac")
+    rows = frame[(frame["overlap"] == levels[3]) & (frame["method"] == "ransac")]
+    (interval,) = bootstrap(rows["f_score"].to_numpy()[:, None])
+    found = [series[name][3] for name in ("y", "low", "high")]
+    np.testing.assert_allclose(found, interval, atol=0.02)
+    assert found[1] + 0.05 < found[0] < found[2] - 0.05
+    assert "Hollow markers" in text
+
+
+def test_labels_are_shown_as_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(PictureBook, "save", save_nothing)
+    nasty = "</script><b>my</b> & \u2028$x$ %{y}"
+    frame = paper_frame("noise")
+    frame = frame.assign(method=frame["method"].replace({"gtm": nasty}))
+    page, text = write(monkeypatch, tmp_path, results(frame, pd.DataFrame()))
+    assert page.metas["chart-noise-b3r"]["looks"][nasty]["label"] == nasty
+    assert "<b>my</b>" not in text
+    assert "&lt;/script&gt;&lt;b&gt;my&lt;/b&gt; &amp; \u2028$x$ %{y}" in text
+
+
+def test_the_whole_evaluation_stays_small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(PictureBook, "save", save_nothing)
+    page, text = write(monkeypatch, tmp_path, results(paper_frame(), paper_timing()))
+    pictures = 3 * 300_000  # of what is selected, which need clouds
+    assert len(text.encode()) + pictures < MOST_BYTES
+    assert set(EXPERIMENTS) <= set(page.ids)
+    assert len(page.metas) == 12
+
+
+def save_nothing(_: PictureBook, name: str, figure: Figure, *, resolution: int = 0) -> str:  # noqa: ARG001
+    return name
 
 
 def test_failures_are_listed_with_their_errors(written: tuple[Path, Page, str]) -> None:
@@ -181,10 +275,22 @@ def test_run_and_machine_are_told(written: tuple[Path, Page, str]) -> None:
 def test_report_of_almost_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     frame = paper_frame("noise").query("level == 0.05").assign(experiments=[("other",)] * 27)
     page, text = write(monkeypatch, tmp_path, results(frame, pd.DataFrame()))
-    for experiment in EXPERIMENTS.values():
-        assert experiment.title in page.headings
-    assert text.count("No records: ") >= 12
-    assert "No times: " in text
+    assert [each for each in page.outline if each[0] == "#"] == ["#ranking", "#further", "#scores", "#data"]
+    assert "TPAMI" not in text
+    assert "laim" not in text.partition("<main>")[2].partition("</main>")[0]
+    assert not page.metas
+
+
+def test_no_claim_is_judged_on_generated_shapes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(PictureBook, "save", save_nothing)
+    frame = paper_frame("noise").assign(dataset="standin-full", origin="synthetic")
+    page, text = write(monkeypatch, tmp_path, results(frame, pd.DataFrame()))
+    assert "claims" not in page.ids
+    assert "confirmed" not in text.partition("<main>")[2].partition("</main>")[0]
+    assert "these are generated shapes, which aren" in text
+    told = (tmp_path / "claims.md").read_text(encoding="utf-8")
+    assert "68 claims: 0 confirmed, 0 partly, 0 not confirmed, 68 not testable" in told
+    assert "would rest on generated shapes" in told
 
 
 def test_folder_without_records(tmp_path: Path) -> None:
@@ -228,7 +334,7 @@ def test_one_evidence_serves_claims_and_figures() -> None:
     assert shown is not None
     assert set(shown.rows["method"]) - set(claimed.rows["method"]) == {"zz"}
     assert evidence.samples() == [shown]
-    assert [row[1].text for row in ranking_table(shown).rows].count("ZZ") == 1
+    assert [row[1].text for row in ranking_table(shown).rows].count("zz") == 1
     alone = Evidence(frame, pd.DataFrame()).sample("noise", "B3R")
     assert alone is not None
     pd.testing.assert_frame_equal(claimed.by_level("f_score"), alone.by_level("f_score"))

@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 
     from cgroup.types import RealArray
 
+__all__ = [
+    "IN_RESOLUTIONS",
+    "Candidate",
+    "candidate",
+]
+
 IN_RESOLUTIONS = "_pr"
 """An option whose name ends so is a length in pr; the method gets it without that, in the data's unit."""
 
@@ -37,7 +43,13 @@ class Candidate:
     name : str
         One of `METHODS`, spelt as there, or ``module:function``.
     options : str
-        JSON object with sorted keys.
+        JSON object with sorted keys; a name ending in ``_pr`` is a length in pr.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.candidates import candidate
+    >>> candidate("GC, 2 pr", "gc", {"tolerance_pr": 2})
+    Candidate(label='GC, 2 pr', name='gc', options='{"tolerance_pr": 2}')
     """
 
     label: str
@@ -46,12 +58,33 @@ class Candidate:
 
     @property
     def key(self) -> str:
-        """Names what is computed, whatever the label."""
+        """Hash that names what is computed, whatever the label.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.candidates import candidate
+        >>> candidate("mine", "gc", {}).key == candidate("yours", "gc", {}).key
+        True
+        """
         text = json.dumps([self.name, self.options])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def check(self) -> None:
-        """Raise `InputError` for an unknown method or option."""
+        """Refuse an unknown method or option.
+
+        Raises
+        ------
+        InputError
+            For an unknown method or option, or a function that can't be imported.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.candidates import Candidate
+        >>> Candidate("GC", "gc", '{"colour": 3}').check()  # doctest: +ELLIPSIS
+        Traceback (most recent call last):
+            ...
+        cgroup.errors.InputError: option: gc has no 'colour'; it takes tolerance, ...
+        """
         known = [name for name in _parameters(self.name) if name not in _FIELDS]
         given = (name.removesuffix(IN_RESOLUTIONS) for name in json.loads(self.options))
         unknown = [name for name in given if name not in known]
@@ -69,7 +102,7 @@ class Candidate:
         seed : int
             Passed on where the method takes a seed and the options set none.
         threads : int, optional
-            Likewise; None for all cores.
+            Passed on where the method takes a number of threads; None for all cores.
 
         Returns
         -------
@@ -79,7 +112,17 @@ class Candidate:
         Raises
         ------
         InputError
-            If the problem lacks what the method needs, or a function from outside returns no mask.
+            If the problem lacks what the method needs, or a function from outside returns no mask. What such
+            a function raises itself is passed on.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.benchmark.candidates import candidate
+        >>> from cgroup.datasets import make_problem
+        >>> problem = make_problem(np.random.default_rng(0), 200)
+        >>> candidate("GC, 2 pr", "gc", {"tolerance_pr": 2}).run(problem.correspondences())
+        Grouping(86 of 200 selected)
         """
         options: dict[str, Any] = self.parameters(seed, correspondences.resolution)
         if "threads" in _parameters(self.name):
@@ -89,7 +132,31 @@ class Candidate:
         return _as_grouping(self.name, _function(self.name)(correspondences, **options), correspondences)
 
     def parameters(self, seed: int, resolution: float | None) -> dict[str, Any]:
-        """Options as the method gets them, threads aside."""
+        """Return the options as the method gets them, threads aside.
+
+        Parameters
+        ----------
+        seed : int
+            Passed on where the method takes a seed and the options set none.
+        resolution : float or None
+            Length of one pr, by which options that end in ``_pr`` are multiplied.
+
+        Returns
+        -------
+        dict
+            Keyword arguments by name.
+
+        Raises
+        ------
+        InputError
+            For a length in pr where the resolution is None.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.candidates import candidate
+        >>> candidate("", "ransac", {"tolerance_pr": 2}).parameters(seed=7, resolution=0.5)
+        {'seed': 7, 'tolerance': 1.0}
+        """
         given: dict[str, Any] = {}
         for name, value in json.loads(self.options).items():
             bare = name.removesuffix(IN_RESOLUTIONS)
@@ -121,11 +188,22 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Candidate:
     Returns
     -------
     Candidate
+        The method with its options and label; two of the same key compute the same.
 
     Raises
     ------
     InputError
         For an unknown method or option, or a function that can't be imported.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.benchmark.candidates import candidate
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> tuned = candidate("GTM, longer", "gtm", {"iterations": 500})
+    >>> tuned.label, tuned.run(problem.correspondences()).mask.shape
+    ('GTM, longer', (200,))
     """
     name = name if ":" in name else find_method(name, _OTHERWISE).name
     made = Candidate(label or name, name, json.dumps(dict(options), sort_keys=True))

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 try:
     import typer
 
-    from cgroup.cli import benchmark, cloud, compare, matches, pair, recognize
+    from cgroup.cli import benchmark, cloud, compare, matches, pair, recognize, results
+    from cgroup.cli.failures import print_failure
+    from cgroup.cli.help import examples, make_app
     from cgroup.cli.streams import OutputError, guarded_output, write_error
     from cgroup.cli.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN, print_line
 except ModuleNotFoundError as missing:
@@ -28,15 +30,23 @@ if TYPE_CHECKING:
 TRACEBACK = "CGROUP_TRACEBACK"
 """Environment variable that asks for the traceback of errors that nobody foresaw."""
 
-app = typer.Typer(
+app = make_app(
     name="cgroup",
     help="3D correspondence grouping: find the right matches between two scans among mostly wrong ones.",
-    epilog=f"{TRACEBACK}=1 in the environment shows where an error came from that nobody foresaw.",
-    add_completion=False,
-    pretty_exceptions_enable=False,
+    epilog=examples(
+        "cgroup demo",
+        "cgroup register source.ply target.ply",
+        "cgroup compare source.ply target.ply --truth pose.txt",
+        "cgroup group matches.txt --method lc --resolution 0.02",
+        "cgroup COMMAND --help",
+        "",
+        f"# an error that nobody foresaw: {TRACEBACK}=1 shows where it came from",
+    ),
+    add_completion=True,
 )
-for commands in (pair, recognize, compare, cloud, matches):
+for commands in (pair, recognize, compare, matches, cloud):
     app.add_typer(commands.app)
+app.add_typer(results.app, name="results")
 app.add_typer(benchmark.app, name="benchmark")
 
 
@@ -62,10 +72,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(arguments: Sequence[str] | None) -> tuple[int, str]:
     """Run the command line; return the exit status and what to say of it."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with guarded_output():
             _start.raise_when_interrupted()
-            return app(args=arguments, prog_name="cgroup", standalone_mode=False) or 0, ""
+            try:
+                return app(args=given, prog_name="cgroup", standalone_mode=False) or 0, ""
+            except Exception as error:
+                print_failure(given, error, *_explain(error))
+                raise
     except Exception as error:  # noqa: BLE001 - a user can do nothing with a traceback
         return _explain(error)
     finally:

@@ -8,18 +8,23 @@ from typing import TYPE_CHECKING
 import typer
 
 from cgroup import io
+from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.inputs import describe_cloud, print_clouds
+from cgroup.cli.json_output import Document, make_document
 from cgroup.cli.options import (
     DEFAULT_OUT,
     CloudArgument,
     DescriptorOption,
     DetectorOption,
+    JsonOption,
     KeypointsOption,
     NmsRadiusOption,
     NormalsOption,
     OutOption,
     ResolutionOption,
 )
-from cgroup.cli.terminal import print_cloud, print_facts, print_written, show_stages, shown_name, write_figure
+from cgroup.cli.output import Ending, files_in, options_of, print_files
+from cgroup.cli.terminal import print_facts, show_stages, shown_name, write_figure
 from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import Detector, describe, detect
 
@@ -28,12 +33,23 @@ if TYPE_CHECKING:
 
 _DETECTOR_NAMES: dict[Detector, str] = {"h3d": "Harris 3D", "iss": "ISS"}
 _PICTURES = ("keypoints.ply", "keypoints.png")
+_DETECT_EXAMPLES = examples(
+    "cgroup detect scan.ply",
+    "cgroup detect scan.ply --detector iss --keypoints 500 --out keypoints",
+)
+_DESCRIBE_EXAMPLES = examples(
+    "cgroup describe scan.ply --descriptor rcs",
+    "",
+    "# a whole model, whose faces tell the outside",
+    "cgroup describe model.ply --normals mesh --resolution 0.5 --out model",
+)
 
-app = typer.Typer()
+app = make_app()
 
 
-@app.command("detect")
+@app.command("detect", cls=Command, epilog=_DETECT_EXAMPLES)
 def detect_command(
+    context: typer.Context,
     cloud: CloudArgument,
     *,
     detector: DetectorOption = "h3d",
@@ -41,8 +57,12 @@ def detect_command(
     nms_radius: NmsRadiusOption = None,
     resolution: ResolutionOption = None,
     out: OutOption = DEFAULT_OUT,
+    as_json: JsonOption = False,
 ) -> None:
-    """Find the keypoints of one cloud."""
+    """Find the keypoints of one cloud.
+
+    Writes them as arrays, as a coloured cloud and as a picture.
+    """
     name, folder = _DETECTOR_NAMES[detector], check_folder(out)
     with show_stages() as begin:
         begin(f"reading {cloud.name}")
@@ -55,13 +75,19 @@ def detect_command(
         make_folder(folder)
         io.write_keypoints(folder / "keypoints.npz", points, found)
         _write_pictures(folder, points, found, f"{shown_name(cloud)}, {name}")
-    print_cloud("cloud", cloud, points)
-    print_facts(("keypoints", f"{len(found)} by {name}"))
-    print_written(folder, "keypoints.npz", *_PICTURES)
+    document = make_document(
+        "detect",
+        inputs=[describe_cloud("cloud", cloud, points)],
+        options=options_of(context),
+        results={"keypoints": len(found)},
+        files=files_in(folder, ("keypoints.npz", *_PICTURES)),
+    )
+    Ending(as_json=as_json).finish(document, _print_cloud)
 
 
-@app.command("describe")
+@app.command("describe", cls=Command, epilog=_DESCRIBE_EXAMPLES)
 def describe_command(
+    context: typer.Context,
     cloud: CloudArgument,
     *,
     detector: DetectorOption = "h3d",
@@ -71,8 +97,12 @@ def describe_command(
     nms_radius: NmsRadiusOption = None,
     resolution: ResolutionOption = None,
     out: OutOption = DEFAULT_OUT,
+    as_json: JsonOption = False,
 ) -> None:
-    """Find the keypoints of one cloud, and give each a frame and a descriptor."""
+    """Find the keypoints of one cloud, and give each a frame and a descriptor.
+
+    Writes all as arrays, and the keypoints as a coloured cloud and as a picture.
+    """
     name, folder = _DETECTOR_NAMES[detector], check_folder(out)
     with show_stages() as begin:
         begin(f"reading {cloud.name}")
@@ -91,13 +121,31 @@ def describe_command(
         make_folder(folder)
         io.write_descriptors(folder / "descriptors.npz", described)
         _write_pictures(folder, points, described.indices, f"{shown_name(cloud)}, {name}")
-    print_cloud("cloud", cloud, points)
-    print_facts(
-        ("resolution", f"{described.resolution:.4g} (1 pr, in the file's unit)"),
-        ("keypoints", f"{len(described)} by {name}"),
-        ("descriptors", f"{descriptor.upper()}, {described.descriptors.shape[1]} numbers each"),
+    document = make_document(
+        "describe",
+        inputs=[describe_cloud("cloud", cloud, points)],
+        options=options_of(context),
+        results={
+            "resolution": described.resolution,
+            "keypoints": len(described),
+            "descriptor_length": described.descriptors.shape[1],
+        },
+        files=files_in(folder, ("descriptors.npz", *_PICTURES)),
     )
-    print_written(folder, "descriptors.npz", *_PICTURES)
+    Ending(as_json=as_json).finish(document, _print_cloud)
+
+
+def _print_cloud(document: Document) -> None:
+    """Print what was found in a cloud, from the document."""
+    found, options = document["results"], document["options"]
+    print_clouds(document["inputs"])
+    if "resolution" in found:
+        print_facts(("resolution", f"{found['resolution']:.4g} (1 pr, in the file's unit)"))
+    print_facts(("keypoints", f"{found['keypoints']} by {_DETECTOR_NAMES[options['detector']]}"))
+    if "descriptor_length" in found:
+        length = found["descriptor_length"]
+        print_facts(("descriptors", f"{options['descriptor'].upper()}, {length} numbers each"))
+    print_files(document)
 
 
 def _write_pictures(folder: Path, cloud: PointCloud, found: IndexArray, title: str) -> None:

@@ -8,34 +8,33 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 from cgroup import io
+from cgroup._values import refusal
+from cgroup.cli.comparison_output import comparison_results, count_correct, print_comparison
+from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.inputs import describe_pair, read_both
+from cgroup.cli.json_output import Document, make_document
 from cgroup.cli.options import (
     DEFAULT_OUT,
     DescriptorOption,
     DetectorOption,
+    JsonOption,
     KeypointsOption,
     MaxDisplacementOption,
     MaxRotationOption,
     NmsRadiusOption,
     NormalsOption,
     OutOption,
+    SaveOption,
     SourceArgument,
     TargetArgument,
+    WideOption,
 )
-from cgroup.cli.pair import print_clouds, read_both
-from cgroup.cli.terminal import (
-    print_facts,
-    print_line,
-    print_table,
-    print_written,
-    show_stages,
-    shown_name,
-    write_figure,
-)
+from cgroup.cli.output import Ending, files_in, options_of
+from cgroup.cli.pages import COMPARISON_PAGE, HtmlOption, write_comparison_page
+from cgroup.cli.terminal import show_stages, shown_name, write_figure
 from cgroup.comparison import MAX_DISPLACEMENT, MAX_ROTATION, compare, find_correct, write_table
-from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import correspond
 from cgroup.registry import label_of
@@ -46,35 +45,66 @@ if TYPE_CHECKING:
     from cgroup.types import BoolArray, Correspondences, FloatArray, PointCloud
 
 _FILES = ("comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz")
+_SCANS = ("source.ply", "target.ply", "truth.txt")
+_COMPARE_EXAMPLES = examples(
+    "cgroup compare source.ply target.ply --truth pose.txt",
+    "",
+    "# other descriptors, and what became of it beside a run that was saved before",
+    "cgroup compare a.ply b.ply --truth pose.txt --descriptor rcs --save rcs",
+    "cgroup results compare shot rcs",
+)
+_DEMO_EXAMPLES = examples(
+    "cgroup demo",
+    "cgroup demo --seed 3 --out third --wide",
+    "cgroup compare out/source.ply out/target.ply --truth out/truth.txt",
+)
 
-app = typer.Typer()
+app = make_app()
 
 
-@app.command("compare")
+@app.command("compare", cls=Command, epilog=_COMPARE_EXAMPLES)
 def compare_command(
+    context: typer.Context,
     source: SourceArgument,
     target: TargetArgument,
     *,
     truth: Annotated[
-        Path, typer.Option(help="True pose of the source in the target's frame: 4x4 text or .npy.")
+        Path,
+        typer.Option(
+            metavar="POSE",
+            help="File of the true pose of the source in the target's frame.",
+            rich_help_panel="Truth",
+        ),
     ],
+    max_rotation: MaxRotationOption = MAX_ROTATION,
+    max_displacement: MaxDisplacementOption = MAX_DISPLACEMENT,
     detector: DetectorOption = "h3d",
     descriptor: DescriptorOption = "shot",
     normals: NormalsOption = "pca",
     keypoints: KeypointsOption = None,
     nms_radius: NmsRadiusOption = None,
-    max_rotation: MaxRotationOption = MAX_ROTATION,
-    max_displacement: MaxDisplacementOption = MAX_DISPLACEMENT,
     out: OutOption = DEFAULT_OUT,
+    html: HtmlOption = False,
+    save: SaveOption = None,
+    as_json: JsonOption = False,
+    wide: WideOption = False,
 ) -> None:
-    """Run all methods on a pair whose pose is known, and judge what each selects."""
+    """Run all methods on a pair whose pose is known, and judge what each selects.
+
+    Writes the table, the matches and pictures.
+    """
+    for name, limit in (("max_rotation", max_rotation), ("max_displacement", max_displacement)):
+        if not np.isfinite(limit):
+            raise refusal(name, limit, "give a finite number")
     folder, true_pose = check_folder(out), io.read_transform(truth)
+    ending = Ending(as_json=as_json, save=save)
     clouds = read_both(source, target)
     compared = _compare_methods(
         clouds,
         true_pose,
         title=f"{shown_name(source)} to {shown_name(target)}",
         folder=folder,
+        html=html,
         max_rotation=max_rotation,
         max_displacement=max_displacement,
         detector=detector,
@@ -83,32 +113,81 @@ def compare_command(
         keypoints=keypoints,
         nms_radius=nms_radius,
     )
-    print_clouds((source, target), clouds)
-    _print_comparison(compared)
-    print_written(out, *_FILES)
+    document = _make_document(
+        context, (source, target), clouds, compared, files_in(folder, _files(html=html))
+    )
+    ending.finish(document, lambda document: print_comparison(document, wide=wide))
 
 
-@app.command("demo")
+@app.command("demo", cls=Command, epilog=_DEMO_EXAMPLES)
 def demo_command(
-    seed: Annotated[int, typer.Option(min=0, help="Another seed, another shape.")] = 0,
+    context: typer.Context,
+    *,
+    seed: Annotated[
+        int,
+        typer.Option(min=0, metavar="NUMBER", help="Another seed, another shape.", rich_help_panel="Shape"),
+    ] = 0,
     out: OutOption = DEFAULT_OUT,
+    html: HtmlOption = False,
+    save: SaveOption = None,
+    as_json: JsonOption = False,
+    wide: WideOption = False,
 ) -> None:
-    """Run all methods on a generated pair: two views of a closed shape rich in detail."""
+    """Run all methods on a generated pair: two views of a closed shape rich in detail.
+
+    Writes the two scans and their true pose, and all that `cgroup compare` writes.
+    """
     from cgroup.datasets import standin_pair  # noqa: PLC0415 - slow to load
 
     check_folder(out)
+    ending = Ending(as_json=as_json, save=save)
     with show_stages() as begin:
         begin("generating two scans")
         pair = standin_pair(seed=seed)
     folder = make_folder(out)
-    for name, cloud in (("source", pair.source), ("target", pair.target)):
-        io.write_cloud(folder / f"{name}.ply", cloud)
-    io.write_transform(folder / "truth.txt", pair.T_target_source)
+    files = (folder / "source.ply", folder / "target.ply")
     clouds = (pair.source, pair.target)
-    compared = _compare_methods(clouds, pair.T_target_source, title="Generated pair", folder=folder)
-    print_clouds((folder / "source.ply", folder / "target.ply"), clouds)
-    _print_comparison(compared)
-    print_written(out, "source.ply", "target.ply", "truth.txt", *_FILES)
+    for file, cloud in zip(files, clouds, strict=True):
+        io.write_cloud(file, cloud)
+    io.write_transform(folder / "truth.txt", pair.T_target_source)
+    compared = _compare_methods(
+        clouds, pair.T_target_source, title="Generated pair", folder=folder, html=html
+    )
+    document = _make_document(
+        context, files, clouds, compared, files_in(folder, (*_SCANS, *_files(html=html)))
+    )
+    ending.finish(document, lambda document: print_comparison(document, wide=wide))
+
+
+def _files(*, html: bool) -> tuple[str, ...]:
+    return (*_FILES, COMPARISON_PAGE) if html else _FILES
+
+
+def _make_document(
+    context: typer.Context,
+    files: tuple[Path, Path],
+    clouds: tuple[PointCloud, PointCloud],
+    compared: _Comparison,
+    written: list[str],
+) -> Document:
+    results = comparison_results(
+        compared.matches,
+        compared.correct,
+        compared.results,
+        T_target_source=compared.true_pose,
+        inverse_correct=_count_under_inverse(compared),
+    )
+    results["limits"] = {
+        "max_rotation_deg": compared.max_rotation,
+        "max_displacement_pr": compared.max_displacement,
+    }
+    return make_document(
+        str(context.info_name),
+        inputs=describe_pair(files, clouds),
+        options=options_of(context),
+        results=results,
+        files=written,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,11 +208,12 @@ def _compare_methods(
     *,
     title: str,
     folder: Path,
+    html: bool,
     max_rotation: float = MAX_ROTATION,
     max_displacement: float = MAX_DISPLACEMENT,
     **front: Any,  # noqa: ANN401 - options of `correspond`
 ) -> _Comparison:
-    """Match, group by every method, and write `_FILES`."""
+    """Match, group by every method, and write the files."""
     with show_stages() as begin:
         matches = correspond(*clouds, progress=begin, **front)
         correct = find_correct(matches, true_pose)
@@ -152,7 +232,9 @@ def _compare_methods(
         compared = _Comparison(matches, true_pose, correct, list(results), max_rotation, max_displacement)
         begin("figures")
         make_folder(folder)
-        _draw_comparison(clouds, compared, f"{title}: {_count_correct(correct)}", folder)
+        _draw_comparison(clouds, compared, f"{title}: {count_correct(correct)}", folder)
+        if html:
+            write_comparison_page(folder, clouds, matches, compared.results, true_pose, correct, title)
         write_table(folder / "comparison.csv", compared.results)
         io.write_correspondences(folder / "correspondences.npz", matches)
     return compared
@@ -177,73 +259,10 @@ def _draw_comparison(
     write_figure(folder / "precision_recall.png", precision_recall_figure(scores, title=title))
 
 
-def _print_comparison(compared: _Comparison) -> None:
-    pr = compared.matches.resolution or np.nan
-    correct = _count_correct(compared.correct)
-    print_facts(
-        ("resolution", f"{pr:.4g} (mean point spacing, in the files' unit; 1 pr)"),
-        ("matching", f"{correct}, that is within {CORRECT_WITHIN:g} pr of the true place"),
-    )
-    print_table(_make_table(compared.results, pr))
-    print_line(
-        f"Registered: the pose that the group fixes is off by at most {compared.max_rotation:g} degrees, and "
-        f"by {compared.max_displacement:g} pr on average"
-    )
-    print_line("over the matched points. P > 0.1: the paper's criterion, which asks for no pose.")
-    _warn_of_inverse(compared)
-
-
-def _count_correct(correct: BoolArray) -> str:
-    count = int(np.count_nonzero(correct))
-    return f"{len(correct)} matches, {count} correct ({100 * count / max(len(correct), 1):.1f} %)"
-
-
-def _make_table(results: list[MethodResult], pr: float) -> Table:
-    table = Table()
-    headers = (
-        "selected",
-        "precision",
-        "recall",
-        "F",
-        "P > 0.1",
-        "registered",
-        "rotation",
-        "displaced",
-        "time",
-    )
-    table.add_column("method")
-    for header in headers:
-        table.add_column(header, justify="right")
-    for result in results:
-        table.add_row(*_make_row(result, pr))
-    return table
-
-
-def _make_row(result: MethodResult, pr: float) -> tuple[str, ...]:
-    score, posed = result.score, result.T_target_source is not None
-    return (
-        label_of(result.method),
-        str(score.selected),
-        f"{score.precision:.3f}",
-        f"{score.recall:.3f}",
-        f"{score.f_score:.3f}",
-        "yes" if score.registered else "no",
-        "yes" if result.registered else "no",
-        f"{result.rotation_error:.2f} deg" if posed else "no pose",
-        f"{result.displacement / pr:.2f} pr" if posed else "no pose",
-        f"{1e3 * result.seconds:.1f} ms",
-    )
-
-
-def _warn_of_inverse(compared: _Comparison) -> None:
-    """Say so where the truth is written the other way round, the usual reason for no correct match."""
+def _count_under_inverse(compared: _Comparison) -> int | None:
+    """Count what would be correct under the inverse of the truth, where that is suspiciously much."""
     suspicious = 10 * max(int(compared.correct.sum()), 1)
     if len(compared.matches) <= suspicious:
-        return
-    inverse = invert(compared.true_pose)
-    count = int(find_correct(compared.matches, inverse).sum())
-    if count > suspicious:
-        print_line(
-            f"Note: {count} matches would be correct under the inverse of this truth; "
-            "it has to map the source into the target's frame."
-        )
+        return None
+    count = int(find_correct(compared.matches, invert(compared.true_pose)).sum())
+    return count if count > suspicious else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,81 +11,178 @@ import numpy as np
 import typer
 
 from cgroup import io
-from cgroup.cli.options import MethodOption
-from cgroup.cli.terminal import print_line, print_pose, show_stages
-from cgroup.errors import NoConsensusError
+from cgroup._values import as_length
+from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.json_output import Document, make_document
+from cgroup.cli.options import GROUPING, OUTPUT, JsonOption, MatchesArgument, MethodOption, SaveOption
+from cgroup.cli.output import Ending, options_of
+from cgroup.cli.terminal import print_facts, print_line, print_pose, print_prose, show_stages
+from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import check_method, group
 from cgroup.io._results import check_file
-from cgroup.registry import label_of
+from cgroup.registry import METHODS, label_of
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
     from cgroup.types import Grouping
 
-app = typer.Typer()
+_EXAMPLES = examples(
+    "# six columns, x y z of the source and of the target; 1 pr is 2 cm",
+    "cgroup group matches.txt --method gc --resolution 0.02",
+    "",
+    "# the method that says how sure it is; one 0 or 1 per line",
+    "cgroup group matches.npz --method lc --out mask.txt",
+    "",
+    "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json",
+)
+_WITHOUT_TOLERANCE = ("gtm",)
+"""Methods whose tolerance belongs to an option that the command line lacks."""
+
+app = make_app()
 
 
-@app.command("group")
+@app.command("group", cls=Command, epilog=_EXAMPLES)
 def group_command(
-    correspondences: Annotated[
-        Path, typer.Argument(help="NPZ with the fields of Correspondences, or text: x y z x' y' z' per line.")
-    ],
+    context: typer.Context,
+    correspondences: MatchesArgument,
+    *,
     method: MethodOption = "gtm",
     resolution: Annotated[
         float | None,
         typer.Option(
-            help="Mean point spacing of the clouds, in the file's unit.", show_default="as in the file"
+            metavar="LENGTH",
+            help="Mean point spacing of the clouds, 1 pr, in the file's unit.",
+            show_default="as in the file",
+            rich_help_panel=GROUPING,
         ),
     ] = None,
     tolerance: Annotated[
         float | None,
         typer.Option(
-            help="Tolerance of methods that have one, in the file's unit.", show_default="the method's"
+            metavar="LENGTH",
+            help="Tolerance of methods that have one, in the file's unit.",
+            show_default="the method's",
+            rich_help_panel=GROUPING,
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Mask to write: .npy, or text with 0 or 1 per line.", show_default="NAME_METHOD.npy"
+            metavar="FILE",
+            help="Mask to write: .npy, or text with 0 or 1 per line.",
+            show_default="NAME_METHOD.npy",
+            rich_help_panel=OUTPUT,
         ),
     ] = None,
+    save: SaveOption = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Group correspondences of your own: which of them are selected, and the pose they fix."""
+    """Group correspondences of your own: which are selected, what pose they fix, how sure that is."""
     method = check_method(method)
+    options = _method_options(method, tolerance)
     path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     check_file(path)
+    spacing = None if resolution is None else as_length("resolution", resolution)
+    ending = Ending(as_json=as_json, save=save)
     given = io.read_correspondences(correspondences)
-    if resolution is not None:
-        given = _with_resolution(given, resolution)
-    options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
+    if spacing is not None:
+        given = _with_resolution(given, spacing)
+    elif given.resolution is not None:
+        as_length(f"{correspondences}: resolution", given.resolution)
     start = time.perf_counter()
     with show_stages() as begin:
         begin(f"grouping by {label_of(method)}")
         grouping = group(given, method, **options)
     seconds = time.perf_counter() - start
     io.write_mask(path, grouping.mask)
-    print_line(f"{grouping.size} of {len(given)} selected by {label_of(method)} in {1e3 * seconds:.0f} ms")
-    if grouping.false_alarms is not None:
-        trust = "can be trusted" if grouping.ok else "may be chance"
-        print_line(f"the group {trust}: {grouping.false_alarms:.2g} false alarms expected")
-    _print_pose(given, grouping)
-    print_line(f"wrote {path}")
+    document = make_document(
+        "group",
+        inputs=[
+            {
+                "role": "matches",
+                "file": correspondences,
+                "matches": len(given),
+                "centroid": given.source.mean(axis=0, dtype=np.float64),
+            }
+        ],
+        options={**options_of(context), "method": method, "resolution": given.resolution},
+        results={**_results(given, grouping), "seconds": seconds},
+        files=[path],
+    )
+    ending.finish(document, print_group)
 
 
-def _print_pose(matches: Correspondences, grouping: Grouping) -> None:
-    """Print the least-squares pose of the group, and how closely the group follows it."""
+def _method_options(method: str, tolerance: float | None) -> dict[str, Any]:
+    """Return the options of the method that were given, or raise where it has none of the kind."""
+    if tolerance is None:
+        return {}
+    having = [
+        name
+        for name, function in METHODS.items()
+        if "tolerance" in signature(function).parameters and name not in _WITHOUT_TOLERANCE
+    ]
+    if method not in having:
+        message = f"--tolerance: {method} has none; methods that have one: {', '.join(having)}"
+        raise InputError(message)
+    return {"tolerance": tolerance}
+
+
+def _results(matches: Correspondences, grouping: Grouping) -> Document:
+    """List what a document says of a group."""
+    results: Document = {
+        "selected": grouping.size,
+        "indices": grouping.indices,
+        "threshold": grouping.threshold,
+        "complete": grouping.complete,
+        "ok": grouping.ok,
+        "false_alarms": grouping.false_alarms,
+        "T_target_source": None,
+        "residual_rms": None,
+        "residual_max": None,
+        "why_no_pose": None,
+    }
     try:
         pose = grouping.transform()
     except NoConsensusError as error:
-        print_line(f"no pose: {error}")
-        return
-    print_pose(pose)
+        return {**results, "why_no_pose": str(error)}
     residuals = match_errors(matches.source[grouping.mask], matches.target[grouping.mask], pose)
-    half, most = np.quantile(residuals, [0.5, 0.9])
-    pr = matches.resolution
-    unit = "" if pr is None else f" ({half / pr:.2g} and {most / pr:.2g} pr)"
-    print_line(f"residuals of the group: half below {half:.3g}, nine in ten below {most:.3g}{unit}")
+    rms, largest = float(np.sqrt(np.mean(residuals**2))), float(residuals.max())
+    return {**results, "T_target_source": pose, "residual_rms": rms, "residual_max": largest}
+
+
+def print_group(document: Document) -> None:
+    """Print a group from its document."""
+    found, method = document["results"], document["options"]["method"]
+    matches, pr = document["inputs"][0]["matches"], document["options"]["resolution"]
+    label = label_of(method)
+    print_line(f"{found['selected']} of {matches} selected by {label} in {1e3 * found['seconds']:.0f} ms")
+    if found["T_target_source"] is None:
+        print_prose(f"no pose: {found['why_no_pose']}")
+    else:
+        print_pose(found["T_target_source"])
+        print_facts(
+            ("residuals", f"root mean square {_length(found['residual_rms'], pr)}"),
+            ("", f"largest {_length(found['residual_max'], pr)}"),
+        )
+    print_facts(("sure", _say_how_sure(found, label)))
+    if not found["complete"]:
+        print_facts(("note", "a bound of the method cut its search short: there may be a better group"))
+    print_line(f"wrote {document['files'][0]}")
+
+
+def _length(value: float, pr: float | None) -> str:
+    return f"{value:.3g} (in the file's unit)" if pr is None else f"{value:.3g} ({value / pr:.2g} pr)"
+
+
+def _say_how_sure(found: Document, label: str) -> str:
+    """Say how far a group can be trusted; only some methods can tell."""
+    if found["ok"] is None:
+        return f"not known: {label} can't tell; --method lc does"
+    expected = found["false_alarms"]  # infinite, so unknown to JSON, where a mirror image fits better
+    by_chance = "countless" if expected is None else f"{expected:.2g}"
+    chance = f"{by_chance} such groups are to be expected where no match is right"
+    return f"{'yes' if found['ok'] else 'no, it may be chance'}: {chance}"
 
 
 def _with_resolution(correspondences: Correspondences, resolution: float) -> Correspondences:

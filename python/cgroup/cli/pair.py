@@ -1,13 +1,15 @@
-"""``cgroup register``: one cloud placed on another; and reading and printing pairs of clouds."""
+"""``cgroup register``: one cloud placed on another."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from cgroup import io
+from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.inputs import describe_pair, print_clouds, read_both
+from cgroup.cli.json_output import Document, make_document
 from cgroup.cli.options import (
     DEFAULT_OUT,
     AxisOption,
@@ -15,11 +17,14 @@ from cgroup.cli.options import (
     DetectorOption,
     EffortOption,
     FrontOption,
+    JsonOption,
     KeypointsOption,
     NmsRadiusOption,
     NormalsOption,
     OutOption,
+    ProposingMethodOption,
     ResolutionOption,
+    SaveOption,
     SourceArgument,
     SourceViewpointOption,
     SupportOption,
@@ -28,11 +33,11 @@ from cgroup.cli.options import (
     ViewpointOption,
     VoxelOption,
 )
+from cgroup.cli.output import Ending, files_in, options_of, print_files
+from cgroup.cli.pages import REGISTRATION_PAGE, HtmlOption, page_of_refused, write_registration_page
 from cgroup.cli.terminal import (
-    print_cloud,
     print_facts,
     print_pose,
-    print_written,
     show_stages,
     shown_name,
     write_figure,
@@ -42,7 +47,6 @@ from cgroup.group import check_method
 from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import DenseFront, PaperFront, Registration, register
 from cgroup.registration.prepared import VOXELS
-from cgroup.registry import METHODS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,11 +55,21 @@ if TYPE_CHECKING:
 
 _PAPER_OPTIONS = ("detector", "descriptor", "normals", "keypoints", "nms_radius", "resolution")
 _DENSE_OPTIONS = ("support",)
+_FILES = ("transform.txt", "aligned.ply", "correspondences.npz", "registration.png")
+_EXAMPLES = examples(
+    "cgroup register source.ply target.ply",
+    "",
+    "# two LiDAR scans, each from its own origin, in metres",
+    "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
+    "",
+    "# the paper's front end, for a script, and kept to be compared later",
+    "cgroup register a.ply b.ply --front paper --method gtm --json --save gtm",
+)
 
-app = typer.Typer()
+app = make_app()
 
 
-@app.command("register")
+@app.command("register", cls=Command, epilog=_EXAMPLES)
 def register_command(
     context: typer.Context,
     source: SourceArgument,
@@ -68,13 +82,7 @@ def register_command(
     axis: AxisOption = None,
     effort: EffortOption = "normal",
     front: FrontOption = "dense",
-    method: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Grouping method that proposes poses: {', '.join(METHODS)}.",
-            show_default="lc, or gtm with the paper's front",
-        ),
-    ] = None,
+    method: ProposingMethodOption = None,
     support: SupportOption = DenseFront.support,
     detector: DetectorOption = "h3d",
     descriptor: DescriptorOption = "shot",
@@ -83,18 +91,24 @@ def register_command(
     nms_radius: NmsRadiusOption = None,
     resolution: ResolutionOption = None,
     out: OutOption = DEFAULT_OUT,
+    html: HtmlOption = False,
+    save: SaveOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Place one scan on another, or say that no pose can be trusted (exit status 3).
 
-    The last options, from --detector on, are those of the paper's front.
+    Writes the pose, the moved source, the matches and a picture. The options of keypoints and descriptors
+    are those of the paper's front.
     """
     if method is not None:
         method = check_method(method)
     _refuse_options_of_the_other_front(context, front)
     check_folder(out)
+    ending = Ending(as_json=as_json, save=save)
     clouds = read_both(source, target)
     paper = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
-    with show_stages() as begin:
+    title = f"{source.name} on {target.name}"
+    with page_of_refused(context, out, clouds, title, wanted=html), show_stages() as begin:
         done = register(
             *clouds,
             voxel=voxel,
@@ -113,9 +127,16 @@ def register_command(
         io.write_cloud(folder / "aligned.ply", clouds[0].transformed(done.T_target_source))
         io.write_correspondences(folder / "correspondences.npz", done.correspondences)
         write_figure(folder / "registration.png", figure)
-    print_clouds((source, target), clouds)
-    _print_registration(done, is_chosen=voxel is None)
-    print_written(folder, "transform.txt", "aligned.ply", "correspondences.npz", "registration.png")
+        if html:
+            write_registration_page(folder, clouds, done, title)
+    document = make_document(
+        "register",
+        inputs=describe_pair((source, target), clouds),
+        options=options_of(context),
+        results=registration_results(done),
+        files=files_in(folder, (*_FILES, REGISTRATION_PAGE) if html else _FILES),
+    )
+    ending.finish(document, print_registration)
 
 
 def _refuse_options_of_the_other_front(context: typer.Context, front: str) -> None:
@@ -143,33 +164,43 @@ def _draw_registration(clouds: tuple[PointCloud, PointCloud], done: Registration
     )
 
 
-def read_both(source: Path, target: Path) -> tuple[PointCloud, PointCloud]:
-    """Read two clouds."""
-    with show_stages() as begin:
-        begin(f"reading {source.name}")
-        first = io.read_cloud(source)
-        begin(f"reading {target.name}")
-        return first, io.read_cloud(target)
+def registration_results(done: Registration) -> Document:
+    """List what a document says of a registration."""
+    return {
+        "ok": done.ok,
+        "T_target_source": done.T_target_source,
+        "probability": done.probability,
+        "fitness": done.fitness,
+        "inlier_rmse": done.inlier_rmse,
+        "matches": len(done.correspondences),
+        "selected": done.grouping.size,
+        "voxel": done.voxel,
+        "resolution": done.resolution,
+        "information": done.information,
+        "open_motion": done.open_motion,
+        "alternatives": done.alternatives,
+        "notes": done.notes,
+        "seconds": _by_stage(done),
+    }
 
 
-def print_clouds(files: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud]) -> None:
-    """Print how many points source and target have."""
-    for role, file, cloud in zip(("source", "target"), files, clouds, strict=True):
-        print_cloud(role, file, cloud)
-
-
-def _print_registration(done: Registration, *, is_chosen: bool) -> None:
+def print_registration(document: Document) -> None:
+    """Print a registration from its document."""
+    done = document["results"]
+    is_chosen = document["options"]["voxel"] is None
     why = f", the smallest step of 2^(1/4) that leaves {VOXELS} of a cloud at most" if is_chosen else ""
+    print_clouds(document["inputs"])
     print_facts(
-        ("voxel", f"{done.voxel:.4g} (in the files' unit{why})"),
-        ("matches", f"{len(done.correspondences)}, of which the pose lays {done.grouping.size} together"),
-        ("overlap", f"{100 * done.fitness:.0f} % of the source lies on the target"),
-        ("residual", f"{done.inlier_rmse:.3g} there (root mean square, in the files' unit)"),
-        ("probability", f"{done.probability:.3f} that the pose is right"),
-        *(("note", note) for note in done.notes),
-        ("time", ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in _by_stage(done).items())),
+        ("voxel", f"{done['voxel']:.4g} (in the files' unit{why})"),
+        ("matches", f"{done['matches']}, of which the pose lays {done['selected']} together"),
+        ("overlap", f"{100 * done['fitness']:.0f} % of the source lies on the target"),
+        ("residual", f"{done['inlier_rmse']:.3g} there (root mean square, in the files' unit)"),
+        ("probability", f"{done['probability']:.3f} that the pose is right"),
+        *(("note", note) for note in done["notes"]),
+        ("time", ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in done["seconds"].items())),
     )
-    print_pose(done.T_target_source)
+    print_pose(done["T_target_source"])
+    print_files(document)
 
 
 def _by_stage(done: Registration) -> dict[str, float]:

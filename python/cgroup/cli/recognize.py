@@ -7,13 +7,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from cgroup import io
-from cgroup._show import escape
-from cgroup.cli.options import DEFAULT_OUT, OutOption
-from cgroup.cli.terminal import print_cloud, print_facts, print_table, print_written, show_stages
+from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.inputs import describe_cloud, print_clouds
+from cgroup.cli.json_output import Document, make_document
+from cgroup.cli.options import (
+    CLOUDS,
+    DEFAULT_OUT,
+    JsonOption,
+    ModelsArgument,
+    OutOption,
+    SceneViewpointOption,
+    WideOption,
+)
+from cgroup.cli.output import Ending, files_in, options_of, print_files
+from cgroup.cli.tables import Column, print_table
+from cgroup.cli.terminal import print_facts, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import recognize
@@ -24,37 +34,50 @@ if TYPE_CHECKING:
     from cgroup.registration import Recognized
     from cgroup.types import PointCloud
 
-_FORMATS = "PLY, PCD, XYZ, TXT, CSV, PTS, OBJ, STL, OFF, KITTI's BIN, NPY, NPZ, LAS, LAZ"
+_COLUMNS = (
+    Column("model", is_text=True),
+    Column("found", is_text=True),
+    Column("probability"),
+    Column("visible %"),
+    Column("residual"),
+)
+_EXAMPLES = examples(
+    "cgroup recognize chef.ply T-rex.ply --scene scan.ply --viewpoint 0 0 0",
+    "",
+    "# how many bolts, and where",
+    "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --json",
+)
 
-app = typer.Typer()
+app = make_app()
 
 
-@app.command("recognize")
+@app.command("recognize", cls=Command, epilog=_EXAMPLES)
 def recognize_command(
-    models: Annotated[
-        list[Path],
-        typer.Argument(help=f"Whole models, in the scene's unit; meshes are best: {_FORMATS}."),
-    ],
+    context: typer.Context,
+    models: ModelsArgument,
     *,
-    scene: Annotated[Path, typer.Option(help="What they are looked for in.")],
+    scene: Annotated[
+        Path, typer.Option(metavar="CLOUD", help="What they are looked for in.", rich_help_panel=CLOUDS)
+    ],
     voxel: Annotated[
         float | None,
         typer.Option(
-            help="Edge length of the voxels, in the files' unit.", show_default="leaves about 10,000 voxels"
+            metavar="LENGTH",
+            help="Edge length of the voxels, in the files' unit.",
+            show_default="leaves about 10,000 voxels",
+            rich_help_panel=CLOUDS,
         ),
     ] = None,
-    viewpoint: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            metavar="X Y Z",
-            help="Where the scanner stood, if the scene is one single scan: tells far more.",
-            show_default="not known",
-        ),
-    ] = None,
+    viewpoint: SceneViewpointOption = None,
     most: Annotated[
-        int | None, typer.Option(min=1, help="Copies of each model to look for.", show_default="any number")
+        int | None,
+        typer.Option(
+            min=1, metavar="COUNT", help="Copies of each model to look for.", show_default="any number"
+        ),
     ] = None,
     out: OutOption = DEFAULT_OUT,
+    as_json: JsonOption = False,
+    wide: WideOption = False,
 ) -> None:
     """Say which models are in a scene, and where (exit status 3 if none is).
 
@@ -66,14 +89,26 @@ def recognize_command(
         clouds = {name: _read(file, begin) for name, file in files.items()}
         target = _read(scene, begin)
         found = recognize(clouds, target, voxel=voxel, viewpoint=viewpoint, most=most, progress=begin)
-    print_cloud("scene", scene, target)
-    _print_models(list(clouds), found)
+    document = make_document(
+        "recognize",
+        inputs=[
+            describe_cloud("scene", scene, target),
+            *(describe_cloud("model", file, clouds[name]) for name, file in files.items()),
+        ],
+        options=options_of(context),
+        results=_results(list(clouds), found),
+        files=files_in(folder, tuple(_name_files(found))),
+    )
+    if found:
+        _write(make_folder(folder), clouds, found)
+    if found or not as_json:  # errors are objects of their own
+        Ending(as_json=as_json).finish(document, lambda document: _print_models(document, wide=wide))
     if not found:
-        hint = "" if viewpoint else "; if the scene is one single scan, say where the scanner stood"
+        hint = (
+            "" if viewpoint else "; if the scene is one single scan, say where the scanner stood: --viewpoint"
+        )
         message = f"none of the models was found in {scene.name}{hint}"
         raise NoConsensusError(message)
-    make_folder(folder)
-    print_written(folder, *_write(folder, clouds, found))
 
 
 def _by_name(models: list[Path]) -> dict[str, Path]:
@@ -90,37 +125,71 @@ def _read(file: Path, begin: Callable[[str], object]) -> PointCloud:
     return io.read_cloud(file)
 
 
-def _print_models(names: list[str], found: list[Recognized]) -> None:
-    table = Table()
-    for column in ("model", "found", "probability", "visible share", "residual"):
-        table.add_column(column, justify="left" if column == "model" else "right")
-    for name in names:
-        copies = [registration for other, registration in found if other == name]
-        if not copies:
-            table.add_row(Text(escape(name)), "no", "", "", "")
-        for number, copy in enumerate(copies, start=1):
-            table.add_row(
-                Text(escape(name)),
-                "yes" if len(copies) == 1 else f"{number} of {len(copies)}",
-                f"{copy.probability:.3f}",
-                f"{100 * copy.fitness:.0f} %",
-                f"{copy.inlier_rmse:.3g}",
-            )
-    print_table(table)
-    if found:
-        print_facts(("voxel", f"{found[0].registration.voxel:.4g} (in the files' unit, as the residual)"))
-        seconds = found[0].registration.seconds
-        print_facts(("time", f"{sum(seconds.values()):.2f} s"))
+def _results(names: list[str], found: list[Recognized]) -> Document:
+    """List what a document says of the models in a scene."""
+    stems = _list_stems(found)
+    return {
+        "found": [
+            {
+                "model": name,
+                "file": f"{stem}.txt",
+                "T_target_source": one.T_target_source,
+                "probability": one.probability,
+                "fitness": one.fitness,
+                "inlier_rmse": one.inlier_rmse,
+            }
+            for stem, (name, one) in zip(stems, found, strict=True)
+        ],
+        "not_found": [name for name in names if name not in {other for other, _ in found}],
+        "voxel": found[0].registration.voxel if found else None,
+        "seconds": sum(found[0].registration.seconds.values()) if found else None,
+    }
 
 
-def _write(folder: Path, clouds: dict[str, PointCloud], found: list[Recognized]) -> list[str]:
-    """Write poses and posed models; return the files' names."""
-    written: list[str] = []
+def _print_models(document: Document, *, wide: bool) -> None:
+    """Print which models are in the scene, from the document."""
+    results = document["results"]
+    print_clouds(document["inputs"][:1])
+    rows: list[tuple[str, ...]] = []
+    for name in (Path(one["file"]).stem for one in document["inputs"][1:]):
+        copies = [one for one in results["found"] if one["model"] == name]
+        rows += [_cells(name, place, copies) for place in range(len(copies))] or [(name, "no", "", "", "")]
+    print_table(_COLUMNS, rows, wide=wide)
+    if results["found"]:
+        print_facts(
+            ("voxel", f"{results['voxel']:.4g} (in the files' unit, as the residual)"),
+            ("time", f"{results['seconds']:.2f} s"),
+        )
+        print_files(document)
+
+
+def _cells(name: str, place: int, copies: list[Document]) -> tuple[str, ...]:
+    one = copies[place]
+    return (
+        name,
+        "yes" if len(copies) == 1 else f"{place + 1} of {len(copies)}",
+        f"{one['probability']:.3f}",
+        f"{100 * one['fitness']:.0f}",
+        f"{one['inlier_rmse']:.3g}",
+    )
+
+
+def _list_stems(found: list[Recognized]) -> list[str]:
+    """Name the files of each copy of a model."""
     copies: Counter[str] = Counter()
-    for name, registration in found:
+    stems: list[str] = []
+    for name, _ in found:
         copies[name] += 1
-        stem = name if copies[name] == 1 else f"{name}-{copies[name]}"
+        stems.append(name if copies[name] == 1 else f"{name}-{copies[name]}")
+    return stems
+
+
+def _name_files(found: list[Recognized]) -> list[str]:
+    return [stem + suffix for stem in _list_stems(found) for suffix in (".txt", ".ply")]
+
+
+def _write(folder: Path, clouds: dict[str, PointCloud], found: list[Recognized]) -> None:
+    """Write poses and posed models."""
+    for stem, (name, registration) in zip(_list_stems(found), found, strict=True):
         io.write_transform(folder / f"{stem}.txt", registration.T_target_source)
         io.write_cloud(folder / f"{stem}.ply", clouds[name].transformed(registration.T_target_source))
-        written += [f"{stem}.txt", f"{stem}.ply"]
-    return written

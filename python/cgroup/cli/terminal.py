@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 from contextlib import contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING
-
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from cgroup import io
 from cgroup._progress import ignore_progress
 from cgroup._show import escape
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator
+    from collections.abc import Callable, Generator, Iterable, Sequence
     from pathlib import Path
 
     from matplotlib.figure import Figure
-    from rich.progress import ProgressColumn
-    from rich.table import Table
-
-    from cgroup.types import FloatArray, PointCloud
+    from rich.progress import Progress, ProgressColumn
 
 INPUT_ERROR = 2
 NO_CONSENSUS = 3
@@ -30,7 +26,7 @@ UNFORESEEN = 70
 OUTPUT_CLOSED = 141
 """Exit statuses, besides that of an interrupt, `cgroup._start.INTERRUPTED`."""
 
-_PLAIN_WIDTH = 120  # of tables where the output isn't a terminal
+_NAMES_WIDTH = 12  # of the names that facts begin with
 
 
 def print_line(line: str) -> None:
@@ -44,19 +40,18 @@ def print_text(text: str) -> None:
     sys.stdout.flush()  # whoever reads along sees it, and errors come up here
 
 
+def print_prose(text: str, indent: str = "") -> None:
+    """Print sentences, as wide as the terminal; further lines are indented, names are never broken."""
+    print_text(_wrap(escape(text), indent))
+
+
 def print_facts(*facts: tuple[str, str]) -> None:
-    """Print names and what there is to say about them, one per line."""
+    """Print names and what there is to say about them, one below the other."""
     for name, text in facts:
-        print_line(f"{name:<11} {text}")
+        print_prose(f"{name:<{_NAMES_WIDTH - 1}} {text}", " " * _NAMES_WIDTH)
 
 
-def print_cloud(role: str, file: Path, cloud: PointCloud) -> None:
-    """Print how many points a cloud has."""
-    dropped = f", {cloud.dropped} more without finite coordinates left out" if cloud.dropped else ""
-    print_facts((role, f"{file}: {len(cloud)} points{dropped}"))
-
-
-def print_pose(pose: FloatArray) -> None:
+def print_pose(pose: Iterable[Sequence[float]]) -> None:
     """Print a transform, row by row."""
     print_line("pose of the source in the target's frame")
     for row in pose:
@@ -65,13 +60,22 @@ def print_pose(pose: FloatArray) -> None:
 
 def print_written(folder: Path, *names: str) -> None:
     """Print which files are in a folder now."""
-    print_line(f"wrote {', '.join(names)} to {folder}/")
+    print_prose(f"wrote {', '.join(names)} to {folder}/", "  ")
 
 
-def print_table(table: Table) -> None:
-    """Print a table, as wide as the terminal is."""
-    console = Console()
-    (console if console.is_terminal else Console(width=_PLAIN_WIDTH)).print(table)
+def terminal_width() -> int:
+    """Return how many columns there are to print in: 80 where the output isn't a terminal."""
+    return shutil.get_terminal_size((80, 24)).columns
+
+
+def _wrap(text: str, indent: str) -> str:
+    return textwrap.fill(
+        text,
+        max(terminal_width(), 2 * _NAMES_WIDTH),
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def shown_name(path: Path) -> str:
@@ -82,20 +86,26 @@ def shown_name(path: Path) -> str:
 @contextmanager
 def show_bar(*columns: ProgressColumn) -> Generator[Progress | None, None, None]:
     """Show a progress display on a terminal, gone when it is over; None where there is no terminal."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    if not sys.stderr.isatty():
         yield None
         return
-    with Progress(*columns, console=console, transient=True) as progress:
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+    from rich.progress import Progress  # noqa: PLC0415
+
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         yield progress
 
 
 @contextmanager
 def show_stages() -> Generator[Callable[[str], None], None, None]:
     """Show what is being done and for how long; call what is yielded with the name of each stage."""
-    with show_bar(
-        SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
-    ) as progress:
+    if not sys.stderr.isatty():
+        yield ignore_progress
+        return
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415 - slow to load
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    with show_bar(*columns) as progress:
         if progress is None:
             yield ignore_progress
             return

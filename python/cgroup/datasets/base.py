@@ -55,6 +55,13 @@ class MatchingPair:
     facts : mapping of str to float
         What is known of the pair: ``overlap``, ``clutter``, ``occlusion`` (shares, 0 to 1), ``noise`` (in the
         data set's own unit).
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> pair = standin_pair(pixels=60)
+    >>> pair.name, len(pair.source), len(pair.target), pair.T_target_source.shape
+    ('standin-0', 2554, 2299, (4, 4))
     """
 
     name: str
@@ -81,6 +88,13 @@ class CorrespondencePair:
         True pose: maps source points into the target's frame.
     facts : mapping of str to float
         What is known of the pair.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import open_dataset
+    >>> matches = open_dataset("generated-matches")
+    >>> matches.load(matches.pair_names()[0]).correspondences.source.shape
+    (200, 3)
     """
 
     name: str
@@ -101,7 +115,7 @@ class Dataset(ABC):
     role : {"full-full", "full-partial", "partial-partial", "correspondences"}
         What is matched with what.
     origin : {"real", "semi-synthetic", "synthetic"}
-        Where the clouds come from; single pairs may differ, see `origin_of`.
+        Where the clouds come from; `origin_of` says it of a single pair, which may differ.
     protocols : tuple of str
         Names in `cgroup.evaluation.PROTOCOLS` that make sense here.
     citation : str
@@ -109,6 +123,23 @@ class Dataset(ABC):
     single_views : bool
         Whether each cloud is one scan, taken from its viewpoint. Otherwise (fragments of many scans, whole
         models) viewpoints only say to which side normals are turned.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import Dataset, standin_pair
+    >>> class Stones(Dataset):
+    ...     name, title = "stones", "Two stones"
+    ...     role, origin = "partial-partial", "synthetic"
+    ...     protocols, citation = ("precision>0.1", "rmse<=5pr"), "none"
+    ...
+    ...     def pair_names(self):
+    ...         return ["0", "1"]
+    ...
+    ...     def load(self, name):
+    ...         self.check_name(name)
+    ...         return standin_pair(seed=int(name), pixels=60)
+    >>> [Stones().load(name).name for name in Stones().pair_names()]
+    ['standin-0', 'standin-1']
     """
 
     name: ClassVar[str]
@@ -123,9 +154,20 @@ class Dataset(ABC):
 
     @abstractmethod
     def pair_names(self) -> list[str]:
-        """Return the names of all pairs that can be loaded, always in the same order, without reading clouds.
+        """Return the names of all pairs that can be loaded, always in the same order.
 
-        Pairs of which a file isn't there belong into `lacking_pairs`.
+        No cloud is read for it. Pairs of which a file isn't there belong into `lacking_pairs`.
+
+        Returns
+        -------
+        list of str
+            What `load` takes.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> open_dataset("standin-full").pair_names()[:2]
+        ['stone0', 'stone1']
         """
 
     @abstractmethod
@@ -146,6 +188,12 @@ class Dataset(ABC):
         ------
         InputError
             If there is no such pair, or its files can't be worked with.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> open_dataset("standin-full").load("stone0").name
+        'stone0'
         """
 
     def lacking_pairs(self) -> Mapping[str, Path]:
@@ -166,25 +214,107 @@ class Dataset(ABC):
         return f"{len(lacking)} of {len(lacking) + len(self.pair_names())} pairs lack files: {listed}{more}"
 
     def origin_of(self, name: str) -> Origin:
-        """Return where the clouds of one pair come from."""
+        """Return where the clouds of one pair come from.
+
+        Parameters
+        ----------
+        name : str
+            One of `pair_names`.
+
+        Returns
+        -------
+        {"real", "semi-synthetic", "synthetic"}
+            That of the data set, unless a subclass knows better.
+
+        Raises
+        ------
+        InputError
+            If there is no such pair.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> open_dataset("standin-views").origin_of("views0")
+        'synthetic'
+        """
         self.check_name(name)
         return self.origin
 
     def protocols_of(self, name: str) -> tuple[str, ...]:
-        """Return the registration protocols that make sense for one pair."""
+        """Return the registration protocols that make sense for one pair.
+
+        Parameters
+        ----------
+        name : str
+            One of `pair_names`.
+
+        Returns
+        -------
+        tuple of str
+            Names in `cgroup.evaluation.PROTOCOLS`; those of the data set, unless a subclass knows better.
+
+        Raises
+        ------
+        InputError
+            If there is no such pair.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> open_dataset("standin-views").protocols_of("views0")
+        ('precision>0.1', 'rmse<=1pr', 'rmse<=5pr')
+        """
         self.check_name(name)
         return self.protocols
 
     def subject_of(self, name: str) -> str:
         """Return what a pair shows; pairs of different subjects share nothing.
 
-        The data set's name unless a subclass knows better: all pairs may show the same thing.
+        Parameters
+        ----------
+        name : str
+            One of `pair_names`.
+
+        Returns
+        -------
+        str
+            The data set's name unless a subclass knows better: all pairs may show the same thing.
+
+        Raises
+        ------
+        InputError
+            If there is no such pair.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> open_dataset("standin-views").subject_of("views3")
+        'views3'
         """
         self.check_name(name)
         return self.name
 
     def check_name(self, name: str) -> None:
-        """Raise `InputError` unless there is such a pair."""
+        """Refuse the name of a pair that isn't there.
+
+        Parameters
+        ----------
+        name : str
+            One of `pair_names`.
+
+        Raises
+        ------
+        InputError
+            If there is no such pair.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> open_dataset("standin-full").check_name("pebble")
+        Traceback (most recent call last):
+            ...
+        cgroup.errors.InputError: standin-full: has no pair 'pebble'; it has 6, such as 'stone0'
+        """
         names = self.pair_names()
         if name in self.lacking_pairs():
             message = f"{self.name}: the pair {name!r} needs {self.lacking_pairs()[name]}, which isn't there"
@@ -242,6 +372,14 @@ def data_root(given: Path | str | None = None) -> Path:
     ------
     InputError
         If neither is given, or the folder doesn't exist.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.datasets import data_root
+    >>> Path("data").mkdir()
+    >>> data_root("data").name
+    'data'
     """
     value = given if given is not None else os.environ.get("CGROUP_DATA")
     if not value:

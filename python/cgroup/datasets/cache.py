@@ -19,20 +19,21 @@ if TYPE_CHECKING:
 Arrays: TypeAlias = dict[str, Any]
 """NumPy arrays by name."""
 
+_CACHES = {
+    "darwin": ("XDG_CACHE_HOME", "Library/Caches"),
+    "win32": ("LOCALAPPDATA", "AppData/Local"),
+}
+"""The variable that names the folder for caches, and that folder in the home otherwise; by platform."""
+
 
 def cache_folder() -> Path:
     """Return ``$CGROUP_CACHE``, or the folder for caches of this platform."""
     given = os.environ.get("CGROUP_CACHE")
     if given:
         return Path(given)
-    home = Path.home()
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", home / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = home / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME", home / ".cache"))
-    return base / "cgroup"
+    variable, usual = _CACHES.get(sys.platform, ("XDG_CACHE_HOME", ".cache"))
+    named = Path(os.environ.get(variable, ""))
+    return (named if named.is_absolute() else Path.home() / usual) / "cgroup"
 
 
 def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], Arrays]) -> Arrays:

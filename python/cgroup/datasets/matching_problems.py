@@ -52,6 +52,16 @@ class MatchingProblem:
         The true pose.
     recipe : str
         What it was drawn from, for messages.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 100, inlier_ratio=0.3)
+    >>> problem
+    MatchingProblem(n=100, inliers=30)
+    >>> problem.source.shape, problem.source_lrf.shape
+    ((100, 3), (100, 3, 3))
     """
 
     source: FloatArray
@@ -75,7 +85,22 @@ class MatchingProblem:
         return len(self.source)
 
     def correspondences(self) -> Correspondences:
-        """Return what a grouping method is given."""
+        """Return what a grouping method is given.
+
+        Returns
+        -------
+        Correspondences
+            With every field but candidates.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import group
+        >>> from cgroup.datasets import make_problem
+        >>> problem = make_problem(np.random.default_rng(0), 100)
+        >>> len(group(problem.correspondences(), "gtm").mask)
+        100
+        """
         return Correspondences(
             self.source,
             self.target,
@@ -88,7 +113,31 @@ class MatchingProblem:
         )
 
     def subset(self, rows: NDArray[np.intp]) -> MatchingProblem:
-        """Return the problem with the given rows only, in the given order."""
+        """Return the problem with some of its matches.
+
+        Parameters
+        ----------
+        rows : (m,) array of int
+            Which, in the order that they are to have.
+
+        Returns
+        -------
+        MatchingProblem
+            Of m matches, with the same pose.
+
+        Raises
+        ------
+        IndexError
+            For a row that isn't there.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.datasets import make_problem
+        >>> problem = make_problem(np.random.default_rng(0), 100)
+        >>> problem.subset(np.flatnonzero(problem.inlier_mask)).inlier_mask.all().item()
+        True
+        """
         return replace(
             self,
             source=self.source[rows],
@@ -101,7 +150,29 @@ class MatchingProblem:
         )
 
     def moved(self, source_motion: FloatArray, target_motion: FloatArray) -> MatchingProblem:
-        """Return the problem after a rigid motion (4,4) of each side, frames included."""
+        """Return the problem after a rigid motion of each side, frames included.
+
+        Parameters
+        ----------
+        source_motion, target_motion : (4,4) array of float64
+            Rigid transforms.
+
+        Returns
+        -------
+        MatchingProblem
+            With the pose between the moved sides.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.datasets import make_problem
+        >>> problem = make_problem(np.random.default_rng(0), 100)
+        >>> upwards = np.eye(4)
+        >>> upwards[2, 3] = 7.0
+        >>> moved = problem.moved(np.eye(4), upwards)
+        >>> (moved.T_target_source - problem.T_target_source)[:3, 3].round(6)
+        array([0., 0., 7.])
+        """
         inverse = np.linalg.inv(source_motion)
         return replace(
             self,
@@ -114,7 +185,26 @@ class MatchingProblem:
         )
 
     def scaled(self, factor: float) -> MatchingProblem:
-        """Return the problem in another unit of length."""
+        """Return the problem in another unit of length.
+
+        Parameters
+        ----------
+        factor : float
+            New lengths over those of now.
+
+        Returns
+        -------
+        MatchingProblem
+            The same motion in the new unit.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.datasets import make_problem
+        >>> problem = make_problem(np.random.default_rng(0), 100)
+        >>> problem.resolution, problem.scaled(0.001).resolution
+        (1.0, 0.001)
+        """
         transform = self.T_target_source.copy()
         transform[:3, 3] *= factor
         return replace(
@@ -189,6 +279,14 @@ def make_problem(
     ------
     InputError
         If `n` is negative, or a share is not between 0 and 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 1000, inlier_ratio=0.1)
+    >>> problem
+    MatchingProblem(n=1000, inliers=98)
     """
     _check(
         n,

@@ -61,7 +61,8 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
         One of `DATASETS`; or "module:attribute" for one from outside the package: a class, or any callable,
         that takes the data root and returns a `Dataset`.
     root : Path, optional
-        Folder that holds the data sets' folders; see `data_root`.
+        Folder that holds the data sets' folders; by default that in the environment variable ``CGROUP_DATA``.
+        The data sets named standin-... and generated-matches need none.
 
     Returns
     -------
@@ -72,6 +73,13 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
     ------
     InputError
         If the name is unknown, or the data isn't there: the message says where to get it.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import open_dataset
+    >>> stones = open_dataset("standin-full")
+    >>> stones.title, len(stones.pair_names())
+    ('Stones, full to full', 6)
     """
     factory = load_plugin("dataset", name) if ":" in name else DATASETS.get(name)
     if factory is None:

@@ -23,7 +23,14 @@ class UnrelatedPair:
     source, target : PointCloud
         In the same unit, each in its own frame.
     source_viewpoint, target_viewpoint : (float, float, float)
-        As in `MatchingPair`.
+        Where the scanners stood, in their clouds' frames.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import mix, standin_pair
+    >>> unrelated = mix(standin_pair(pixels=60), standin_pair(seed=1, pixels=60))
+    >>> len(unrelated.source) > 1000, unrelated.source_viewpoint
+    (True, (0.0, 0.0, 0.0))
     """
 
     source: PointCloud
@@ -45,6 +52,12 @@ def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
     list of (str, str)
         Names of the pair that gives the source and of the pair that gives the target; always in the same
         order. Empty where all pairs show one subject.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import mixed_names, open_dataset
+    >>> mixed_names(open_dataset("standin-views"))[:2]
+    [('views0', 'views1'), ('views0', 'views2')]
     """
     subjects = {name: dataset.subject_of(name) for name in dataset.pair_names()}
     return [
@@ -53,7 +66,25 @@ def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
 
 
 def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
-    """Put the source of one pair beside the target of another; see `mixed_names`."""
+    """Put the source of one pair beside the target of another.
+
+    Parameters
+    ----------
+    first, second : MatchingPair
+        Pairs that show different things; `mixed_names` lists such ones of a data set.
+
+    Returns
+    -------
+    UnrelatedPair
+        The source of the first and the target of the second, with their viewpoints.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import mix, standin_pair
+    >>> pair, other = standin_pair(pixels=60), standin_pair(seed=1, pixels=60)
+    >>> mix(pair, other).target is other.target
+    True
+    """
     return UnrelatedPair(first.source, second.target, first.source_viewpoint, second.target_viewpoint)
 
 

@@ -35,6 +35,9 @@ OCCLUSION = Bins((0.60, 0.65, 0.70, 0.75, 0.80, 0.85, 0.90), "nearest")
 OVERLAP = Bins((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), "from")
 """The paper's, section 4.3."""
 
+LEAST_PAIRS = 5
+"""Of a level that is shown as others are: the mean of fewer pairs says nothing of others."""
+
 _ROUNDING = 1e-9  # 0.7 read from a file belongs to the level 0.7
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup import _core
 from cgroup._arguments import as_faces, as_points
+from cgroup._options import run_options
 from cgroup._values import as_length
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
@@ -28,7 +29,7 @@ VISIBLE_WITHIN = 2.0
 
 
 def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike) -> FloatArray:
-    """Distance of each match from its true place, |R p + t - p'|.
+    """Distance of each match from its true place, ``|R p + t - p'|``.
 
     Parameters
     ----------
@@ -46,6 +47,13 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
     ------
     InputError
         If the shapes don't fit, or the transform isn't rigid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import match_errors
+    >>> match_errors([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]], np.eye(4))
+    array([0., 5.])
     """
     moved = apply(check_rigid(T_target_source, "T_target_source"), as_points("source", source))
     there = as_points("target", target)
@@ -59,7 +67,7 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
 def correct_matches(
     source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float
 ) -> BoolArray:
-    """Which matches are correct: |R p + t - p'| <= tolerance.
+    """Tell which matches are correct: ``|R p + t - p'|`` <= tolerance.
 
     Parameters
     ----------
@@ -68,7 +76,7 @@ def correct_matches(
     T_target_source : (4,4) array_like of float
         True pose.
     tolerance : float
-        In the data's unit; the paper takes `CORRECT_WITHIN` times the resolution.
+        In the data's unit; 5 times the resolution is usual.
 
     Returns
     -------
@@ -79,13 +87,21 @@ def correct_matches(
     ------
     InputError
         If the shapes don't fit, the transform isn't rigid, or the tolerance isn't positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import correct_matches
+    >>> source, target = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]]
+    >>> correct_matches(source, target, np.eye(4), tolerance=1.0)
+    array([ True, False])
     """
     limit = as_length("tolerance", tolerance)
     return match_errors(source, target, T_target_source) <= limit
 
 
 def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
-    """Which points have at least one of the others within a radius.
+    """Tell which points have at least one of the others within a radius.
 
     Parameters
     ----------
@@ -104,34 +120,18 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     Raises
     ------
     InputError
-        If a shape isn't (N, 3), a coordinate isn't finite, or the radius isn't positive.
+        If a shape isn't (N, 3), a coordinate isn't finite, the others are too large or too close together
+        to be squared, or the radius isn't positive.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import within
+    >>> within([[0, 0, 0], [5, 0, 0]], [[0, 0, 1]], radius=1.0)
+    array([ True, False])
     """
     queries, stored = _finite_points("points", points), _finite_points("others", others)
     limit = as_length("radius", radius)
-    found = np.zeros(len(queries), dtype=bool)
-    if len(stored) == 0 or len(queries) == 0:
-        return found
-    # Cells at least as wide as the radius, so whatever is near lies in one of 27 cells; and not
-    # so narrow that a cell's number would overflow.
-    origin = np.minimum(stored.min(axis=0), queries.min(axis=0))
-    extent = np.maximum(stored.max(axis=0), queries.max(axis=0)) - origin
-    width = max(limit, extent.max() / 1e6)
-    stored_cells = np.floor((stored - origin) / width).astype(np.int64) + 1
-    query_cells = np.floor((queries - origin) / width).astype(np.int64) + 1
-    span = np.floor(extent / width).astype(np.int64) + 3
-    weights = np.array([span[1] * span[2], span[2], 1])
-    stored_keys: IndexArray = stored_cells @ weights
-    order = np.argsort(stored_keys, kind="stable")
-    stored, stored_keys = stored[order], stored_keys[order]
-    for step in itertools.product((-1, 0, 1), repeat=3):
-        todo = np.flatnonzero(~found)
-        keys: IndexArray = (query_cells[todo] + step) @ weights
-        first: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "left")
-        last: NDArray[np.intp] = np.searchsorted(stored_keys, keys, "right")
-        rows, places = _ranges(first, last)
-        distances = np.linalg.norm(queries[todo[rows]] - stored[places], axis=1)
-        found[todo[rows[distances <= limit]]] = True
-    return found
+    return _core.within(queries, stored, run_options(), limit)
 
 
 def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float) -> float:
@@ -159,6 +159,14 @@ def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *,
     ------
     InputError
         If a cloud is empty or not finite, or the transform or tolerance is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import overlap
+    >>> view = np.column_stack([np.arange(10.0), np.zeros((10, 2))])
+    >>> overlap(view[:8], view[4:], np.eye(4), tolerance=0.5)
+    0.6666666666666666
     """
     moved = apply(check_rigid(T_target_source, "T_target_source"), _finite_points("source", source))
     there = _finite_points("target", target)
@@ -179,7 +187,7 @@ def alignment_error(
     *,
     tolerance: float,
 ) -> float:
-    """How far an estimated pose leaves the overlapping source points from their true places.
+    """Mean displacement of the overlapping source points under an estimated pose.
 
     Parameters
     ----------
@@ -200,6 +208,16 @@ def alignment_error(
     ------
     InputError
         If a cloud isn't finite, or a transform or the tolerance is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import alignment_error
+    >>> points = np.random.default_rng(0).uniform(size=(100, 3))
+    >>> shifted = np.eye(4)
+    >>> shifted[0, 3] = 0.25
+    >>> alignment_error(points, points, shifted, np.eye(4), tolerance=0.1)
+    0.25
     """
     points, limit = _finite_points("source", source), as_length("tolerance", tolerance)
     expected, reached = (
@@ -213,7 +231,7 @@ def alignment_error(
 
 
 def mean_displacement(points: ArrayLike, estimated: ArrayLike, true: ArrayLike) -> float:
-    """How far an estimated pose leaves points from their true places, on average.
+    """Mean distance of points under an estimated pose from their true places.
 
     Unlike the translation error it does not depend on where the origin lies.
 
@@ -258,19 +276,23 @@ def clutter_and_occlusion(
     *,
     tolerance: float,
 ) -> tuple[float, float]:
-    """Share of the scene that isn't the model, and share of the model that the scene hides.
+    """Share of a scene that isn't the model, and of the model that the scene hides.
 
     Parameters
     ----------
-    model, scene : (N,3) and (M,3) array_like of float
-        Vertices of the two meshes.
-    model_faces, scene_faces : (K,3) array_like of int
-        Their triangles.
+    model : (N,3) array_like of float
+        Vertices of the model's mesh.
+    model_faces : (K,3) array_like of int
+        Its triangles, as rows of its vertices.
+    scene : (M,3) array_like of float
+        Vertices of the scene's mesh.
+    scene_faces : (L,3) array_like of int
+        Its triangles, as rows of its vertices.
     T_scene_model : (4,4) array_like of float
         True pose of the model in the scene.
     tolerance : float
-        Scene vertices so close to the posed model belong to it, in the data's unit;
-        `VISIBLE_WITHIN` times the resolution is usual.
+        Scene vertices so close to the posed model belong to it, in the data's unit; twice the resolution is
+        usual.
 
     Returns
     -------
@@ -281,7 +303,19 @@ def clutter_and_occlusion(
     Raises
     ------
     InputError
-        If a mesh has no area, or the transform or tolerance is invalid.
+        If a mesh has no area, faces that are no rows of its vertices, or a vertex that isn't finite; or if
+        the transform or tolerance is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import clutter_and_occlusion
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 0, 0], [9, 1, 0], [9, 0, 3]]
+    >>> scene_faces = [[0, 1, 2], [3, 4, 5]]
+    >>> clutter_and_occlusion(
+    ...     corners[:3], [[0, 1, 2]], corners, scene_faces, np.eye(4), tolerance=0.1
+    ... )
+    (0.75, 0.0)
     """
     posed, vertices = (
         apply(check_rigid(T_scene_model, "T_scene_model"), _finite_points("model", model)),
@@ -320,11 +354,3 @@ def triangle_areas(vertices: FloatArray, faces: ArrayLike) -> FloatArray:
     """Area of each triangle, in the square of the data's unit."""
     a, b, c = (vertices[corner] for corner in np.asarray(faces, dtype=np.int64).reshape(-1, 3).T)
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-
-
-def _ranges(first: NDArray[np.intp], last: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Row i paired with each place from first[i] up to last[i]."""
-    counts = last - first
-    rows = np.repeat(np.arange(len(first)), counts)
-    offsets = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return rows, first[rows] + offsets

@@ -35,6 +35,17 @@ class Scores(NamedTuple):
         Harmonic mean of precision and recall; 0 if both are.
     registered : array of bool
         Whether precision exceeds `REGISTERED_PRECISION`: enough for a robust estimator.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import score_counts
+    >>> scores = score_counts(
+    ...     matches=[10, 10], correct=[4, 4], selected=[5, 0], selected_correct=[3, 0]
+    ... )
+    >>> scores.precision, scores.recall
+    (array([0.6, 0. ]), array([0.75, 0.  ]))
+    >>> scores.registered
+    array([ True, False])
     """
 
     inlier_ratio: FloatArray
@@ -51,8 +62,14 @@ def score_counts(
 
     Parameters
     ----------
-    matches, correct, selected, selected_correct : array_like of int
-        As in `GroupScore`, all of one shape; NaN where they aren't known.
+    matches : array_like of int
+        Correspondences that a method was given, of each group; NaN where a count isn't known.
+    correct : array_like of int
+        How many of those are correct.
+    selected : array_like of int
+        Size of the group.
+    selected_correct : array_like of int
+        How many in the group are correct. All four are of one shape.
 
     Returns
     -------
@@ -63,6 +80,13 @@ def score_counts(
     ------
     InputError
         If they aren't numbers, or not of one shape.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import score_counts
+    >>> scores = score_counts(100, 20, 16, selected_correct=12)
+    >>> float(scores.precision)
+    0.75
     """
     counts = {
         "matches": matches,
@@ -99,6 +123,12 @@ class GroupScore:
         Size of the group.
     selected_correct : int
         How many in the group are correct.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import score_group
+    >>> score_group(mask=[True, True, False], correct=[True, False, True])
+    GroupScore(matches=3, correct=2, selected=2, selected_correct=1)
     """
 
     matches: int
@@ -108,27 +138,67 @@ class GroupScore:
 
     @property
     def precision(self) -> float:
-        """Share of the group that is correct; 0 for an empty group."""
+        """Share of the group that is correct; 0 for an empty group.
+
+        Examples
+        --------
+        >>> from cgroup.evaluation import GroupScore
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> score.precision
+        0.75
+        """
         return float(self._scores.precision)
 
     @property
     def recall(self) -> float:
-        """Share of the correct matches that the group holds; 0 if there are none."""
+        """Share of the correct matches that the group holds; 0 if there are none.
+
+        Examples
+        --------
+        >>> from cgroup.evaluation import GroupScore
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> score.recall
+        0.6
+        """
         return float(self._scores.recall)
 
     @property
     def f_score(self) -> float:
-        """Harmonic mean of precision and recall; 0 if both are."""
+        """Harmonic mean of precision and recall; 0 if both are.
+
+        Examples
+        --------
+        >>> from cgroup.evaluation import GroupScore
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> round(score.f_score, 3)
+        0.667
+        """
         return float(self._scores.f_score)
 
     @property
     def inlier_ratio(self) -> float:
-        """Share of all matches that is correct; 0 if there are no matches."""
+        """Share of all matches that is correct; 0 if there are no matches.
+
+        Examples
+        --------
+        >>> from cgroup.evaluation import GroupScore
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> score.inlier_ratio
+        0.2
+        """
         return float(self._scores.inlier_ratio)
 
     @property
     def registered(self) -> bool:
-        """Whether precision exceeds `REGISTERED_PRECISION`: enough for a robust estimator."""
+        """Whether precision exceeds 0.1: enough for a robust estimator.
+
+        Examples
+        --------
+        >>> from cgroup.evaluation import GroupScore
+        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
+        >>> score.registered
+        True
+        """
         return bool(self._scores.registered)
 
     @cached_property
@@ -142,9 +212,9 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
     Parameters
     ----------
     mask : (n,) array_like of bool
-        The group, as in `Grouping.mask`.
+        The group: True for the matches in it, such as `Grouping.mask`.
     correct : (n,) array_like of bool
-        See `correct_matches`.
+        True for the matches that are correct, such as `correct_matches` returns.
 
     Returns
     -------
@@ -155,6 +225,15 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
     ------
     InputError
         If the two are not vectors of bool of equal length.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import score_group
+    >>> score = score_group(
+    ...     mask=[True, True, False, False], correct=[True, True, True, False]
+    ... )
+    >>> score.precision, round(score.recall, 2)
+    (1.0, 0.67)
     """
     group, truth = as_mask("mask", mask), as_mask("correct", correct)
     if len(group) != len(truth):

@@ -30,7 +30,7 @@ class Protocol:
     Attributes
     ----------
     name : str
-        As in `PROTOCOLS`.
+        Its key in `PROTOCOLS`.
     precision_above : float or None
         The group's precision has to be greater.
     max_rotation : float or None
@@ -39,6 +39,12 @@ class Protocol:
         Largest translation error in the data's unit, inclusive; all limits here are for data in m.
     max_rmse : float or None
         Largest `cgroup.evaluation.alignment_error` in pr, inclusive.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import PROTOCOLS
+    >>> PROTOCOLS["kitti"]
+    Protocol(name='kitti', precision_above=None, max_rotation=5.0, max_translation=0.6, max_rmse=None)
     """
 
     name: str
@@ -68,6 +74,14 @@ class Protocol:
         -------
         bool or None
             None where a value that matters is NaN.
+
+        Examples
+        --------
+        >>> from cgroup.evaluation import PROTOCOLS
+        >>> PROTOCOLS["3dmatch"].judge(
+        ...     precision=0.4, rotation_error=3.0, translation_error=0.2, rmse_pr=2.0
+        ... )
+        True
         """
         errors = (
             (rotation_error, self.max_rotation),

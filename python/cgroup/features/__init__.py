@@ -23,7 +23,8 @@ or None, None for all cores); results do not depend on it. Input that can't be w
 >>> from cgroup import features
 >>> rng = np.random.default_rng(0)
 >>> xy = rng.uniform(size=(4000, 2))
->>> points = np.column_stack([xy, 0.1 * np.sin(9 * xy[:, 0]) * np.cos(7 * xy[:, 1])])
+>>> height = 0.1 * np.sin(9 * xy[:, 0]) * np.cos(7 * xy[:, 1])
+>>> points = np.column_stack([xy, height])
 >>> cloud = features.Cloud(points)
 >>> pr = features.resolution(cloud)
 >>> keypoints = features.harris3d(cloud, resolution=pr, threshold=1e-6)

@@ -38,7 +38,10 @@ class Cloud:
     Raises
     ------
     InputError
-        For a wrong shape, or a coordinate that is not finite; the message names the row.
+        For a wrong shape, or a coordinate that is not finite (the message names the row); for a name that is
+        no text.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -47,7 +50,9 @@ class Cloud:
     >>> cloud = features.Cloud(standin_pair(pixels=60).source.points)
     >>> pr = features.resolution(cloud)
     >>> keypoints = features.harris3d(cloud, resolution=pr, threshold=1e-6)
-    >>> descriptors = features.shot(cloud, features.normals(cloud), keypoints, radius=15 * pr)
+    >>> descriptors = features.shot(
+    ...     cloud, features.normals(cloud), keypoints, radius=15 * pr
+    ... )
     """
 
     __slots__ = ("_core", "_points")
@@ -60,12 +65,26 @@ class Cloud:
 
     @property
     def points(self) -> RealArray:
-        """The points as given, read-only: (N,3) array of float32 or float64."""
+        """The points as given, read-only: (N,3) array of float32 or float64.
+
+        Examples
+        --------
+        >>> from cgroup import features
+        >>> features.Cloud([[0, 0, 0], [3, 4, 0]]).points[1].tolist()
+        [3.0, 4.0, 0.0]
+        """
         return self._points
 
     @property
     def diagonal(self) -> float:
-        """Diagonal of the bounding box, in the unit of the points."""
+        """Diagonal of the bounding box, in the unit of the points.
+
+        Examples
+        --------
+        >>> from cgroup import features
+        >>> features.Cloud([[0, 0, 0], [3, 4, 0]]).diagonal
+        5.0
+        """
         return self._core.diagonal
 
     def __len__(self) -> int:
@@ -92,7 +111,7 @@ def points_of(points: CloudLike) -> RealArray:
 
 
 def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | None = None) -> float:
-    """Mean distance of a point to its nearest other point, the unit *pr* of the paper.
+    """Mean distance of a point to its nearest other point, the unit *pr*.
 
     Parameters
     ----------
@@ -101,7 +120,7 @@ def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | N
     ignore_zero : bool
         Leave out points that have a duplicate; otherwise they count as 0.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -111,7 +130,9 @@ def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | N
     Raises
     ------
     InputError
-        For fewer than two points.
+        For fewer than two points, or where they aren't (N,3), finite and below 1e150.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class DescribedCloud:
-    """Keypoints of a cloud, ready to be matched with those of another; row i of each array is one keypoint.
+    """Keypoints ready to be matched; row i of each array is one keypoint.
 
     Attributes
     ----------
@@ -30,6 +30,14 @@ class DescribedCloud:
         The unit pr that the radii were multiples of.
     centroid : (3,) array of float64
         Of the whole cloud.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import describe
+    >>> described = describe(standin_pair(pixels=60).source, descriptor="lfsh")
+    >>> described.descriptors.shape == (len(described), 30)
+    True
     """
 
     indices: IndexArray

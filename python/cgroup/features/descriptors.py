@@ -27,31 +27,40 @@ def shot(
     pcl_compat: bool = True,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """SHOT-352 descriptors (Tombari, Salti, Di Stefano, ECCV 2010; as PCL's ``SHOTEstimation``).
+    """SHOT descriptors of 352 numbers: signatures of histograms of orientations.
 
-    Histograms of the angle between the neighbours' normals and the frame's z axis, in 32 volumes of the
-    ball. Cost O(m k), k points per ball.
+    As PCL's ``SHOTEstimation``, after Tombari, Salti, Di Stefano, ECCV 2010. Histograms of the angle between
+    the neighbours' normals and the frame's z axis, in 32 volumes of the ball. Cost O(m k), k points per ball.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     normals : (N,3) array_like of float
         Consistently oriented; neighbours with a NaN row are left out.
     keypoints : (m,) array_like of int
         Row numbers of points.
     radius : float
-        Radius of the support; the paper's is 15 pr.
+        Radius of the support, a length; 15 times the `resolution` is usual.
     lrf : (m,3,3) array_like of float, optional
         Frames to use; SHOT's own of the same radius by default.
     pcl_compat : bool
         Wrap the cosine's interpolation past the last-but-one bin to the first, as PCL does.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (m,352) array of float32
         Rows of unit length; NaN rows without a frame or with fewer than 5 points in the ball.
+
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for normals that aren't one per point, keypoints that
+        are no rows of the points, frames that aren't one per keypoint, or a radius that is not positive.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -60,7 +69,9 @@ def shot(
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> descriptors = features.shot(points, features.normals(points), [0, 500], radius=15 * pr)
+    >>> descriptors = features.shot(
+    ...     points, features.normals(points), [0, 500], radius=15 * pr
+    ... )
     >>> descriptors.shape, np.linalg.norm(descriptors, axis=1).round(3).tolist()
     ((2, 352), [1.0, 1.0])
     """
@@ -85,22 +96,23 @@ def lfsh(
     radius: float,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """LFSH-30 descriptors, local feature statistics histograms (Yang, Cao, Zhang, Neurocomputing 2016).
+    """LFSH descriptors of 30 numbers: local feature statistics histograms.
 
-    Histograms of local depth, horizontal distance from the normal's axis, and angle between normals. Cost
-    O(m k), k points per ball.
+    After Yang, Cao, Zhang, Information Sciences 2016. Histograms of local depth, horizontal distance from the
+    normal's axis, and angle between normals. Cost O(m k), k points per ball.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     normals : (N,3) array_like of float
         Consistently oriented.
     keypoints : (m,) array_like of int
         Row numbers of points.
     radius : float
-        Radius of the support; the paper's is 15 pr.
+        Radius of the support, a length; 15 times the `resolution` is usual.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -108,13 +120,23 @@ def lfsh(
         Three histograms, each of sum 1; zero rows with fewer than 6 points in the ball, NaN rows where the
         keypoint has no normal.
 
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for normals that aren't one per point, keypoints that
+        are no rows of the points, or a radius that is not positive.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
     Examples
     --------
     >>> from cgroup import features
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> descriptors = features.lfsh(points, features.normals(points), [0, 500], radius=15 * pr)
+    >>> descriptors = features.lfsh(
+    ...     points, features.normals(points), [0, 500], radius=15 * pr
+    ... )
     >>> descriptors.shape, descriptors[0, :10].sum().round(3).item()
     ((2, 30), 1.0)
     """
@@ -130,25 +152,34 @@ def lfsh(
 def rcs(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> NDArray[np.float32]:
-    """RCS-72 descriptors, rotational contour signatures (Yang et al., CVIU 2017).
+    """RCS descriptors of 72 numbers: rotational contour signatures.
 
-    The outline of the local surface in twelve directions, seen from six sides. Needs no normals. Cost
-    O(m k), k points per ball.
+    After Yang et al., CVIU 2017. The outline of the local surface in twelve directions, seen from six sides.
+    Needs no normals. Cost O(m k), k points per ball.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     keypoints : (m,) array_like of int
         Row numbers of points.
     radius : float
-        Radius of the support; the paper's is 15 pr.
+        Radius of the support, a length; 15 times the `resolution` is usual.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (m,72) array of float32
         Values in [0,1]; zero rows where too few points, or a plane, make no frame.
+
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
+        radius that is not positive.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -177,16 +208,17 @@ def fpfh(
     convention: Literal["open3d", "pcl"] = "open3d",
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """FPFH-33 descriptors, fast point feature histograms (Rusu, Blodow, Beetz, ICRA 2009, section III).
+    """FPFH descriptors of 33 numbers: fast point feature histograms.
 
-    Histograms of three angles between the normals of two points and the line that joins them; those of the
-    neighbours are summed up, weighted by the inverse of their squared distance, and scaled to 100. Cost
-    O(N k), k points per ball; for keypoints only what lies around them is computed. Not among the paper's six
-    combinations.
+    After Rusu, Blodow, Beetz, ICRA 2009, section III. Histograms of three angles between the normals of two
+    points and the line that joins them; those of the neighbours are summed up, weighted by the inverse of
+    their squared distance, and scaled to 100. Cost O(N k), k points per ball; for keypoints only what lies
+    around them is computed.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     normals : (N,3) array_like of float
         Consistently oriented, of unit length; neighbours with a NaN row are left out.
     keypoints : (m,) array_like of int, optional
@@ -200,7 +232,7 @@ def fpfh(
         Whose numbers: Open3D's ``compute_fpfh_feature``, which adds the point's own histogram, so that each
         of the three sums up to 200; or PCL's ``FPFHEstimation``, which doesn't.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -211,7 +243,11 @@ def fpfh(
     Raises
     ------
     InputError
-        For a wrong shape or option; the message names it.
+        If points aren't (N,3), finite and below 1e150; for normals that aren't one per point, keypoints that
+        are no rows of the points, a radius or a number of neighbours that is not positive, or an unknown
+        convention.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -20,25 +20,35 @@ if TYPE_CHECKING:
 def shot_lrf(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> FloatArray:
-    """SHOT's local reference frame (as PCL's ``SHOTLocalReferenceFrameEstimation``).
+    """Local reference frames of SHOT, the usual ones of `si`, `cv` and `hough3d`.
 
-    Axes are the eigenvectors of the scatter about the keypoint, neighbours weighted by ``radius - d``;
-    x and z point to the side of most neighbours. This is the default frame for `si`, `cv`, `hough3d`.
+    As PCL's ``SHOTLocalReferenceFrameEstimation``, after Tombari, Salti, Di Stefano, ECCV 2010. Axes are the
+    eigenvectors of the scatter about the keypoint, neighbours weighted by ``radius - d``; x and z point to
+    the side of most neighbours. Cost O(m k), k points per ball.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     keypoints : (m,) array_like of int
         Row numbers of points.
     radius : float
-        Radius of the support; the paper's is 15 pr.
+        Radius of the support, a length; 15 times the `resolution` is usual.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (m,3,3) array of float64
         Rows are the x, y and z axes, right-handed; a NaN block where fewer than 5 neighbours make no frame.
+
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
+        radius that is not positive.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -48,8 +58,11 @@ def shot_lrf(
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
     >>> frames = features.shot_lrf(points, [0, 500], radius=15 * pr)
-    >>> frames.shape, bool(np.allclose(np.cross(frames[0, 0], frames[0, 1]), frames[0, 2]))
-    ((2, 3, 3), True)
+    >>> frames.shape
+    (2, 3, 3)
+    >>> x, y, z = frames[0]
+    >>> bool(np.allclose(np.cross(x, y), z))
+    True
     """
     return _core.shot_lrf(
         core_cloud(points),
@@ -62,26 +75,36 @@ def shot_lrf(
 def toldi_lrf(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> FloatArray:
-    """TOLDI's local reference frame (Yang et al., Pattern Recognition 2017).
+    """Local reference frames of TOLDI.
 
-    z is the plane normal of the ball of a third of the radius, away from its points; x is a sum of the
-    neighbours' projections weighted by nearness and height.
+    After Yang, Zhang, Xiao, Cao, Pattern Recognition 2017. z is the plane normal of the ball of a third of
+    the radius, away from its points; x is a sum of the neighbours' projections weighted by nearness and
+    height. Cost O(m k), k points per ball.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     keypoints : (m,) array_like of int
         Row numbers of points.
     radius : float
-        Radius of the support; the paper's is 15 pr.
+        Radius of the support, a length; 15 times the `resolution` is usual.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (m,3,3) array of float64
         Rows are the x, y and z axes, right-handed; a NaN block with fewer than 4 points in the smaller
         ball or 11 in the larger, and on planes.
+
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
+        radius that is not positive.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

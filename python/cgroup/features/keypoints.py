@@ -40,20 +40,21 @@ def harris3d(
     count: int | None = None,
     threads: int | None = None,
 ) -> IndexArray:
-    """Harris 3D keypoints (H3D): where normals vary in all directions (as PCL's ``HarrisKeypoint3D``).
+    """Harris 3D keypoints (H3D): where normals vary in all directions.
 
-    With C the mean of ``n n^T`` over the normals within `radius`, the response is
-    ``0.04 + det C - 0.04 (trace C)^2``, which is 0 on planes and edges and 1/27 at most. Keypoints are
-    its local maxima. Flat regions tie at 0 and all of them survive, as in PCL: raise `threshold` to 1e-6
-    to be rid of them. Cost O(N k), k points per ball.
+    As PCL's ``HarrisKeypoint3D``. With C the mean of ``n n^T`` over the normals within `radius`, the response
+    is ``0.04 + det C - 0.04 (trace C)^2``, which is 0 on planes and edges and 1/27 at most. Keypoints are its
+    local maxima. Flat regions tie at 0 and all of them survive, as in PCL: raise `threshold` to 1e-6 to be
+    rid of them. Cost O(N k), k points per ball.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     radius : float, optional
         Radius of normals and response; 2.7 times `resolution` by default.
     resolution : float, optional
-        The unit pr; computed from the points where it is needed and not given.
+        Mean distance of neighbouring points, a length; computed where it is needed and not given.
     normals : (N,3) array_like of float, optional
         Normals to use; their sign does not matter, NaN rows are left out. By default planes are fitted
         within `radius`.
@@ -69,12 +70,21 @@ def harris3d(
     count : int, optional
         Change `nms_radius` by bisection until about this many keypoints remain.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (m,) array of int64
         Ascending row numbers.
+
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for a length or count that is not positive, or an
+        unknown response; where the radius is not given and the resolution is 0, as all points have
+        duplicates.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -118,20 +128,22 @@ def iss(
     backend: Literal["cgroup", "open3d"] = "cgroup",
     threads: int | None = None,
 ) -> IndexArray:
-    """Intrinsic shape signature keypoints (Zhong 2009; as PCL's ``ISSKeypoint3D``).
+    """Intrinsic shape signatures (ISS): keypoints where the surface bends all ways.
 
-    Keypoints are local maxima of the smallest eigenvalue of a neighbourhood's scatter, where each
-    eigenvalue is clearly smaller than the one before. Cost O(N k), k points per ball.
+    As PCL's ``ISSKeypoint3D``, after Zhong, ICCV workshops 2009. Keypoints are local maxima of the smallest
+    eigenvalue of a neighbourhood's scatter, where each eigenvalue is clearly smaller than the one before.
+    Cost O(N k), k points per ball.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     salient_radius : float, optional
         Radius of the scatter; 2.7 times `resolution` by default.
     nms_radius : float, optional
         Radius of the non-maximum suppression; 1.8 times `resolution` by default.
     resolution : float, optional
-        The unit pr; computed from the points where it is needed and not given.
+        Mean distance of neighbouring points, a length; computed where it is needed and not given.
     gamma_21, gamma_32 : float
         Bounds on second / first and third / second eigenvalue.
     min_neighbors : int
@@ -146,7 +158,7 @@ def iss(
         Open3D's own detector has the two radii, the two bounds and `min_neighbors` only, and the
         covariance about the mean.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -155,8 +167,14 @@ def iss(
 
     Raises
     ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for a length, bound or count that is not positive, or
+        a word that is none of the choices; for an option that Open3D's detector lacks, with that backend;
+        where a radius is not given and the resolution is 0, as all points have duplicates.
     CgroupError
         Where Open3D is asked for and can't be imported.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -210,27 +228,38 @@ def drop_isolated(
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     keypoints : (m,) array_like of int
         Row numbers of points.
     radius : float, optional
         15 times `resolution` by default.
     resolution : float, optional
-        The unit pr; computed from the points where it is needed and not given.
+        Mean distance of neighbouring points, a length; computed where it is needed and not given.
     min_points : int
         Least number of points nearer than `radius`, the keypoint itself included.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (k,) array of int64
         Those of `keypoints`, in their order.
 
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
+        radius or `min_points` that is not positive; where the radius is not given and the resolution is 0, as
+        all points have duplicates.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
     Examples
     --------
     >>> from cgroup import features
-    >>> features.drop_isolated([[0, 0, 0], [1, 0, 0], [9, 0, 0]], [0, 2], radius=2, min_points=2).tolist()
-    [0]
+    >>> points = [[0, 0, 0], [1, 0, 0], [9, 0, 0]]
+    >>> features.drop_isolated(points, [0, 2], radius=2, min_points=2)
+    array([0])
     """
     cloud, rows = core_cloud(points), as_rows("keypoints", keypoints)
     if len(rows) == 0:

@@ -21,7 +21,7 @@ MOST_BYTES = 2**30
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Nearest target descriptors of every source descriptor; row i of every field is one match.
+    """Nearest targets of every source descriptor; row i of every field is one match.
 
     Attributes
     ----------
@@ -41,6 +41,16 @@ class Matches:
     is_mutual : (n,) array of bool
         Whether the source is the nearest of the target; of equally near ones the lowest row is. Where the
         rank is 1 too, each is the other's nearest.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> source, target = [[0, 1], [1, 0]], [[1, 0], [0, 2], [0, 5]]
+    >>> matches = features.match(source, target)
+    >>> matches
+    Matches(n=2)
+    >>> matches.target_indices, matches.distance, matches.ratio.round(2)
+    (array([1, 0]), array([1., 0.]), array([0.71, 0.  ]))
     """
 
     source_indices: IndexArray
@@ -84,7 +94,7 @@ def match(
     max_distance : float, optional
         Keep a match only if its distance is at most this.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -94,8 +104,10 @@ def match(
     Raises
     ------
     InputError
-        For tables of different lengths, or values so unlike in size that squares of differences vanish, or a
-        `k` whose matches would take more than 1 GiB.
+        For tables that aren't (n,d) with the same d, values so unlike in size that squares of differences
+        vanish, a `k` whose matches would take more than 1 GiB, or an option out of its range.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

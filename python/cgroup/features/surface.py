@@ -39,6 +39,7 @@ def normals(
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     neighbors : int, optional
         Points per plane, the point itself included; 20 by default.
     radius : float, optional
@@ -47,12 +48,20 @@ def normals(
     viewpoint : (float, float, float)
         Normals point to this side.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (N,3) array of float64
         Unit vectors; NaN rows where fewer than three points, or points on one line, leave the plane open.
+
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for fewer than one neighbour, a radius that is not
+        positive, or a viewpoint that isn't three numbers.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -77,6 +86,7 @@ def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     faces : (F,3) array_like of int
         Rows of `points`.
 
@@ -84,6 +94,13 @@ def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
     -------
     (N,3) array of float64
         Unit vectors; NaN rows for points without a face.
+
+    Raises
+    ------
+    InputError
+        If points aren't (N,3), finite and below 1e150; for faces that aren't (F,3) rows of the points.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Voxels:
-    """A cloud thinned out to one point per occupied cell of a grid; row i of the first two is one voxel.
+    """A cloud thinned out to one point per occupied cell of a grid.
+
+    Row i of `points` and of `normals` is one voxel.
 
     Attributes
     ----------
@@ -32,6 +34,15 @@ class Voxels:
         given.
     indices : (N,) array of int64
         Voxel of every point of the cloud.
+
+    Examples
+    --------
+    >>> from cgroup import features
+    >>> voxels = features.voxel_downsample([[0, 0, 0], [0.2, 0, 0], [5, 0, 0]], 1.0)
+    >>> voxels
+    Voxels(n=2, of=3)
+    >>> voxels.normals is None
+    True
     """
 
     points: FloatArray
@@ -48,29 +59,34 @@ class Voxels:
 def voxel_downsample(
     points: CloudLike, voxel: float, *, normals: ArrayLike | None = None, threads: int | None = None
 ) -> Voxels:
-    """Replace the points in each cell of a regular grid by their mean (as Open3D's ``voxel_down_sample``).
+    """Replace the points in each cell of a regular grid by their mean.
 
-    The grid begins half a cell below the least coordinates. Cost O(N log N).
+    As Open3D's ``voxel_down_sample``: the grid begins half a cell below the least coordinates. Cost O(N log
+    N).
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps.
     voxel : float
         Edge length of a cell, in the unit of the points.
     normals : (N,3) array_like of float, optional
         Averaged along with the points; NaN rows are left out.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     Voxels
+        The means, and the voxel of every point.
 
     Raises
     ------
     InputError
-        For a voxel that is not positive or so small that cells can't be numbered, or normals that are not one
-        per point.
+        If points aren't (N,3), finite and below 1e150; for a voxel that is not positive or so small that
+        cells can't be numbered, or normals that are not one per point.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -93,12 +109,12 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
 
     Parameters
     ----------
-    clouds : Cloud or (N,3) array_like of float
+    *clouds : Cloud or (N,3) array_like of float
         One or more, in the same unit.
     voxels : int
         Most voxels per cloud, on average.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -108,7 +124,10 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
     Raises
     ------
     InputError
-        Without clouds, or where all points of each coincide.
+        Without clouds, or where all points of each coincide; where points aren't (N,3), finite and below
+        1e150; where `voxels` is not at least 1.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

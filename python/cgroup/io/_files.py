@@ -30,7 +30,28 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file, or raise `InputError` with the system's reason."""
+    """Write the bytes of a file.
+
+    Parameters
+    ----------
+    path : path-like
+        Where to; a file that is there is replaced.
+    content : bytes
+        All that it is to hold.
+
+    Raises
+    ------
+    InputError
+        If the file can't be written, with the system's reason.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.io import write_file
+    >>> write_file("notes.txt", b"scan 3 is upside down")
+    >>> Path("notes.txt").read_text()
+    'scan 3 is upside down'
+    """
     path, content = as_path("path", path), as_instance("content", content, bytes)
     try:
         path.write_bytes(content)

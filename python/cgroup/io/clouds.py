@@ -31,7 +31,7 @@ _KEYPOINT_COLOR = (213, 94, 0)
 
 
 def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
-    """Read a point cloud or mesh.
+    r"""Read a point cloud or mesh.
 
     PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS; text (``.xyz``, ``.txt``, ``.csv``)
     with x y z in its first three columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``; KITTI's
@@ -61,6 +61,15 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     InputError
         If the file is missing, unreadable, cut off, of an unknown format, no regular file, or has no finite
         point.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.io import read_cloud
+    >>> _ = Path("scan.xyz").write_text("0 0 0\n1 0 0\nnan nan nan\n")
+    >>> cloud = read_cloud("scan.xyz")
+    >>> cloud.points.tolist(), cloud.dropped
+    ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 1)
     """
     path = as_path("path", path)
     reader = PARSERS.get(path.suffix.lower())
@@ -84,7 +93,16 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike) -> 
     Raises
     ------
     InputError
-        If the suffix is another one, or the file can't be written.
+        If the suffix is another one, `cloud` is no `PointCloud`, or the file can't be written.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import read_cloud, write_cloud
+    >>> scan = standin_pair(pixels=60).source
+    >>> write_cloud("scan.ply", scan)
+    >>> bool((read_cloud("scan.ply").points == scan.points).all())
+    True
     """
     path = as_path("path", path)
     if path.suffix.lower() != ".ply":
@@ -131,7 +149,20 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike,
     Raises
     ------
     InputError
-        If the suffix is another one, or the file can't be written.
+        If the suffix is another one, `cloud` is no `PointCloud`, a row is none of its points, or the file
+        can't be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import write_keypoints
+    >>> from cgroup.registration import detect
+    >>> scan = standin_pair(pixels=60).source
+    >>> rows = detect(scan, keypoints=50)
+    >>> write_keypoints("keypoints.npz", scan, rows)
+    >>> bool((np.load("keypoints.npz")["points"] == scan.points[rows]).all())
+    True
     """
     path, rows = as_path("path", path), as_rows("indices", indices)
     cloud = as_cloud("cloud", cloud)
@@ -159,7 +190,17 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     Raises
     ------
     InputError
-        If the suffix is another one, or the file can't be written.
+        If the suffix is another one, `described` is no `DescribedCloud`, or the file can't be written.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import read_descriptors, write_descriptors
+    >>> from cgroup.registration import describe
+    >>> described = describe(standin_pair(pixels=60).source, descriptor="rcs")
+    >>> write_descriptors("scan.npz", described)
+    >>> len(read_descriptors("scan.npz")) == len(described)
+    True
     """
     path = as_path("path", path)
     if path.suffix.lower() != ".npz":
@@ -186,6 +227,16 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
     ------
     InputError
         If the file is missing or unreadable, or lacks an array.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import read_descriptors, write_descriptors
+    >>> from cgroup.registration import describe
+    >>> described = describe(standin_pair(pixels=60).source, descriptor="rcs")
+    >>> write_descriptors("scan.npz", described)
+    >>> read_descriptors("scan.npz").descriptors.shape[1]
+    72
     """
     path = as_path("path", path)
     arrays = read_arrays(path, _DESCRIBED_FIELDS)

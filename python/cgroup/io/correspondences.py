@@ -20,7 +20,7 @@ _COLUMNS = 6
 
 
 def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
-    """Read correspondences that were computed elsewhere, or written by `write_correspondences`.
+    r"""Read correspondences, computed elsewhere or by `write_correspondences`.
 
     Parameters
     ----------
@@ -37,6 +37,14 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     ------
     InputError
         If the file is missing or unreadable, or its content can't be correspondences.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.io import read_correspondences
+    >>> _ = Path("matches.txt").write_text("0 0 0 5 0 0\n1 0 0 6 0 0\n")
+    >>> read_correspondences("matches.txt")
+    Correspondences(n=2, fields=['source', 'target'])
     """
     path = as_path("path", path)
     if path.suffix.lower() == ".npz":
@@ -73,7 +81,17 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
     Raises
     ------
     InputError
-        If the suffix is another one, or the file can't be written.
+        If the suffix is another one, `correspondences` is something else, or the file can't be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import Correspondences
+    >>> from cgroup.io import read_correspondences, write_correspondences
+    >>> matches = Correspondences(np.eye(3), np.eye(3), resolution=0.1)
+    >>> write_correspondences("matches.npz", matches)
+    >>> read_correspondences("matches.npz").resolution
+    0.1
     """
     path = as_path("path", path)
     if path.suffix.lower() != ".npz":
@@ -98,7 +116,15 @@ def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
     Raises
     ------
     InputError
-        If the file can't be written.
+        If the mask isn't (n,) of bool, or the file can't be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.io import write_mask
+    >>> write_mask("group.txt", [True, False, True])
+    >>> Path("group.txt").read_text().split()
+    ['1', '0', '1']
     """
     path = as_path("path", path)
     values = as_mask("mask", mask)

@@ -25,7 +25,7 @@ _BRACKETS = bytes.maketrans(b"[](){}", b"      ")
 
 
 def read_transform(path: str | os.PathLike[str]) -> FloatArray:
-    """Read a rigid transform of column vectors, p' = R p + t, in any of the usual notations.
+    """Read a rigid transform of column vectors, in any of the usual notations.
 
     Parameters
     ----------
@@ -73,8 +73,9 @@ def read_transforms(path: str | os.PathLike[str]) -> FloatArray:
     Parameters
     ----------
     path : path-like
-        As in `read_transform`, one pose per row; or 4x4 matrices below each other, or a JSON list or NumPy
-        array of matrices.
+        ``.npy``, ``.json``, or text of any suffix: one pose per row, as 16 or 12 numbers row by row (as KITTI
+        writes them), as ``tx ty tz qx qy qz qw``, or as these after a time (as TUM writes them); or 4x4
+        matrices below each other, or a JSON list or NumPy array of matrices.
 
     Returns
     -------

@@ -29,7 +29,7 @@ def clipper(
 ) -> Grouping:
     """CLIPPER: the densest set of correspondences that all agree with each other.
 
-    Not of the paper. Lusk, Fathian, How, ICRA 2021 (Algorithm 1), with the certificate of CLIPPER+ (Fathian,
+    Lusk, Fathian, How, ICRA 2021 (Algorithm 1), with the certificate of CLIPPER+ (Fathian,
     Summers, RA-L 2024). Affinities ``M_ij = exp(-(ds - dt)^2 / (2 deviation^2))`` of pairs with ``|ds - dt| <
     max_distance_difference`` that share no point; two others exclude each other. Projected gradient ascent
     makes ``u' M u`` greatest for ``u >= 0``, ``|u| = 1``, with a penalty on excluded pairs that grows until
@@ -60,7 +60,7 @@ def clipper(
         Bytes that graph and affinities may take; by default a quarter of the memory that is free, at most
         1.5 GiB. A larger graph is refused; affinities that don't fit are computed anew in each step.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
@@ -74,7 +74,10 @@ def clipper(
     Raises
     ------
     InputError
-        For fields or options that the method can't work with, or where the graph exceeds `max_memory`.
+        If points aren't (n,3), finite and as many on both sides; for an option out of its range; where
+        neither `max_distance_difference` nor `resolution` is given; where the graph exceeds `max_memory`.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -84,7 +87,7 @@ def clipper(
     >>> source = rng.uniform(0, 100, size=(500, 3))
     >>> target = source[:, [1, 2, 0]] + 5.0
     >>> target[100:] = rng.uniform(0, 100, size=(400, 3))
-    >>> result = clipper(source, target, resolution=1.0)
+    >>> result = clipper(source, target, max_distance_difference=0.01)
     >>> bool(result.mask[:100].all()), result.diagnostics["certified"]
     (True, 1.0)
     """

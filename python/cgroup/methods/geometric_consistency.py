@@ -29,10 +29,10 @@ def gc(
     max_memory: int | None = None,
     progress: Progress | None = None,
 ) -> Grouping:
-    """Geometric consistency (GC): the largest cluster that keeps its distances to a seed.
+    """Geometric consistency (GC): the largest cluster that keeps distances to a seed.
 
-    The paper, section 3.2, after Chen, Bhanu, PRL 2007. Cost O(n^2) time, O(n) memory; the
-    clique variant keeps all consistent pairs, one bit each, where these n^2 / 8 bytes are allowed.
+    Section 3.2, Eq. (13) of [1]_, after [2]_. Cost O(n^2) time, O(n) memory; the clique variant keeps all
+    consistent pairs, one bit each, where these n^2 / 8 bytes are allowed.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ def gc(
     min_cluster_size : int
         Clique variant: a set with no more members is no cluster.
     iterations, seed : int
-        Clique variant: of the RANSAC filter.
+        Clique variant: samples of the RANSAC filter, and the key of its random numbers.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     max_memory : int, optional
         Clique variant: bytes that the consistent pairs may take; by default a quarter of the memory that is
         free, at most 1.5 GiB. Beyond it pairs are computed anew, with the same result.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
@@ -70,6 +70,28 @@ def gc(
     Raises
     ------
     InputError
-        For fields or options that the method can't work with.
+        If points aren't (n,3), finite and as many on both sides; for an option out of its range; where
+        neither `tolerance` nor `resolution` is given.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    References
+    ----------
+    .. [1] J. Yang, K. Xian, P. Wang, Y. Zhang, "A Performance Evaluation of Correspondence Grouping Methods
+       for 3D Rigid Data Matching", IEEE TPAMI, 2019.
+    .. [2] H. Chen, B. Bhanu, "3D Free-Form Object Recognition in Range Images Using Local Surface Patches",
+       Pattern Recognition Letters, 2007.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import gc
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[100:] = rng.uniform(0, 100, size=(400, 3))
+    >>> group = gc(source, target, resolution=1.0)
+    >>> bool(group.mask[:100].all()), int(group.scores.max()) == group.size
+    (True, True)
     """
     return call("gc", locals())

@@ -28,9 +28,9 @@ def lc(
     max_memory: int | None = None,
     progress: Progress | None = None,
 ) -> Grouping:
-    """Likelihood consensus (LC): the pose under which the correspondences are likelier than by chance.
+    """Likelihood consensus (LC): the pose that makes matches likelier than chance.
 
-    Not of the paper; for few right matches among many. Cliques of matches that keep their distances
+    For few right matches among many; a method of this library. Cliques of matches that keep their distances
     (``|ds - dt| < tolerance``) give poses. The support of a pose is the sum of
     ``max(0, L_i - r_i^2 / (2 sigma^2))`` over residuals r_i below ``2 * tolerance``, with
     ``sigma = 0.9 * tolerance`` and the chance level
@@ -43,8 +43,8 @@ def lc(
 
     Frames make further poses and count in the support, where they are good: where most of the supporters of
     poses that are no chance have frames that agree, or where position alone finds no such pose
-    (``by_frames`` in the diagnostics). ``docs/methods/likelihood-consensus.md`` has every step, and what
-    each is worth.
+    (``by_frames`` in the diagnostics). Every step, and what each is worth:
+    https://cgroup-project.github.io/cgroup/methods/lc.html.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def lc(
         Bytes that the graph of agreeing pairs may take; by default a quarter of the memory that is free, at
         most 1.5 GiB. A larger graph is refused.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
@@ -86,7 +86,11 @@ def lc(
     Raises
     ------
     InputError
-        For fields or options that the method can't work with, or where the graph exceeds `max_memory`.
+        If points aren't (n,3), finite and as many on both sides, or a ratio or a frame isn't what it should
+        be, or frames are given on one side only; for an option out of its range; where neither `tolerance`
+        nor `resolution` is given; where the graph exceeds `max_memory`.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

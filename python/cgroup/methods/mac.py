@@ -30,7 +30,7 @@ def mac(
     max_memory: int | None = None,
     progress: Progress | None = None,
 ) -> Grouping:
-    """Maximal cliques (MAC): the best of the motions that cliques of agreeing correspondences propose.
+    """Maximal cliques (MAC): the best motion that cliques of agreeing matches propose.
 
     Zhang et al., *3D Registration with Maximal Cliques*, CVPR 2023, section 3; Yang et al., TPAMI 2024. Two
     correspondences with the distance difference ``d = |ds - dt|`` agree with the weight ``w = 1 - (1 -
@@ -75,7 +75,7 @@ def mac(
         Bytes that the graph of agreeing pairs may take; by default a quarter of the memory that is free, at
         most 1.5 GiB.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
@@ -91,7 +91,10 @@ def mac(
     Raises
     ------
     InputError
-        For fields or options that the method can't work with.
+        If points aren't (n,3), finite and as many on both sides; for an option out of its range; where
+        neither `tolerance` nor `resolution` is given.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -27,9 +27,10 @@ def ransac(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Grouping:
-    """Random sample consensus (RANSAC): the transform of three correspondences that most agree with.
+    """Random sample consensus (RANSAC): the sampled motion that most agree with.
 
-    The paper, section 3.2, after Fischler, Bolles, CACM 1981. Cost O(iterations n).
+    Section 3.2 of [1]_, after [2]_: a sample is three correspondences, its motion their least-squares
+    transform. Cost O(iterations n).
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def ransac(
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
@@ -62,6 +63,28 @@ def ransac(
     Raises
     ------
     InputError
-        For fields or options that the method can't work with.
+        If points aren't (n,3), finite and as many on both sides; for an option out of its range; where
+        neither `tolerance` nor `resolution` is given.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    References
+    ----------
+    .. [1] J. Yang, K. Xian, P. Wang, Y. Zhang, "A Performance Evaluation of Correspondence Grouping Methods
+       for 3D Rigid Data Matching", IEEE TPAMI, 2019.
+    .. [2] M. Fischler, R. Bolles, "Random Sample Consensus: A Paradigm for Model Fitting with Applications to
+       Image Analysis and Automated Cartography", CACM, 1981.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import ransac
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[100:] = rng.uniform(0, 100, size=(400, 3))
+    >>> group = ransac(source, target, resolution=1.0, refine=True)
+    >>> bool(group.mask[:100].all()), group.model[:3, 3].round(0)
+    (True, array([5., 5., 5.]))
     """
     return call("ransac", locals())

@@ -31,7 +31,7 @@ def sc2pcr(
 ) -> Grouping:
     """SC2-PCR: correspondences that agree with the same others follow the same motion.
 
-    Not of the paper: Chen, Sun, Yang, Tao, "SC2-PCR: A Second Order Spatial Compatibility for Efficient and
+    Chen, Sun, Yang, Tao, "SC2-PCR: A Second Order Spatial Compatibility for Efficient and
     Robust Point Cloud Registration", CVPR 2022, section 3. Two correspondences are compatible where
     ``|ds - dt|`` is below `max_distance_difference`, and how many others are compatible (at half that bound)
     with both is their second-order compatibility. Seeds are the correspondences with the highest confidence,
@@ -73,7 +73,7 @@ def sc2pcr(
         graph fits give seeds and sets: `Grouping.complete` is False then, and ``diagnostics["vertices"]``
         says how many.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
@@ -84,7 +84,10 @@ def sc2pcr(
     Raises
     ------
     InputError
-        For fields or options that the method can't work with.
+        If points aren't (n,3), finite and as many on both sides, or candidates aren't (n,k,3); for an option
+        out of its range; where neither `tolerance` nor `resolution` is given.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

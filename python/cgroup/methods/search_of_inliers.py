@@ -31,9 +31,9 @@ def si(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Grouping:
-    """Search of inliers (SI): voting by neighbours, then by the most distinctive correspondences.
+    """Search of inliers (SI): votes of neighbours, then of the most distinctive.
 
-    The paper, section 3.1, after Buch, Yang, Kruger, Petersen, CVPR 2014. Cost O(n log n + n neighbors).
+    Section 3.1, Eq. (3) to (6) of [1]_, after [2]_. Cost O(n log n + n neighbors).
 
     Parameters
     ----------
@@ -59,20 +59,44 @@ def si(
     threshold : float or "otsu"
         Scores above it are selected.
     otsu : {"minmax", "exact", "covis", "legacy"}
-        How Otsu's cut is sought, see `ss`.
+        How Otsu's cut is sought: on 100 equal bins between least and greatest score, between any two
+        scores, as in the code of SI's author (for scores in [0,1]), or as in the evaluation group's later
+        code.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
     Grouping
-        Its scores are shares of votes, in [0,1].
+        Its scores are shares of votes, in [0,1], and `Grouping.threshold` is the cut on them.
 
     Raises
     ------
     InputError
-        For fields or options that the method can't work with.
+        If points aren't (n,3), finite and as many on both sides, or a ratio or a frame isn't what it should
+        be; for an option out of its range; where neither `tolerance` nor `resolution` is given.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    References
+    ----------
+    .. [1] J. Yang, K. Xian, P. Wang, Y. Zhang, "A Performance Evaluation of Correspondence Grouping Methods
+       for 3D Rigid Data Matching", IEEE TPAMI, 2019.
+    .. [2] A. G. Buch, Y. Yang, N. Kruger, H. G. Petersen, "In Search of Inliers: 3D Correspondence by Local
+       and Global Voting", CVPR, 2014.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import si
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
+    >>> fields = ("source", "target", "ratio", "source_lrf", "target_lrf", "resolution")
+    >>> group = si(**{name: getattr(problem, name) for name in fields})
+    >>> precision = problem.inlier_mask[group.mask].mean()
+    >>> bool(precision > 0.9)  # of all matches 30 % are right
+    True
     """
     return call("si", locals())

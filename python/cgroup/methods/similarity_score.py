@@ -21,9 +21,9 @@ def ss(
     bins: int = 100,
     threads: int | None = None,
 ) -> Grouping:
-    """Similarity score (SS): keep the correspondences whose descriptors are similar enough.
+    """Similarity score (SS): keep correspondences whose descriptors are similar.
 
-    The paper, section 3.1. Cost O(n).
+    Section 3.1, Eq. (1) of [1]_. Cost O(n).
 
     Parameters
     ----------
@@ -43,11 +43,28 @@ def ss(
     Returns
     -------
     Grouping
-        Its scores are the similarities.
+        Its scores are the similarities, `Grouping.threshold` the cut. Without points, so that
+        `Grouping.transform` needs `cgroup.group`.
 
     Raises
     ------
     InputError
-        For fields or options that the method can't work with.
+        If the similarities aren't (n,) numbers, or one is NaN; for an option out of its range.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    References
+    ----------
+    .. [1] J. Yang, K. Xian, P. Wang, Y. Zhang, "A Performance Evaluation of Correspondence Grouping Methods
+       for 3D Rigid Data Matching", IEEE TPAMI, 2019.
+
+    Examples
+    --------
+    >>> from cgroup import ss
+    >>> group = ss([0.95, 0.2, 0.9, 0.25, 0.88])
+    >>> group.mask
+    array([ True, False,  True, False,  True])
+    >>> ss([0.95, 0.2, 0.9, 0.25, 0.88], threshold=0.9).indices
+    array([0, 2])
     """
     return call("ss", locals())

@@ -28,9 +28,9 @@ def teaser(
     max_memory: int | None = None,
     progress: Progress | None = None,
 ) -> Grouping:
-    """TEASER++: truncated least squares for rotation and translation, among those that agree in pairs.
+    """TEASER++: truncated least squares, after pruning those that disagree in pairs.
 
-    Not of the paper. Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021,
+    Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021,
     with the pruning by core numbers of ROBIN (ICRA 2021) and KISS-Matcher (ICRA 2025). Two correspondences
     are joined where ``|ds - dt| < max_distance_difference`` and ``0 < ds + dt`` (section IV). The
     rotation is that of graduated non-convexity on the differences of each kept point to the next (section
@@ -65,7 +65,7 @@ def teaser(
         Bytes that the graph of agreeing pairs may take; by default a quarter of the memory that is free, at
         most 1.5 GiB. A larger graph is refused.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
@@ -80,7 +80,10 @@ def teaser(
     Raises
     ------
     InputError
-        For fields or options that the method can't work with, or where the graph exceeds `max_memory`.
+        If points aren't (n,3), finite and as many on both sides; for an option out of its range; where
+        neither `tolerance` nor `resolution` is given; where the graph exceeds `max_memory`.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -90,7 +93,7 @@ def teaser(
     >>> source = rng.uniform(0, 100, size=(500, 3))
     >>> target = source[:, [1, 2, 0]] + 5.0
     >>> target[100:] = rng.uniform(0, 100, size=(400, 3))
-    >>> result = teaser(source, target, resolution=1.0)
+    >>> result = teaser(source, target, tolerance=0.1)
     >>> bool(result.mask[:100].all()), result.model[:3, 3].round(1)
     (True, array([5., 5., 5.]))
     """

@@ -30,7 +30,7 @@ def turboreg(
 ) -> Grouping:
     """TurboReg: poses of triangles around the pairs that agree with the same others.
 
-    Not of the paper: Yan, Shi, Zhao, Wang, Cao, Wu, Li, "TurboReg: TurboClique for Robust and Efficient Point
+    Yan, Shi, Zhao, Wang, Cao, Wu, Li, "TurboReg: TurboClique for Robust and Efficient Point
     Cloud Registration", ICCV 2025, section 3. Two correspondences are compatible where ``|ds - dt|`` is below
     `max_distance_difference`, a bound far below the tolerance, and ``ds + dt`` exceeds `nms_radius`; such a
     pair weighs as much as others are compatible with both. The heaviest pairs are pivots, and each gives the
@@ -65,7 +65,7 @@ def turboreg(
         with the most others, as many as fit, give triangles: `Grouping.complete` is False then, and
         ``diagnostics["vertices"]`` says how many.
     progress : callable, optional
-        Called now and then with the share of the work done, in [0,1].
+        Called now and then with the share of the work done, in [0,1]; an error that it raises ends the work.
 
     Returns
     -------
@@ -75,7 +75,10 @@ def turboreg(
     Raises
     ------
     InputError
-        For fields or options that the method can't work with.
+        If points aren't (n,3), finite and as many on both sides; for an option out of its range; where
+        neither `tolerance` nor `resolution` is given.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

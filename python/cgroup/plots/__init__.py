@@ -1,4 +1,7 @@
-"""Figures, one function each. They are returned, never shown: save them with `Figure.savefig`."""
+"""Figures, one function each. They are returned, never shown: save them with `Figure.savefig`.
+
+They need matplotlib, which comes with the extra ``cgroup[scans]``.
+"""
 
 from cgroup.plots.keypoints import keypoints_figure
 from cgroup.plots.levels import inliers_figure, registration_rate_figure, scores_figure

@@ -12,22 +12,28 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots import style
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Container, Iterable, Mapping
 
     import pandas as pd
     from matplotlib.axes import Axes
 
     from cgroup.plots.style import MethodStyle
+    from cgroup.types import BoolArray, FloatArray
 
 MARKER_SIZE = 4.5
 """Points across a disk."""
 
+FEW = f"fewer than {LEAST_PAIRS} pairs"
+"""What hollow markers mean."""
+
 _PANEL_HEIGHT = 2.3
 _FONT = 8
 _MOST_COLUMNS, _LETTERS, _HANDLE = 9, 110, 6.5  # of a legend: columns, letters that fit, those of a handle
+_DOTS = (0, (1, 2.5))  # a line to levels of few pairs
 _SPREAD = 0.32  # of the methods around a name
 _SHORT_NAME = 4
 _NAMES_TURNED = 40  # degrees, for names on the x axis
@@ -64,7 +70,9 @@ def panels(count: int, *, columns: int, title: str, extra: float = 0.0) -> tuple
     return figure, list(grid[:count])
 
 
-def draw_curves(axes: Axes, table: pd.DataFrame, looks: Mapping[str, MethodStyle]) -> None:
+def draw_curves(
+    axes: Axes, table: pd.DataFrame, looks: Mapping[str, MethodStyle], few: Container[object] = ()
+) -> None:
     """Draw one curve per method.
 
     Parameters
@@ -76,27 +84,49 @@ def draw_curves(axes: Axes, table: pd.DataFrame, looks: Mapping[str, MethodStyle
         nothing connects them, and the methods stand side by side.
     looks : mapping of str to MethodStyle
         Of each method.
+    few : container
+        Levels that have too few pairs for a curve: their markers are hollow, and the lines to them dotted.
     """
     levels = list(table.index)
-    places = np.array(place_levels(axes, levels))
+    sparse = np.array([level in few for level in levels], dtype=bool)
+    places = np.array(place_levels(axes, levels), dtype=np.float64)
     named = isinstance(levels[0], str)
     methods = [method for method in sort_methods(looks) if method in table.columns]
     aside = np.linspace(-_SPREAD, _SPREAD, len(methods)) if named else np.zeros(len(methods))
     for method, shift in zip(methods, aside, strict=True):
-        look = looks[method]
-        axes.plot(
-            places + shift,
-            table[method].to_numpy(dtype=float),
-            color=look.color,
-            marker=look.marker,
-            linestyle="" if named else look.dashes,
-            linewidth=1.1,
-            markersize=marker_size(look),
-            markeredgecolor="white",
-            markeredgewidth=0.4,
-            clip_on=False,
-            zorder=3,
-        )
+        look, heights = looks[method], table[method].to_numpy(dtype=float)
+        if not named:
+            _connect(axes, places, heights, look, sparse)
+        for hollow in (False, True):
+            if (sparse == hollow).any():
+                axes.plot(
+                    places + shift,
+                    heights,
+                    color=look.color,
+                    marker=look.marker,
+                    markevery=np.flatnonzero(sparse == hollow).tolist(),
+                    linestyle="",
+                    markersize=marker_size(look),
+                    markerfacecolor="white" if hollow else look.color,
+                    markeredgecolor=look.color if hollow else "white",
+                    markeredgewidth=0.9 if hollow else 0.4,
+                    clip_on=False,
+                    zorder=3,
+                )
+
+
+def _connect(
+    axes: Axes, places: FloatArray, heights: FloatArray, look: MethodStyle, sparse: BoolArray
+) -> None:
+    """Connect neighbouring levels, by a dotted line where either has few pairs."""
+    dotted = np.flatnonzero(sparse[:-1] | sparse[1:])
+    x, y = (np.insert(values, dotted + 1, np.nan) for values in (places, heights))  # a gap for each
+    lines = axes.plot(x, y, linestyle=look.dashes, linewidth=1.1)
+    for start in dotted:
+        two = slice(start, start + 2)
+        lines += axes.plot(places[two], heights[two], linestyle=_DOTS, linewidth=0.7)
+    for line in lines:
+        line.set(color=look.color, clip_on=False, zorder=3)
 
 
 def place_levels(axes: Axes, levels: list[float] | list[str]) -> list[float]:
@@ -127,8 +157,8 @@ def finish(axes: Axes, *, title: str = "", xlabel: str = "", ylabel: str = "", s
         axes.set_yticks(np.linspace(0, 1, 6))
 
 
-def legend(figure: Figure, looks: Mapping[str, MethodStyle]) -> None:
-    """Name the methods below all panels."""
+def legend(figure: Figure, looks: Mapping[str, MethodStyle], *, few: bool = False) -> None:
+    """Name the methods below all panels, and say what hollow markers are if there are levels of few pairs."""
     handles = [
         Line2D(
             [],
@@ -142,10 +172,14 @@ def legend(figure: Figure, looks: Mapping[str, MethodStyle]) -> None:
         )
         for look in (looks[method] for method in sort_methods(looks))
     ]
+    if few:
+        hollow = Line2D([], [], color=style.QUIET_TEXT, marker="o", markerfacecolor="white", label=FEW)
+        hollow.set(linestyle=_DOTS, linewidth=0.7, markersize=MARKER_SIZE)
+        handles.append(hollow)
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=_count_columns([len(look.label) for look in looks.values()]),
+        ncols=_count_columns([len(str(handle.get_label())) for handle in handles]),
         frameon=False,
         fontsize=_FONT,
         handlelength=2.4,

@@ -47,6 +47,23 @@ def keypoints_figure(
     -------
     Figure
         Keypoints on the far side are left out, and counted below the panel.
+
+    Raises
+    ------
+    IndexError
+        For keypoints that are no rows of the points.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import keypoints_figure
+    >>> from cgroup.registration import detect
+    >>> scan = standin_pair(pixels=60).source
+    >>> found = {name: detect(scan, detector=name) for name in ("h3d", "iss")}
+    >>> figure = keypoints_figure(scan.points, found, title="Two detectors")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['h3d', 'iss']
+    >>> figure.savefig("keypoints.png")
     """
     cloud = as_points("points", points)
     view = face_broadside(cloud, viewpoint)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
 from cgroup.plots import style
 from cgroup.plots.curves import draw_curves, finish, legend, panels, place_levels
@@ -27,12 +28,13 @@ _MATCHES = "#bbbbbb"
 def scores_figure(
     rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
 ) -> Figure:
-    """Draw mean precision, recall and F over the levels of an experiment, a curve per method.
+    """Draw mean precision, recall and F over the levels of an experiment.
 
     Parameters
     ----------
     rows : DataFrame
-        Records with the level in the column ``x``.
+        Records with the columns ``pair``, ``method``, ``precision``, ``recall``, ``f_score``, and the level
+        in ``x``.
     xlabel : str
         What the levels are, with the unit.
     title : str
@@ -44,26 +46,45 @@ def scores_figure(
     Returns
     -------
     Figure
-        Three panels.
+        Three panels, a curve per method.
+
+    Raises
+    ------
+    KeyError
+        For records that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import scores_figure
+    >>> rows = pd.DataFrame(
+    ...     {"method": ["gtm"] * 3, "x": [0.1, 0.2, 0.3], "precision": [1.0, 0.9, 0.8]}
+    ... )
+    >>> rows = rows.assign(recall=0.5, f_score=0.6, pair="a")
+    >>> figure = scores_figure(rows, xlabel="noise (pr)", title="Noise")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['precision', 'recall', 'F-score']
     """
     looks = style.method_styles(rows["method"].unique(), styles)
+    few = _list_sparse(rows)
     figure, axes = panels(3, columns=3, title=title, extra=_extra(rows))
     for panel, (column, name) in zip(axes, _SCORES.items(), strict=True):
-        draw_curves(panel, average_by_level(rows, column), looks)
+        draw_curves(panel, average_by_level(rows, column), looks, few)
         finish(panel, title=name, xlabel=xlabel, share=True)
-    legend(figure, looks)
+    legend(figure, looks, few=bool(few))
     return figure
 
 
 def registration_rate_figure(
     rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
 ) -> Figure:
-    """Draw the share of registered pairs, by the paper's criterion and by each stricter one.
+    """Draw the share of registered pairs over the levels, by each criterion.
 
     Parameters
     ----------
     rows : DataFrame
-        Records with the level in the column ``x``; criteria are the columns ``ok:<protocol>``.
+        Records with the columns ``pair``, ``method``, ``registered`` (by the paper's criterion), and the
+        level in ``x``; stricter criteria are the columns ``ok:<protocol>``.
     xlabel : str
         What the levels are, with the unit.
     title : str
@@ -76,20 +97,37 @@ def registration_rate_figure(
     -------
     Figure
         One panel per criterion that is applicable to some record.
+
+    Raises
+    ------
+    KeyError
+        For records that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import registration_rate_figure
+    >>> rows = pd.DataFrame(
+    ...     {"method": "gtm", "x": [0.1, 0.2, 0.3], "registered": [True, True, False]}
+    ... )
+    >>> rows = rows.assign(pair="a")
+    >>> figure = registration_rate_figure(rows, xlabel="noise (pr)", title="Noise")
+    >>> figure.axes[0].get_title(loc="left")
+    "precision > 0.1 (the paper's)"
     """
     named = {"registered": protocol_title(PAPER_PROTOCOL)}
     for column in rows.columns:
         if column.startswith(PROTOCOL_PREFIX) and rows[column].notna().any():
             named[column] = protocol_title(column.removeprefix(PROTOCOL_PREFIX))
     columns = len(named) if len(named) <= 3 else -(-len(named) // 2)
-    looks = style.method_styles(rows["method"].unique(), styles)
+    looks, few = style.method_styles(rows["method"].unique(), styles), _list_sparse(rows)
     figure, axes = panels(len(named), columns=max(columns, 2), title=title, extra=_extra(rows))
     for panel, (column, name) in zip(axes, named.items(), strict=True):
         judged = rows[rows[column].notna()].astype({column: float})
-        draw_curves(panel, average_by_level(judged, column), looks)
+        draw_curves(panel, average_by_level(judged, column), looks, few)
         finish(panel, title=name, xlabel=xlabel, share=True)
     axes[0].set_ylabel("share of pairs registered", fontsize=8, color=style.TEXT)
-    legend(figure, looks)
+    legend(figure, looks, few=bool(few))
     return figure
 
 
@@ -109,12 +147,12 @@ def protocol_title(protocol: str) -> str:
 
 
 def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
-    """Draw how many initial matches there are, how many of them are correct, and their share.
+    """Draw how many initial matches there are over the levels, and how many are right.
 
     Parameters
     ----------
     rows : DataFrame
-        Records with the level in the column ``x``.
+        Records with the columns ``pair``, ``n``, ``correct``, ``inlier_ratio``, and the level in ``x``.
     xlabel : str
         What the levels are, with the unit.
     title : str
@@ -123,7 +161,24 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
     Returns
     -------
     Figure
-        Two panels; means over pairs.
+        Two panels, numbers and shares; means over pairs.
+
+    Raises
+    ------
+    KeyError
+        For records that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import inliers_figure
+    >>> rows = pd.DataFrame(
+    ...     {"pair": "a", "x": [0.1, 0.2], "n": 1000, "correct": [300, 200]}
+    ... )
+    >>> rows = rows.assign(inlier_ratio=rows["correct"] / rows["n"])
+    >>> figure = inliers_figure(rows, xlabel="noise (pr)", title="Matches")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['initial matches', 'inlier ratio']
     """
     once = rows.drop_duplicates(["pair", "x"])
     table = once.groupby("x")[["n", "correct", "inlier_ratio"]].mean()
@@ -151,6 +206,12 @@ def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
 def average_by_level(rows: pd.DataFrame, column: str) -> pd.DataFrame:
     """Mean over pairs: one row per level, one column per method."""
     return rows.pivot_table(index="x", columns="method", values=column, aggfunc="mean")
+
+
+def _list_sparse(rows: pd.DataFrame) -> set[object]:
+    """List the levels that have fewer pairs than tell anything."""
+    pairs = rows.groupby("x")["pair"].nunique()
+    return set(pairs.index[pairs < LEAST_PAIRS])
 
 
 def _extra(rows: pd.DataFrame) -> float:

@@ -5,19 +5,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cgroup._arguments import as_points
 from cgroup.evaluation import score_group
 from cgroup.plots import style
-from cgroup.plots.shading import Picture, face_broadside, overlay, shade
-from cgroup.rigid import apply
+from cgroup.plots.scene import Scene
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,12 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
+    from cgroup._drawing import Drawing
+    from cgroup.types import BoolArray, Correspondences, FloatArray
 
-MAX_LINES = 150
-"""More lines than this hide each other; an evenly spaced part of them is drawn, and the figure says so."""
-
-_GAP = 0.35  # between the two clouds, in widths of the wider one
 _COLUMNS = 3
 _WIDTH = 12  # inches
 
@@ -44,7 +37,7 @@ def registration_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the grouped matches between two clouds, and the two clouds as the pose lays them.
+    """Draw the matches of a group, and the two clouds as the pose lays them.
 
     Parameters
     ----------
@@ -63,8 +56,32 @@ def registration_figure(
     -------
     Figure
         The source is shown turned as in the pose, so that lines of right matches run parallel.
+
+    Raises
+    ------
+    InputError
+        For points that aren't (N,3), or a pose that isn't (4,4).
+    IndexError
+        For a mask that isn't aligned with the matches.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import registration_figure
+    >>> from cgroup.registration import register
+    >>> pair = standin_pair(pixels=60)
+    >>> done = register(pair.source, pair.target)
+    >>> figure = registration_figure(
+    ...     pair.source.points,
+    ...     pair.target.points,
+    ...     done.correspondences,
+    ...     mask=done.grouping.mask,
+    ...     T_target_source=done.T_target_source,
+    ...     title="Two views of a stone",
+    ... )
+    >>> figure.savefig("registration.png")
     """
-    scene = _Scene.of(source, target, T_target_source)
+    scene = Scene.of(source, target, T_target_source)
     widths, height = scene.widths, scene.height
     size = (_WIDTH, float(np.clip(_WIDTH * height / sum(widths), 2.5, 9)) + 0.9)
     figure = Figure(figsize=size, dpi=style.DOTS_PER_INCH, layout="constrained")
@@ -93,7 +110,7 @@ def comparison_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw what each method selected, correct matches in one colour and wrong ones in another.
+    """Draw what each method selected: correct matches in one colour, wrong in another.
 
     Parameters
     ----------
@@ -114,9 +131,36 @@ def comparison_figure(
     -------
     Figure
         The source is shown turned as in the true pose, so that lines of correct matches run parallel.
+
+    Raises
+    ------
+    InputError
+        For points that aren't (N,3), or a pose that isn't (4,4).
+    ValueError
+        For masks that aren't aligned with the matches.
+
+    Examples
+    --------
+    >>> from cgroup import group
+    >>> from cgroup.comparison import find_correct
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import comparison_figure
+    >>> from cgroup.registration import correspond
+    >>> pair = standin_pair(pixels=60)
+    >>> matches = correspond(pair.source, pair.target, keypoints=200)
+    >>> figure = comparison_figure(
+    ...     pair.source.points,
+    ...     pair.target.points,
+    ...     matches,
+    ...     correct=find_correct(matches, pair.T_target_source),
+    ...     masks={name: group(matches, name).mask for name in ("gc", "gtm")},
+    ...     T_target_source=pair.T_target_source,
+    ...     title="Two methods",
+    ... )
+    >>> figure.savefig("methods.png")
     """
     rows = -(-len(masks) // _COLUMNS)
-    scene = _Scene.of(source, target, T_target_source)
+    scene = Scene.of(source, target, T_target_source)
     height = float(np.clip(0.97 * _WIDTH / _COLUMNS * scene.height / scene.widths[0], 1.2, 6)) + 0.3
     figure = Figure(figsize=(_WIDTH, rows * height + 0.75), dpi=style.DOTS_PER_INCH, layout="constrained")
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).reshape(-1)
@@ -138,103 +182,35 @@ def comparison_figure(
     return figure
 
 
-@dataclass(frozen=True, eq=False)
-class _Scene:
-    """Source and target in one plane, the source on the left; shared by all panels of a figure."""
+def matches_figure(drawing: Drawing) -> Figure:
+    """Draw two clouds side by side, and the selected matches between them.
 
-    to_plane: FloatArray  # (2,3)
-    pose: FloatArray  # (4,4)
-    shift: FloatArray  # (2,), of the target in the plane
-    pictures: tuple[Picture, Picture]  # of source and target, both where the pose puts them
-    overlay: Picture
+    Parameters
+    ----------
+    drawing : Drawing
+        Clouds, matches, which are selected, and which are correct where that is known.
 
-    @classmethod
-    def of(cls, source: ArrayLike, target: ArrayLike, pose: FloatArray) -> _Scene:
-        where = as_points("target", target)
-        view = face_broadside(where)
-        placed = view.project(apply(pose, as_points("source", source)))
-        there = view.project(where)
-        tints = (style.SOURCE_TINT, style.TARGET_TINT)
-        pictures = shade(placed, tints[0]), shade(there, tints[1])
-        (left, right, *_), (start, end, *_) = (picture.extent for picture in pictures)
-        gap = _GAP * max(right - left, end - start)
-        return cls(
-            view.axes[:2],
-            pose,
-            np.array([right - start + gap, 0.0]),
-            pictures,
-            overlay(placed, there, tints),
-        )
-
-    @property
-    def target_extent(self) -> tuple[float, float, float, float]:
-        left, right, bottom, top = self.pictures[1].extent
-        return left + self.shift[0], right + self.shift[0], bottom, top
-
-    @property
-    def widths(self) -> tuple[float, float]:
-        """Of the two clouds side by side, and of the two on each other."""
-        left, right, *_ = self.overlay.extent
-        return self.target_extent[1] - self.pictures[0].extent[0], right - left
-
-    @property
-    def height(self) -> float:
-        bottom, top = self.overlay.extent[2:]
-        return top - bottom
-
-    def draw_clouds(self, axes: Axes) -> None:
-        source, target = self.pictures
-        _show(axes, source, source.extent)
-        _show(axes, target, self.target_extent)
-        _fit(axes, source.extent, self.target_extent)
-
-    def draw_overlay(self, axes: Axes) -> None:
-        _show(axes, self.overlay, self.overlay.extent)
-        _fit(axes, self.overlay.extent)
-
-    def draw_selection(
-        self, axes: Axes, correspondences: Correspondences, mask: BoolArray, correct: BoolArray
-    ) -> int:
-        """Draw the correct and the wrong ones of a group, of both the same share; returns how many."""
-        share = min(1.0, MAX_LINES / max(int(mask.sum()), 1))
-        drawn = 0
-        for chosen, color in ((mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)):
-            rows = np.flatnonzero(chosen)
-            drawn += self.draw_lines(axes, correspondences, rows, color, round(share * len(rows)))
-        return drawn
-
-    def draw_lines(
-        self,
-        axes: Axes,
-        correspondences: Correspondences,
-        rows: IndexArray,
-        color: str,
-        limit: int = MAX_LINES,
-    ) -> int:
-        """Draw at most `limit` of the rows; returns how many."""
-        if len(rows) > limit:
-            rows = rows[np.linspace(0, len(rows) - 1, limit).astype(np.int64)]
-        source = apply(self.pose, correspondences.source[rows])
-        start = source @ self.to_plane.T
-        end = correspondences.target[rows] @ self.to_plane.T + self.shift
-        lines = np.stack([start, end], axis=1)
-        axes.add_collection(LineCollection(list(lines), colors=color, linewidths=0.6, alpha=0.75))
-        ends = lines.reshape(-1, 2)
-        axes.scatter(ends[:, 0], ends[:, 1], s=2.5, color=color, linewidths=0, zorder=3)
-        return len(rows)
-
-
-def _show(axes: Axes, picture: Picture, extent: tuple[float, float, float, float]) -> None:
-    axes.imshow(picture.rgba, extent=extent, origin="lower", interpolation="nearest")
-
-
-def _fit(axes: Axes, *extents: tuple[float, float, float, float]) -> None:
-    left, right, bottom, top = zip(*extents, strict=True)
-    margin = 0.02 * (max(right) - min(left))
-    axes.set_xlim(min(left) - margin, max(right) + margin)
-    axes.set_ylim(min(bottom) - margin, max(top) + margin)
-    axes.set_aspect("equal", anchor="N")
-    axes.set_axis_off()
+    Returns
+    -------
+    Figure
+        The source is shown turned as in the pose, where there is one.
+    """
+    scene = Scene.of(drawing.source, drawing.target, drawing.pose)
+    height = float(np.clip(_WIDTH * scene.height / scene.widths[0], 2.5, 9)) + 0.7
+    figure = Figure(figsize=(_WIDTH, height), dpi=style.DOTS_PER_INCH, layout="constrained")
+    axes = figure.subplots()
+    scene.draw_clouds(axes)
+    matches, mask, correct = drawing.matches, drawing.mask, drawing.correct
+    if correct is None:
+        drawn = scene.draw_lines(axes, matches, np.flatnonzero(mask), style.GROUPED)
+        legend = {"selected": style.GROUPED}
+    else:
+        drawn = scene.draw_selection(axes, matches, mask, correct)
+        legend = {"correct": style.CORRECT, "wrong": style.WRONG}
+    _caption(axes, drawing.title, _format_count(drawn, int(mask.sum())))
+    handles = [Line2D([], [], color=color, label=name) for name, color in legend.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    return figure
 
 
 def _caption(axes: Axes, name: str, numbers: str) -> None:

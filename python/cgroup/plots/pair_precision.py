@@ -34,7 +34,7 @@ def pair_precision_figure(
     Parameters
     ----------
     rows : DataFrame
-        Records, one per pair and method.
+        Records with the columns ``pair``, ``method`` and ``precision``, one per pair and method.
     methods : tuple of str
         Two of them; pairs are sorted by the precision of the second.
     title : str
@@ -47,6 +47,23 @@ def pair_precision_figure(
     -------
     Figure
         Left pair by pair, right the share of pairs up to each precision.
+
+    Raises
+    ------
+    KeyError
+        For records that lack a column, or one of the methods.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import pair_precision_figure
+    >>> rows = pd.DataFrame(
+    ...     {"pair": ["a", "b"] * 2, "method": ["gc", "gc", "gtm", "gtm"]}
+    ... )
+    >>> rows = rows.assign(precision=[0.4, 0.7, 0.9, 0.95])
+    >>> figure = pair_precision_figure(rows, methods=("gc", "gtm"), title="Two methods")
+    >>> len(figure.axes)
+    2
     """
     table = rows.pivot_table(index="pair", columns="method", values="precision")[list(methods)].dropna()
     table = table.sort_values([methods[1], methods[0]])

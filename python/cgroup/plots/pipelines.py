@@ -43,9 +43,12 @@ _FAMILIES = {
 _MARKERS = "osD^v<>PXhpd"
 
 
-class _Look(NamedTuple):
+class Look(NamedTuple):
+    """How one pipeline is drawn, as `style.MethodStyle` says of methods."""
+
     color: str
     marker: str | Path
+    symbol: str
     dashes: LineStyleType
 
 
@@ -65,9 +68,27 @@ def pipelines_figure(frame: pd.DataFrame, *, title: str) -> Figure:
     Figure
         A panel with the share of right poses over the overlap, all sets together, and for each set one with
         that share over the median seconds.
+
+    Raises
+    ------
+    KeyError
+        For rows that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import pipelines_figure
+    >>> frame = pd.DataFrame(
+    ...     {"pipeline": "cgroup", "name": "cgroup", "set": "rooms"}, index=[0, 1]
+    ... )
+    >>> frame = frame.assign(
+    ...     refined=False, overlap=[0.3, 0.8], right=[False, True], seconds=[0.5, 0.4]
+    ... )
+    >>> len(pipelines_figure(frame, title="One way to register").axes)
+    2
     """
     sets = list(dict.fromkeys(frame["set"]))
-    looks = _choose_looks(frame)
+    looks = choose_looks(frame)
     figure, axes = panels(1 + len(sets), columns=3, title=title, extra=0.2)
     _draw_overlap(axes[0], frame, looks)
     for each, name in zip(axes[1:], sets, strict=True):
@@ -78,25 +99,25 @@ def pipelines_figure(frame: pd.DataFrame, *, title: str) -> Figure:
     return figure
 
 
-def _choose_looks(frame: pd.DataFrame) -> dict[str, _Look]:
+def choose_looks(frame: pd.DataFrame) -> dict[str, Look]:
     """Choose colours by the kind of pipeline, and markers by the order; refined ones are drawn dashed."""
     named = frame.drop_duplicates("pipeline")
     own = style.own_styles(named.loc[~named["name"].isin(_FAMILIES), "pipeline"])
-    looks: dict[str, _Look] = {}
+    looks: dict[str, Look] = {}
     used: dict[tuple[str, ...], int] = {}
     for label, name, refined in zip(named["pipeline"], named["name"], named["refined"], strict=True):
         dashes = (0, (3, 1.5)) if refined else "-"
         if label in own:
-            looks[label] = _Look(own[label].color, own[label].marker, dashes)
+            looks[label] = Look(own[label].color, own[label].marker, own[label].symbol, dashes)
             continue
         shades = _FAMILIES[name]
         used[shades] = used.get(shades, -1) + 1
         color, marker = shades[used[shades] % len(shades)], _MARKERS[len(looks) % len(_MARKERS)]
-        looks[label] = _Look(color, marker, dashes)
+        looks[label] = Look(color, marker, style.SYMBOLS[marker], dashes)
     return looks
 
 
-def _draw_overlap(axes: Axes, frame: pd.DataFrame, looks: dict[str, _Look]) -> None:
+def _draw_overlap(axes: Axes, frame: pd.DataFrame, looks: dict[str, Look]) -> None:
     classes = np.digitize(frame["overlap"].to_numpy(), OVERLAP_EDGES[1:-1])
     right, labels = frame["right"].to_numpy(), frame["pipeline"].to_numpy()
     known = np.isfinite(frame["overlap"].to_numpy())
@@ -113,7 +134,7 @@ def _draw_overlap(axes: Axes, frame: pd.DataFrame, looks: dict[str, _Look]) -> N
     axes.set_xlim(0, 1)
 
 
-def _draw_times(axes: Axes, frame: pd.DataFrame, looks: dict[str, _Look]) -> None:
+def _draw_times(axes: Axes, frame: pd.DataFrame, looks: dict[str, Look]) -> None:
     for name, look in looks.items():
         chosen = frame[frame["pipeline"] == name]
         if len(chosen):
@@ -127,7 +148,7 @@ def _draw_times(axes: Axes, frame: pd.DataFrame, looks: dict[str, _Look]) -> Non
     axes.minorticks_off()
 
 
-def _line(look: _Look) -> dict[str, object]:
+def _line(look: Look) -> dict[str, object]:
     return {
         "marker": look.marker,
         "linestyle": look.dashes,
@@ -140,7 +161,7 @@ def _line(look: _Look) -> dict[str, object]:
     }
 
 
-def _name_pipelines(figure: Figure, looks: dict[str, _Look]) -> None:
+def _name_pipelines(figure: Figure, looks: dict[str, Look]) -> None:
     handles = [
         Line2D([], [], color=look.color, label=style.as_it_is(name), **_line(look))
         for name, look in looks.items()

@@ -41,6 +41,15 @@ def precision_recall_figure(
     -------
     Figure
         Up and to the right is better.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import GroupScore
+    >>> from cgroup.plots import precision_recall_figure
+    >>> scores = {"gtm": GroupScore(100, 20, 16, 15), "gc": GroupScore(100, 20, 30, 18)}
+    >>> figure = precision_recall_figure(scores, title="Two methods")
+    >>> figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()
+    ('recall', 'precision')
     """
     figure = Figure(figsize=(6.4, 4.8), dpi=style.DOTS_PER_INCH, layout="constrained")
     axes = figure.subplots()

@@ -53,7 +53,7 @@ class MethodStyle(NamedTuple):
 _POINTED = 1.55
 _INDIVIDUAL: LineStyleType = (0, (4, 1.5))
 
-_SYMBOLS = {
+SYMBOLS = {
     "o": "circle",
     "s": "square",
     "^": "triangle-up",
@@ -77,7 +77,7 @@ METHOD_STYLES = {
         info.label,
         info.color,
         info.marker,
-        _SYMBOLS[info.marker],
+        SYMBOLS[info.marker],
         _POINTED if info.marker == "*" else 1.0,
         _INDIVIDUAL if info.individual else "-",
     )
@@ -119,6 +119,9 @@ CORRECT = "#009E73"
 
 WRONG = "#D55E00"
 """Wrong matches: vermilion."""
+
+MISSED = "#CC79A7"
+"""Correct matches that were dropped: a reddish purple, of the same scheme."""
 
 GROUPED = "#0072B2"
 """Matches of a group where it isn't known which are correct."""

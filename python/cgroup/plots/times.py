@@ -37,9 +37,9 @@ def timing_figure(
     times : DataFrame
         Mean seconds: one row per number of matches, one column per method.
     exponents : mapping of str to float
-        Fitted exponent of each method, NaN where none could be fitted.
+        Exponent a of ``seconds ~ n^a`` fitted to each method, NaN where none could be fitted.
     complexities : mapping of str to str
-        What the paper's table says, for comparison.
+        What the paper's table says of each method, for comparison.
     title : str
         Shown on top.
     styles : mapping of str to MethodStyle, optional
@@ -49,7 +49,19 @@ def timing_figure(
     Returns
     -------
     Figure
-        The legend names both, slowest method first.
+        The legend names exponents and complexities, slowest method first.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import timing_figure
+    >>> times = pd.DataFrame(
+    ...     {"gc": [0.001, 0.004], "gtm": [0.01, 0.04]}, index=[1000, 2000]
+    ... )
+    >>> figure = timing_figure(
+    ...     times, exponents={"gc": 2.0, "gtm": 2.0}, complexities={}, title="Time"
+    ... )
+    >>> figure.savefig("times.png")
     """
     figure, (axes,) = panels(1, columns=1, title=title, extra=1.5)
     looks = style.method_styles(times.columns, styles)

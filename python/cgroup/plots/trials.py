@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def trials_figure(
     frame: pd.DataFrame, *, title: str, styles: Mapping[str, MethodStyle] | None = None
 ) -> Figure:
-    """Draw how many problems methods register, and their mean F, over their median time.
+    """Draw the share of problems that methods register, and mean F, over median time.
 
     Parameters
     ----------
@@ -38,6 +38,22 @@ def trials_figure(
     -------
     Figure
         Two panels, one point per method.
+
+    Raises
+    ------
+    KeyError
+        For rows that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import trials_figure
+    >>> frame = pd.DataFrame(
+    ...     {"method": ["gc", "gtm"], "right": [False, True], "f_score": [0.6, 0.9]}
+    ... )
+    >>> figure = trials_figure(frame.assign(seconds=[0.001, 0.01]), title="Two methods")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['registered', 'mean F']
     """
     figure, axes = panels(2, columns=2, title=title, extra=0.2)
     looks = method_styles(frame["method"].unique(), styles)

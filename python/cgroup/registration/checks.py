@@ -51,12 +51,12 @@ def check_voxels(scan: Scan, voxel: float, count: int) -> None:
     got = f"{scan.name}: {len(scan.cloud)} points, {scan.cloud.diagonal:.4g} across, leave {count} voxels"
     if count < LEAST_VOXELS:
         message = (
-            f"{got} of {voxel:.4g}, and {LEAST_VOXELS} are the least; give more points, a smaller voxel, or "
-            "both clouds in the same unit"
+            f"{got} of {voxel:.4g}, and {LEAST_VOXELS} are the least; give more points, a smaller `voxel`, "
+            "or both clouds in the same unit"
         )
         raise InputError(message)
     if count > MOST_VOXELS:
-        message = f"{got} of {voxel:.4g}, and {MOST_VOXELS} are the most; give a larger voxel"
+        message = f"{got} of {voxel:.4g}, and {MOST_VOXELS} are the most; give a larger `voxel`"
         raise InputError(message)
 
 
@@ -66,7 +66,7 @@ def check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
     if planes < max(LEAST_PLANES * len(normals), LEAST_PLANAR_VOXELS):
         message = (
             f"{scan.name}: {planes} of its {len(normals)} voxels of {voxel:.4g} have neighbours that fix a "
-            "plane; the points lie too far apart for such voxels, or on a line: give a larger voxel, or a "
+            "plane; the points lie too far apart for such voxels, or on a line: give a larger `voxel`, or a "
             "cloud of a surface"
         )
         raise InputError(message)
@@ -76,7 +76,8 @@ def as_viewpoint(scan: Scan, viewpoint: ArrayLike) -> Viewpoint:
     """Return where the scanner stood, if that can be."""
     name = f"{scan.name}_viewpoint" if scan.name in {"source", "target"} else "viewpoint"
     x, y, z = as_place(name, viewpoint)
-    away = float(np.linalg.norm(np.array([x, y, z]) - scan.cloud.points[0]))
+    with np.errstate(over="ignore"):  # to infinity, which is too far
+        away = float(np.linalg.norm(np.array([x, y, z]) - scan.cloud.points[0]))
     if away > MAX_RANGE * scan.cloud.diagonal:
         message = (
             f"{name}: got ({x:.4g}, {y:.4g}, {z:.4g}), {away:.3g} from a cloud that is "

@@ -30,22 +30,37 @@ MAX_RESOLUTION_RATIO = 20.0
 
 @dataclass(frozen=True)
 class PaperFront:
-    """Keypoints of a detector, described as in the paper; see `correspond` for each.
+    """Keypoints of a detector, described as in the evaluation of Yang et al. (2019).
 
     Attributes
     ----------
     detector : {"h3d", "iss"}
-        Keypoint detector.
+        Keypoint detector: Harris 3D or intrinsic shape signatures.
     descriptor : {"shot", "lfsh", "rcs", "fpfh"}
         Descriptor; the frames are always those of SHOT.
     keypoints : int or None
-        How many to aim at in each cloud.
+        How many to aim at in each cloud; None for what the detector finds at its usual radius.
     nms_radius : float or None
-        Radius of the non-maximum suppression in pr.
+        Radius of the non-maximum suppression in pr; None for the detector's own.
     normals : {"pca", "mesh", "given"}
-        Where normals come from.
+        Where normals come from: plane fits, the faces of a mesh, or the cloud itself.
     resolution : float or None
-        The unit pr, in the unit of the points; the mean of the two clouds' by default.
+        The unit pr, in the unit of the points; None for the mean of the two clouds' resolutions.
+
+    Raises
+    ------
+    InputError
+        For an unknown detector, descriptor or way to find normals, or a number that is not positive.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import PaperFront, register
+    >>> pair = standin_pair(pixels=60)
+    >>> front = PaperFront("iss", "rcs", keypoints=300)
+    >>> done = register(pair.source, pair.target, front=front)
+    >>> done.ok, len(done.correspondences) < 500
+    (True, True)
     """
 
     detector: Detector = "h3d"
@@ -80,9 +95,9 @@ def correspond(
 ) -> Correspondences:
     """Match keypoints of two clouds by their descriptors.
 
-    The front end of the paper's evaluation: every source keypoint is matched to the target keypoint with
-    the nearest descriptor, right or wrong. To match one cloud with many, `describe` each once, at the same
-    resolution, and `match_described` them.
+    The front end of the evaluation by Yang et al., TPAMI 2019: every source keypoint is matched to the target
+    keypoint with the nearest descriptor, right or wrong. To match one cloud with many, `describe` each once,
+    at the same resolution, and `match_described` them.
 
     Parameters
     ----------
@@ -97,7 +112,9 @@ def correspond(
     nms_radius : float, optional
         Radius of the non-maximum suppression in pr; the detector's own by default.
     normals : {"pca", "mesh", "given"}
-        As in `describe`; a cloud that lacks faces, or normals, gets "pca" beside one that has them.
+        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
+        that has faces; or `PointCloud.normals`. A cloud that lacks faces, or normals, gets "pca" beside one
+        that has them.
     resolution : float, optional
         The unit pr; the mean of the two clouds' resolutions by default.
     source_viewpoint, target_viewpoint : (float, float, float)
@@ -115,7 +132,10 @@ def correspond(
     Raises
     ------
     InputError
-        If a cloud is too small or not finite, the clouds are in different units, or an option is unknown.
+        If a cloud is too small or not finite, the clouds are in different units, neither has the faces or
+        normals asked for, or an option is unknown or out of range.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -53,17 +53,25 @@ def register_many(
         Rows of `scans`: which is moved, and which it is moved to. By default each of the others is registered
         to the first.
     voxel : float, optional
-        As in `register`; by default the one that leaves 5,000 voxels at most, on average of all scans.
+        Edge length of the voxels, in the unit of the points; by default the smallest 2^(k/4) that leaves
+        5,000 voxels at most, on average of all scans.
     viewpoints : sequence of (float, float, float) or None, optional
         Where the scanner stood, one per scan, in its frame; None for a cloud that is not one single scan.
-    axis, effort, method, **options
-        As in `register`, the same for all pairs.
+    axis : (3,) array_like of float, optional
+        A direction that all clouds share, such as that of gravity; a pose may tilt it by 10 degrees.
+    effort : {"low", "normal", "high"}
+        How long to search: mutual matches only; all matches where these aren't enough; and then finer voxels
+        with the three nearest matches of each.
     front : DenseFront, optional
         Radii of normals, frames and descriptors, in voxels.
+    method : str
+        Grouping method that proposes poses, one of `cgroup.METHODS`.
     threads : int, optional
         Number of scans, then of pairs worked on at a time; None for one per core.
     progress : callable, optional
         Called with ``"scan 3 of 10"`` or ``"pair 5 of 45"`` as each begins, by several threads.
+    **options
+        Options of the grouping method.
 
     Returns
     -------
@@ -75,12 +83,14 @@ def register_many(
     ------
     InputError
         If a scan, a pair or an option can't be worked with; the message names it.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.registration import register_many
-    >>> pair, other = standin_pair(pixels=100), standin_pair(seed=1, pixels=100)
+    >>> pair, other = standin_pair(pixels=60), standin_pair(seed=1, pixels=60)
     >>> found = register_many([pair.target, pair.source, other.source])
     >>> [done is not None and done.ok for done in found]
     [True, False]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def match_described(
     source: DescribedCloud, target: DescribedCloud, *, threads: int | None = None
 ) -> Correspondences:
-    """Match every source keypoint with the target keypoint whose descriptor is nearest.
+    """Match every source keypoint with the target keypoint of nearest descriptor.
 
     Parameters
     ----------
@@ -34,7 +34,9 @@ def match_described(
     Raises
     ------
     InputError
-        If the descriptors are not of the same kind.
+        If the descriptors are not of the same kind, or what is given is no `DescribedCloud`.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -30,7 +30,7 @@ def as_model(name: str, cloud: PointCloud | Cloud | ArrayLike, normals: Normals,
     cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:
         message = (
-            f"{name}: got no {NEEDED_FOR[normals]}, which tell the outside of a model; give a PointCloud "
+            f"{name}: got no {NEEDED_FOR[normals]}, which tell the outside of a model; give a `PointCloud` "
             "with them, or another library's cloud or mesh"
         )
         raise InputError(message)
@@ -75,7 +75,7 @@ def sample_mesh(mesh: PointCloud, spacing: float | None) -> PointCloud:
     if total > _MOST_POINTS:
         message = (
             f"model: {total:.3g} points would lie {spacing:.3g} apart on its faces; "
-            "give it in the scene's unit, or a larger voxel"
+            "give it in the scene's unit, or a larger `voxel`"
         )
         raise InputError(message)
     # An area with a side: that of the normals of its corners.

@@ -58,19 +58,24 @@ def prepare(
     Returns
     -------
     PreparedScan
+        Voxels, normals, frames, descriptors and surface, for `register`, `register_many` and `recognize`.
 
     Raises
     ------
     InputError
-        If the cloud is not finite, or the voxel leaves too little or too much of it.
+        If the cloud is not finite, or the voxel leaves too little or too much of it; for an option that is
+        unknown or out of range, faces or normals that the cloud lacks, or a viewpoint beside normals of a
+        whole model.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.registration import prepare, register
-    >>> pair = standin_pair(pixels=100)
-    >>> target = prepare(pair.target)
-    >>> target.voxel > 0, register(pair.source, target).ok
+    >>> pair = standin_pair(pixels=60)
+    >>> target = prepare(pair.target, voxel=6.0)
+    >>> len(target) > 100, register(pair.source, target).ok
     (True, True)
     """
     as_choice("normals", normals, NORMALS)

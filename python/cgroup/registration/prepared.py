@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from cgroup._progress import StageClock
     from cgroup.features import Viewpoint, Voxels
     from cgroup.registration.scan import Scan
     from cgroup.types import FloatArray
@@ -41,7 +40,9 @@ _FINE = (1 / 3, 2 / 3, 4 / 3)
 
 @dataclass(frozen=True)
 class DenseFront:
-    """Every voxel a keypoint, described by FPFH. Radii are in voxels; clouds to be matched need the same.
+    """Every voxel a keypoint, described by FPFH.
+
+    Clouds to be matched need the same. Lengths are in voxels.
 
     Attributes
     ----------
@@ -51,6 +52,18 @@ class DenseFront:
         Radius of the descriptor's support, of at most 100 neighbours.
     frame_radius : float
         Radius of the support of SHOT's frames.
+
+    Raises
+    ------
+    InputError
+        For a radius that is not positive.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import DenseFront, prepare
+    >>> prepare(standin_pair(pixels=60).source, front=DenseFront(support=6.0)).front
+    DenseFront(normal_radius=2.0, support=6.0, frame_radius=8.0)
     """
 
     normal_radius: float = 2.0
@@ -64,7 +77,7 @@ class DenseFront:
 
 @dataclass(frozen=True, eq=False)
 class PreparedScan:
-    """A scan with all that registering it needs, made once for all partners (see `prepare`).
+    """A scan with all that registering it needs, made once by `prepare`.
 
     Attributes
     ----------
@@ -89,6 +102,16 @@ class PreparedScan:
         Whether normals are to the side of SHOT's z axis.
     threads : int or None
         Threads to compute on.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import prepare
+    >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+    >>> scan
+    PreparedScan(points=2554, voxels=306, voxel=6)
+    >>> scan.normals.shape == scan.voxels.points.shape
+    True
     """
 
     scan: Scan
@@ -104,7 +127,26 @@ class PreparedScan:
     _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
 
     def fine_surface(self, share: float) -> FineSurface | None:
-        """Return the cloud in more detail, at a share of the voxel; None where that is too fine for it."""
+        """Return the cloud in more detail, at a share of the voxel.
+
+        Parameters
+        ----------
+        share : float
+            Spacing of the surface, in voxels.
+
+        Returns
+        -------
+        FineSurface or None
+            Made once for each share; None where that is too fine for the cloud.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+        >>> scan.fine_surface(2 / 3).spacing, scan.fine_surface(1e-3)
+        (4.0, None)
+        """
         if share not in self._fine_surfaces:
             try:
                 surface = FineSurface(self.scan.cloud, share * self.voxel, threads=self.threads)
@@ -115,22 +157,64 @@ class PreparedScan:
 
     @cached_property
     def turned_by_frames(self) -> PreparedScan:
-        """The same scan with normals to the side of SHOT's z axis, for a partner without a viewpoint."""
+        """The same scan with normals to the side of SHOT's z axis.
+
+        That is what a partner without a viewpoint needs. The scan itself where its normals are so already;
+        otherwise made once.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> pair = standin_pair(pixels=60)
+        >>> scan = prepare(pair.source, viewpoint=pair.source_viewpoint)
+        >>> scan.by_frames, scan.turned_by_frames.by_frames
+        (False, True)
+        """
         if self.by_frames:
             return self
         return prepare_scan(
             self.scan, self.voxel, self.viewpoint, self.front, self.threads, ignore_progress, by_frames=True
         )
 
-    def resized(self, factor: float, clock: StageClock) -> PreparedScan:
-        """Make the same scan ready with voxels of another size."""
+    def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
+        """Make the same scan ready with voxels of another size.
+
+        Parameters
+        ----------
+        factor : float
+            New edge length over that of now.
+        begin : callable
+            Called with the name of each stage as it begins; by default nothing is.
+
+        Returns
+        -------
+        PreparedScan
+            With the same viewpoint and radii.
+
+        Raises
+        ------
+        InputError
+            If the new voxel leaves too little or too much of the cloud, or is not positive.
+        OutOfMemoryError
+            Where the system gives no memory for the computation.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+        >>> finer = scan.resized(0.75)
+        >>> finer.voxel, len(finer) > len(scan)
+        (4.5, True)
+        """
         return prepare_scan(
             self.scan,
             factor * self.voxel,
             self.viewpoint,
             self.front,
             self.threads,
-            clock.start,
+            begin,
             by_frames=self.by_frames,
         )
 
@@ -152,7 +236,7 @@ def fine_surfaces(
             return both[0], both[1]
     message = (
         f"voxel: got {source.voxel:.4g}, at which source or target has too few points next to each other for "
-        "the last refinement; give a larger voxel"
+        "the last refinement; give a larger `voxel`"
     )
     raise InputError(message)
 

@@ -32,7 +32,24 @@ _MOST_SCENE_VOXELS = 40_000
 
 
 class Recognized(NamedTuple):
-    """A model that was found in a scene."""
+    """A model that was found in a scene.
+
+    Attributes
+    ----------
+    name : str
+        Name of the model, as given.
+    registration : Registration
+        Where it is: `Registration.T_target_source` maps the model into the scene.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import recognize
+    >>> pair = standin_pair(pixels=60)
+    >>> found = recognize({"stone": pair.source}, pair.target)
+    >>> found[0].name, found[0].registration.ok
+    ('stone', True)
+    """
 
     name: str
     registration: Registration
@@ -83,18 +100,19 @@ def recognize(
     Raises
     ------
     InputError
-        If a cloud or an option can't be worked with; the message names it.
+        If a cloud or an option can't be worked with (the message names it), there is no model, or a model has
+        neither faces nor normals where there is a viewpoint.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
-    >>> from cgroup.datasets import open_dataset
+    >>> from cgroup.datasets import standin_pair
     >>> from cgroup.registration import recognize
-    >>> heap = open_dataset("standin-clutter")
-    >>> pairs = {name: heap.load(f"scene0-{name}") for name in ("stone0", "stone1")}
-    >>> models = {name: pair.source for name, pair in pairs.items()}
-    >>> found = recognize(models, pairs["stone0"].target, viewpoint=(0, 0, 0))
-    >>> sorted(name for name, _ in found)
-    ['stone0', 'stone1']
+    >>> pair, other = standin_pair(pixels=60), standin_pair(seed=1, pixels=60)
+    >>> found = recognize({"stone": pair.source, "other": other.source}, pair.target)
+    >>> [name for name, registration in found]
+    ['stone']
     """
     limit = None if most is None else as_count("most", most, 1)
     clock = StageClock(as_stage_function(progress))
@@ -119,9 +137,21 @@ def find_instances(
     Parameters
     ----------
     model : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
-        Whole model, in the scene's unit.
-    scene, voxel, viewpoint, most, threads, progress
-        As in `recognize`.
+        Whole model, in the scene's unit. With a viewpoint it needs faces or normals that tell its outside.
+    scene : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        What it is looked for in.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points. By default one that leaves the scene some 10,000
+        voxels, or more where the model would have less than 5,000.
+    viewpoint : (float, float, float), optional
+        Where the scanner stood, in the scene's frame, if the scene is one single scan. What the model would
+        hide of it then speaks against the model: without it far less can be said.
+    most : int, optional
+        How many copies to look for; any number by default.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
 
     Returns
     -------
@@ -131,14 +161,17 @@ def find_instances(
     Raises
     ------
     InputError
-        If a cloud or an option can't be worked with; the message names it.
+        If a cloud or an option can't be worked with (the message names it), or the model has neither faces
+        nor normals where there is a viewpoint.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
-    >>> from cgroup.datasets import open_dataset
+    >>> from cgroup.datasets import standin_pair
     >>> from cgroup.registration import find_instances
-    >>> pair = open_dataset("standin-clutter").load("scene0-stone2")
-    >>> len(find_instances(pair.source, pair.target, viewpoint=(0, 0, 0)))
+    >>> pair = standin_pair(pixels=60)
+    >>> len(find_instances(pair.source, pair.target))
     1
     """
     found = recognize(
@@ -221,8 +254,8 @@ def _as_ready_or_scan(
         return as_scan(label, model)
     if not has_faces and not has_normals:
         message = (
-            f"{label}: got neither faces nor normals, which tell its outside; give a PointCloud with them, "
-            "or leave out the viewpoint"
+            f"{label}: got neither faces nor normals, which tell its outside; give a `PointCloud` with them, "
+            "or leave out `viewpoint`"
         )
         raise InputError(message)
     return as_model(label, model, "mesh" if has_faces else "given", voxel)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._run import Run
 from cgroup.registration.freedom import MOST_OPEN_MOTIONS, count_open_motions
 from cgroup.registration.judgement import ACCEPTED
 from cgroup.registration.result import Registration
@@ -73,15 +74,19 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None)
     if axis is not None:
         return "the clouds may share too little, or not the axis"
     if source.viewpoint is None or target.viewpoint is None:
-        return "the clouds may share too little; if each is a single scan, say where the scanner stood"
-    return "the clouds may share too little, or a viewpoint may be wrong; more effort may find a pose"
+        return (
+            "the clouds may share too little; if each is a single scan, say where the scanner stood by "
+            "`source_viewpoint` and `target_viewpoint`"
+        )
+    return "the clouds may share too little, or a viewpoint may be wrong; `effort='high'` may find a pose"
 
 
 def _verified_group(matches: Correspondences, pose: FloatArray, within: float) -> Grouping:
     """Return the matches that a pose lays together."""
     residuals = np.linalg.norm(apply(pose, matches.source) - matches.target, axis=1)
     positions = (matches.source, matches.target)
-    return Grouping(residuals <= within, None, None, pose, {}, _positions=positions)
+    run = Run("register", {"tolerance": within}, resolution=matches.resolution)
+    return Grouping(residuals <= within, None, None, pose, {}, _positions=positions, _run=run)
 
 
 def _notes(open_motion: FloatArray | None, motions: int, alternatives: int) -> list[str]:

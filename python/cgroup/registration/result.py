@@ -5,8 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from cgroup._drawing import plot
+from cgroup._notebook import pose_html, result_table
+
 if TYPE_CHECKING:
-    from cgroup.types import Correspondences, FloatArray, Grouping
+    from typing import Any
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import Correspondences, FloatArray, Grouping, PointCloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +27,7 @@ class Registration:
     ok : bool
         Whether the pose is held to be right.
     probability : float
-        That it is, in [0,1]; see `docs/registration.md` for the data behind it.
+        That it is, in [0,1], fitted on half of 1,200 pairs of real scans: right, unrelated and mirrored ones.
     fitness : float
         Share of the source's surface that lies on the target's.
     inlier_rmse : float
@@ -43,6 +50,17 @@ class Registration:
         What a user should know of the pose: sentences.
     seconds : dict of str to float
         Wall time of each stage, in order.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import register
+    >>> pair = standin_pair(pixels=60)
+    >>> done = register(pair.source, pair.target)
+    >>> done.ok, done.probability > 0.9, done.T_target_source.shape
+    (True, True, (4, 4))
+    >>> len(done.correspondences) == len(done.grouping.mask), done.open_motion
+    (True, None)
     """
 
     T_target_source: FloatArray
@@ -61,10 +79,85 @@ class Registration:
 
     @property
     def resolution(self) -> float:
-        """The unit pr of the matches, in the data's unit."""
+        """The unit pr of the matches, in the data's unit.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import register
+        >>> pair = standin_pair(pixels=60)
+        >>> register(pair.source, pair.target, voxel=5.0).resolution  # 0.4 of the voxel
+        2.0
+        """
         resolution = self.correspondences.resolution
         assert resolution is not None  # noqa: S101 - every front end sets it
         return resolution
+
+    def plot(
+        self,
+        source: PointCloud | ArrayLike | None = None,
+        target: PointCloud | ArrayLike | None = None,
+        *,
+        correct: ArrayLike | None = None,
+        interactive: bool = False,
+    ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
+        """Draw both clouds, the matches laid together, and one cloud laid on the other.
+
+        Parameters
+        ----------
+        source, target : PointCloud or (N,3) array_like of float, optional
+            The clouds that were registered; the matched points where they are not given.
+        correct : (n,) array_like of bool, optional
+            Which of the matches are correct; lines are coloured by it.
+        interactive : bool
+            Return a figure to turn around, zoom and point at.
+
+        Returns
+        -------
+        matplotlib.figure.Figure or plotly.graph_objects.Figure
+            Not shown; notebooks show what a cell returns.
+
+        Raises
+        ------
+        InputError
+            If the library for it isn't installed, or an argument doesn't fit.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import register
+        >>> pair = standin_pair(pixels=60)
+        >>> figure = register(pair.source, pair.target).plot(pair.source, pair.target)
+        >>> type(figure).__name__
+        'Figure'
+        """
+        pose = self.T_target_source
+        given = {"source": source, "target": target, "pose": pose, "correct": correct}
+        title = f"right with a probability of {self.probability:.2f}"
+        return plot(
+            given,
+            self.correspondences,
+            self.grouping.mask,
+            interactive=interactive,
+            title=title,
+            grouping=self.grouping,
+            is_placed=True,
+        )
+
+    def _repr_html_(self) -> str:
+        answer = "the pose can be trusted" if self.ok else "the pose can't be trusted"
+        together = f"{self.grouping.size} of {len(self.correspondences)} that the pose lays together"
+        rows = [
+            ("probability", f"{self.probability:.3f}"),
+            ("overlap", f"{100 * self.fitness:.0f} % of the source lies on the target"),
+            ("residual", f"{self.inlier_rmse:.3g} there"),
+            ("matches", together),
+            ("voxel", f"{self.voxel:.4g}"),
+            *(("note", note) for note in self.notes),
+            ("time", f"{sum(self.seconds.values()):.2f} s"),
+            ("pose", pose_html(self.T_target_source)),
+        ]
+        return result_table(f"Registration: {answer}", self.probability, rows)
 
     def __repr__(self) -> str:
         answer = "ok" if self.ok else "not ok"

@@ -83,7 +83,7 @@ class Search:
         """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
         best = self._search_voxels(source, target, 1)
         if self.effort == "high" and (best is None or best.probability < ACCEPTED):
-            finer = source.resized(_FINER, self.clock), target.resized(_FINER, self.clock)
+            finer = source.resized(_FINER, self.clock.start), target.resized(_FINER, self.clock.start)
             best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
         return self._refine(best)
 

@@ -18,19 +18,36 @@ if TYPE_CHECKING:
 
 
 class Place(IntEnum):
-    """Where a moved point of one surface lies with respect to the other."""
+    """Where a moved point of one surface lies with respect to the other.
+
+    Attributes
+    ----------
+    UNKNOWN : 0
+        Hidden from the other's scanner, by either surface; or without a normal; or away from a surface whose
+        scanner is not known.
+    ON : 1
+        On the other surface, which faces the same way.
+    OFF : 2
+        Near the other surface, but not on it, or facing another way.
+    IN_FRONT : 3
+        In front of what the other's scanner saw: had the point been there, it would have been seen.
+    BACKGROUND : 4
+        Where the other's scanner saw nothing, and should have seen the point.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.verification import Place
+    >>> found = np.array([1, 1, 0, 3], dtype=np.uint8)  # as `places` returns them
+    >>> int((found == Place.ON).sum()), Place(found[3]).name
+    (2, 'IN_FRONT')
+    """
 
     UNKNOWN = 0
-    """Hidden from the other's scanner, by either surface; or without a normal; or away from a surface whose
-    scanner is not known."""
     ON = 1
-    """On the other surface, which faces the same way."""
     OFF = 2
-    """Near the other surface, but not on it, or facing another way."""
     IN_FRONT = 3
-    """In front of what the other's scanner saw: had the point been there, it would have been seen."""
     BACKGROUND = 4
-    """Where the other's scanner saw nothing, and should have seen the point."""
 
 
 def places(
@@ -51,7 +68,7 @@ def places(
     pose : (4,4) array_like of float
         Rigid transform from the source into the target.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -61,7 +78,9 @@ def places(
     Raises
     ------
     InputError
-        For a pose that is not rigid, or surfaces of different units.
+        For a pose that is not rigid, surfaces of different units, or what is no `Surface`.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -71,7 +90,9 @@ def places(
     >>> from cgroup.verification import Place, Surface, places
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> surface = Surface(points, features.normals(points), unit=0.4 * pr, viewpoint=(0, 0, 0))
+    >>> surface = Surface(
+    ...     points, features.normals(points), unit=0.4 * pr, viewpoint=(0, 0, 0)
+    ... )
     >>> found = places(surface, surface, np.eye(4))
     >>> sorted({Place(place).name for place in found})
     ['ON', 'UNKNOWN']

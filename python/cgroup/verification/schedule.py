@@ -33,8 +33,8 @@ class Verification:
     score : float
         Its agreement less violations, at most 2; 0 or less for nothing in common.
     margin : float
-        Lead in ln score (and evidence, see `verify`) over the best pose that differs by more than 10 degrees
-        or 20 units; infinite where there is none.
+        Lead in ``ln score + 0.1 ln(1 + min(evidence, 20))`` over the best pose that differs by more than 10
+        degrees or 20 units; infinite where there is none.
     fitness : float
         Share of the source's points that lie on the target's surface: within 2 units of its plane, normals
         alike.
@@ -53,6 +53,20 @@ class Verification:
         Of each.
     evidence : (k,) array of int64
         Matches that each lays together; 0 without matches.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import features
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.verification import Surface, verify
+    >>> points = standin_pair(pixels=60).source.points
+    >>> surface = Surface(
+    ...     points, features.normals(points), unit=0.4 * features.resolution(points)
+    ... )
+    >>> found = verify(surface, surface, np.eye(4))
+    >>> found.T_target_source.shape, found.score > 1.9, found.margin, found.fitness
+    ((4, 4), True, inf, 1.0)
     """
 
     T_target_source: FloatArray
@@ -99,7 +113,7 @@ def verify(
     match_tolerance : float, optional
         Distance within which they do; 2.5 units, a voxel, unless given.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -109,7 +123,10 @@ def verify(
     Raises
     ------
     InputError
-        For no pose, one that is not rigid (the message names it), or surfaces of different units.
+        For no pose, one that is not rigid (the message names it), surfaces of different units, what is no
+        `Surface` or no `Correspondences`, or a tolerance that is not positive.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -120,7 +137,12 @@ def verify(
     >>> pair = standin_pair(pixels=80)
     >>> pr = features.resolution(pair.source.points)
     >>> source, target = (
-    ...     Surface(scan.points, features.normals(scan.points), unit=0.4 * pr, viewpoint=(0, 0, 0))
+    ...     Surface(
+    ...         scan.points,
+    ...         features.normals(scan.points),
+    ...         unit=0.4 * pr,
+    ...         viewpoint=(0, 0, 0),
+    ...     )
     ...     for scan in (pair.source, pair.target)
     ... )
     >>> near = pair.T_target_source.copy()
@@ -164,7 +186,7 @@ def score_poses(
     poses : (m,4,4) or (4,4) array_like of float
         Rigid transforms from the source into the target.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -174,7 +196,10 @@ def score_poses(
     Raises
     ------
     InputError
-        For a pose that is not rigid (the message names it), or surfaces of different units.
+        For a pose that is not rigid (the message names it), surfaces of different units, or what is no
+        `Surface`.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -187,8 +212,8 @@ def score_poses(
     >>> surface = Surface(points, features.normals(points), unit=0.4 * pr)
     >>> away = np.eye(4)
     >>> away[0, 3] = 100 * pr
-    >>> [round(score, 2) for score in score_poses(surface, surface, [np.eye(4), away]).tolist()]
-    [2.0, 0.0]
+    >>> score_poses(surface, surface, [np.eye(4), away]).round(2)
+    array([2., 0.])
     """
     return _core.score_poses(
         core_surface("source", source),

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 
 class Surface:
-    """A surface made ready once: nearest points, ranges and samples, for any number of poses and partners.
+    """A surface that poses are judged on, made ready once for any number of them.
 
-    Memory grows with the points and their surface, some kilobytes per point, not with the box around them.
-    Threads may share a surface.
+    It keeps nearest points, ranges and samples, and serves with any number of partners. Memory grows with the
+    points and their surface, some kilobytes per point, not with the box around them. Threads may share a
+    surface.
 
     Parameters
     ----------
@@ -36,13 +37,15 @@ class Surface:
         Whether the normals point to the same side of the surface in both clouds; otherwise a normal and its
         opposite are the same. None stands for whether there is a viewpoint.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Threads to compute on, None for all cores. The result does not depend on it.
 
     Raises
     ------
     InputError
-        For a wrong shape, a coordinate that is not finite, fewer than 10 points with a normal, or points that
-        span fewer than 10 units or so many that the unit can't be meant.
+        For a wrong shape, a coordinate that is not finite, fewer than 10 points with a normal, a unit that is
+        not positive, or points that span fewer than 10 units or so many that the unit can't be meant.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -80,7 +83,17 @@ class Surface:
 
     @property
     def unit(self) -> float:
-        """The length that all tolerances are multiples of."""
+        """The length that all tolerances are multiples of, in the unit of the points.
+
+        Examples
+        --------
+        >>> from cgroup import features
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.verification import Surface
+        >>> points = standin_pair(pixels=60).source.points
+        >>> Surface(points, features.normals(points), unit=2.5).unit
+        2.5
+        """
         return self._unit
 
     def __len__(self) -> int:

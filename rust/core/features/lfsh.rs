@@ -1,4 +1,4 @@
-//! LFSH-30, local feature statistics histograms (Yang, Cao, Zhang, Neurocomputing 2016): how deep, how far
+//! LFSH-30, local feature statistics histograms (Yang, Cao, Zhang, Information Sciences 2016): how deep, how far
 //! from the normal's axis and how bent the surface around a keypoint is. Cost O(m k).
 
 use nalgebra::Vector3;

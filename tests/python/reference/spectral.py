@@ -121,7 +121,7 @@ def principal_eigenvector(matrix: FloatArray, eigensolver: Eigensolver) -> Float
     if not (matrix > 0.0).any():
         return v
     if eigensolver == "dense":
-        return np.abs(np.linalg.eigh(matrix).eigenvectors[:, -1])
+        return np.abs(np.linalg.eigh(matrix)[1][:, -1])
     shift = SHIFT * matrix.sum(axis=1).mean()
     for _ in range(MAX_STEPS):
         product = (matrix * v).sum(axis=1) + shift * v  # (M + s I) v

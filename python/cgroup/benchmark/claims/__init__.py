@@ -73,11 +73,38 @@ def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
     -------
     list of Verdict
         One per claim, in the paper's order; `CRITERIA` says how they come about.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.claims import check_claims
+    >>> verdicts = check_claims(pd.DataFrame(), pd.DataFrame())  # no records
+    >>> {verdict.verdict for verdict in verdicts}
+    {'not testable'}
     """
     return check_evidence(Evidence(frame, timing))
 
 
 def check_evidence(evidence: Evidence) -> list[Verdict]:
-    """Check all claims as `check_claims` does, on evidence that is at hand."""
+    """Check all claims of the paper on evidence that is at hand.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Records and times, sorted by experiment and data set.
+
+    Returns
+    -------
+    list of Verdict
+        One per claim, in the paper's order.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.claims import check_evidence
+    >>> from cgroup.benchmark.evidence import Evidence
+    >>> len(check_evidence(Evidence(pd.DataFrame(), pd.DataFrame())))
+    68
+    """
     why = read_explanations()
     return [decide(claim, evidence, why.get(claim.id, "")) for claim in CLAIMS]

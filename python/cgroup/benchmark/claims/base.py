@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from cgroup.benchmark.paper import PLACES
+from cgroup.benchmark.paper import GENERATED, PLACES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -75,10 +75,13 @@ class ClaimEvidence:
         The whole.
     used : list of str
         Descriptions of what the claim has asked for.
+    generated : list of str
+        Data sets among them of which there are generated shapes only.
     """
 
     all: Evidence
     used: list[str] = field(default_factory=list)
+    generated: list[str] = field(default_factory=list)
 
     def need(self, experiment: str, place: str, *methods: str) -> Sample:
         """Find the records of an experiment with all nine methods, or those named."""
@@ -87,7 +90,7 @@ class ClaimEvidence:
             wanted = ", ".join(PLACES[place])
             message = f"no records of experiment '{experiment}' on {place} (data sets: {wanted})"
             raise NotTestableError(message)
-        self._remember(sample.description)
+        self._remember_sample(sample)
         missing = self._find_missing(methods, sample.rows["method"])
         if missing:
             message = f"no records of {missing} in experiment '{experiment}' on {sample.dataset}"
@@ -100,7 +103,7 @@ class ClaimEvidence:
         if sample is None:
             message = f"no case on {place} with {_list_names(methods)}; run an experiment with these methods"
             raise NotTestableError(message)
-        self._remember(sample.description)
+        self._remember_sample(sample)
         return sample
 
     def need_times(self, *methods: str) -> pd.DataFrame:
@@ -112,11 +115,22 @@ class ClaimEvidence:
             message = f"no times of {missing}; run the timing experiment"
             raise NotTestableError(message)
         self._remember(_TIMING)
+        self._remember_generated(
+            name for name in self.all.timing["dataset"].unique() if name.startswith(GENERATED)
+        )
         return times
 
     def _find_missing(self, methods: Sequence[str], present: Iterable[str]) -> str:
         there = set(present)
         return _list_names([each for each in methods or self.all.methods if each not in there])
+
+    def _remember_sample(self, sample: Sample) -> None:
+        self._remember(sample.description)
+        if (sample.rows["origin"] == "synthetic").all():
+            self._remember_generated([sample.dataset])
+
+    def _remember_generated(self, names: Iterable[str]) -> None:
+        self.generated.extend(name for name in names if name not in self.generated)
 
     def _remember(self, description: str) -> None:
         if description not in self.used:

@@ -32,6 +32,12 @@ class Claim:
         What is tested.
     check : callable
         From `ClaimEvidence` to `Finding`; raises `NotTestableError`.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.claims import CLAIMS
+    >>> len(CLAIMS), CLAIMS[0].id, CLAIMS[0].section
+    (68, 'C-01', '4.3, inputs')
     """
 
     id: str

@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.verdict import CRITERIA, OUTCOMES
+from cgroup.benchmark.claims.verdict import CRITERIA, ON_GENERATED, OUTCOMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -15,7 +15,25 @@ if TYPE_CHECKING:
 
 
 def count_verdicts(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Count the claims by verdict, all four kinds named."""
+    """Count the claims by verdict, all four kinds named.
+
+    Parameters
+    ----------
+    verdicts : iterable of Verdict
+        Of `check_claims`.
+
+    Returns
+    -------
+    dict of str to int
+        Confirmed, partly, not confirmed, not testable.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.claims import check_claims, count_verdicts
+    >>> count_verdicts(check_claims(pd.DataFrame(), pd.DataFrame()))
+    {'confirmed': 0, 'partly': 0, 'not confirmed': 0, 'not testable': 68}
+    """
     counts = Counter(verdict.verdict for verdict in verdicts)
     return {outcome: counts[outcome] for outcome in OUTCOMES}
 
@@ -32,6 +50,14 @@ def as_json(verdicts: Iterable[Verdict]) -> str:
     -------
     str
         A list.
+
+    Examples
+    --------
+    >>> import json
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.claims import as_json, check_claims
+    >>> json.loads(as_json(check_claims(pd.DataFrame(), pd.DataFrame())))[0]["verdict"]
+    'not testable'
     """
     return json.dumps([vars(verdict) for verdict in verdicts], indent=1, ensure_ascii=False)
 
@@ -48,6 +74,13 @@ def as_markdown(verdicts: Sequence[Verdict]) -> str:
     -------
     str
         The criteria, the counts, and one table per section.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.claims import as_markdown, check_claims
+    >>> as_markdown(check_claims(pd.DataFrame(), pd.DataFrame())).splitlines()[0]
+    '# Claims of the paper'
     """
     lines = ["# Claims of the paper", "", CRITERIA.strip(), "", f"**{counts_line(verdicts)}**"]
     section = ""
@@ -60,9 +93,29 @@ def as_markdown(verdicts: Sequence[Verdict]) -> str:
 
 
 def counts_line(verdicts: Iterable[Verdict]) -> str:
-    """Say how many claims have which verdict."""
-    counts = count_verdicts(verdicts)
-    return f"{sum(counts.values())} claims: " + ", ".join(f"{n} {outcome}" for outcome, n in counts.items())
+    """Say how many claims have which verdict.
+
+    Parameters
+    ----------
+    verdicts : iterable of Verdict
+        Of `check_claims`.
+
+    Returns
+    -------
+    str
+        One line.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.claims import counts_line
+    >>> counts_line([])
+    '0 claims: 0 confirmed, 0 partly, 0 not confirmed, 0 not testable'
+    """
+    listed = list(verdicts)
+    generated = sum(verdict.measured.startswith(ON_GENERATED) for verdict in listed)
+    counts = ", ".join(f"{n} {outcome}" for outcome, n in count_verdicts(listed).items())
+    why = f"; {generated} would rest on generated shapes, not what the paper measured" if generated else ""
+    return f"{len(listed)} claims: {counts}{why}"
 
 
 def _markdown_row(verdict: Verdict) -> str:

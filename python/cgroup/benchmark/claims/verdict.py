@@ -34,8 +34,13 @@ methods, as its statement says. The same rules serve all claims.
 - "From the lowest to the highest level" are those in the records. A level that a statement names has to
   be there, or the statement isn't testable; so has every method that it is about.
 - Registration is the paper's: precision above 0.1.
+- A claim isn't testable on generated shapes, which aren't what the paper measured, not even where they speak
+  for one of several data sets; what comes out on them is quoted.
 """
 """How verdicts come about; printed above every table of them."""
+
+ON_GENERATED = "generated shapes aren't what the paper measured"
+"""Begins the measured text of claims whose verdict would rest on them."""
 
 _FAILING_SHOWN, _HOLDING_SHOWN = 4, 2  # tests quoted in the text of a verdict
 
@@ -48,14 +53,22 @@ class Verdict:
     ----------
     id, paper_section, statement, criterion : str
         Of the claim.
-    verdict : str
-        One of `OUTCOMES`.
+    verdict : {"confirmed", "partly", "not confirmed", "not testable"}
+        What the tests of the claim come to.
     measured : str
         The numbers; what is missing, where it isn't testable.
     data : str
         Data sets used, with the origin of their pairs.
     explanation : str
         Why it came out so on this data, where somebody has found out.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.claims import check_claims
+    >>> verdict = check_claims(pd.DataFrame(), pd.DataFrame())[0]
+    >>> verdict.id, verdict.verdict
+    ('C-01', 'not testable')
     """
 
     id: str
@@ -90,6 +103,11 @@ def decide(claim: Claim, evidence: Evidence, explanation: str = "") -> Verdict:
         outcome, measured = _judge(claim.check(seen))
     except NotTestableError as missing:
         outcome, measured = "not testable", str(missing)
+    else:
+        if seen.generated:
+            shapes = ", ".join(seen.generated)
+            outcome = "not testable"
+            measured = f"{ON_GENERATED} ({shapes}). On them: {measured}"
     return Verdict(
         claim.id,
         claim.section,

@@ -49,6 +49,17 @@ class MethodEntry(Table):
         Name in tables and figures; that in `cgroup.METHODS` by default.
     options : dict
         Keyword arguments; a name that ends in ``_pr`` is a length in pr.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, method or option, or a value of another type.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import MethodEntry
+    >>> MethodEntry(name="gc", label="GC, 2 pr", options={"tolerance_pr": 2}).label
+    'GC, 2 pr'
     """
 
     name: str
@@ -66,7 +77,24 @@ class MethodEntry(Table):
         return self
 
     def candidate(self) -> Candidate:
-        """Return what the runner runs."""
+        """Return what the runner runs.
+
+        Returns
+        -------
+        Candidate
+            The method with its options; its name stands for a label that isn't given.
+
+        Raises
+        ------
+        InputError
+            For a function that can't be imported any more.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.config import MethodEntry
+        >>> MethodEntry(name="gtm").candidate()
+        Candidate(label='gtm', name='gtm', options='{}')
+        """
         return candidate(self.label, self.name, self.options)
 
 
@@ -75,7 +103,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class ExperimentEntry(Table):
-    """Cases to be run: every pair of the data sets at every level, by every combination.
+    """Cases to be run: every pair of data sets, at every level and combination.
 
     Attributes
     ----------
@@ -90,13 +118,27 @@ class ExperimentEntry(Table):
     sweep : {"nms_radius"}, optional
         The levels are radii of the detector's non-maximum suppression, in pr.
     combinations : tuple of str
-        C1 to C6, see `COMBINATIONS`.
+        C1 to C6: Harris 3D with SHOT, LFSH, RCS, then ISS with the same three.
     epsilons : tuple of float
         A match is correct when it misses its true place by at most so many pr.
     pairs : int or tuple of str, optional
         At most so many pairs, drawn at random by the seed, or those named; all by default.
     methods : tuple of MethodEntry, optional
         In place of the configuration's.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, a value of another type or out of range, or levels without a nuisance or a sweep.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import ExperimentEntry
+    >>> entry = ExperimentEntry(
+    ...     id="noise", dataset="standin-full", nuisance="noise", levels=[0.1, 0.3]
+    ... )
+    >>> entry.dataset, entry.combinations, entry.epsilons
+    (('standin-full',), ('C1',), (5.0,))
     """
 
     id: str
@@ -146,6 +188,17 @@ class TimingEntry(Table):
         A method is skipped at a size where one call is expected to take more seconds.
     methods : tuple of MethodEntry, optional
         In place of the configuration's.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, or a value of another type or out of range.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import TimingEntry
+    >>> TimingEntry(dataset="standin-full", sizes=[500, 1000]).repeats
+    10
     """
 
     dataset: Annotated[tuple[str, ...], BeforeValidator(as_list), Field(min_length=1)]

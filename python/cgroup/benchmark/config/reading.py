@@ -32,13 +32,15 @@ class Config(Table):
 
     Attributes
     ----------
-    name, title : str
+    name : str
         Of the run.
+    title : str
+        Of the run, for the report.
     seed : int
         Key of all random numbers.
     methods : tuple of MethodEntry
-        Those that every experiment runs unless it names its own; all that exist by default.
-        ``"paper"`` and ``"all"`` stand for the methods of `METHOD_SETS`.
+        Those that every experiment runs unless it names its own; all that exist by default. ``"paper"``
+        stands for the nine that the paper compares, and ``"all"`` for all that exist.
     experiment : tuple of ExperimentEntry
         Of the grouping methods.
     timing : TimingEntry, optional
@@ -47,6 +49,20 @@ class Config(Table):
         Ways to register, compared; runs alone.
     trials : TrialsEntry, optional
         Grouping methods on matches of any kind, compared; runs last, alone.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key or method, a value of another type or out of range, two methods of one label, or
+        nothing to be run.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import Config
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
+    >>> [method.name for method in config.methods], config.experiment[0].pairs
+    (['gc', 'gtm'], 2)
     """
 
     name: str
@@ -78,7 +94,19 @@ class Config(Table):
 
 
 def preset_names() -> list[str]:
-    """Names of the configurations that come with the package."""
+    """Name the configurations that come with the package.
+
+    Returns
+    -------
+    list of str
+        What `read_config` takes besides files.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import preset_names
+    >>> "smoke" in preset_names()
+    True
+    """
     return sorted(
         file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")
     )
@@ -95,11 +123,19 @@ def read_config(source: str | Path) -> Config:
     Returns
     -------
     Config
+        What is to be run, with defaults filled in.
 
     Raises
     ------
     InputError
-        If there is no such file, or the first thing that is wrong in it, with the key's path.
+        If there is no such file or preset, or for the first thing that is wrong in it, with the key's path.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import read_config
+    >>> config = read_config("smoke")
+    >>> config.name, len(config.methods)
+    ('smoke', 9)
     """
     if str(source) in preset_names():
         return parse_config(_PRESETS.joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
@@ -113,7 +149,9 @@ def read_config(source: str | Path) -> Config:
 
 
 def replace_methods(config: Config, methods: list[str]) -> Config:
-    """Return a configuration that runs other methods; experiments that name their own keep these.
+    """Return a configuration that runs other methods.
+
+    Experiments that name their own methods keep these.
 
     Parameters
     ----------
@@ -125,11 +163,19 @@ def replace_methods(config: Config, methods: list[str]) -> Config:
     Returns
     -------
     Config
+        The same otherwise.
 
     Raises
     ------
     InputError
         If there is no such method.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import read_config, replace_methods
+    >>> config = replace_methods(read_config("smoke"), ["gtm", "lc"])
+    >>> [method.name for method in config.methods]
+    ['gtm', 'lc']
     """
     try:
         return Config.model_validate({**config.model_dump(exclude_defaults=True), "methods": methods})
@@ -138,12 +184,42 @@ def replace_methods(config: Config, methods: list[str]) -> Config:
 
 
 def parse_config(text: str, name: str = "configuration") -> Config:
-    """Read a configuration from TOML text; `name` is what errors call it.
+    """Read a configuration from TOML text.
+
+    Parameters
+    ----------
+    text : str
+        TOML; its keys are the attributes of `Config`.
+    name : str
+        What errors call it.
+
+    Returns
+    -------
+    Config
+        What is to be run, with defaults filled in.
 
     Raises
     ------
     InputError
-        As in `read_config`.
+        If it is no TOML, or for the first thing that is wrong in it, with the key's path.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import parse_config
+    >>> config = parse_config(
+    ...     '''
+    ...     name = "mine"
+    ...     methods = ["gtm", { name = "gc", label = "GC, 2 pr", options = { tolerance_pr = 2 } }]
+    ...
+    ...     [[experiment]]
+    ...     id = "noise"
+    ...     dataset = "standin-full"
+    ...     nuisance = "noise"
+    ...     levels = [0.1, 0.3]
+    ...     '''
+    ... )
+    >>> [method.label or method.name for method in config.methods]
+    ['gtm', 'GC, 2 pr']
     """
     try:
         return Config.model_validate(tomllib.loads(text))

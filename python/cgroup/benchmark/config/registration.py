@@ -25,6 +25,17 @@ class PipelineEntry(Table):
         Keyword arguments.
     refined : bool
         Whether small_gicp refines its pose.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, pipeline or option, or a value of another type.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import PipelineEntry
+    >>> PipelineEntry(name="cgroup", label="quick", options={"effort": "low"}).refined
+    False
     """
 
     name: str
@@ -43,7 +54,24 @@ class PipelineEntry(Table):
         return self
 
     def pipeline(self) -> Pipeline:
-        """Return what the runner runs."""
+        """Return what the runner runs.
+
+        Returns
+        -------
+        Pipeline
+            The way to register with its options; its name stands for a label that isn't given.
+
+        Raises
+        ------
+        InputError
+            For a function that can't be imported any more.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.config import PipelineEntry
+        >>> PipelineEntry(name="cgroup").pipeline().label
+        'cgroup'
+        """
         return make_pipeline(self.label, self.name, self.options, refined=self.refined)
 
 
@@ -73,6 +101,21 @@ class PairSetEntry(Table):
         Pairs that overlap less stand in a column of their own.
     without : tuple of str
         Labels of pipelines that are not run on them.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, a value of another type or out of range, or a protocol without a limit of the
+        rotation.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import PairSetEntry
+    >>> entry = PairSetEntry(
+    ...     id="stones", dataset="standin-views", loose="5deg+5pr", strict="2deg+2pr"
+    ... )
+    >>> entry.mirrored, entry.voxel
+    (0, None)
     """
 
     id: str
@@ -107,6 +150,24 @@ class RegistrationEntry(Table):
         Which ways.
     sets : tuple of PairSetEntry
         Which pairs.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, a value of another type or out of range, or two sets or pipelines of one name.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import RegistrationEntry
+    >>> stones = {
+    ...     "id": "stones",
+    ...     "dataset": "standin-views",
+    ...     "loose": "5deg+5pr",
+    ...     "strict": "2deg+2pr",
+    ... }
+    >>> entry = RegistrationEntry(pipelines=["cgroup", "cgroup-paper"], sets=[stones])
+    >>> [pipeline.name for pipeline in entry.pipelines], entry.threads
+    (['cgroup', 'cgroup-paper'], 2)
     """
 
     threads: Annotated[int, Field(ge=1)] = 2

@@ -31,7 +31,7 @@ Names = Annotated[tuple[str, ...], BeforeValidator(as_list), Field(min_length=1)
 
 
 class GridEntry(Table):
-    """Generated problems: every combination of the values, see `cgroup.datasets.make_scene`.
+    """Generated problems: every combination of the values.
 
     Attributes
     ----------
@@ -41,10 +41,23 @@ class GridEntry(Table):
         Shares of right ones; with 0 there is nothing to be found.
     noise : tuple of float
         Standard deviation of the right ones per axis, in pr.
-    scene, frames : tuple of str
-        What wrong matches are like, and how good the frames are.
+    scene : tuple of str
+        What wrong matches are like: "uniform", "second-pose", "planes", "mirror", "one-to-three".
+    frames : tuple of str
+        How good the local reference frames are: "good", "bad", "none".
     repeats : int
         Problems of each kind.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, or a value of another type or out of range.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import GridEntry
+    >>> len(GridEntry(n=[200, 1000], inliers=[0.1, 0.3], repeats=3).recipes())
+    12
     """
 
     n: Counts = (1000,)
@@ -61,7 +74,19 @@ class GridEntry(Table):
         return self
 
     def recipes(self) -> list[Recipe]:
-        """All combinations that have `FEWEST` right matches or none, small ones first."""
+        """List all combinations that have enough right matches or none, small ones first.
+
+        Returns
+        -------
+        list of Recipe
+            What `cgroup.datasets.make_scene` draws each problem from.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.config import GridEntry
+        >>> [recipe.n for recipe in GridEntry(n=[1000, 200], inliers=0.1).recipes()]
+        [200, 1000]
+        """
         kinds = itertools.product(
             sorted(self.n), self.inliers, self.noise, self.scene, self.frames, range(self.repeats)
         )
@@ -81,8 +106,9 @@ class TrialSetEntry(Table):
     grid : GridEntry, optional
         Generated problems in place of a data set.
     matches : str
-        How clouds are matched: C1 to C6, see `COMBINATIONS`, or one of `DENSE_MATCHES`; ready-made matches
-        take none.
+        How clouds are matched: C1 to C6 (Harris 3D with SHOT, LFSH, RCS, then ISS with the same three), or
+        voxels described by FPFH: "nearest", "mutual", "three nearest", "nearest, unit length"; ready-made
+        matches take none.
     voxel : float, optional
         Edge length of the voxels of dense matches, in the data's unit; chosen for each pair by
         `cgroup.features.choose_voxel` by default.
@@ -100,6 +126,21 @@ class TrialSetEntry(Table):
         At most so many of these pairs with a mirrored target, and of pairs of different subjects.
     methods : tuple of MethodEntry, optional
         In place of the configuration's.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, a value of another type or out of range, an unknown name, both or neither of
+        `dataset` and `grid`, or a voxel for matches that take none.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import TrialSetEntry
+    >>> entry = TrialSetEntry(
+    ...     id="stones", dataset="standin-views", matches="C1", pairs=4
+    ... )
+    >>> entry.loose, entry.preset
+    ('5deg+5pr', 'paper')
     """
 
     id: str
@@ -151,6 +192,20 @@ class TrialsEntry(Table):
         In place of the configuration's.
     sets : tuple of TrialSetEntry
         Which problems.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, a value of another type or out of range, or two sets of one id.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import TrialsEntry
+    >>> entry = TrialsEntry(
+    ...     sets=[{"id": "easy", "grid": {"n": 200, "inliers": 0.3}}], limit=10
+    ... )
+    >>> entry.threads, entry.sets[0].grid.n
+    ((1,), (200,))
     """
 
     threads: Annotated[tuple[Count, ...], BeforeValidator(as_list), Field(min_length=1)] = (1,)

@@ -70,6 +70,12 @@ class Pipeline:
         JSON object with sorted keys.
     refined : bool
         Whether its pose is refined by small_gicp.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.pipelines import make_pipeline
+    >>> make_pipeline("", "cgroup", {"effort": "low"})
+    Pipeline(label='cgroup', name='cgroup', options='{"effort": "low"}', refined=False)
     """
 
     label: str
@@ -79,12 +85,32 @@ class Pipeline:
 
     @property
     def key(self) -> str:
-        """Names what is computed, whatever the label."""
+        """Hash that names what is computed, whatever the label.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.pipelines import make_pipeline
+        >>> mine, yours = (make_pipeline(name, "cgroup", {}) for name in "ab")
+        >>> mine.key == yours.key
+        True
+        """
         text = json.dumps([self.name, self.options, self.refined])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def why_missing(self) -> str:
-        """Say which library isn't installed; "" if all are."""
+        """Say which library isn't installed.
+
+        Returns
+        -------
+        str
+            The library, the reason, and how to install it; empty if all are there.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.pipelines import make_pipeline
+        >>> make_pipeline("", "cgroup", {}).why_missing()
+        ''
+        """
         needed = [PIPELINES[self.name].needs] if self.name in PIPELINES else []
         needed += [REFINED_BY] if self.refined else []
         for module in filter(None, needed):
@@ -108,6 +134,24 @@ class Pipeline:
             The pose, and whether the pipeline trusts it.
         seconds : dict of str to float
             Wall time of each stage, in order.
+
+        Raises
+        ------
+        InputError
+            If clouds or options can't be worked with, or the function can't be imported. What other libraries
+            and functions from outside raise is passed on.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.pipelines import Problem, make_pipeline
+        >>> from cgroup.datasets import standin_pair
+        >>> pair = standin_pair(pixels=60)
+        >>> problem = Problem(
+        ...     pair.source.points, pair.target.points, (0, 0, 0), (0, 0, 0), voxel=6.0
+        ... )
+        >>> answer, seconds = make_pipeline("", "cgroup", {}).run(problem)
+        >>> answer.ok, "matching" in seconds
+        (True, True)
         """
         clock = StageClock()
         answer = _function(self.name)(problem, clock, **json.loads(self.options))
@@ -135,11 +179,20 @@ def make_pipeline(label: str, name: str, options: Mapping[str, Any], *, refined:
     Returns
     -------
     Pipeline
+        The way to register with its options and label.
 
     Raises
     ------
     InputError
         For an unknown pipeline or option, or a function that can't be imported.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.pipelines import PIPELINES, make_pipeline
+    >>> sorted(PIPELINES)[:3]
+    ['cgroup', 'cgroup-matches', 'cgroup-paper']
+    >>> make_pipeline("ours, quick", "cgroup", {"effort": "low"}).label
+    'ours, quick'
     """
     parameters = inspect.signature(_function(name)).parameters
     known = list(parameters)[2:]

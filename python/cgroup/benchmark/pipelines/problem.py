@@ -28,6 +28,17 @@ class Problem:
         Threads to compute on, for pipelines that can be told.
     seed : int
         For pipelines that draw random numbers.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.pipelines import Problem
+    >>> from cgroup.datasets import standin_pair
+    >>> pair = standin_pair(pixels=60)
+    >>> problem = Problem(
+    ...     pair.source.points, pair.target.points, (0, 0, 0), (0, 0, 0), voxel=4.0
+    ... )
+    >>> problem.voxel, problem.threads, problem.seed
+    (4.0, 1, 0)
     """
 
     source: FloatArray
@@ -51,6 +62,16 @@ class Answer:
         Whether it holds the pose to be right; pipelines without a rule for that always do.
     probability : float
         That the pose is right, NaN where a pipeline doesn't say.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.benchmark.pipelines import Answer
+    >>> def stays(problem, clock):  # named "module:stays" in a configuration
+    ...     clock.start("pose")
+    ...     return Answer(np.eye(4), ok=False)
+    >>> Answer(np.eye(4), ok=True).probability
+    nan
     """
 
     T_target_source: FloatArray | None

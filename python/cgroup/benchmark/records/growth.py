@@ -52,6 +52,21 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     -------
     DataFrame
         `method, exponent, sizes`: a, NaN for fewer than two sets, and the number of sets.
+
+    Raises
+    ------
+    KeyError
+        For times that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.records import exponents
+    >>> timing = pd.DataFrame(
+    ...     {"method": "gtm", "n": [2000, 4000], "threads": 1, "seconds": [0.1, 0.4]}
+    ... )
+    >>> exponents(timing).round(6).values.tolist()
+    [['gtm', 2.0, 2]]
     """
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
 

@@ -50,6 +50,21 @@ def aggregate(
     ------
     InputError
         If `how` is none of the three.
+    KeyError
+        For a frame that lacks a column.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> means = records.aggregate(records.load(Path("results")), ["method"])
+    >>> means[["method", "pairs"]].values.tolist()
+    [['gtm', 2]]
     """
     if how not in {"macro", "pooled", "median"}:
         message = f"how: got {how!r}; choose 'macro', 'pooled' or 'median'"

@@ -31,13 +31,69 @@ class Counts(NamedTuple):
 
 
 def load_counts(path: Path) -> dict[str, Counts]:
-    """Read how far each stage is with what the latest configuration asks for."""
+    """Read how far each stage is with what the latest configuration asks for.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a run, or its SQLite file. A run may be at work in it.
+
+    Returns
+    -------
+    dict of str to Counts
+        Done, failed and wanted records of the stages "correspond", "group", "score", "register", "try".
+
+    Raises
+    ------
+    InputError
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> records.load_counts(Path("results"))["group"]
+    Counts(done=2, failed=0, wanted=2)
+    """
     with open_records(path) as connection:
         return count_records(connection)
 
 
 def load_failures(path: Path) -> list[tuple[str, str, int]]:
-    """Read what failed: the method or pipeline (empty for the first stage), the error, and how often."""
+    """Read what failed, the most frequent first.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a run, or its SQLite file. A run may be at work in it.
+
+    Returns
+    -------
+    list of (str, str, int)
+        The method or pipeline (empty where matching failed), the error, and how often it came.
+
+    Raises
+    ------
+    InputError
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> records.load_failures(Path("results"))
+    []
+    """
     with open_records(path) as connection:
         known = _list_tables(connection)
         rows = [row for table, text in FAILURES.items() if table in known for row in connection.execute(text)]
@@ -45,7 +101,35 @@ def load_failures(path: Path) -> list[tuple[str, str, int]]:
 
 
 def load_missing(path: Path) -> dict[str, str]:
-    """Read which data sets and pipelines weren't at hand, and why."""
+    """Read which data sets and pipelines weren't at hand, and why.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a run, or its SQLite file. A run may be at work in it.
+
+    Returns
+    -------
+    dict of str to str
+        Reasons by name.
+
+    Raises
+    ------
+    InputError
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> records.load_missing(Path("results"))
+    {}
+    """
     return parse_json(query_one(path, "select missing from plan"))
 
 

@@ -119,6 +119,18 @@ def check(path: Path) -> Health:
     ------
     InputError
         If there are no records, or they have another layout.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> records.check(Path("results")).whole["groupings"]
+    2
     """
     with open_records(path, damaged=True) as connection:
         return examine(connection)

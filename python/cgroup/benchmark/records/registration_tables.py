@@ -30,7 +30,7 @@ order by s.entry, l.place, c.dataset, c.pair, c.kind, c.other
 
 
 def load_registrations(path: Path) -> pd.DataFrame:
-    """Read how the latest configuration's pairs were registered, one row per pair and pipeline.
+    """Read how pairs were registered, one row per pair and pipeline.
 
     Parameters
     ----------
@@ -40,17 +40,30 @@ def load_registrations(path: Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        `set, dataset, pair, origin, kind, other`: the pair, see `PairCase`; `column`: the set, with the side
-        of `split_overlap` that the pair is on; `pipeline, name, refined, threads`: how; `voxel, pr, overlap`:
-        of the pair; `ok, probability`: what the pipeline says of its pose; `rotation_error` (degrees),
-        `translation_error` (data unit), `rmse_pr`: of its pose, NaN where there is none; `right, accurate`:
-        whether the pose keeps the set's limits, false for unrelated clouds; `stages`: dict of seconds, and
-        their sum `seconds`; `error`: "" or what went wrong; `version, machine`. No rows without such records.
+        `set, dataset, pair, origin`: the pair; `kind`: "related", "mirrored" (its target is), or "mixed"
+        (with the target of the pair `other`); `column`: the set, with the side of `split_overlap` that the
+        pair is on; `pipeline, name, refined, threads`: how; `voxel, pr, overlap`: of the pair; `ok,
+        probability`: what the pipeline says of its pose; `rotation_error` (degrees), `translation_error`
+        (data unit), `rmse_pr`: of its pose, NaN where there is none; `right, accurate`: whether the pose
+        keeps the set's limits, false for unrelated clouds; `stages`: dict of seconds, and their sum
+        `seconds`; `error`: "" or what went wrong; `version, machine`. No rows without such records.
 
     Raises
     ------
     InputError
-        If there are no records at all.
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> len(records.load_registrations(Path("results")))  # none was asked for
+    0
     """
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
 

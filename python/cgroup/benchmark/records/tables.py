@@ -69,7 +69,7 @@ where g.case_key = ? and g.error = '' order by place
 
 
 def load(path: Path) -> pd.DataFrame:
-    """Read what the latest configuration asked for, one row per case, method and threshold.
+    """Read the records: one row per case, method and threshold.
 
     Parameters
     ----------
@@ -92,7 +92,20 @@ def load(path: Path) -> pd.DataFrame:
     Raises
     ------
     InputError
-        If there are no records.
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> frame = records.load(Path("results"))
+    >>> frame[["method", "n", "correct"]].values.tolist()
+    [['gtm', 1000, 20], ['gtm', 1000, 99]]
     """
     frame = query(path, _SCORES)
     facts = [parse_json(text) for text in frame.pop("facts")]
@@ -113,13 +126,30 @@ def load_timing(path: Path) -> pd.DataFrame:
     Parameters
     ----------
     path : path
-        As in `load`.
+        Folder of a run, or its SQLite file. A run may be at work in it.
 
     Returns
     -------
     DataFrame
         One row per method, set and repeat: `method, n, threads` (0: all cores), `repeat, seconds, dataset,
         pair, machine, version`.
+
+    Raises
+    ------
+    InputError
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> len(records.load_timing(Path("results")))  # none was asked for
+    0
     """
     return query(path, _TIMES)
 
@@ -130,28 +160,129 @@ def load_timing_skips(path: Path) -> pd.DataFrame:
     Parameters
     ----------
     path : path
-        As in `load`.
+        Folder of a run, or its SQLite file. A run may be at work in it.
 
     Returns
     -------
     DataFrame
         `method, n, threads, reason, machine`.
+
+    Raises
+    ------
+    InputError
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> len(records.load_timing_skips(Path("results")))
+    0
     """
     return query(path, _SKIPS)
 
 
 def load_machines(path: Path) -> pd.DataFrame:
-    """Read which machines made records: `id, cpu, cores, system, python, numpy`."""
+    """Read which machines made records.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a run, or its SQLite file. A run may be at work in it.
+
+    Returns
+    -------
+    DataFrame
+        `id, cpu, cores, system, python, numpy`, one row per machine.
+
+    Raises
+    ------
+    InputError
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> len(records.load_machines(Path("results")))
+    1
+    """
     return query(path, "select id, cpu, cores, system, python, numpy from machines")
 
 
 def load_datasets(path: Path) -> pd.DataFrame:
-    """Read what is known of the data sets: `name, title, role, origin, citation`."""
+    """Read what is known of the data sets.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a run, or its SQLite file. A run may be at work in it.
+
+    Returns
+    -------
+    DataFrame
+        `name, title, role, origin, citation`, one row per data set.
+
+    Raises
+    ------
+    InputError
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> records.load_datasets(Path("results"))["title"].tolist()
+    ['Generated matches']
+    """
     return query(path, "select name, title, role, origin, citation from datasets")
 
 
 def load_config(path: Path) -> dict[str, Any]:
-    """Read the latest configuration: plain values as in its TOML, defaults filled in."""
+    """Read the latest configuration.
+
+    Parameters
+    ----------
+    path : path
+        Folder of a run, or its SQLite file. A run may be at work in it.
+
+    Returns
+    -------
+    dict
+        Plain values as in its TOML, defaults filled in.
+
+    Raises
+    ------
+    InputError
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> records.load_config(Path("results"))["name"]
+    'mine'
+    """
     return parse_json(query_one(path, "select config from plan"))
 
 
@@ -161,9 +292,9 @@ def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dic
     Parameters
     ----------
     path : path
-        As in `load`.
+        Folder of a run, or its SQLite file. A run may be at work in it.
     case : str
-        Its hash, as in the column `case`.
+        Its hash, from the column `case` of `cgroup.benchmark.records.load`.
 
     Returns
     -------
@@ -177,7 +308,21 @@ def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dic
     Raises
     ------
     InputError
-        If there are no records of the case.
+        If there are no records of the case, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> case = records.load(Path("results"))["case"].iloc[0]
+    >>> matches, pose, masks = records.load_groups(Path("results"), case)
+    >>> len(matches), pose.shape, list(masks)
+    (1000, (4, 4), ['gtm'])
     """
     with open_records(path) as connection:
         arrays = connection.execute("select * from arrays where case_key = ?", (case,)).fetchone()

@@ -43,7 +43,7 @@ _NUMBERS = (
 
 
 def load_trials(path: Path) -> pd.DataFrame:
-    """Read how methods grouped the latest configuration's problems, one row per problem, method and threads.
+    """Read how methods grouped problems, one row per problem, method and threads.
 
     Parameters
     ----------
@@ -53,23 +53,36 @@ def load_trials(path: Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        `set, dataset, pair, origin, kind, other, matches, voxel, epsilon, case`: the problem, see `Problem`;
-        `loose, strict, preset, whole`: of its set, see `TrialSetEntry`; `scene, size, inliers, noise,
-        frames, number`: of generated ones, see `Recipe`; `method, threads`: how; `n, correct, inlier_ratio,
-        resolution, pr, overlap`: the matches; `selected, selected_correct, precision, recall, f_score`: the
-        group;
-        `posed, ok, complete`: what the method says of its answer (`ok` is None where it doesn't);
-        `rotation_error` (degrees), `translation_error` (data unit), `rmse_pr`: of its pose, NaN where there
-        is none; `right, accurate`: whether that keeps the limits of the set, and `registered` whether
-        precision exceeds 0.1, the paper's criterion; `best_...` and `best_right`: the same of the best of the
-        `offered` poses, by the truth; `seconds, mebibytes`; `skipped`: "" or why the method wasn't run to its
-        end; `error`: "" or what went wrong; `version, machine`. Whatever was skipped or went wrong has scores
-        of 0. No rows without such records.
+        `set, dataset, pair, origin, matches, voxel, epsilon, case`: the problem; `kind`: "related",
+        "mirrored" (the target is), or "mixed" (with the target of the pair `other`); `loose, strict, preset,
+        whole`: of its set, as configured; `scene, size, inliers, noise, frames, number`: what generated ones
+        are drawn from; `method, threads`: how; `n, correct, inlier_ratio, resolution, pr, overlap`: the
+        matches; `selected, selected_correct, precision, recall, f_score`: the group; `posed, ok, complete`:
+        what the method says of its answer (`ok` is None where it doesn't); `rotation_error` (degrees),
+        `translation_error` (data unit), `rmse_pr`: of its pose, NaN where there is none; `right, accurate`:
+        whether that keeps the limits of the set, and `registered` whether precision exceeds 0.1, the paper's
+        criterion; `best_...` and `best_right`: the same of the best of the `offered` poses, by the truth;
+        `seconds, mebibytes`; `skipped`: "" or why the method wasn't run to its end; `error`: "" or what went
+        wrong; `version, machine`. Whatever was skipped or went wrong has scores of 0. No rows without such
+        records.
 
     Raises
     ------
     InputError
-        If there are no records at all.
+        If there are no records, or some aren't what was written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> easy = {"id": "easy", "grid": {"n": 200, "inliers": 0.3, "repeats": 2}}
+    >>> config = Config(name="mine", methods=["gtm"], trials={"sets": [easy]})
+    >>> _ = run(config, Path("results"))
+    >>> trials = records.load_trials(Path("results"))
+    >>> trials[["set", "method", "n", "right"]].values.tolist()
+    [['easy', 'gtm', 200, True], ['easy', 'gtm', 200, True]]
     """
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
 

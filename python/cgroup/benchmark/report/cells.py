@@ -25,11 +25,14 @@ class Cell(NamedTuple):
         What the column is sorted by.
     best : bool
         Whether it is the best of its column, or as good.
+    interval : tuple of float, optional
+        A mean between 0 and 1, and the ends of its interval, drawn as a bar.
     """
 
     text: str
     key: float | str
     best: bool = False
+    interval: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,14 @@ class Table:
         """Whether each column shows numbers, and is set flush right."""
         shown = (all(not cell.text.strip(_DIGITS) for cell in column) for column in self._columns())
         return [digits and by_number for digits, by_number in zip(shown, self.numeric, strict=True)]
+
+    @property
+    def descending(self) -> list[bool]:
+        """Whether the first click on each column shows the largest first: numbers, but no ranks or p."""
+        return [
+            number and header not in {"rank", "p"}
+            for number, header in zip(self.numeric, self.headers, strict=True)
+        ]
 
     def _columns(self) -> list[tuple[Cell, ...]]:
         return list(zip(*self.rows, strict=True)) if self.rows else [()] * len(self.headers)

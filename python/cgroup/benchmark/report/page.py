@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, Any
+from importlib import resources
+from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -20,16 +21,18 @@ from cgroup.benchmark.paper import EXPERIMENTS
 from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.benchmark.report.registration import make_registration_section
 from cgroup.benchmark.report.sections import (
-    draw_pairs,
+    chart_pairs,
+    chart_times,
     draw_selections,
-    draw_times,
     make_own_section,
     make_sections,
 )
+from cgroup.benchmark.report.standings import make_standings
 from cgroup.benchmark.report.tables import dataset_table, failure_table, plain_table, score_table
 from cgroup.benchmark.report.trial_tables import overview_table
 from cgroup.benchmark.report.trials import make_trial_sections
 from cgroup.io import write_file
+from cgroup.pages import page_html, write_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -113,31 +116,61 @@ def write_report(
     ------
     InputError
         If the folder has no records, some aren't what was written, or it can't be written to.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.report import write_report
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> write_report(Path("results")).name
+    'report.html'
     """
     tell = progress or ignore_progress
     tell("reading records")
     data = ReportData.load(out)
-    pictures = PictureBook(out / FIGURES, tell)
+    frames = (each for each in (data.frame, data.trials) if len(each))
+    pictures = PictureBook(out / FIGURES, tell, (name for each in frames for name in each["method"].unique()))
     evidence = Evidence(data.frame, data.timing)
     tell("checking claims")
     verdicts = check_evidence(evidence)
     write_file(out / CLAIMS, as_markdown(verdicts).encode())
-    experiments = {each.id: make_sections(each, evidence, pictures) for each in EXPERIMENTS.values()}
-    page = _render(
+    tell("ranking over all pairs")
+    standings = make_standings(data.frame, data.trials, data.registrations)
+    shown = verdicts if any(verdict.verdict != "not testable" for verdict in verdicts) else []
+    body = _render(
         data=data,
-        verdicts=verdicts,
-        experiments=experiments,
-        further=[make_own_section(sample, pictures) for sample in evidence.further_samples()],
-        pairs=draw_pairs(evidence, pictures),
-        times=draw_times(data.timing, pictures),
+        standings=standings,
+        verdicts=shown,
         selections=draw_selections(out, evidence, root, pictures),
-        registration=make_registration_section(data.registrations, pictures),
-        trials=make_trial_sections(data.trials, data.machines, pictures),
-        overview=overview_table(data.trials) if len(data.trials) else None,
-        scores=[score_table(evidence.samples(), how) for how in ("macro", "pooled", "median")],
+        **_make_parts(data, evidence, pictures),
     )
-    write_file(out / REPORT, page.encode())
+    style = _read_part("report.css")
+    script = "".join(map(_read_part, ("tables.js", "charts.js", *(["claims.js"] if shown else []))))
+    page = page_html(f"cgroup benchmark: {data.config['name']}", body, css=style, script=script)
+    write_page(out / REPORT, page)
     return out / REPORT
+
+
+def _make_parts(data: ReportData, evidence: Evidence, pictures: PictureBook) -> dict[str, Any]:
+    """Make the sections that there are records for."""
+    experiments = {each.id: make_sections(each, evidence, pictures) for each in EXPERIMENTS.values()}
+    further = evidence.further_samples()
+    samples = [*evidence.samples(), *further]
+    hows: tuple[Literal["macro", "pooled", "median"], ...] = ("macro", "pooled", "median")
+    return {
+        "experiments": {id_: sections for id_, sections in experiments.items() if sections},
+        "further": [make_own_section(sample, pictures) for sample in further],
+        "pairs": chart_pairs(evidence, pictures),
+        "times": chart_times(data.timing, pictures),
+        "registration": make_registration_section(data.registrations, pictures),
+        "trials": make_trial_sections(data.trials, data.machines, pictures),
+        "overview": overview_table(data.trials) if len(data.trials) else None,
+        "scores": [score_table(samples, how) for how in hows] if samples else [],
+    }
 
 
 def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str:  # noqa: ANN401 - for the template
@@ -149,13 +182,14 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
         lstrip_blocks=True,
     )
     frame = data.frame
-    return environment.get_template("report.html.j2").render(
+    return environment.get_template("body.html.j2").render(
+        contents=_list_contents(verdicts=verdicts, **parts),
         config=data.config,
         missing=data.missing,
         version=cgroup.__version__,
         date=datetime.now(tz=timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
         totals=_count_totals(frame, data.registrations, data.trials),
-        datasets=dataset_table(frame, data.datasets),
+        datasets=dataset_table(frame, data.datasets) if len(frame) else plain_table("Data sets", frame),
         failures=failure_table(frame, data.registrations, data.trials),
         sources=plain_table("Data sets", data.datasets),
         machines=plain_table("Machines", data.machines),
@@ -163,10 +197,37 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
         verdicts=verdicts,
         counts=count_verdicts(verdicts),
         criteria=_split_paragraphs(CRITERIA),
-        titles={each.id: each for each in EXPERIMENTS.values()},
-        claims_of=lambda each: [v for v in verdicts if v.paper_section.startswith(each.sections)],
+        titles=EXPERIMENTS,
+        claims_of=lambda each: [
+            v for v in verdicts if v.paper_section.startswith(each.sections) and v.verdict != "not testable"
+        ],
         **parts,
     )
+
+
+def _list_contents(**parts: Any) -> list[tuple[str, str]]:  # noqa: ANN401 - as above
+    """List anchors and titles of the sections that there are."""
+    selections = parts["selections"]
+    own = "Further experiments" if parts["experiments"] else "Experiments"
+    return [
+        *([("ranking", "Overall ranking")] if parts["standings"] else []),
+        *([("registration", "Registration")] if parts["registration"] else []),
+        *([("methods", "Methods on matches")] if parts["trials"] else []),
+        *((f"trials-{place}", section.title) for place, section in enumerate(parts["trials"], start=1)),
+        *((id_, EXPERIMENTS[id_].title) for id_ in parts["experiments"]),
+        *([("further", own)] if parts["further"] else []),
+        *([("pairs", "Pair by pair")] if parts["pairs"] else []),
+        *([("time", "Time")] if parts["times"] else []),
+        *([("selections", "What is selected")] if selections.drawn or selections.missing else []),
+        *([("scores", "All scores")] if parts["scores"] else []),
+        *([("claims", "Claims of the paper")] if parts["verdicts"] else []),
+        ("data", "Data and machines"),
+    ]
+
+
+def _read_part(name: str) -> str:
+    parts = resources.files("cgroup.benchmark.report").joinpath("templates")
+    return parts.joinpath(name).read_text(encoding="utf-8")
 
 
 def _count_totals(frame: pd.DataFrame, registrations: pd.DataFrame, trials: pd.DataFrame) -> dict[str, int]:

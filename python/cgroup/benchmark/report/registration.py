@@ -9,12 +9,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, number, words
+from cgroup.benchmark.report.points import pipelines_chart
 from cgroup.plots import pipelines_figure
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cgroup.benchmark.report.pictures import Picture, PictureBook
+    from cgroup.benchmark.report.charts import Chart
+    from cgroup.benchmark.report.pictures import PictureBook
 
 STAGES = {
     "features": (
@@ -35,13 +37,13 @@ class RegistrationSection:
 
     Attributes
     ----------
-    picture : Picture
+    chart : Chart
         Shares of right poses.
     answers, trust, details : Table
         How many poses are right; which are trusted, and how long they take; errors and times by stage.
     """
 
-    picture: Picture
+    chart: Chart
     answers: Table
     trust: Table
     details: Table
@@ -61,8 +63,9 @@ def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> Reg
         f"Share of right poses of {len(shares)} pipelines by overlap, and over the time they take; over all "
         f"pairs {shares.idxmax()} has the most, {shares.max():.2f}."
     )
-    picture = pictures.add("registration", figure, alt)
-    return RegistrationSection(picture, answer_table(related), trust_table(good), detail_table(related))
+    pictures.save("registration", figure)
+    chart = pipelines_chart(related, alt=alt)
+    return RegistrationSection(chart, answer_table(related), trust_table(good), detail_table(related))
 
 
 def answer_table(related: pd.DataFrame) -> Table:

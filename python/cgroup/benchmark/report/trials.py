@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from cgroup.benchmark.cases import COMBINATIONS
 from cgroup.benchmark.rankings import comparable
 from cgroup.benchmark.report.cells import Table, method_cell
+from cgroup.benchmark.report.points import trials_chart
 from cgroup.benchmark.report.trial_tables import (
     cost_table,
     failure_table,
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.report.pictures import Picture, PictureBook
+    from cgroup.benchmark.report.charts import Chart
+    from cgroup.benchmark.report.pictures import PictureBook
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class TrialSection:
     ----------
     title, label : str
         Name of the set, and all that its numbers depend on.
-    picture : Picture or None
+    chart : Chart or None
         Registered problems beside time; None without problems that have an answer.
     ranking, costs, failures : Table
         How good the methods are; what they cost; why problems aren't registered, and what is claimed of
@@ -48,7 +50,7 @@ class TrialSection:
 
     title: str
     label: str
-    picture: Picture | None
+    chart: Chart | None
     ranking: Table
     costs: Table
     failures: Table
@@ -72,18 +74,21 @@ def _make_section(
     first = with_fewest_threads(rows)
     related = comparable(first)
     label = describe_set(rows, machines)
-    picture = None
+    chart = None
     if pictures is not None and len(related):
-        figure = trials_figure(related, title=f"{name}: registered problems over time")
+        figure = trials_figure(
+            related, title=f"{name}: registered problems over time", styles=pictures.styles
+        )
         shares = related.groupby("method")["right"].mean()
         alt = (
             f"Share of registered problems of {len(shares)} methods over their median time; "
             f"{method_cell(shares.idxmax()).text} has the most, {shares.max():.2f}."
         )
         anchor = "".join(c if c.isalnum() else "-" for c in name).lower()
-        picture = pictures.add(f"trials-{anchor}", figure, alt)
+        file = pictures.save(f"trials-{anchor}", figure)
+        chart = trials_chart(file, related, styles=pictures.styles, alt=alt)
     return TrialSection(
-        name, label, picture, ranking(first), cost_table(rows), failure_table(first), level_table(related)
+        name, label, chart, ranking(first), cost_table(rows), failure_table(first), level_table(related)
     )
 
 

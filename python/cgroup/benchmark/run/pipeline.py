@@ -48,12 +48,23 @@ class Summary:
     Attributes
     ----------
     counts : dict of str to Counts
-        Done, failed and wanted records of each stage.
+        Done, failed and wanted records of each stage: "correspond", "group", "score", "register", "try".
     missing : dict of str to str
         Data sets and pipelines that are not at hand, and why.
     damaged : str
         Which records of earlier runs weren't what had been written, and so were computed anew, and where
         they are kept; empty where all were.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
+    >>> summary = run(config, Path("results"), backend="threading")
+    >>> summary.counts["group"], summary.missing
+    (Counts(done=4, failed=0, wanted=4), {})
     """
 
     counts: dict[str, Counts]
@@ -62,7 +73,14 @@ class Summary:
 
     @property
     def failed(self) -> int:
-        """Pairs that couldn't be matched, groupings and registrations that went wrong."""
+        """How many pairs couldn't be matched, and groupings and registrations went wrong.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.run import Summary
+        >>> Summary(counts={}, missing={}).failed
+        0
+        """
         return sum(count.failed for count in self.counts.values())
 
 
@@ -110,8 +128,22 @@ def run(
     Raises
     ------
     InputError
-        If no data set is at hand, the backend isn't, another run uses the folder, or the records can't be
-        read or written: the disk is full, say. What is finished is kept then.
+        If no data set is at hand, the backend isn't or is unknown, `workers` is not at least 1, another run
+        uses the folder, or the records can't be read or written: the disk is full, say. What is finished is
+        kept then.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
+    >>> run(config, Path("results"), backend="threading").failed
+    0
+    >>> len(records.load(Path("results")))  # two methods on two pairs
+    4
     """
     if workers is not None:
         as_count("workers", workers, 1)

@@ -25,7 +25,7 @@ _DISTANCES = (5.0, 5.6)  # of the two scanners from the centre, in radii
 
 
 def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixels: int = 170) -> MatchingPair:
-    """Two partial, noisy views of a generated closed shape, with their pose.
+    """Make two partial, noisy views of a generated closed shape, with their pose.
 
     Parameters
     ----------
@@ -50,6 +50,13 @@ def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixel
     ------
     InputError
         If an argument is out of range.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> pair = standin_pair(seed=3, pixels=60)
+    >>> pair.name, pair.source.points.shape[1], pair.T_target_source.shape
+    ('standin-3', 3, (4, 4))
     """
     _check(turn=turn, noise=noise, pixels=pixels)
     rng = np.random.default_rng(seed)

@@ -1,0 +1,1 @@
+"""What `conf.py` needs to build the site."""

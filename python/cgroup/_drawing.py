@@ -1,0 +1,113 @@
+"""What a figure of a result shows, checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup import _views
+from cgroup._arguments import real_points
+from cgroup._values import as_flag, refusal
+from cgroup.rigid import check_rigid
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cgroup._arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Two clouds and matches between them.
+
+    Attributes
+    ----------
+    source, target : (N,3) array of float64
+        The clouds.
+    matches : Correspondences
+        All matches.
+    mask : (n,) array of bool
+        Which are selected.
+    pose : (4,4) array of float64
+        Lays the source on the target; the identity where no pose is known.
+    correct : (n,) array of bool or None
+        Which are correct, where that is known.
+    grouping : Grouping or None
+        What selected them.
+    title : str
+        One line.
+    is_placed : bool
+        Whether the pose is the result.
+    """
+
+    source: FloatArray
+    target: FloatArray
+    matches: Any
+    mask: BoolArray
+    pose: FloatArray
+    correct: BoolArray | None
+    grouping: Any
+    title: str
+    is_placed: bool = False
+
+
+def plot(
+    given: Mapping[str, Any],
+    matches: Any,  # noqa: ANN401 - types lie in higher layers
+    mask: BoolArray,
+    *,
+    interactive: bool,
+    title: str,
+    grouping: Any = None,  # noqa: ANN401 - likewise
+    is_placed: bool = False,
+) -> Any:  # noqa: ANN401 - a figure of matplotlib or plotly
+    """Check what `plot` of a result was given, and draw it.
+
+    Parameters
+    ----------
+    given : mapping
+        `source`, `target`, `pose` and `correct` of the user's, each of them or None.
+    matches : Correspondences
+        All matches.
+    mask : (n,) array of bool
+        Which are selected.
+    interactive : bool
+        By plotly rather than matplotlib.
+    title : str
+        One line.
+    grouping : Grouping, optional
+        What selected them.
+    is_placed : bool
+        Whether the pose is the result.
+    """
+    pose, correct = given["pose"], given["correct"]
+    drawing = Drawing(
+        source=as_points("source", matches.source if given["source"] is None else given["source"]),
+        target=as_points("target", matches.target if given["target"] is None else given["target"]),
+        matches=matches,
+        mask=mask,
+        pose=np.eye(4) if pose is None else check_rigid(pose, "T_target_source"),
+        correct=None if correct is None else as_flags("correct", correct, len(mask)),
+        grouping=grouping,
+        title=title,
+        is_placed=is_placed,
+    )
+    return _views.draw(drawing, interactive=as_flag("interactive", interactive))
+
+
+def as_points(name: str, cloud: Any) -> FloatArray:  # noqa: ANN401 - a cloud of any kind
+    """Return the points of a cloud, at least one."""
+    array = real_points(name, getattr(cloud, "points", cloud)).astype(np.float64)
+    if len(array) == 0:
+        raise refusal(name, array, "give a cloud with points, or matches")
+    return array
+
+
+def as_flags(name: str, flags: Any, count: int) -> BoolArray:  # noqa: ANN401 - whatever is given
+    """Return one truth value for each match."""
+    array = np.asarray(flags)
+    if array.dtype != bool or array.shape != (count,):
+        raise refusal(name, flags, f"give an array of {count} bool")
+    return array

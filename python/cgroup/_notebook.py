@@ -1,0 +1,68 @@
+"""Results as small tables, as notebooks show them: HTML and SVG that fit a light and a dark page."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from cgroup._arrays import FloatArray
+
+_BAR = 120  # pixels
+_KEPT = "#0072B2"
+_CELL = "text-align: left; padding: .1em .9em .1em 0; vertical-align: top; background: none; border: 0"
+
+
+def result_table(title: str, share: float | None, rows: Iterable[tuple[str, str]]) -> str:
+    """Make a table of names and values.
+
+    Parameters
+    ----------
+    title : str
+        Plain text.
+    share : float or None
+        Drawn as a bar beside the title, in [0,1].
+    rows : iterable of (str, str)
+        Names and values: plain text, or what `pose_html` returned; those without a value are left out.
+    """
+    lines = "".join(_row(name, value) for name, value in rows if value)
+    bar = "" if share is None else _bar(share)
+    return (
+        '<div style="font-size: .95em; line-height: 1.4">'
+        f'<div style="margin-bottom: .3em"><b>{escape(title)}</b>{bar}</div>'
+        f'<table style="border-collapse: collapse; border: 0; margin: 0">{lines}</table></div>'
+    )
+
+
+def _row(name: str, value: str) -> str:
+    shown = value if isinstance(value, _Html) else escape(value)
+    return (
+        f'<tr style="background: none"><th scope="row" style="{_CELL}; font-weight: normal; opacity: .7">'
+        f'{escape(name)}</th><td style="{_CELL}">{shown}</td></tr>'
+    )
+
+
+class _Html(str):
+    """A text that is HTML already."""
+
+    __slots__ = ()
+
+
+def pose_html(pose: FloatArray) -> str:
+    """Write a transform as lines of numbers of one width."""
+    lines = "\n".join(" ".join(f"{number:10.4g}" for number in row) for row in pose)
+    return _Html(
+        f'<pre style="margin: 0; padding: 0; background: none; color: inherit; border: 0">{lines}</pre>'
+    )
+
+
+def _bar(share: float) -> str:
+    width = round(_BAR * min(max(share, 0.0), 1.0), 1)
+    return (
+        f' <svg width="{_BAR}" height="10" role="img" aria-label="{100 * share:.0f} %"'
+        ' style="margin-left: .5em">'
+        f'<rect width="{_BAR}" height="10" rx="2" fill="currentColor" opacity=".15"/>'
+        f'<rect width="{width}" height="10" rx="2" fill="{_KEPT}"/></svg>'
+    )

@@ -1,0 +1,189 @@
+"""What the page shows at its top: methods ranked over all pairs, and who is better than whom."""
+
+# pandas ships no types, and what is guessed from its source is often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cgroup.benchmark.overall import GENERATED, LEAST_OBJECTS, Overall, Standing, rank_overall
+from cgroup.benchmark.paper import PAPER_EPSILON
+from cgroup.benchmark.rankings import LEVEL
+from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell
+from cgroup.benchmark.report.trial_tables import with_fewest_threads
+from cgroup.evaluation.bins import LEAST_PAIRS
+from cgroup.plots.style import method_style
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NAMES = {"f_score": "mean F", "registered": "registered", "right": "registered"}
+
+
+@dataclass(frozen=True)
+class StandingsSection:
+    """A ranking over all pairs of a kind.
+
+    Attributes
+    ----------
+    title, label : str
+        What it is about, and how it was computed.
+    ranking : Table
+        One row per method.
+    differences : Table
+        One row and one column per method.
+    """
+
+    title: str
+    label: str
+    ranking: Table
+    differences: Table
+
+
+def make_standings(
+    frame: pd.DataFrame, trials: pd.DataFrame, registrations: pd.DataFrame
+) -> list[StandingsSection]:
+    """Rank what there is: methods on cases, methods on matches, and pipelines.
+
+    Parameters
+    ----------
+    frame, trials, registrations : DataFrame
+        Rows of `load`, `load_trials`, `load_registrations`; each may be empty.
+
+    Returns
+    -------
+    list of StandingsSection
+        Real and semi-synthetic pairs before synthetic ones.
+    """
+    kinds = {
+        "methods": rank_overall(*_pick_cases(frame)),
+        "methods on matches": rank_overall(*_pick_trials(trials)),
+        "pipelines": rank_overall(*_pick_registrations(registrations)),
+    }
+    several = sum(map(bool, kinds.values())) > 1
+    return [
+        _make_section(what, overall, named=several) for what, ranked in kinds.items() for overall in ranked
+    ]
+
+
+def _pick_cases(frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Pick records at the paper's threshold; cases that failed for every method are no one's failure."""
+    measures = ("f_score", "registered")
+    if frame.empty:
+        return frame, measures
+    rows = frame[(frame["epsilon"] - PAPER_EPSILON).abs() < 1e-9]
+    return rows[rows["case"].isin(rows.loc[rows["error"] == "", "case"])], measures
+
+
+def _pick_trials(trials: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    measures = ("f_score", "right")
+    if trials.empty:
+        return trials, measures
+    rows = with_fewest_threads(trials[trials["kind"] == "related"])
+    return rows[~rows["skipped"].str.startswith("needs ")], measures
+
+
+def _pick_registrations(registrations: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    if registrations.empty:
+        return registrations, ("right",)
+    rows = registrations[registrations["kind"] == "related"]
+    case = rows["set"] + "/" + rows["dataset"] + "/" + rows["pair"]
+    return rows.assign(case=case, method=rows["pipeline"]), ("right",)
+
+
+def _make_section(what: str, overall: Overall, *, named: bool) -> StandingsSection:
+    pairs = f"{overall.kind} pairs"
+    title = f"{what}: {pairs}" if named else pairs
+    noun = "pipeline" if what == "pipelines" else "method"
+    ranking, differences = _rank(overall, noun), _compare(overall, noun)
+    return StandingsSection(title[0].upper() + title[1:], _describe(overall), ranking, differences)
+
+
+def _describe(overall: Overall) -> str:
+    """Say what the means are of, and what is drawn and tested."""
+    count = sum(overall.pairs.values())
+    data = ", ".join(f"{name} {pairs}" for name, pairs in overall.pairs.items())
+    parts = [f"Means over {count} pairs ({data}), each with the mean of its cases, {overall.cases:,} in all."]
+    if overall.further_cases:
+        parts.append(f"{overall.further_cases:,} further cases, which not all were run on, are left out.")
+    if overall.kind == GENERATED:
+        parts.append("Generated shapes say little of real ones.")
+    if _has_intervals(overall):
+        parts += [
+            f"Bars are {100 * LEVEL:.0f} % intervals of the mean (bootstrap over pairs, by data set).",
+            "Bold: can't be told from the first of the column at a level of 5 %; p is that of the difference",
+            "from that first one, by paired tests on the same pairs (Wilcoxon's signed ranks;",
+            "McNemar's where a pair is registered or not), adjusted by Holm.",
+        ]
+    else:
+        parts.append(f"No intervals and no tests: they need at least {LEAST_PAIRS} pairs.")
+    if overall.by_object:
+        parts.append(
+            f"Pairs of one object or room are drawn and tested together in {', '.join(overall.by_object)}:"
+            f" {LEAST_OBJECTS} or more of them are known there."
+        )
+    if overall.unranked:
+        names = ", ".join(f"{method_style(name).label} ({n})" for name, n in overall.unranked.items())
+        parts.append(f"Not ranked, as run on fewer than half of the cases: {names}.")
+    return " ".join(parts)
+
+
+def _has_intervals(overall: Overall) -> bool:
+    return overall.units >= LEAST_PAIRS
+
+
+def _rank(overall: Overall, noun: str) -> Table:
+    certain = _has_intervals(overall)
+    lines: list[tuple[Cell, ...]] = []
+    for place, method in enumerate(overall.methods, start=1):
+        cells = [cell for of in overall.standings.values() for cell in _show(of, method, certain=certain)]
+        lines.append((Cell(str(place), float(place)), method_cell(method), *cells))
+    names = [_NAMES[measure] for measure in overall.standings]
+    headers = [header for name in names for header in ((name, "p") if certain else (name,))]
+    return Table(f"Ranking by {names[0]}", ("rank", noun, *headers), lines)
+
+
+def _show(standings: dict[str, Standing], method: str, *, certain: bool) -> tuple[Cell, ...]:
+    """Cells of a mean, and of the p of its difference from the highest."""
+    (mean, low, high), p, tied = standings[method]
+    if not certain:
+        return (Cell(f"{mean:.3f}", mean),)
+    text = f"{mean:.3f} [{low:.2f}, {high:.2f}]"
+    highest = mean == max(each.interval.mean for each in standings.values())
+    return (
+        Cell(text, mean, best=tied, interval=(mean, low, high)),
+        Cell(MISSING if highest else _show_p(p), p),
+    )
+
+
+def _show_p(p: float) -> str:
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def _compare(overall: Overall, noun: str) -> Table:
+    measure = next(iter(overall.standings))
+    means = {method: standing.interval.mean for method, standing in overall.standings[measure].items()}
+    certain = _has_intervals(overall)
+    lines = [
+        (
+            method_cell(one),
+            *(
+                Cell(MISSING, 0.0)
+                if one == other
+                else Cell(
+                    f"{means[one] - means[other]:+.3f}",
+                    means[one] - means[other],
+                    best=certain and overall.p_between[one, other] < 1 - LEVEL,
+                )
+                for other in overall.methods
+            ),
+        )
+        for one in overall.methods
+    ]
+    caption = f"Difference in {_NAMES[measure]}, row minus column" + (
+        "; bold where p < 0.05 (paired test, adjusted by Holm over all twos)" if certain else ""
+    )
+    headers = (noun, *(method_cell(other).text for other in overall.methods))
+    return Table(caption, headers, lines)

@@ -1,0 +1,143 @@
+"""What ``cgroup benchmark`` prints, from its documents."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cgroup.cli.colors import paint
+from cgroup.cli.tables import Column, print_table
+from cgroup.cli.terminal import print_line, print_prose, print_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from cgroup.benchmark.report.cells import Table
+    from cgroup.cli.json_output import Document
+
+DONE = {
+    "correspond": "cases matched",
+    "group": "groupings",
+    "score": "scores",
+    "time": "times",
+    "register": "registrations",
+    "try": "trials",
+}
+"""What each stage counts."""
+
+_VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red"}
+_CLAIMS = (
+    Column("claim", is_text=True),
+    Column("verdict", is_text=True),
+    Column("the paper says", is_text=True),
+)
+_FAILURES_SHOWN = 10
+_INDENT = " " * 15
+
+
+def print_summary(document: Document) -> None:
+    """Print what a run has done."""
+    done = document["results"]
+    _print_counts(done["counts"])
+    _print_left_out(done["left_out"])
+    if done["computed_anew"]:
+        print_line(f"computed anew  {done['computed_anew']}")
+    out = document["options"]["out"]
+    print_line(f"took {_format_duration(done['seconds'])}; records are in {out}/")
+    if done["failed"]:
+        wanted = sum(count["wanted"] for stage, count in done["counts"].items() if stage != "score")
+        print_line(f"{done['failed']} of {wanted} failed; see: cgroup benchmark status --out {out}")
+
+
+def print_status(document: Document) -> None:
+    """Print how far a run is."""
+    found = document["results"]
+    _print_counts(found["counts"])
+    _print_left_out(found["left_out"])
+    failures = found["failures"]
+    for failure in failures[:_FAILURES_SHOWN]:
+        what = failure["method"] or "correspond"
+        print_prose(f"failed {failure['times']:>5} x {what}: {failure['error']}", _INDENT)
+    if len(failures) > _FAILURES_SHOWN:
+        print_line(f"and {len(failures) - _FAILURES_SHOWN} other errors")
+
+
+def print_health(document: Document) -> None:
+    """Print whether records are what was written."""
+    found = document["results"]
+    for table, count in found["whole"].items():
+        if count:
+            print_line(f"{table:<20} {count} whole")
+    for name in found["damaged"]:
+        print_line(f"damaged: {name}")
+    for fault in found["faults"]:
+        print_line(f"fault of the file: {fault}")
+    if not found["sound"]:
+        print_line("the next run sets aside what is damaged, keeps the old file, and computes it anew")
+    else:
+        print_line(
+            "all records are whole" if found["whole"] else "the file is whole; its layout has no checksums"
+        )
+
+
+def print_presets(document: Document) -> None:
+    """Print the configurations that come with the package."""
+    for preset in document["results"]["presets"]:
+        print_prose(f"{preset['name']:<12} {preset['title']}", " " * 13)
+        print_prose(f"{'':<12} data: {', '.join(preset['data'])}", " " * 19)
+
+
+def print_claims(document: Document, *, wide: bool) -> None:
+    """Print verdicts: one row each, or all that is known of them."""
+    claims = document["results"]["claims"]
+    if wide:
+        for claim in claims:
+            _print_claim(claim)
+    else:
+        print_table(_CLAIMS, [(claim["id"], claim["verdict"], claim["statement"]) for claim in claims])
+    print_prose(document["results"]["counted"])
+
+
+def print_tables(title: str, label: str, tables: Iterable[Table], *, wide: bool) -> None:
+    """Print tables of a report below a title."""
+    print_text(f"\n{paint(title, bold=True)}")
+    if label:
+        print_prose(label)
+    for table in tables:
+        print_text("")
+        print_prose(f"{table.caption}:")
+        columns = [
+            Column(header, is_text=not right, priority=max(0, at - 1))
+            for at, (header, right) in enumerate(zip(table.headers, table.right, strict=True))
+        ]
+        rows = [[cell.text for cell in row] for row in table.rows]
+        best = {(at, to) for at, row in enumerate(table.rows) for to, cell in enumerate(row) if cell.best}
+        print_table(columns, rows, best=best, wide=wide)
+
+
+def _print_claim(claim: Mapping[str, str]) -> None:
+    verdict = claim["verdict"]
+    print_text(f"{paint(claim['id'], bold=True)}  {paint(verdict, fg=_VERDICT_COLORS.get(verdict))}")
+    told = {"paper": "statement", "test": "criterion", "measured": "measured", "why": "explanation"}
+    for name, key in {**told, "data": "data"}.items():
+        if claim[key]:
+            print_prose(f"  {name:<9} {claim[key]}", " " * 12)
+    print_text("")
+
+
+def _print_counts(counts: Mapping[str, Mapping[str, int]]) -> None:
+    for stage, count in counts.items():
+        if not count["wanted"]:
+            continue
+        failed = f", {count['failed']} failed" if count["failed"] else ""
+        print_line(f"{DONE[stage]:<14} {count['done']} of {count['wanted']}{failed}")
+
+
+def _print_left_out(left_out: Mapping[str, str]) -> None:
+    for name, why in left_out.items():
+        print_prose(f"left out       {name}: {why}", _INDENT)
+
+
+def _format_duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"

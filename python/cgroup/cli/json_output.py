@@ -1,0 +1,79 @@
+"""Results as documents: one JSON object per command, whose keys stay what they are.
+
+``docs/command-line.md`` lists the keys. A key is never given another meaning or taken away without a new
+`SCHEMA_VERSION`; new ones may come.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup import __version__
+from cgroup.cli.terminal import print_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+SCHEMA_VERSION = 1
+
+Document = dict[str, Any]
+
+
+def make_document(command: str, **parts: Any) -> Document:  # noqa: ANN401 - plain values and arrays
+    """Put a document together; arrays become lists, numbers that aren't finite None, paths text.
+
+    Parameters
+    ----------
+    command : str
+        Whose result it is, as it is typed.
+    **parts
+        What else the document holds.
+    """
+    head = {"schema_version": SCHEMA_VERSION, "cgroup_version": __version__, "command": command}
+    return {**head, **_plain(parts)}
+
+
+def make_error(command: str, kind: str, message: str, status: int, **parts: Any) -> Document:  # noqa: ANN401
+    """Put together what is printed in place of a result."""
+    error = {"kind": kind, "message": message, "exit_status": status}
+    return make_document(command, error=error, **parts)
+
+
+def print_document(document: Document) -> None:
+    """Print a document, and nothing else."""
+    print_text(as_text(document))
+
+
+def as_text(document: Mapping[str, Any]) -> str:
+    """Return a document as JSON, in ASCII: short lists on one line, all else indented."""
+    return _layout(document, "")
+
+
+def _layout(value: Any, indent: str) -> str:  # noqa: ANN401
+    inner = indent + "  "
+    if isinstance(value, dict) and value:
+        items = [f"{json.dumps(key)}: {_layout(item, inner)}" for key, item in value.items()]
+    elif isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
+        items = [_layout(item, inner) for item in value]
+    else:
+        return json.dumps(value, allow_nan=False)
+    opening, closing = "{}" if isinstance(value, dict) else "[]"
+    return f"{opening}\n{inner}" + f",\n{inner}".join(items) + f"\n{indent}{closing}"
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    """Return a value that JSON has."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value

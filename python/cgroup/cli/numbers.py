@@ -1,0 +1,20 @@
+"""Values as tables show them."""
+
+from __future__ import annotations
+
+UNKNOWN = "-"
+"""Stands for what isn't known."""
+
+
+def show_value(value: object, form: str = ".3g") -> str:
+    """Return a value of a document as text; numbers with a fraction in the form that is asked for."""
+    if value is None:
+        return UNKNOWN
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return format(value, form) if isinstance(value, float) else str(value)
+
+
+def milliseconds(value: float) -> str:
+    """Return a duration in milliseconds: with a decimal where it is short."""
+    return f"{value:.1f}" if value < 100 else f"{value:.0f}"

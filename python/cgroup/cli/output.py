@@ -1,0 +1,72 @@
+"""The end of a command: its document is saved, and shown as text or JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cgroup.cli.json_output import print_document
+from cgroup.cli.saved_runs import check_run, save_run
+from cgroup.cli.terminal import print_line, print_written
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cgroup.cli.json_output import Document
+
+_NOT_OPTIONS = (
+    "source",
+    "target",
+    "correspondences",
+    "models",
+    "cloud",
+    "out",
+    "html",
+    "as_json",
+    "save",
+    "wide",
+)
+"""Parameters that say nothing of how a result is computed."""
+
+
+def options_of(context: Any) -> dict[str, Any]:  # noqa: ANN401 - typer's
+    """List the options that a command was given, defaults included."""
+    return {name: value for name, value in context.params.items() if name not in _NOT_OPTIONS}
+
+
+def files_in(folder: Path, names: tuple[str, ...]) -> list[str]:
+    """List files as a document does."""
+    return [str(folder / name) for name in names]
+
+
+def print_files(document: Document) -> None:
+    """Print which files a command has written, all in one folder."""
+    files = [Path(file) for file in document["files"]]
+    print_written(files[0].parent, *(file.name for file in files))
+
+
+class Ending:
+    """Where a result goes, besides its files; looked at before work starts.
+
+    Parameters
+    ----------
+    as_json : bool
+        Whether the document is printed in place of text.
+    save : str or None
+        Name or file to save it by.
+    """
+
+    def __init__(self, *, as_json: bool, save: str | None = None) -> None:
+        self._as_json = as_json
+        self._save = None if save is None else check_run(save)
+
+    def finish(self, document: Document, print_it: Callable[[Document], None]) -> None:
+        """Save a document where that was asked for, and show it."""
+        if self._save is not None:
+            save_run(self._save, document)
+        if self._as_json:
+            print_document(document)
+            return
+        print_it(document)
+        if self._save is not None:
+            print_line(f"saved as {self._save.stem}; see: cgroup results")

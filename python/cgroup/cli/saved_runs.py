@@ -1,0 +1,172 @@
+"""Saved runs: documents in a folder, one file of JSON each, named by the user."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from cgroup._show import show
+from cgroup.cli.inputs import digest
+from cgroup.cli.json_output import SCHEMA_VERSION, Document, as_text
+from cgroup.errors import InputError
+from cgroup.io._files import read_content
+from cgroup.io._results import check_folder, make_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+FOLDER = "CGROUP_RESULTS"
+"""Environment variable: the folder in place of that in the user's data."""
+
+_SUFFIX = ".json"
+_NAME = re.compile(r"[\w][\w.+-]{0,99}")
+_KEYS = {"command": str, "inputs": list, "options": dict, "results": dict, "saved": dict}
+
+
+def check_run(name: str) -> Path:
+    """Return the file of a run that is to be saved, having seen that it can be made.
+
+    Parameters
+    ----------
+    name : str
+        A name, or a file: with a folder, or with the suffix ``.json``.
+
+    Returns
+    -------
+    Path
+        A file that isn't there yet.
+
+    Raises
+    ------
+    InputError
+        For something else, a run that is there already, or a folder that can't be written.
+    """
+    path = file_of(name)
+    if path.suffix != _SUFFIX or not path.stem:
+        message = f"--save: got {show(name)}; give a name of letters, digits and . _ + -, or a .json file"
+        raise InputError(message)
+    if os.path.lexists(path):
+        how = f"cgroup results remove {path.stem}" if path.parent == folder_of_runs() else "remove it"
+        message = f"--save: {path} is there already; choose another name, or first: {how}"
+        raise InputError(message)
+    check_folder(path.parent)
+    return path
+
+
+def file_of(name: str) -> Path:
+    """Return the file that a name or a file's name stands for, whether or not it is there."""
+    if name.endswith(_SUFFIX) or Path(name).name != name:
+        return Path(name)
+    if not _NAME.fullmatch(name):
+        message = f"saved run: got {show(name)}; give a name of letters, digits and . _ + -, or a .json file"
+        raise InputError(message)
+    return folder_of_runs() / (name + _SUFFIX)
+
+
+def folder_of_runs() -> Path:
+    """Return the folder of saved runs, whether or not it is there."""
+    given = os.environ.get(FOLDER)
+    if given:
+        return Path(given)
+    import platformdirs  # noqa: PLC0415 - only here
+
+    return platformdirs.user_data_path("cgroup", appauthor=False) / "results"
+
+
+def names_of_runs() -> list[str]:
+    """List the names in the folder, sorted."""
+    try:
+        return sorted(file.stem for file in folder_of_runs().iterdir() if file.suffix == _SUFFIX)
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        message = f"{folder_of_runs()}: can't be read ({error.strerror or error})"
+        raise InputError(message) from error
+
+
+def save_run(path: Path, document: Document) -> None:
+    """Write a document, with when and where it came about; nothing half-written is ever left.
+
+    Raises
+    ------
+    InputError
+        If the file can't be written.
+    """
+    inputs = [{**one, "sha256": digest(one["file"])} for one in document["inputs"]]
+    saved = {
+        "date": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+    }
+    text = as_text({**document, "inputs": inputs, "saved": saved}) + "\n"
+    make_folder(path.parent)
+    _replace(path, text.encode())
+
+
+def load_run(name: str) -> Document:
+    """Read a saved run.
+
+    Raises
+    ------
+    InputError
+        If there is none, or the file is something else.
+    """
+    path = file_of(name)
+    if not path.exists():
+        known = names_of_runs()
+        there = f"there are {', '.join(known)}" if known else "there are none yet; --save keeps one"
+        message = f"{name}: no such saved run; {there}"
+        raise InputError(message)
+    content = read_content(path)
+    try:
+        document = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        message = f"{path}: not a saved run, or cut off ({' '.join(str(error).split())[:80]})"
+        raise InputError(message) from error
+    return _check(path, document)
+
+
+def remove_runs(names: Iterable[str]) -> list[Path]:
+    """Delete saved runs, after all were found; return their files."""
+    files = [file_of(name) for name in names]
+    for name, file in zip(names, files, strict=True):
+        if not file.exists():
+            load_run(name)  # says what there is
+    try:
+        for file in files:
+            file.unlink()
+    except OSError as error:
+        message = f"{error.filename}: can't be removed ({error.strerror or error})"
+        raise InputError(message) from error
+    return files
+
+
+def _check(path: Path, document: object) -> Document:
+    if isinstance(document, dict) and all(isinstance(document.get(key), kind) for key, kind in _KEYS.items()):
+        known = cast("Document", document)
+        version = known.get("schema_version")
+        if version == SCHEMA_VERSION:
+            return known
+        message = f"{path}: saved in layout {show(version)}, and {SCHEMA_VERSION} is known; update cgroup"
+    else:
+        message = f"{path}: not a saved run of cgroup; --save writes them"
+    raise InputError(message)
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write a file that is there whole, or not at all."""
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
+    except OSError as error:
+        message = f"{path}: can't be written ({error.strerror or error})"
+        raise InputError(message) from error
+    finally:
+        with suppress(OSError):
+            unfinished.unlink(missing_ok=True)

@@ -1,0 +1,119 @@
+"""What is said of one match."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from cgroup._words import length, one_of
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why one match was kept or dropped; `str` puts it into sentences.
+
+    Attributes
+    ----------
+    index : int
+        Row of the match.
+    kept : bool
+        Whether it is in the group.
+    method : str or None
+        Public name of the method; "register" for the verified group of a registration, None for a method of
+        one's own.
+    matches, selected : int
+        How many matches there are, and how many the group has.
+    score : float or None
+        The method's score of it, for methods that score.
+    rank : int or None
+        Its place by score, 1 for the greatest; matches of equal scores share a place.
+    threshold : float or None
+        The cut on the scores, where scores decide.
+    residual : float or None
+        Distance between its target point and where the group's pose lays its source point, in the data's
+        unit: the pose is `Grouping.model`, or else the least-squares pose of the group. None without points
+        or pose.
+    tolerance : float or None
+        The bound on the residual, in the data's unit, where residuals decide; for TEASER++ the bound along
+        each axis.
+    resolution : float or None
+        The unit pr, where it is known.
+    agreeing, agreeing_in_group : int or None
+        How many of the other matches, and how many of the group's others, keep their distance to it. None
+        without points.
+    agreement : str
+        What counts as keeping the distance: the method's own rule, or one that is said to be none of its.
+    reason : str
+        Why, in words.
+    remedy : str
+        What would have kept it, other things being equal; empty where it was kept or nothing is known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import ransac
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> target = source + 1.0
+    >>> target[49] += 0.5
+    >>> why = ransac(source, target, tolerance=0.1, refine=True).explain(49)
+    >>> why.kept, round(why.residual, 2), why.tolerance
+    (False, 0.87, 0.1)
+    """
+
+    index: int
+    kept: bool
+    method: str | None
+    matches: int
+    selected: int
+    score: float | None
+    rank: int | None
+    threshold: float | None
+    residual: float | None
+    tolerance: float | None
+    resolution: float | None
+    agreeing: int | None
+    agreeing_in_group: int | None
+    agreement: str
+    reason: str
+    remedy: str
+    _tells_residual: bool = field(default=False, repr=False)
+
+    @property
+    def residual_in_resolutions(self) -> float | None:
+        """The residual in pr; None where either isn't known.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup import ransac
+        >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+        >>> target = source + 1.0
+        >>> target[49] += 0.5
+        >>> group = ransac(source, target, resolution=0.01, refine=True)
+        >>> round(group.explain(49).residual_in_resolutions, 1)
+        86.6
+        """
+        if self.residual is None or self.resolution is None:
+            return None
+        return self.residual / self.resolution
+
+    def __str__(self) -> str:
+        done = "kept" if self.kept else "dropped"
+        sentences = [f"Match {self.index} was {done}: {self.reason}.", self._agreement(), self._residual()]
+        if self.remedy:
+            sentences.append(f"It would have been kept {self.remedy}.")
+        return " ".join(sentence for sentence in sentences if sentence)
+
+    def _agreement(self) -> str:
+        if self.agreeing is None or self.agreeing_in_group is None:
+            return ""
+        text = f"It keeps its distance to {one_of(self.agreeing, 'the {} other matches', self.matches - 1)}"
+        group = self.selected - self.kept
+        if group:
+            whole = "the group's {} others" if self.kept else "the group's {}"
+            text += f" and {one_of(self.agreeing_in_group, whole, group)}"
+        return f"{text}, {self.agreement}."
+
+    def _residual(self) -> str:
+        if self.residual is None or self._tells_residual:
+            return ""
+        return f"The group's pose leaves it {length(self.residual, self.resolution)} from its partner."

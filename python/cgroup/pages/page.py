@@ -1,0 +1,230 @@
+"""One HTML file with charts in it, which fetches nothing: plotly's script lies in the page, compressed.
+
+A page is put together from pieces of HTML: `chart_html` makes one chart, to be placed anywhere; `page_html`
+the page around a body. Names that come from outside, such as those of files, are escaped by whoever writes
+them into a body (`html.escape`) or into a chart (`chart_text`).
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+import gzip
+import html
+import json
+from importlib import resources
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+from cgroup._values import as_instance, refusal
+from cgroup.errors import InputError
+from cgroup.io import write_file
+
+if TYPE_CHECKING:
+    import os
+
+NEEDS_PLOTLY = "interactive pages need plotly; pip install 'cgroup[scans]'"
+
+_UNSAFE_IN_SCRIPTS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&\u2028\u2029"}
+"""What could end a script or a comment; in JSON they stand in texts only, where escapes mean the same."""
+
+
+def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", caption: str = "") -> str:  # noqa: ANN401
+    """Make the HTML of one chart, for the body of `page_html`.
+
+    The chart is drawn when it comes into sight, as wide as its place, in the page's light or dark colours:
+    the figure's template is left out, and its colours of texts, grids and backgrounds are replaced.
+
+    Parameters
+    ----------
+    name : str
+        Identifier of its element; the page's script finds the drawn chart by ``charts.get(name)``.
+    figure : plotly.graph_objects.Figure or dict
+        Or its ``data`` and ``layout``.
+    label : str
+        What the chart shows, for those who can't see it; plain text.
+    height : str
+        A length in CSS.
+    caption : str
+        HTML below the chart.
+
+    Returns
+    -------
+    str
+        A ``<figure>``.
+
+    Raises
+    ------
+    InputError
+        If plotly isn't installed, or the figure is none.
+
+    Examples
+    --------
+    >>> chart = chart_html(
+    ...     "line", {"data": [{"y": [1, 3, 2]}], "layout": {}}, label="A line"
+    ... )
+    >>> chart.startswith('<figure class="chart" id="line"')
+    True
+    """
+    below = f"<figcaption>{caption}</figcaption>" if caption else ""
+    return (
+        f'<figure class="chart" id="{html.escape(name)}" style="--height: {html.escape(height)}">'
+        f'<div class="chart-area" role="img" aria-label="{html.escape(label)}"></div>'
+        f'<script type="application/json">{_json(_plain(figure))}</script>{below}</figure>'
+    )
+
+
+def data_html(name: str, value: Any) -> str:  # noqa: ANN401 - whatever JSON can hold
+    """Make the HTML of data for a page's own script, which nobody sees.
+
+    Parameters
+    ----------
+    name : str
+        Identifier of its element; the script reads
+        ``JSON.parse(document.getElementById(name).textContent)``.
+    value : object
+        What JSON can hold; numbers are finite.
+
+    Returns
+    -------
+    str
+        A ``<script>`` for the body of `page_html`.
+
+    Examples
+    --------
+    >>> data_html("counts", {"kept": 3})
+    '<script type="application/json" id="counts">{"kept":3}</script>'
+    """
+    return f'<script type="application/json" id="{html.escape(name)}">{_json(value)}</script>'
+
+
+def _json(value: Any) -> str:  # noqa: ANN401 - as above
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).translate(_UNSAFE_IN_SCRIPTS)
+
+
+def chart_text(text: object) -> str:
+    """Escape a text that a chart is to show as it is.
+
+    Without it plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
+
+    Parameters
+    ----------
+    text : object
+        Shown by `str`.
+
+    Returns
+    -------
+    str
+        For names of traces, hover texts, titles and annotations.
+
+    Examples
+    --------
+    >>> chart_text("a<b>.ply")
+    'a&lt;b&gt;.ply'
+    """
+    return html.escape(str(text), quote=False)
+
+
+def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
+    """Put a page together: style, body, and what draws the charts in it.
+
+    Parameters
+    ----------
+    title : str
+        Plain text.
+    body : str
+        HTML; usually one ``<main>``, with what `chart_html` made in it.
+    css : str
+        Rules of the page's own, after the common ones, whose colours are variables: ``--text``, ``--quiet``,
+        ``--line``, ``--soft``, ``--surface``, ``--link``, ``--grid``.
+    script : str
+        JavaScript of the page's own; ``charts.get(name)`` promises the element of a drawn chart,
+        ``charts.plotly`` is then plotly.
+
+    Returns
+    -------
+    str
+        A whole HTML document. It may not fetch anything: its content security policy forbids it.
+
+    Raises
+    ------
+    InputError
+        If there is a chart and plotly isn't installed.
+
+    Examples
+    --------
+    >>> page = page_html("A & B", "<main><h1>Two clouds</h1></main>")
+    >>> "<title>A &amp; B</title>" in page
+    True
+    """
+    has_charts = '<figure class="chart"' in body
+    library = (
+        f'<script type="text/plain" id="chart-library">{_packed_plotly()}</script>' if has_charts else ""
+    )
+    return Template(part("page.html")).substitute(
+        title=html.escape(title),
+        css=part("page.css") + css,
+        body=body,
+        library=library,
+        script=part("page.js") + script,
+    )
+
+
+def write_page(path: str | os.PathLike[str], page: str) -> None:
+    """Write a page into a file.
+
+    Parameters
+    ----------
+    path : path-like
+        Usually ends in ``.html``.
+    page : str
+        What `page_html` returned.
+
+    Raises
+    ------
+    InputError
+        If the file can't be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "page.html")
+    ...     write_page(path, page_html("Nothing yet", "<main></main>"))
+    ...     path.read_text()[:15]
+    '<!doctype html>'
+    """
+    # Names of files may hold bytes that are no text; a page shows them as question marks.
+    write_file(path, as_instance("page", page, str).encode("utf-8", "replace"))
+
+
+def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
+    """Return a figure as JSON has it: arrays of numbers become short, as bytes in base64."""
+    try:
+        from plotly.basedatatypes import BaseFigure  # noqa: PLC0415 - an extra
+        from plotly.graph_objects import Figure  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise InputError(NEEDS_PLOTLY) from error
+    try:
+        drawn = as_instance("figure", Figure(figure) if isinstance(figure, dict) else figure, BaseFigure)
+        content = json.loads(str(drawn.to_json(validate=False)))
+        data, layout = content["data"], content["layout"]
+    except (TypeError, ValueError) as error:
+        refused = refusal("figure", figure, "give a plotly figure, or a dict of its data and layout")
+        raise refused from error
+    return {"data": data, "layout": {name: value for name, value in layout.items() if name != "template"}}
+
+
+@functools.cache
+def _packed_plotly() -> str:
+    try:
+        from plotly.offline import get_plotlyjs  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise InputError(NEEDS_PLOTLY) from error
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode("ascii")
+
+
+@functools.cache
+def part(name: str) -> str:
+    """Return a file of this package: a template, a style or a script."""
+    return resources.files("cgroup.pages").joinpath(name).read_text(encoding="utf-8")

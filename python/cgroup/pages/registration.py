@@ -1,0 +1,112 @@
+"""The page of one registration."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING, Any
+
+from cgroup._drawing import as_flags, as_points
+from cgroup._values import as_instance
+from cgroup.evaluation import rotation_error, translation_error
+from cgroup.pages.viewer import Selection, View, view_html
+from cgroup.registration import Registration
+from cgroup.rigid import check_rigid
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import FloatArray, PointCloud
+
+
+def registration_page(
+    source: PointCloud | ArrayLike,
+    target: PointCloud | ArrayLike,
+    registration: Registration,
+    *,
+    correct: ArrayLike | None = None,
+    truth: ArrayLike | None = None,
+    title: str = "Registration",
+    refusal: str | None = None,
+) -> str:
+    """Make the page of a registration: both clouds to turn around, and the matches.
+
+    Parameters
+    ----------
+    source, target : PointCloud or (N,3) array_like of float
+        The clouds that were registered; at most 20,000 points of each are drawn.
+    registration : Registration
+        What `cgroup.registration.register` returned, or the guess in the error that it raised.
+    correct : (n,) array_like of bool, optional
+        Which matches are correct; lines are green and orange then.
+    truth : (4,4) array_like of float, optional
+        The true pose, from which the errors of pose and matches are told.
+    title : str
+        Plain text.
+    refusal : str, optional
+        Why the pose isn't trusted: what the error said.
+
+    Returns
+    -------
+    str
+        HTML, for `write_page`.
+
+    Raises
+    ------
+    InputError
+        If plotly isn't installed, or an argument doesn't fit.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.pages import registration_page
+    >>> from cgroup.registration import register
+    >>> pair = standin_pair(pixels=60)
+    >>> page = registration_page(
+    ...     pair.source, pair.target, register(pair.source, pair.target)
+    ... )
+    >>> page.startswith("<!doctype html>")
+    True
+    """
+    as_instance("registration", registration, Registration)
+    matches, pose = registration.correspondences, registration.T_target_source
+    true_pose = None if truth is None else check_rigid(truth, "truth")
+    view = View(
+        title=as_instance("title", title, str),
+        lead=_lead(registration, refusal),
+        source=as_points("source", source),
+        target=as_points("target", target),
+        matches=matches,
+        pose=pose,
+        correct=None if correct is None else as_flags("correct", correct, len(matches)),
+        truth=true_pose,
+        selections=[Selection("register", registration.grouping)],
+        facts=_facts(registration, true_pose),
+    )
+    return view_html(view)
+
+
+def _lead(registration: Registration, refusal: str | None) -> str:
+    if refusal is not None:
+        why = as_instance("refusal", refusal, str)
+        sentence = html.escape(f"{why[:1].upper()}{why[1:].removesuffix('.')}.")
+        return f'<p class="refused" role="alert"><b>Refused: this is a guess.</b> {sentence}</p>'
+    count = f"{registration.grouping.size:,} of {len(registration.correspondences):,} matches"
+    sure = f"The pose is right with a probability of {registration.probability:.3f}."
+    share = f"{100 * registration.fitness:.0f} % of the source"
+    return f'<p class="lead quiet">{sure} It lays {share} on the target, and {count} together.</p>'
+
+
+def _facts(registration: Registration, truth: FloatArray | None) -> list[tuple[str, str]]:
+    pose = registration.T_target_source
+    lines = "\n".join(" ".join(f"{number:12.6g}" for number in row) for row in pose)
+    facts: list[tuple[str, Any]] = [
+        ("pose", f"<pre>{lines}</pre>"),
+        ("probability", f"{registration.probability:.3f} that it is right"),
+        ("overlap", f"{100 * registration.fitness:.0f} % of the source lies on the target"),
+        ("residual", f"{registration.inlier_rmse:.3g} there (root mean square)"),
+        ("voxel", f"{registration.voxel:.4g}"),
+    ]
+    if truth is not None:
+        turn, shift = rotation_error(pose, truth), translation_error(pose, truth)
+        facts.append(("off the true pose", f"{turn:.3g} degrees, {shift:.3g} in translation"))
+    return facts + [("note", html.escape(note)) for note in registration.notes]

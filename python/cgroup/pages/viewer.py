@@ -1,0 +1,286 @@
+"""A page with two clouds to turn around, and lines of what methods kept and dropped."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup._explain import explain_matches
+from cgroup.pages.page import chart_html, data_html, page_html
+from cgroup.pages.page import part as part_of
+from cgroup.pages.scene import bare_axes, camera_of, cloud_trace, scene_of, spread
+from cgroup.plots import style
+from cgroup.rigid import apply
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cgroup.pages.scene import Scene
+    from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, IndexArray
+
+MAX_MATCHES = 800
+"""Matches that a page holds; of more, an even part of those kept and of the others."""
+
+_KEPT_SHARE = 0.75
+
+_JUDGED = (
+    ("correct", "kept, correct", True),
+    ("wrong", "kept, wrong", True),
+    ("missed", "dropped, correct", True),
+    ("dropped", "dropped", False),
+)
+_UNJUDGED = (("group", "kept", True), ("dropped", "dropped", False))
+_HINT = "Point at a line, or tap it, or type the number of a match."
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What one method kept."""
+
+    label: str
+    grouping: Grouping
+    numbers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What a page shows.
+
+    Attributes
+    ----------
+    title : str
+        Plain text.
+    lead : str
+        HTML below the title.
+    source, target : (N,3) array of float64
+        Whole clouds.
+    matches : Correspondences
+        All of them.
+    pose : (4,4) array of float64
+        Lays the source on the target.
+    correct : (n,) array of bool or None
+        Which matches are correct, where that is known.
+    truth : (4,4) array of float64 or None
+        The true pose, where that is known.
+    selections : sequence of Selection
+        One per method.
+    first : int
+        Which selection is shown first.
+    columns : tuple of str
+        Heads of the selections' numbers.
+    facts : sequence of (str, str)
+        Names and HTML, below the view.
+    """
+
+    title: str
+    lead: str
+    source: FloatArray
+    target: FloatArray
+    matches: Correspondences
+    pose: FloatArray
+    correct: BoolArray | None
+    truth: FloatArray | None
+    selections: Sequence[Selection]
+    first: int = 0
+    columns: tuple[str, ...] = ()
+    facts: Sequence[tuple[str, str]] = ()
+
+
+def view_html(view: View) -> str:
+    """Put a page together."""
+    scene = scene_of(view.source, view.target, view.pose)
+    rows = _rows(view)
+    kinds = _UNJUDGED if view.correct is None else _JUDGED
+    data = data_html("viewer-data", _data(view, scene, rows, kinds))
+    body = (
+        f"<main><h1>{html.escape(view.title)}</h1>{view.lead}"
+        f'<div class="viewer"><div class="stage">{_chart(view, scene, kinds)}{_CONTROLS}</div>'
+        f'<aside class="side">{_methods(view)}{_switches(kinds)}{_about(view, rows)}</aside></div>'
+        f"{_facts(view.facts)}{_HELP}</main>{data}"
+    )
+    return page_html(view.title, body, css=part_of("viewer.css"), script=part_of("viewer.js"))
+
+
+def _rows(view: View) -> IndexArray:
+    """Return the matches that the page holds."""
+    interesting = np.zeros(len(view.matches), dtype=bool) if view.correct is None else view.correct.copy()
+    for selection in view.selections:
+        interesting |= selection.grouping.mask
+    first, others = np.flatnonzero(interesting), np.flatnonzero(~interesting)
+    room = max(round(_KEPT_SHARE * MAX_MATCHES), MAX_MATCHES - len(others))
+    first = spread(first, room)
+    return np.sort(np.concatenate([first, spread(others, MAX_MATCHES - len(first))]))
+
+
+def _kinds_of(mask: BoolArray, correct: BoolArray | None) -> IndexArray:
+    """(n,) of which kind each match is: rows of `_JUDGED`, or of `_UNJUDGED`."""
+    if correct is None:
+        return np.where(mask, 0, 1)
+    return np.where(mask, np.where(correct, 0, 1), np.where(correct, 2, 3))
+
+
+def _data(view: View, scene: Scene, rows: IndexArray, kinds: tuple[Any, ...]) -> dict[str, Any]:
+    resolution = view.matches.resolution
+    source = apply(np.eye(4), view.matches.source[rows]) - scene.source.center
+    target = apply(np.eye(4), view.matches.target[rows]) - scene.target.center
+    size = float(np.ptp(scene.target.points, axis=0).max()) or 1.0
+    matches = {
+        "index": rows.tolist(),
+        "source": _rounded(source, size),
+        "target": _rounded(target, size),
+    }
+    if view.truth is not None:
+        error = np.linalg.norm(
+            apply(view.truth, view.matches.source[rows]) - view.matches.target[rows], axis=1
+        )
+        matches["error"] = _short(error / (resolution or 1.0))
+    return {
+        "count": len(view.matches),
+        "unit": " pr" if resolution else "",
+        "hint": _HINT,
+        "kinds": [{"id": name, "name": text} for name, text, _ in kinds],
+        "poses": {
+            name: getattr(scene, name)[:3].reshape(-1).tolist() for name in ("given", "apart", "placed")
+        },
+        "camera": {name: getattr(scene, name).tolist() for name in ("right", "up", "towards")},
+        "matches": matches,
+        "methods": [_method(each, view.correct, rows, len(kinds)) for each in view.selections],
+    }
+
+
+def _method(selection: Selection, correct: BoolArray | None, rows: IndexArray, kinds: int) -> dict[str, Any]:
+    """Return what is known of each match by one method."""
+    grouping = selection.grouping
+    kind = _kinds_of(grouping.mask, correct)
+    said = explain_matches(grouping, rows.tolist())
+    resolution = said[0].resolution if said else None
+    numbers: dict[str, Any] = {"score": None, "rank": None, "residual": None}
+    if said and said[0].score is not None:
+        numbers["score"] = _short(np.array([each.score for each in said]))
+        numbers["rank"] = [each.rank for each in said]
+    if said and said[0].residual is not None:
+        numbers["residual"] = _short(np.array([each.residual for each in said]) / (resolution or 1.0))
+    known = bool(said) and said[0].agreeing is not None
+    for name in ("agreeing", "agreeing_in_group"):
+        numbers[name] = [getattr(each, name) for each in said] if known else None
+    return {
+        **numbers,
+        "kind": kind[rows].tolist(),
+        "counts": np.bincount(kind, minlength=kinds).tolist(),
+        "why": [each.reason for each in said],
+    }
+
+
+def _short(values: FloatArray) -> list[float | None]:
+    """Round to four digits; what isn't finite is left out."""
+    return [float(f"{value:.4g}") if np.isfinite(value) else None for value in values]
+
+
+def _rounded(points: FloatArray, size: float) -> list[list[float]]:
+    """Round to a hundred-thousandth of the scene."""
+    digits = 5 - int(np.floor(np.log10(size)))
+    return np.round(points, digits).tolist()
+
+
+def _chart(view: View, scene: Scene, kinds: tuple[Any, ...]) -> str:
+    lines = {"type": "scatter3d", "mode": "lines", "x": [], "y": [], "z": [], "hoverinfo": "none"}
+    widths = [3.0 if shown else 2.0 for *_, shown in kinds]
+    figure = {
+        "data": [
+            cloud_trace(scene.source, scene.apart, "source", style.SOURCE_TINT),
+            cloud_trace(scene.target, np.eye(4), "target", style.TARGET_TINT),
+            *({**lines, "line": {"width": width}} for width in widths),
+            {**lines, "line": {"width": 9}, "hoverinfo": "skip"},
+        ],
+        "layout": {
+            "scene": {**bare_axes(), "aspectmode": "data", "camera": camera_of(scene), "dragmode": "orbit"},
+            "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+            "showlegend": False,
+        },
+    }
+    label = f"Two point clouds in three dimensions, and lines between matched points: {view.title}"
+    tip = '<div class="tip" id="tip" role="status" hidden></div>'
+    return chart_html("scene", figure, label=label, height="min(68vh, 46rem)") + tip
+
+
+_CONTROLS = """
+<div class="bar" role="group" aria-label="Place of the source">
+<button type="button" id="play" disabled>Place it</button>
+<label>from <select id="start" disabled>
+<option value="apart">side by side</option><option value="given">as in the files</option></select></label>
+<label style="flex: 1 1 14rem">to where the pose lays it
+<input type="range" id="place" min="0" max="100" value="0" disabled></label>
+</div>
+<div class="bar" role="group" aria-label="Camera">
+<button type="button" id="reset" disabled>Reset the view</button>
+<label><input type="checkbox" id="perspective" checked disabled> perspective</label>
+</div>
+"""
+
+_HELP = """
+<details><summary>What to press</summary>
+<ul>
+<li>Drag to turn, scroll or pinch to zoom, drag with the right button (or two fingers) to shift.</li>
+<li>“Place it” moves the source onto the target; the slider stops it anywhere on the way.</li>
+<li>Point at a line to see which match it is and why it was kept or dropped; a click keeps it.</li>
+<li>The file holds everything that it shows, and fetches nothing: it can be sent as it is.</li>
+</ul>
+</details>
+"""
+
+
+def _methods(view: View) -> str:
+    if len(view.selections) == 1:
+        return ""
+    head = "".join(f'<th scope="col">{html.escape(column)}</th>' for column in view.columns)
+    lines = "".join(_method_row(k, each, view.first) for k, each in enumerate(view.selections))
+    table = f"<thead><tr><th></th>{head}</tr></thead><tbody>{lines}</tbody>"
+    return (
+        '<fieldset><legend>Method</legend><div class="scroll">'
+        f'<table class="methods">{table}</table></div></fieldset>'
+    )
+
+
+def _method_row(k: int, selection: Selection, first: int) -> str:
+    cells = "".join(f"<td>{html.escape(number)}</td>" for number in selection.numbers)
+    state = " checked" if k == first else ""
+    return (
+        f'<tr><th scope="row"><label><input type="radio" name="method" value="{k}"{state} disabled>'
+        f"{html.escape(selection.label)}</label></th>{cells}</tr>"
+    )
+
+
+def _switches(kinds: tuple[Any, ...]) -> str:
+    clouds = [("source", "source", True, " dot"), ("target", "target", True, " dot")]
+    lines = [(name, text, shown, "") for name, text, shown in kinds]
+    boxes = "".join(
+        f'<label><input type="checkbox" id="show-{name}"{" checked" if shown else ""} disabled>'
+        f'<span class="swatch{shape}" style="--color: var(--{name})"></span>{text}'
+        f'<span class="count" id="count-{name}"></span></label>'
+        for name, text, shown, shape in (*clouds, *lines)
+    )
+    return f'<fieldset class="show"><legend>Show</legend>{boxes}</fieldset>'
+
+
+def _about(view: View, rows: IndexArray) -> str:
+    last = max(len(view.matches) - 1, 0)
+    held = (
+        ""
+        if len(rows) == len(view.matches)
+        else f"{len(rows):,} of {len(view.matches):,} matches are in this page."
+    )
+    return (
+        '<section class="match"><label>Match number '
+        f'<input type="number" id="number" min="0" max="{last}" disabled></label>'
+        f'<div id="about" aria-live="polite"></div><p class="quiet">{held}</p></section>'
+    )
+
+
+def _facts(facts: Sequence[tuple[str, str]]) -> str:
+    if not facts:
+        return ""
+    lines = "".join(f"<dt>{html.escape(name)}</dt><dd>{value}</dd>" for name, value in facts)
+    return f'<dl class="facts">{lines}</dl>'

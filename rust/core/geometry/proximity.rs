@@ -1,0 +1,110 @@
+//! Which points of one cloud have a point of another one near them.
+
+use rayon::prelude::*;
+
+use super::grid::Grid;
+use crate::error::{Result, positive};
+use crate::execution::Execution;
+use crate::memory;
+use crate::points::Points;
+
+/// Cells per radius: the first point found settles a query, so larger cells than those of a ball search do.
+const CELLS_PER_RADIUS: f64 = 1.0;
+/// Queries that one task takes.
+const QUERIES_PER_TASK: usize = 256;
+/// What rounding may do to a coordinate on its way into the grid, as a share of the greatest magnitude.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
+/// Tells for each of the points whether at least one of the others is at most `radius` away, by the distance of
+/// the coordinates as they are given: ``sqrt(dx^2 + dy^2 + dz^2) <= radius``, each operation rounded once.
+///
+/// Coordinates of `points` that are not numbers are near nothing. Cost O((N + M) log M) for small balls.
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`] unless the radius is positive and the others can be squared;
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+pub fn any_within(
+    points: &[[f64; 3]],
+    others: &[[f64; 3]],
+    radius: f64,
+    execution: &Execution,
+) -> Result<Vec<bool>> {
+    positive("radius", radius)?;
+    let mut found = memory::filled(false, points.len())?;
+    if others.is_empty() {
+        return Ok(found);
+    }
+    let centred = Points::from_rows("others", others)?;
+    let grid = Grid::new(&centred, radius / CELLS_PER_RADIUS)?;
+    let others = grid.reorder(others)?;
+    let center = <[f64; 3]>::from(centred.center());
+    let largest = others.iter().map(magnitude).fold(0.0, f64::max);
+    found.par_chunks_mut(QUERIES_PER_TASK).zip(points.par_chunks(QUERIES_PER_TASK)).try_for_each(
+        |(found, points)| {
+            execution.check()?;
+            for (found, point) in found.iter_mut().zip(points) {
+                // The grid holds rounded coordinates: look somewhat farther there, then at those that were given.
+                let reach = radius * (1.0 + ROUNDING) + ROUNDING * (largest + magnitude(point));
+                let place = std::array::from_fn(|k| point[k] - center[k]);
+                let near = grid.visit_runs(place, reach, |start, end| {
+                    others[start..end].iter().any(|other| distance(point, other) <= radius).then_some(())
+                });
+                *found = near.is_some();
+            }
+            Ok(())
+        },
+    )?;
+    Ok(found)
+}
+
+/// Greatest magnitude of a coordinate.
+fn magnitude(point: &[f64; 3]) -> f64 {
+    point.iter().fold(0.0, |most: f64, coordinate| most.max(coordinate.abs()))
+}
+
+#[inline]
+fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    let [x, y, z]: [f64; 3] = std::array::from_fn(|k| a[k] - b[k]);
+    (x * x + y * y + z * z).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows of a small generator, so that many distances are the same.
+    fn rows(count: u32, seed: u32, scale: f64, offset: f64) -> Vec<[f64; 3]> {
+        let number = |i: u32| offset + scale * f64::from((i * 7919 + seed * 104_729) % 101 % 17);
+        (0..count).map(|i| [number(3 * i), number(3 * i + 1), number(3 * i + 2)]).collect()
+    }
+
+    #[test]
+    fn is_what_all_pairs_say() -> Result<()> {
+        for (scale, offset) in [(1.0, 0.0), (0.1, 1e6), (1e-3, -1e9), (1e40, 0.0)] {
+            let (points, others) = (rows(300, 1, scale, offset), rows(40, 2, scale, offset));
+            // Lattice distances: many pairs lie at the radius exactly, up to rounding.
+            for radius in [1.0, 2.0, 3.0, 5.0_f64.sqrt(), 6.0, 40.0] {
+                let radius = radius * scale;
+                let wanted: Vec<bool> =
+                    points.iter().map(|p| others.iter().any(|q| distance(p, q) <= radius)).collect();
+                assert_eq!(any_within(&points, &others, radius, &Execution::default())?, wanted);
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn nothing_is_near_nothing() -> Result<()> {
+        let execution = Execution::default();
+        assert_eq!(any_within(&[[0.0; 3]], &[], 1.0, &execution)?, [false]);
+        assert!(any_within(&[], &[[0.0; 3]], 1.0, &execution)?.is_empty());
+        let strange = [[f64::NAN, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0], [f64::MAX; 3], [0.0; 3]];
+        assert_eq!(any_within(&strange, &[[0.0; 3]], 1.0, &execution)?, [false, false, false, true]);
+        Ok(())
+    }
+
+    #[test]
+    fn a_radius_has_to_be_positive() {
+        assert!(any_within(&[], &[], 0.0, &Execution::default()).is_err());
+    }
+}

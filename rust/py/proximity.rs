@@ -1,0 +1,23 @@
+//! Which points have others near them.
+
+use cgroup::geometry::proximity::any_within;
+use numpy::PyArray1;
+use numpy::ndarray::Ix2;
+use pyo3::prelude::*;
+
+use crate::convert::Reals;
+use crate::run::{RunOptions, run};
+
+/// Which of the points have at least one of the others within a radius.
+#[pyfunction]
+pub fn within<'py>(
+    py: Python<'py>,
+    points: Reals<'py, Ix2>,
+    others: Reals<'py, Ix2>,
+    run_options: RunOptions,
+    radius: f64,
+) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    let (points, others) = (points.rows()?, others.rows()?);
+    let found = run(py, &run_options, move |execution| any_within(&points, &others, radius, execution))?;
+    Ok(PyArray1::from_vec(py, found))
+}

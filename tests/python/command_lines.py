@@ -1,0 +1,39 @@
+"""Command lines run within the tests' own process, and small files for them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from cgroup import Correspondences
+from cgroup.cli import main
+from cgroup.datasets import standin_pair
+from cgroup.io import write_cloud, write_correspondences, write_transform
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    """Run the command line; return its exit status and what it printed."""
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    out, err = capsys.readouterr()
+    assert isinstance(ended.value.code, int)
+    return ended.value.code, out, err
+
+
+def write_inputs(path: Path) -> None:
+    """Write two scans, their pose, and matches with 40 right ones among 60."""
+    pair = standin_pair(pixels=60)
+    write_cloud(path / "source.ply", pair.source)
+    write_cloud(path / "target.ply", pair.target)
+    write_transform(path / "truth.txt", pair.T_target_source)
+    rng = np.random.default_rng(0)
+    source = rng.uniform(size=(60, 3))
+    target = source + np.array([1, 2, 3])
+    target[40:] = rng.uniform(size=(20, 3))
+    write_correspondences(path / "matches.npz", Correspondences(source, target, resolution=0.02))
+    np.savetxt(path / "matches.txt", np.hstack([source, target]))

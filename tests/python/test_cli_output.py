@@ -1,0 +1,408 @@
+"""What commands print: help and tables of 80 columns, plain where they are piped, and JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import typer.main
+from command_lines import run, write_inputs
+
+from cgroup import METHODS
+from cgroup.cli import app
+from cgroup.cli.colors import wants_colors
+from cgroup.cli.json_output import as_text, make_document
+from cgroup.cli.tables import Column, print_table
+from cgroup.datasets import standin_pair
+from cgroup.io import read_transform, write_cloud
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+BOXES = re.compile("[\u2500-\u257f\x1b]")
+
+
+def list_commands() -> Iterator[tuple[tuple[str, ...], Any]]:
+    """List all commands, by the words that call them."""
+    root = typer.main.get_command(app)
+    yield (), root
+    for name, command in root.commands.items():
+        yield (name,), command
+        for inner, nested in getattr(command, "commands", {}).items():
+            yield (name, inner), nested
+
+
+COMMANDS = dict(list_commands())
+
+
+def parse_command(line: str) -> None:
+    """Read the words of a command line as the program does, without running it."""
+    given = shlex.split(line)[1:]
+    known = tuple(given[:2]) if tuple(given[:2]) in COMMANDS else tuple(given[:1])
+    COMMANDS[known].make_context("cgroup", given[len(known) :])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("input")
+    write_inputs(path)
+    write_cloud(path / "other.ply", standin_pair(seed=5, pixels=60).target)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CGROUP_RESULTS", str(tmp_path / "saved"))
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
+# --- help ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_help_is_plain_and_fits_80_columns(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = run(capsys, *words, "--help")
+    assert (status, err) == (0, "")
+    assert max(map(len, out.splitlines())) <= 80
+    assert not BOXES.search(out)
+    assert out.startswith("Usage: cgroup")
+    assert "\nExamples:\n" in out
+    for slip in ("{", "}", "<bool>", "<str>", "(not known)", "\u00a0"):
+        assert slip not in out
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_examples_are_commands_that_exist(words: tuple[str, ...]) -> None:
+    epilog = COMMANDS[words].epilog
+    lines = [line.strip() for line in epilog.splitlines()[1:]]
+    typed = [line.split(" > ")[0] for line in lines if line.startswith("cgroup ") and "COMMAND" not in line]
+    assert typed
+    for line in typed:
+        parse_command(line)
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_option_is_explained_and_has_a_readable_value(words: tuple[str, ...]) -> None:
+    for param in COMMANDS[words].params:
+        assert param.help
+        assert getattr(param, "is_flag", False) or param.metavar or param.name.endswith("_completion")
+
+
+def test_every_command_can_print_json() -> None:
+    for words, command in COMMANDS.items():
+        if not hasattr(command, "commands"):
+            assert "--json" in {option for param in command.params for option in param.opts}, words
+
+
+# --- tables --------------------------------------------------------------------------------------
+
+COLUMNS = (
+    Column("name", is_text=True),
+    Column("first"),
+    Column("second", priority=1),
+    Column("third", priority=2),
+)
+ROWS = [("n" * 30, "1" * 20, "2" * 20, "3" * 20), ("m", "1", "2", "3")]
+
+
+def test_columns_go_by_priority(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table(COLUMNS, ROWS)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["name", "first", "second"]
+    assert lines[1] == f"{'n' * 30}  {'1' * 20}  {'2' * 20}"
+    assert lines[2] == f"{'m':30}  {1:20}  {2:20}"
+    assert lines[3:] == ["Left out: third. --wide shows all."]
+
+
+def test_wide_tables_have_all_columns(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table(COLUMNS, ROWS, wide=True)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["name", "first", "second", "third"]
+    assert len(lines) == 3
+    assert len(lines[1]) == 30 + 3 * 22
+
+
+def test_the_width_of_the_terminal_counts(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    print_table(COLUMNS, ROWS)
+    assert "third" in capsys.readouterr().out.splitlines()[0]
+    monkeypatch.setenv("COLUMNS", "40")
+    print_table(COLUMNS, ROWS)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["name", "first"]
+    assert lines[1] == f"{'n' * 15}...  {'1' * 20}"
+
+
+@pytest.mark.parametrize(
+    "name", ["日本語の雲の名前はとても長いのでここで切れるはずですよね", "a[red]b", "x\x1b[31m\ny"]
+)
+def test_strange_names_keep_rows_in_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    from rich.cells import cell_len  # noqa: PLC0415
+
+    print_table(COLUMNS[:2], [(name, "1" * 50), ("b", "2" * 50)])
+    lines = capsys.readouterr().out.splitlines()
+    assert {cell_len(line) for line in lines[:3]} == {cell_len(lines[1])}
+    assert len(lines) <= 4
+    assert cell_len(lines[1]) <= 80
+    assert "\x1b" not in "".join(lines)
+
+
+def test_the_main_table_fits_80_columns(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
+    status, out, err = run(capsys, "compare", *arguments)
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    head = next(line for line in lines if line.startswith("method"))
+    assert head.split()[:6] == ["method", "selected", "precision", "recall", "F", "registered"]
+    rows = lines[lines.index(head) + 1 :][: len(METHODS)]
+    scores = [float(row.split()[4]) for row in rows]
+    assert scores == sorted(scores, reverse=True)
+    assert max(len(line) for line in lines if str(folder) not in line) <= 80
+    assert not BOXES.search(out)
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
+)
+def test_colours_are_for_terminals(
+    environment: dict[str, str], expected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not wants_colors()
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert wants_colors() is expected
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+@pytest.mark.parametrize(
+    ("environment", "colored"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
+)
+def test_a_terminal_gets_colours_and_its_own_width(environment: dict[str, str], colored: bool) -> None:
+    import pty  # noqa: PLC0415 - Unix only
+
+    main, inner = pty.openpty()
+    unset = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in {"COLUMNS", "NO_COLOR", "FORCE_COLOR"}
+    }
+    subprocess.run(
+        [sys.executable, "-m", "cgroup", "--help"],
+        stdout=inner,
+        stderr=inner,
+        check=True,
+        env={**unset, "TERM": "xterm", **environment},
+    )
+    os.close(inner)
+    shown = b""
+    while True:
+        try:
+            chunk = os.read(main, 65536)
+        except OSError:
+            break
+        if not chunk:
+            break
+        shown += chunk
+    assert (b"\x1b[" in shown) is colored
+
+
+# --- JSON ----------------------------------------------------------------------------------------
+
+
+def parse(text: str) -> dict[str, Any]:
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_documents_are_plain() -> None:
+    document = make_document("x", a=np.nan, b=np.eye(2), c=(np.float32(1), np.bool_(True)), d={"e": -np.inf})
+    assert parse(as_text(document)) == document
+    assert document == {
+        **make_document("x"),
+        "a": None,
+        "b": [[1, 0], [0, 1]],
+        "c": [1, True],
+        "d": {"e": None},
+    }
+    assert as_text({"é\udcff": "日"}).isascii()
+
+
+def test_register_as_json(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "register", folder / "source.ply", folder / "target.ply", "--json")
+    assert (status, err) == (0, "")
+    document = parse(out)
+    assert list(document) == [
+        "schema_version", "cgroup_version", "command", "inputs", "options", "results", "files"
+    ]  # fmt: skip
+    results = document["results"]
+    np.testing.assert_array_equal(results["T_target_source"], read_transform(tmp_path / "out/transform.txt"))
+    assert results["ok"] is True
+    assert document["options"]["effort"] == "normal"
+    assert [one["role"] for one in document["inputs"]] == ["source", "target"]
+    assert all((tmp_path / file).exists() for file in document["files"])
+
+
+def test_no_pose_as_json_has_the_guess(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "register", folder / "source.ply", folder / "other.ply", "--json")
+    document = parse(out)
+    assert status == document["error"]["exit_status"] == 3
+    assert err == f"cgroup: {document['error']['message']}\n"
+    assert document["error"]["kind"] == "NoConsensusError"
+    assert document["guess"]["ok"] is False
+
+
+@pytest.mark.parametrize(
+    ("line", "command", "kind"),
+    [
+        ("register a.ply b.ply --json", "register", "InputError"),
+        ("register --json", "register", "UsageError"),
+        ("benchmark status --out nowhere --json", "benchmark status", "InputError"),
+        ("results show nothing --json", "results show", "InputError"),
+    ],
+)
+def test_errors_as_json(line: str, command: str, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, *line.split())
+    document = parse(out)
+    assert document["command"] == command
+    assert document["error"] == {"kind": kind, "message": err[len("cgroup: ") : -1], "exit_status": status}
+    assert status == 2
+
+
+def test_compare_as_json_has_every_method(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt", "--json")
+    status, out, err = run(capsys, "compare", *arguments)
+    assert (status, err) == (0, "")
+    rows = parse(out)["results"]["methods"]
+    assert [row["method"] for row in rows] == list(METHODS)
+    assert all((row["T_target_source"] is None) == (row["rotation_error_deg"] is None) for row in rows)
+
+
+@pytest.mark.parametrize("method", ["gtm", "GTM", "3DHV", "hough3d", "SC2-PCR", "teaser++", "RANSAC"])
+def test_group_as_json(method: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "group", folder / "matches.npz", "--method", method, "--json")
+    if status:
+        assert "source_lrf" in err
+        return
+    found = parse(out)["results"]
+    assert found["indices"][:40] == list(range(40))
+    assert found["residual_rms"] < 1e-3
+    assert found["ok"] is None
+
+
+def test_group_says_pose_residuals_and_how_sure(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "group", folder / "matches.npz", "--method", "LC")
+    lines = out.splitlines()
+    assert lines[0].startswith("40 of 60 selected by LC")
+    assert lines[2].split()[-1] == "1"
+    assert any(line.startswith("residuals   root mean square") and line.endswith(" pr)") for line in lines)
+    assert any(line.startswith("sure        yes: ") for line in lines)
+    _, out, _ = run(capsys, "group", folder / "matches.txt", "--method", "gtm")
+    assert "sure        not known: GTM can't tell; --method lc does" in out
+
+
+# --- completion ----------------------------------------------------------------------------------
+
+
+def complete(words: str, **environment: str) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "cgroup"],
+        env={
+            **os.environ,
+            "_CGROUP_COMPLETE": "complete_bash",
+            "COMP_WORDS": words,
+            "COMP_CWORD": str(words.count(" ")),
+            **environment,
+        },
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("cgroup re", ["register", "recognize", "results"]),
+        ("cgroup group --method s", ["ss", "si", "st", "sc2pcr"]),
+        ("cgroup register --effort ", ["low", "normal", "high"]),
+        ("cgroup benchmark run sm", ["smoke"]),
+        ("cgroup results show f", ["first"]),
+    ],
+)
+def test_bash_completes(words: str, expected: list[str], tmp_path: Path) -> None:
+    (tmp_path / "saved").mkdir()
+    (tmp_path / "saved" / "first.json").write_text("{}")
+    assert complete(words) == expected
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_scripts_are_printed(shell: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "cgroup"],
+        env={**os.environ, "_CGROUP_COMPLETE": f"source_{shell}"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "_CGROUP_COMPLETE=complete_" + shell in done.stdout
+
+
+def test_help_loads_no_library_for_results() -> None:
+    code = (
+        "import sys; from cgroup import cli; "
+        "sys.exit(', '.join({'rich', 'matplotlib', 'pandas', 'pydantic', 'platformdirs'} & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+# --- the page ------------------------------------------------------------------------------------
+
+PAGE = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```console\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+def test_the_page_shows_output_of_80_columns() -> None:
+    assert len(BLOCKS) >= 4
+    assert max(len(line) for block in BLOCKS for line in block.splitlines()) <= 80
+
+
+def test_the_page_shows_commands_that_exist() -> None:
+    lines = [line[2:].split(" | ")[0] for block in BLOCKS for line in block.splitlines() if line[:2] == "$ "]
+    assert len(lines) >= 5
+    for line in lines:
+        parse_command(line)
+
+
+def test_the_page_names_every_command_and_every_key(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, command in COMMANDS.items():
+        if words[:1] not in {(), ("results",)} and not hasattr(command, "commands"):
+            assert re.search(rf"`[^`]*\b{words[-1]}\b[^`]*`", PAGE), words
+    for line in (
+        "register {0}/source.ply {0}/target.ply",
+        "compare {0}/source.ply {0}/target.ply --truth {0}/truth.txt",
+        "group {0}/matches.npz",
+        "describe {0}/source.ply",
+    ):
+        document = parse(run(capsys, *line.format(folder).split(), "--json")[1])
+        for key in (*document, *document["results"], *document["inputs"][0]):
+            assert f"`{key}`" in PAGE, (line, key)

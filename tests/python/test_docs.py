@@ -1,0 +1,115 @@
+"""The pages of documentation hold together: links, commands, and a reference that lacks nothing."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+typer = pytest.importorskip("typer", reason="commands are parsed by typer: pip install 'cgroup[scans]'")
+
+from cgroup.cli import app  # noqa: E402
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs"))
+reference = importlib.import_module("_site.reference")
+
+MADE = {"_generated", "gallery", "api"}
+"""Folders below docs/ that are made with the site."""
+PAGES = [
+    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if not MADE & set(page.parts)),
+    *sorted(ROOT.glob("*.md")),
+    ROOT / "benches/peers/README.md",
+]
+
+
+SHELLS = {"", "sh", "bash", "console"}
+
+
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def without_code(text: str) -> str:
+    return re.sub(r"^(`{3,}|~{3,})[^\n]*\n.*?^\1", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def anchors(page: Path) -> set[str]:
+    """Names of the headings, as GitHub and the site make them."""
+    headings = re.findall(r"^#+ +(.*)$", without_code(page.read_text(encoding="utf-8")), flags=re.MULTILINE)
+    plain = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).strip().lower() for heading in headings]
+    return {re.sub(r"[^\w\- ]", "", heading).replace(" ", "-") for heading in plain}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_links_lead_somewhere(page: Path):
+    text = without_code(page.read_text(encoding="utf-8"))
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"https?:|mailto:", link) or "_generated/" in link:
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path) if path else page
+        assert target.exists(), f"{name(page)}: {link} leads nowhere"
+        if anchor:
+            assert anchor in anchors(target), f"{name(page)}: {link}: {name(target)} has no such heading"
+
+
+def commands(page: Path) -> list[str]:
+    """Lines that call cgroup, in blocks of shell and in indented ones; lines that go on are joined."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    blocks = re.findall(r"^```(\w*)\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    fenced = [line for kind, block in blocks if kind in SHELLS for line in block.splitlines()]
+    indented = re.findall(r"^    (.*)$", without_code(text), flags=re.MULTILINE)
+    lines = [part.removeprefix("$ ") for line in fenced + indented for part in line.split(" && ")]
+    return [line for line in lines if line.startswith("cgroup ")]
+
+
+COMMANDS = sorted({(name(page), line) for page in PAGES for line in commands(page)})
+
+
+def test_commands_are_found():
+    assert len(COMMANDS) >= 20
+
+
+@pytest.mark.parametrize(("page", "line"), COMMANDS)
+def test_commands_are_understood(page: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(line, comments=True)[1:]
+    command, context = typer.main.get_command(app), None
+    while words:
+        context = command.make_context(command.name, words, parent=context, resilient_parsing=False)
+        words = [*getattr(context, "_protected_args", []), *context.args]
+        if not hasattr(command, "resolve_command") or not words:
+            break
+        _, command, words = command.resolve_command(context, words)
+        if not words:
+            command.make_context(command.name, [], parent=context)
+    assert context is not None
+    assert not hasattr(command, "resolve_command"), f"{page}: {line}: no such command"
+
+
+PUBLIC = [module for module in reference.GROUPS if importlib.util.find_spec(module) is not None]
+
+
+@pytest.mark.parametrize("module", PUBLIC)
+def test_reference_lacks_no_public_name(module: str):
+    exported = set(getattr(importlib.import_module(module), "__all__", ()))
+    listed = " ".join(reference.GROUPS[module].values()).split()
+    assert len(listed) == len(set(listed)), "a name stands twice"
+    missing = exported - set(listed) - {"__version__"}
+    assert not missing, f"{module}: docs/_site/reference.py lacks {', '.join(sorted(missing))}"
+
+
+def test_reference_lacks_no_public_module():
+    package = ROOT / "python" / "cgroup"
+    found = {path.parent.name if path.stem == "__init__" else path.stem for path in package.glob("*.py")}
+    found |= {path.parent.name for path in package.glob("*/__init__.py")}
+    # What cgroup itself exports; the command line; and what is shown by its parts.
+    hidden = {"cgroup", "explanation", "group", "methods", "cli", "benchmark"}
+    assert {f"cgroup.{stem}" for stem in found if not stem.startswith("_")} - set(reference.GROUPS) <= {
+        f"cgroup.{stem}" for stem in hidden
+    }

@@ -1,0 +1,307 @@
+"""What `Grouping.explain` says is true: its numbers are those of the reference, its cuts separate."""
+
+from __future__ import annotations
+
+import pickle
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from method_cases import CASES, Options, Pr, call_cgroup, name_of
+
+import cgroup
+from cgroup import Correspondences, Explanation, InputError, group
+from cgroup._explain import explain_matches
+from reference.hough_voting import hough3d
+from reference.pairwise import distance_difference, distance_ratio, edge_lengths, shares_an_endpoint
+from strategies import make_problem
+
+if TYPE_CHECKING:
+    from cgroup import Grouping
+
+PROBLEM = make_problem(
+    np.random.default_rng(6),
+    90,
+    inlier_ratio=0.4,
+    noise=1.5,
+    repeated_targets=0.5,
+    duplicated_sources=0.2,
+    missing_frames=0.1,
+    zero_descriptors=0.05,
+)
+PR = PROBLEM.resolution
+MATCHES = Correspondences(
+    PROBLEM.source,
+    PROBLEM.target,
+    similarity=PROBLEM.similarity,
+    ratio=PROBLEM.ratio,
+    source_lrf=PROBLEM.source_lrf,
+    target_lrf=PROBLEM.target_lrf,
+    resolution=PR,
+)
+
+
+def sets_of(*methods: str) -> list[tuple[str, Options]]:
+    """Return the option sets of some methods."""
+    return [(method, options) for method in methods for options in CASES[method].option_sets()]
+
+
+def explained(method: str, options: Options) -> tuple[Grouping, list[Explanation]]:
+    """Group the problem, and explain all."""
+    found = call_cgroup(method, PROBLEM, options)
+    return found, explain_matches(found, range(len(found.mask)))
+
+
+def length(options: Options, name: str, multiple: float) -> float:
+    """Return a length as the method takes it."""
+    given = options.get(name)
+    resolution = options.get("resolution", Pr(1.0))
+    if given is None:
+        return multiple * resolution.of(PROBLEM)
+    return given.of(PROBLEM) if isinstance(given, Pr) else given
+
+
+@pytest.mark.parametrize(("method", "options"), sets_of("ss", "si", "cv", "gtm"), ids=name_of)
+def test_the_cut_on_scores_separates(method: str, options: Options) -> None:
+    found, said = explained(method, options)
+    assert found.scores is not None
+    for each in said:
+        assert each.score == found.scores[each.index]
+        assert each.rank == 1 + np.count_nonzero(found.scores > each.score)
+        assert each.threshold == found.threshold
+        if each.threshold is not None and np.isfinite(each.score):
+            accepts_equality = method == "ss" and options.get("threshold", "otsu") != "otsu"
+            above = each.score >= each.threshold if accepts_equality else each.score > each.threshold
+            assert each.kept == above, str(each)
+            where = "above|reaches" if each.kept else "below|equals"
+            assert re.search(rf"{where}.* the cut", each.reason)
+
+
+@pytest.mark.parametrize(("method", "options"), sets_of("nnsr"), ids=name_of)
+def test_the_cut_on_ratios_separates(method: str, options: Options) -> None:
+    found, said = explained(method, options)
+    for each in said:
+        assert each.kept == (PROBLEM.ratio[each.index] <= options.get("max_ratio", 0.8))
+        assert each.threshold == found.threshold
+        assert f"{PROBLEM.ratio[each.index]:.3g}"[:4] in each.reason
+
+
+MULTIPLES = {"ransac": 5.0, "lc": 3.0, "mac": 5.0, "sc2pcr": 5.0, "turboreg": 5.0}
+
+
+@pytest.mark.parametrize(("method", "options"), sets_of(*MULTIPLES), ids=name_of)
+def test_the_bound_on_residuals_separates(method: str, options: Options) -> None:
+    found, said = explained(method, options)
+    if found.model is None:
+        assert not found.mask.any()
+        assert "found no pose" in said[0].reason
+        return
+    moved = PROBLEM.source @ found.model[:3, :3].T + found.model[:3, 3]
+    residuals = np.linalg.norm(moved - PROBLEM.target, axis=1)
+    bound = length(options, "tolerance", MULTIPLES[method]) * (5.0 / 3.0 if method == "lc" else 1.0)
+    for each in said:
+        assert each.tolerance == pytest.approx(bound)
+        assert each.residual == pytest.approx(residuals[each.index], abs=1e-9)
+        assert each.kept == (each.residual <= each.tolerance), str(each)
+        assert bool(each.remedy) != each.kept
+
+
+@pytest.mark.parametrize(("method", "options"), sets_of("teaser"), ids=name_of)
+def test_teaser_keeps_what_is_near_along_each_axis_and_left_by_the_pruning(
+    method: str, options: Options
+) -> None:
+    found, said = explained(method, options)
+    if found.model is None:
+        return
+    off = np.abs(PROBLEM.source @ found.model[:3, :3].T + found.model[:3, 3] - PROBLEM.target).max(axis=1)
+    for each in said:
+        assert each.tolerance == pytest.approx(length(options, "tolerance", 2.5))
+        is_near = off[each.index] <= each.tolerance + 1e-9
+        assert is_near or not each.kept
+        assert ("which the pruning left" in each.reason) == (is_near and not each.kept)
+
+
+@pytest.mark.parametrize(("method", "options"), sets_of("clipper"), ids=name_of)
+def test_clipper_keeps_the_greatest_scores(method: str, options: Options) -> None:
+    found, said = explained(method, options)
+    for each in said:
+        if found.size == 0:
+            assert each.threshold is None
+        elif each.score != each.threshold:
+            assert each.kept == (each.score > each.threshold)
+
+
+@pytest.mark.parametrize(("method", "options"), sets_of("st"), ids=name_of)
+def test_a_match_that_st_drops_conflicts_with_the_one_that_is_named(method: str, options: Options) -> None:
+    found, said = explained(method, options)
+    least = options.get("min_distance_ratio", 0.6)
+    not_rigid = distance_ratio(PROBLEM.source, PROBLEM.target) < least
+    shared = shares_an_endpoint(PROBLEM.source, PROBLEM.target)
+    rule = options.get("conflict", "rigidity")
+    conflicts = {"rigidity": not_rigid, "one_to_one": shared, "both": not_rigid | shared}[rule]
+    for each in said:
+        assert each.kept == bool(found.mask[each.index])
+        if each.kept:
+            continue
+        named = re.search(r"match (\d+)", each.reason)
+        assert named is not None, each.reason
+        rival = int(named[1])
+        assert found.mask[rival]
+        assert conflicts[each.index, rival]
+        if not options.get("recompute"):
+            assert found.scores[rival] >= found.scores[each.index] * (1.0 - 1e-9)
+        shares = "they share a point" in each.reason
+        assert shares == shared[each.index, rival]
+
+
+@pytest.mark.parametrize(("method", "options"), sets_of("gc"), ids=name_of)
+def test_gc_names_the_seed_or_what_breaks_the_set(method: str, options: Options) -> None:
+    found, said = explained(method, options)
+    delta = distance_difference(PROBLEM.source, PROBLEM.target)
+    bound = length(options, "tolerance", 3.0)
+    for each in said:
+        if options.get("variant") == "clique":
+            broken = np.count_nonzero(found.mask & (delta[each.index] > bound))
+            text = f"doesn't keep its distance to {broken} of the group"
+            assert (text in each.reason) == (broken > 0 and not each.kept)
+        elif seed := re.search(r"match (\d+), the seed of the largest star \((\d+) ", each.reason):
+            assert int(seed[2]) == found.scores.max() == found.scores[int(seed[1])]
+            assert each.kept == (delta[each.index, int(seed[1])] < bound)
+        else:
+            assert "it is the seed" in each.reason
+            assert found.scores[each.index] == found.scores.max()
+
+
+@pytest.mark.parametrize(("method", "options"), sets_of("hough3d"), ids=name_of)
+def test_hough_voting_tells_how_far_the_fullest_bin_is(method: str, options: Options) -> None:
+    found, said = explained(method, options)
+    framed = np.isfinite(PROBLEM.source_lrf).all(axis=(1, 2)) & np.isfinite(PROBLEM.target_lrf).all(
+        axis=(1, 2)
+    )
+    for each in said:
+        if not {"source_lrf", "target_lrf"} & set(options):
+            assert ("lacks a local frame" in each.reason) == (not framed[each.index])
+        if "in the fullest bin" in each.reason:
+            assert each.kept
+        if "away from the fullest" in each.reason and options.get("neighbors", 6) == 0:
+            assert not each.kept
+    assert [each.kept for each in said] == found.mask.tolist()
+
+
+def test_hough_voting_counts_as_the_reference_does() -> None:
+    found, said = explained("hough3d", {})
+    details = hough3d(
+        PROBLEM.source, PROBLEM.target, source_lrf=PROBLEM.source_lrf, target_lrf=PROBLEM.target_lrf,
+        source_centroid=PROBLEM.source_centroid,
+    ).details  # fmt: skip
+    rows = np.flatnonzero(details["framed"])
+    for row, cell in zip(rows, details["cells"], strict=True):
+        own = np.count_nonzero((details["cells"] == cell).all(axis=1))
+        most = np.count_nonzero((details["cells"] == details["peak"]).all(axis=1))
+        assert f"its bin has {own} of the votes, the fullest {most}" in said[row].reason
+        steps = [int(step) for step in re.findall(r"(\d+) along [xyz]", said[row].reason)]
+        assert steps == [step for step in np.abs(cell - details["peak"]).tolist() if step]
+    assert found.size
+
+
+BOUNDS = {"gc": (3.0, 1.0), "lc": (3.0, 1.0), "mac": (5.0, 0.2), "sc2pcr": (5.0, 1.0), "clipper": (5.0, 1.0)}
+
+
+@pytest.mark.parametrize("method", BOUNDS)
+def test_agreement_is_counted_by_the_rule_of_the_method(method: str) -> None:
+    found, said = explained(method, {})
+    multiple, share = BOUNDS[method]
+    agrees = distance_difference(PROBLEM.source, PROBLEM.target) < share * multiple * PR
+    if method == "clipper":
+        lengths = np.minimum(edge_lengths(PROBLEM.source), edge_lengths(PROBLEM.target))
+        agrees &= lengths > 0.0
+    np.fill_diagonal(agrees, val=False)
+    for each in said:
+        assert each.agreeing == np.count_nonzero(agrees[each.index])
+        assert each.agreeing_in_group == np.count_nonzero(agrees[each.index] & found.mask)
+        assert each.agreement == f"within {share * multiple:g} pr"
+
+
+@pytest.mark.parametrize("method", ["si", "st"])
+def test_agreement_by_ratio(method: str) -> None:
+    _, said = explained(method, {})
+    ratio = distance_ratio(PROBLEM.source, PROBLEM.target)
+    agrees = ratio > 0.9 if method == "si" else ratio >= 0.6
+    np.fill_diagonal(agrees, val=False)
+    assert [each.agreeing for each in said] == agrees.sum(axis=1).tolist()
+
+
+@pytest.mark.parametrize("method", cgroup.METHODS)
+def test_every_method_explains_every_match_in_sentences(method: str) -> None:
+    found = pickle.loads(pickle.dumps(group(MATCHES, method)))
+    for i in range(len(MATCHES)):
+        each = found.explain(i)
+        text = str(each)
+        assert text.startswith(f"Match {i} was {'kept' if found.mask[i] else 'dropped'}: ")
+        assert "nan" not in text
+        assert each.method == method
+        assert each.agreeing is not None
+        assert each.resolution == PR
+        residual = each.residual_in_resolutions
+        assert residual is None or each.residual == pytest.approx(residual * PR)
+
+
+def test_a_method_without_points_speaks_of_scores_alone() -> None:
+    said = cgroup.ss([0.2, 0.8, 0.9, -np.inf]).explain(3)
+    assert said.agreeing is said.residual is None
+    assert str(said) == "Match 3 was dropped: it has no descriptor, so that its similarity is -inf."
+
+
+@pytest.mark.parametrize("method", cgroup.METHODS)
+def test_where_no_two_agree_there_is_an_explanation(method: str) -> None:
+    few = {
+        name: getattr(MATCHES, name)[:2]
+        for name in ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf")
+    }
+    for rows in (0, 1, 2):
+        fields = {name: value[:rows] for name, value in few.items()}
+        found = group(Correspondences(**fields, resolution=PR), method)
+        assert all(str(found.explain(i)).endswith(".") for i in range(rows))
+
+
+def test_own_methods_say_what_there_is_to_say() -> None:
+    mask = np.array([True, False])
+    bare = cgroup.Grouping(mask, None, None, None, {})
+    assert str(bare.explain(1)) == "Match 1 was dropped: the method left it out, and says no more."
+    scored = cgroup.Grouping(mask, np.array([0.7, 0.2]), 0.5, None, {})
+    assert "lies below the cut at 0.5" in str(scored.explain(1))
+    uncut = cgroup.Grouping(mask, np.array([0.7, 0.2]), None, None, {})
+    assert "rank 1 of 2" in str(uncut.explain(0))
+
+
+def test_numbers_that_differ_are_told_apart() -> None:
+    found = cgroup.Grouping(np.array([True, False]), np.array([0.50001, 0.49999]), 0.5, None, {})
+    assert "score of 0.49999 (rank 2 of 2) lies below the cut at 0.5" in str(found.explain(1))
+
+
+def test_further_instances_are_named() -> None:
+    model = np.eye(4)
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 9, 9]])
+    found = cgroup.lc(points, points + np.array([[0], [0], [0], [50.0]]), resolution=0.1)
+    rows = np.array([[True, True, True, False], [False, False, False, True]])
+    both = cgroup.Grouping(
+        rows[0], found.scores, None, model, {}, instances=rows, _positions=found._positions, _run=found._run
+    )
+    assert "it belongs to row 1 of the instances" in both.explain(3).reason
+
+
+@pytest.mark.parametrize("row", [-1, 90, 1.5, "a", None, True])
+def test_rows_that_are_none_are_refused(row: Any) -> None:
+    with pytest.raises(InputError, match="index: got"):
+        group(MATCHES, "gtm").explain(row)
+
+
+def test_what_is_explained_does_not_follow_the_callers_buffers() -> None:
+    frames = MATCHES.source_lrf.copy(), MATCHES.target_lrf.copy()
+    source = MATCHES.source.copy()
+    found = cgroup.hough3d(source, MATCHES.target, source_lrf=frames[0], target_lrf=frames[1])
+    before = [str(found.explain(i)) for i in range(5)]
+    source[:] = 0.0
+    frames[0][:] = frames[1][:] = np.eye(3)
+    assert [str(found.explain(i)) for i in range(5)] == before

@@ -1,0 +1,100 @@
+"""Many threads at once, on interpreters without a global lock above all: same results, no lock, no harm."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import sysconfig
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import cgroup
+from cgroup import Correspondences, InputError, group
+from cgroup.datasets import make_problem, standin_pair
+from cgroup.features import Cloud, normals, shot
+from cgroup.registry import METHOD_INFO
+from cgroup.verification import Surface, score_poses
+
+THREADS = 8
+CALLS = 32
+
+
+def run_at_once(call):
+    """Results of CALLS calls by THREADS threads that start together."""
+    barrier = threading.Barrier(THREADS)
+    started = threading.local()
+
+    def wait_then_call(_):
+        if not hasattr(started, "here"):
+            started.here = True
+            barrier.wait(timeout=60)
+        return call()
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        return list(pool.map(wait_then_call, range(CALLS)))
+
+
+@pytest.mark.skipif(not sysconfig.get_config_var("Py_GIL_DISABLED"), reason="this Python has a global lock")
+def test_the_lock_stays_off():
+    script = "import sys, cgroup, cgroup.registration; print(sys._is_gil_enabled())"
+    printed = subprocess.check_output([sys.executable, "-W", "error", "-c", script], text=True)
+    assert printed == "False\n"
+
+
+@pytest.fixture(scope="module")
+def matches() -> Correspondences:
+    return make_problem(np.random.default_rng(3), 300, inlier_ratio=0.4).correspondences()
+
+
+@pytest.mark.parametrize("name", METHOD_INFO)
+def test_methods_side_by_side(name: str, matches: Correspondences):
+    alone = group(matches, name, threads=1)
+    for together in run_at_once(lambda: group(matches, name, threads=2)):
+        assert np.array_equal(together.mask, alone.mask)
+        assert np.array_equal(together.transform(), alone.transform())
+
+
+def test_one_cloud_for_all_threads():
+    points = np.random.default_rng(0).uniform(size=(800, 3))
+    cloud = Cloud(points)
+    directions = normals(points, radius=0.2)
+    alone = shot(cloud, directions, np.arange(20), radius=0.2)
+    for together in run_at_once(lambda: shot(cloud, directions, np.arange(20), radius=0.2)):
+        assert np.array_equal(together, alone, equal_nan=True)
+
+
+def test_one_surface_for_all_threads():
+    points = standin_pair(pixels=60).source.points
+    directions = normals(points, neighbors=10)
+    alone = score_poses(*[Surface(points, directions, unit=1.0)] * 2, np.eye(4))
+    surface = Surface(points, directions, unit=1.0)  # its cells are filled when they are first looked into
+    for together in run_at_once(lambda: score_poses(surface, surface, np.eye(4))):
+        assert np.array_equal(together, alone)
+
+
+def test_arrays_that_another_thread_writes_to():
+    source, target = np.random.default_rng(0).uniform(size=(2, 400, 3))
+    done = threading.Event()
+
+    def spoil():
+        while not done.is_set():
+            source[:] = np.nan
+            source[:] = target
+
+    writer = threading.Thread(target=spoil)
+    writer.start()
+
+    def call():
+        try:
+            return len(cgroup.gc(source, target, tolerance=0.1).mask)
+        except InputError:
+            return 400
+
+    try:
+        assert run_at_once(call) == [400] * CALLS
+    finally:
+        done.set()
+        writer.join()

@@ -1,0 +1,179 @@
+"""Wrong calls of public functions and methods: one for each error that they document.
+
+For an `InputError` of the functions in `public_calls`, and for memory that is refused, there are tests of their
+own.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from unittest import mock
+
+import numpy as np
+import pandas as pd
+
+import cgroup
+from cgroup import comparison, datasets, features, pages, plots, registration, registry, types
+from cgroup.benchmark import candidates, config, pipelines, rankings, records, report, run
+from cgroup.pages import page
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+CLOUD = types.PointCloud(np.eye(3))
+STONES = datasets.open_dataset("standin-full")
+PROBLEM = datasets.make_problem(np.random.default_rng(0), 12)
+PAIR = datasets.standin_pair(pixels=60)
+UNRELATED = datasets.mirror(PAIR)
+BARE = cgroup.Correspondences(PROBLEM.source, PROBLEM.target)
+NOWHERE = Path("nowhere")
+GENERATED = config.Config(
+    name="wrong", methods=["gtm"], experiment=[{"id": "small", "dataset": "generated-matches"}]
+)
+
+
+def draw_registration(**changed: Any) -> object:
+    given = {
+        "source": PROBLEM.source,
+        "target": PROBLEM.target,
+        "correspondences": BARE,
+        "mask": np.ones(12, dtype=bool),
+        "T_target_source": np.eye(4),
+        "title": "",
+    }
+    return plots.registration_figure(**{**given, **changed})
+
+
+def draw_comparison(mask: np.ndarray, pose: np.ndarray) -> object:
+    return plots.comparison_figure(
+        PROBLEM.source,
+        PROBLEM.target,
+        BARE,
+        correct=PROBLEM.inlier_mask,
+        masks={"gtm": mask},
+        T_target_source=pose,
+        title="",
+    )
+
+
+def find_open3d_missing() -> object:
+    with mock.patch.dict(sys.modules, {"open3d": None}):
+        return features.iss(PROBLEM.source, backend="open3d")
+
+
+def find_plotly_missing() -> object:
+    page._packed_plotly.cache_clear()
+    with mock.patch.dict(sys.modules, {"plotly.offline": None}):
+        return pages.page_html("", '<figure class="chart"></figure>')
+
+
+def of_levels(draw: Callable[..., object]) -> Callable[[], object]:
+    return partial(draw, pd.DataFrame({"method": ["gtm"]}), xlabel="", title="")
+
+
+WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
+    "cgroup.Grouping.transform": (
+        lambda: cgroup.nnsr([0.5]).transform(),
+        lambda: cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2]).transform(),
+    ),
+    "cgroup.Grouping.explain": (lambda: cgroup.nnsr([0.5]).explain(1),),
+    "cgroup.Grouping.plot": (lambda: cgroup.nnsr([0.5]).plot(),),
+    "cgroup.Correspondences.plot": (lambda: BARE.plot(T_target_source=np.eye(3)),),
+    "cgroup.types.PointCloud.transformed": (lambda: CLOUD.transformed(2 * np.eye(4)),),
+    "cgroup.registry.label_of": (lambda: registry.label_of("nonsense"),),
+    "cgroup.features.iss": (find_open3d_missing,),
+    "cgroup.registration.register": (lambda: registration.register(UNRELATED.source, UNRELATED.target),),
+    "cgroup.registration.Registration.plot": (
+        lambda: registration.register(PAIR.source, PAIR.target).plot(correct=[True]),
+    ),
+    "cgroup.registration.PreparedScan.resized": (
+        lambda: registration.prepare(PAIR.source, voxel=6.0).resized(100),
+    ),
+    "cgroup.datasets.Dataset.load": (lambda: STONES.load("nonsense"),),
+    "cgroup.datasets.Dataset.origin_of": (lambda: STONES.origin_of("nonsense"),),
+    "cgroup.datasets.Dataset.protocols_of": (lambda: STONES.protocols_of("nonsense"),),
+    "cgroup.datasets.Dataset.subject_of": (lambda: STONES.subject_of("nonsense"),),
+    "cgroup.datasets.Dataset.check_name": (lambda: STONES.check_name("nonsense"),),
+    "cgroup.datasets.MatchingProblem.subset": (lambda: PROBLEM.subset(np.array([12])),),
+    "cgroup.datasets.data_root": (lambda: datasets.data_root(NOWHERE),),
+    "cgroup.datasets.make_problem": (lambda: datasets.make_problem(np.random.default_rng(0), -1),),
+    "cgroup.datasets.make_scene": (
+        lambda: datasets.make_scene(
+            np.random.default_rng(0), 9, inliers=0.5, noise=1, scene="nonsense", frames="good"
+        ),
+    ),
+    "cgroup.datasets.open_dataset": (lambda: datasets.open_dataset("nonsense"),),
+    "cgroup.datasets.standin_pair": (lambda: datasets.standin_pair(pixels=1),),
+    "cgroup.comparison.compare": (lambda: list(comparison.compare(BARE, np.eye(4))),),
+    "cgroup.comparison.find_correct": (lambda: comparison.find_correct(BARE, np.eye(4)),),
+    "cgroup.comparison.write_table": (lambda: comparison.write_table("table.csv", []),),
+    "cgroup.plots.comparison_figure": (
+        lambda: draw_comparison(np.ones(12, dtype=bool), np.eye(3)),
+        lambda: draw_comparison(np.ones(3, dtype=bool), np.eye(4)),
+    ),
+    "cgroup.plots.keypoints_figure": (
+        lambda: plots.keypoints_figure(PROBLEM.source, {"h3d": np.array([12])}, title=""),
+    ),
+    "cgroup.plots.registration_figure": (
+        lambda: draw_registration(T_target_source=np.eye(3)),
+        lambda: draw_registration(mask=np.ones(13, dtype=bool)),
+    ),
+    "cgroup.plots.inliers_figure": (of_levels(plots.inliers_figure),),
+    "cgroup.plots.registration_rate_figure": (of_levels(plots.registration_rate_figure),),
+    "cgroup.plots.scores_figure": (of_levels(plots.scores_figure),),
+    "cgroup.plots.pair_precision_figure": (
+        lambda: plots.pair_precision_figure(pd.DataFrame(), methods=("gc", "gtm"), title=""),
+    ),
+    "cgroup.plots.pipelines_figure": (lambda: plots.pipelines_figure(pd.DataFrame(), title=""),),
+    "cgroup.plots.trials_figure": (lambda: plots.trials_figure(pd.DataFrame(), title=""),),
+    "cgroup.pages.chart_html": (lambda: pages.chart_html("a", 3, label="a"),),
+    "cgroup.pages.comparison_page": (lambda: pages.comparison_page(CLOUD, CLOUD, BARE, [], np.eye(4)),),
+    "cgroup.pages.page_html": (find_plotly_missing,),
+    "cgroup.pages.registration_page": (lambda: pages.registration_page(CLOUD, CLOUD, 3),),
+    "cgroup.pages.write_page": (lambda: pages.write_page(NOWHERE / "page.html", ""),),
+    "cgroup.benchmark.candidates.Candidate.check": (candidates.Candidate("", "nonsense").check,),
+    "cgroup.benchmark.candidates.Candidate.run": (lambda: candidates.candidate("", "lc", {}).run(BARE),),
+    "cgroup.benchmark.candidates.Candidate.parameters": (
+        lambda: candidates.candidate("", "lc", {"tolerance_pr": 1}).parameters(0, None),
+    ),
+    "cgroup.benchmark.candidates.candidate": (lambda: candidates.candidate("", "nonsense", {}),),
+    "cgroup.benchmark.pipelines.Pipeline.run": (
+        lambda: pipelines.make_pipeline("", "cgroup", {}).run(
+            pipelines.Problem(PROBLEM.source, PROBLEM.target, None, None, voxel=-1)
+        ),
+    ),
+    "cgroup.benchmark.pipelines.make_pipeline": (lambda: pipelines.make_pipeline("", "nonsense", {}),),
+    **{
+        f"cgroup.benchmark.config.{name}": (partial(getattr(config, name), nonsense=1),)
+        for name in ("Config", *(name for name in config.__all__ if name.endswith("Entry")))
+    },
+    "cgroup.benchmark.config.MethodEntry.candidate": (
+        config.MethodEntry.model_construct(name="nonsense").candidate,
+    ),
+    "cgroup.benchmark.config.PipelineEntry.pipeline": (
+        config.PipelineEntry.model_construct(name="nonsense").pipeline,
+    ),
+    "cgroup.benchmark.config.parse_config": (lambda: config.parse_config("nonsense"),),
+    "cgroup.benchmark.config.read_config": (lambda: config.read_config("nonsense"),),
+    "cgroup.benchmark.config.replace_methods": (lambda: config.replace_methods(GENERATED, ["nonsense"]),),
+    "cgroup.benchmark.run.run": (lambda: run.run(GENERATED, NOWHERE, workers=0),),
+    "cgroup.benchmark.records.aggregate": (
+        lambda: records.aggregate(pd.DataFrame(), ["method"], "nonsense"),
+        lambda: records.aggregate(pd.DataFrame(), ["method"]),
+    ),
+    "cgroup.benchmark.records.exponents": (lambda: records.exponents(pd.DataFrame()),),
+    "cgroup.benchmark.records.load_groups": (lambda: records.load_groups(NOWHERE, "nonsense"),),
+    **{
+        f"cgroup.benchmark.records.{name}": (partial(getattr(records, name), NOWHERE),)
+        for name in records.__all__
+        if name not in {"aggregate", "exponents", "load_groups"}
+    },
+    "cgroup.benchmark.rankings.comparable": (lambda: rankings.comparable(pd.DataFrame()),),
+    "cgroup.benchmark.rankings.rank_methods": (lambda: rankings.rank_methods(pd.DataFrame()),),
+    "cgroup.benchmark.rankings.mcnemar": (lambda: rankings.mcnemar([True, False], [True, True, False]),),
+    "cgroup.benchmark.rankings.signed_rank": (lambda: rankings.signed_rank([1, 2], [1, 2, 3]),),
+    "cgroup.benchmark.report.write_report": (lambda: report.write_report(NOWHERE),),
+}
