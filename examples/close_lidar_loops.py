@@ -41,9 +41,9 @@ def boxes_of_a_street() -> np.ndarray:
 
 
 def scan(boxes: np.ndarray, T_world_scanner: np.ndarray) -> np.ndarray:
-    """(N,3): what a scanner with 40 beams sees, in its own frame."""
+    """(N,3): what a scanner with 32 beams sees, in its own frame."""
     azimuth, elevation = np.meshgrid(
-        np.linspace(-np.pi, np.pi, 600, endpoint=False), np.radians(np.linspace(-20, 12, 40))
+        np.linspace(-np.pi, np.pi, 450, endpoint=False), np.radians(np.linspace(-20, 12, 32))
     )
     rays = np.stack(
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=-1
