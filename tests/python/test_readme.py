@@ -22,8 +22,8 @@ def test_python_blocks_run_one_after_another(capsys):
     assert "ransac Grouping(200 of 1000 selected)" in capsys.readouterr().out
 
 
-# These show fragments; what they belong to runs in the tests of the benchmark and of the examples.
-FRAGMENTS = {"benchmark", "extending"}
+# It reads records, which are made for it in test_extending_docs.py.
+FRAGMENTS = {"benchmark"}
 MADE_WITH_THE_SITE = {"_generated", "gallery", "api"}
 PAGES = [
     page

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from cgroup.types import BoolArray, FloatArray, PointCloud
+    from cgroup.types import BoolArray, FloatArray, PointCloud, RealArray
 
 _TIMELINE = "source"
 _STEPS = 21
@@ -166,7 +166,7 @@ def _log_clouds(rerun: Any, recording: Any, clouds: tuple[FloatArray, FloatArray
 def _log_lines(
     rerun: Any,  # noqa: ANN401 - a module
     recording: Any,  # noqa: ANN401 - rerun's
-    ends: FloatArray,
+    ends: RealArray,
     kinds: list[tuple[str, BoolArray, str]],
     labeled: Grouping | None,
 ) -> None:
