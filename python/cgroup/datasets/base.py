@@ -197,14 +197,35 @@ class Dataset(ABC):
         """
 
     def lacking_pairs(self) -> Mapping[str, Path]:
-        """Return the pairs that the data set should have, but of which a file isn't there, with that file.
+        """Name the pairs that the data set should have, but of which a file isn't there.
 
-        None unless a subclass knows of some.
+        Returns
+        -------
+        mapping of str to Path
+            By name, the first file that lacks; empty unless a subclass knows of some.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> dict(open_dataset("standin-views").lacking_pairs())
+        {}
         """
         return self._lacking
 
     def note(self) -> str:
-        """Return a sentence about what isn't there; empty where nothing is missing."""
+        """Say what isn't there.
+
+        Returns
+        -------
+        str
+            How many pairs lack files, the first by name; empty where nothing is missing.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> open_dataset("standin-views").note()
+        ''
+        """
         lacking = self.lacking_pairs()
         if not lacking:
             return ""
