@@ -9,6 +9,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from numpydoc.xref import DEFAULT_LINKS
+
 import cgroup
 
 DOCS = Path(__file__).parent
@@ -52,6 +54,10 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"  # but for the package's own types
+numpydoc_xref_aliases = reference.types()
+DEFAULT_LINKS.clear()  # into the manuals of Python and NumPy, which need the network
 add_module_names = False
 
 # Examples, pictures and the pages of the interface are made when the site is built.

@@ -149,6 +149,18 @@ def write(folder: Path) -> list[str]:
     return [f"reference/{name}.rst" for name in modules]
 
 
+def types() -> dict[str, str]:
+    """Return the full name of every public class by its short one."""
+    found: dict[str, str] = {}
+    for name in filter(_is_there, GROUPS):
+        module = importlib.import_module(name)
+        names = " ".join(GROUPS[name].values()).split()
+        for each in names:
+            if inspect.isclass(getattr(module, each, None)):
+                found.setdefault(each, f"{name}.{each}")
+    return found
+
+
 def _drop_pages_of_lost_names(folder: Path, modules: list[str]) -> None:
     """Remove what autosummary wrote for names that are no more; it leaves that lying."""
     wanted = {

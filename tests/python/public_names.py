@@ -36,6 +36,7 @@ MODULES = (
     "cgroup.benchmark.config",
     "cgroup.benchmark.run",
     "cgroup.benchmark.records",
+    "cgroup.benchmark.overall",
     "cgroup.benchmark.rankings",
     "cgroup.benchmark.claims",
     "cgroup.benchmark.report",

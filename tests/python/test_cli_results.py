@@ -23,7 +23,6 @@ CHANGES = {
     "a list": b"[1, 2]",
     "deep": b"[" * 100_000,
     "another object": b'{"schema_version": 1}',
-    "later layout": b'{"schema_version": 99, "command": "group", "inputs": [], "options": {}, "results": {}, "saved": {}}',
     "hollow": b'{"schema_version": 1, "command": "group", "inputs": [], "options": {}, "results": {}, "saved": {}}',
     "wrong types": b'{"schema_version": 1, "command": "compare", "inputs": [1], "options": {}, "results": {"methods": 3}, "saved": {"date": 1}}',
 }
@@ -146,7 +145,9 @@ def test_other_inputs_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.C
     with np.load(folder / "matches.npz") as file:
         np.savez(changed, **{**file, "resolution": 0.03})
     run(capsys, "group", changed, "--save", "three")
-    assert "Note: the matches isn't the same" in run(capsys, "results", "compare", "one", "three")[1]
+    assert (
+        "Note: not the same in all of them: matches." in run(capsys, "results", "compare", "one", "three")[1]
+    )
 
 
 def test_runs_as_files(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -203,6 +204,15 @@ def test_broken_files_are_one_line(
     assert "can't be read" in out
     assert run(capsys, "results", "remove", "broken")[0] == 0
     assert names_of_runs() == ["one", "two"]
+
+
+def test_a_later_layout_is_refused(folder: Path, saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_groups(folder, capsys)
+    later = {**load_run("one"), "schema_version": 99}
+    (saved / "later.json").write_text(json.dumps(later))
+    status, out, err = run(capsys, "results", "show", "later")
+    assert (status, out) == (2, "")
+    assert "saved in layout 99, and 1 is known; update cgroup" in err
 
 
 def test_runs_of_different_commands_are_not_compared(

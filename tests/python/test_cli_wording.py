@@ -42,10 +42,13 @@ BASES = {
     "describe": "describe {source}",
     "group": "group {matches}",
 }
+LENGTHS = ("-1", "nan", "inf", "0", "1e-300", "1e300")
 NUMBERS = {
-    float: ("-1", "nan", "inf", "0", "1e-300", "1e300"),
-    tuple: ("0 0 0", "nan 0 0", "1e9 0 0", "1e300 0 0"),
+    **dict.fromkeys(("LENGTH", "RADIUS", "VOXELS", "PR", "DEGREES"), LENGTHS),
+    "X Y Z": ("0 0 0", "nan 0 0", "1e9 0 0", "1e300 0 0"),
 }
+"""Wrong values of options, by what stands for the value in the help."""
+
 CLOUDS = ("same", "line", "few", "twice", "huge", "far", "random")
 
 
@@ -90,11 +93,10 @@ def list_lines() -> Iterator[str]:
     commands = typer.main.get_command(app).commands
     for name, base in BASES.items():
         for param in commands[name].params:
-            kind = tuple if param.nargs > 1 else param.type_descriptor.annotation
             paper = (
                 " --front paper" if name == "register" and param.name in {"nms_radius", "resolution"} else ""
             )
-            for value in NUMBERS.get(kind, ())[: 3 if name == "compare" else None]:
+            for value in NUMBERS.get(param.metavar, ())[: 3 if name == "compare" else None]:
                 yield f"{base} {param.opts[0]} {value}{paper}"
     for cloud in CLOUDS:
         yield f"register {{{cloud}}} {{target}}"

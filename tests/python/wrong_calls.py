@@ -131,6 +131,7 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     "cgroup.plots.trials_figure": (lambda: plots.trials_figure(pd.DataFrame(), title=""),),
     "cgroup.pages.chart_html": (lambda: pages.chart_html("a", 3, label="a"),),
     "cgroup.pages.comparison_page": (lambda: pages.comparison_page(CLOUD, CLOUD, BARE, [], np.eye(4)),),
+    "cgroup.pages.log_to_rerun": (lambda: pages.log_to_rerun(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5])),),
     "cgroup.pages.page_html": (find_plotly_missing,),
     "cgroup.pages.registration_page": (lambda: pages.registration_page(CLOUD, CLOUD, 3),),
     "cgroup.pages.write_page": (lambda: pages.write_page(NOWHERE / "page.html", ""),),

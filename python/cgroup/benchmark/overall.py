@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
     from cgroup.types import FloatArray
 
+__all__ = ["GENERATED", "LEAST_OBJECTS", "REAL", "Overall", "Standing", "name_units", "rank_overall"]
+
 LEAST_OBJECTS = 5
 """Of a data set whose objects are drawn in place of its pairs."""
 
@@ -57,6 +59,21 @@ class Standing(NamedTuple):
         Adjusted p of the difference from the method with the highest mean; 1 for that one.
     tied : bool
         Whether it can't be told from that one.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.overall import rank_overall
+    >>> pairs = [f"pair{k}" for k in range(5)]
+    >>> rows = pd.DataFrame(
+    ...     {"dataset": "mine", "pair": pairs * 2, "case": pairs * 2, "origin": "real"}
+    ... )
+    >>> rows["method"] = ["gc"] * 5 + ["gtm"] * 5
+    >>> rows["f_score"] = [0.5, 0.6, 0.7, 0.6, 0.5, 0.9, 0.8, 0.9, 0.7, 0.9]
+    >>> (overall,) = rank_overall(rows, ["f_score"])
+    >>> standing = overall.standings["f_score"]["gtm"]
+    >>> standing.p, standing.tied
+    (1.0, True)
     """
 
     interval: Interval
@@ -86,6 +103,20 @@ class Overall:
         Data sets whose objects are drawn.
     unranked : dict of str to int
         Methods that aren't ranked, with the number of their cases.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.overall import rank_overall
+    >>> pairs = [f"pair{k}" for k in range(5)]
+    >>> rows = pd.DataFrame(
+    ...     {"dataset": "mine", "pair": pairs * 2, "case": pairs * 2, "origin": "real"}
+    ... )
+    >>> rows["method"] = ["gc"] * 5 + ["gtm"] * 5
+    >>> rows["f_score"] = [0.5, 0.6, 0.7, 0.6, 0.5, 0.9, 0.8, 0.9, 0.7, 0.9]
+    >>> (overall,) = rank_overall(rows, ["f_score"])
+    >>> overall.methods, overall.pairs, overall.cases
+    (('gtm', 'gc'), {'mine': 5}, 5)
     """
 
     kind: str
@@ -101,7 +132,7 @@ class Overall:
 
 
 def rank_overall(rows: pd.DataFrame, measures: Sequence[str]) -> list[Overall]:
-    """Rank what was run on the same pairs, real and semi-synthetic ones apart from synthetic ones.
+    """Rank what was run on the same pairs; synthetic ones stand apart.
 
     Parameters
     ----------
@@ -114,6 +145,20 @@ def rank_overall(rows: pd.DataFrame, measures: Sequence[str]) -> list[Overall]:
     -------
     list of Overall
         At most one per kind, without those that have fewer than two methods.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.overall import rank_overall
+    >>> pairs = [f"pair{k}" for k in range(5)]
+    >>> rows = pd.DataFrame(
+    ...     {"dataset": "mine", "pair": pairs * 2, "case": pairs * 2, "origin": "real"}
+    ... )
+    >>> rows["method"] = ["gc"] * 5 + ["gtm"] * 5
+    >>> rows["f_score"] = [0.5, 0.6, 0.7, 0.6, 0.5, 0.9, 0.8, 0.9, 0.7, 0.9]
+    >>> (overall,) = rank_overall(rows, ["f_score"])
+    >>> round(overall.standings["f_score"]["gc"].interval.mean, 2)
+    0.58
     """
     if rows.empty:
         return []
@@ -135,6 +180,14 @@ def name_units(pairs: pd.DataFrame) -> list[str]:
     -------
     list of str
         One name per row; rows of the same name are drawn together.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.overall import name_units
+    >>> pairs = [f"room{k}/{i}" for k in range(5) for i in range(2)]
+    >>> name_units(pd.DataFrame({"dataset": "rooms", "pair": pairs}))[:3]
+    ['rooms:room0', 'rooms:room0', 'rooms:room1']
     """
     objects = [
         f"{dataset}:{pair.rpartition('/')[0]}" if "/" in pair and dataset != GeneratedMatches.name else ""

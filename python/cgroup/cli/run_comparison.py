@@ -98,8 +98,8 @@ def print_differences(document: Document, *, wide: bool) -> None:
     """Print runs side by side, from their document."""
     compared = document["results"]
     _print_runs(compared, wide=wide)
-    for role in compared["differing_inputs"]:
-        print_prose(f"Note: the {role} isn't the same in all of them.")
+    if compared["differing_inputs"]:
+        print_prose(f"Note: not the same in all of them: {', '.join(compared['differing_inputs'])}.")
     print_text("")
     if compared["kind"] == "methods":
         _print_methods(compared, wide=wide)

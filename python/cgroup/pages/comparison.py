@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup._drawing import as_flags, as_points
-from cgroup._values import as_instance, as_items, refusal
+from cgroup._values import as_instance, as_items
 from cgroup.comparison import MethodResult, find_correct
+from cgroup.errors import InputError
 from cgroup.pages.viewer import Selection, View, view_html
 from cgroup.registry import look_up_method
 from cgroup.rigid import check_rigid
@@ -85,8 +86,8 @@ def comparison_page(
         as_instance("results", each, MethodResult) for each in as_items("results", results, "give several")
     ]
     if not found:
-        name = "results"
-        raise refusal(name, found, "give at least one MethodResult")
+        message = "results: got none; give at least one MethodResult"
+        raise InputError(message)
     pose = check_rigid(T_target_source, "T_target_source")
     if correct is None:
         correct = find_correct(correspondences, pose, tolerance=tolerance)

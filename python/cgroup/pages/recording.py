@@ -37,7 +37,7 @@ def log_to_rerun(
     correct: ArrayLike | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> None:
-    """Log both clouds, the matches kept and dropped, and the pose, to a file or a viewer that is open.
+    """Log clouds, matches kept and dropped, and the pose, for the viewer Rerun.
 
     On the timeline ``source`` the source moves from where it is given (0) to where the pose lays it (20).
 
@@ -85,11 +85,12 @@ def log_to_rerun(
     recording = _open(rerun, path)
     _log_clouds(rerun, recording, clouds)
     kinds = _kinds(grouping.mask, flags)
+    target_points = correspondences.target.astype(np.float64)
     for step in range(_STEPS):
         recording.set_time(_TIMELINE, sequence=step)
         moved = between(np.eye(4), pose, step / (_STEPS - 1), clouds[0].mean(axis=0))
         recording.log("source", rerun.Transform3D(translation=moved[:3, 3], mat3x3=moved[:3, :3]))
-        ends = np.stack([apply(moved, correspondences.source), correspondences.target], axis=1)
+        ends = np.stack([apply(moved, correspondences.source), target_points], axis=1)
         _log_lines(rerun, recording, ends, kinds, grouping if step == 0 else None)
     recording.flush()
 

@@ -5,7 +5,7 @@ They need matplotlib, which comes with the extra ``cgroup[scans]``.
 
 from cgroup.plots.keypoints import keypoints_figure
 from cgroup.plots.levels import inliers_figure, registration_rate_figure, scores_figure
-from cgroup.plots.matches import comparison_figure, registration_figure
+from cgroup.plots.matches import comparison_figure, matches_figure, registration_figure
 from cgroup.plots.pair_precision import pair_precision_figure
 from cgroup.plots.pipelines import pipelines_figure
 from cgroup.plots.scores import precision_recall_figure
@@ -16,6 +16,7 @@ __all__ = [
     "comparison_figure",
     "inliers_figure",
     "keypoints_figure",
+    "matches_figure",
     "pair_precision_figure",
     "pipelines_figure",
     "precision_recall_figure",

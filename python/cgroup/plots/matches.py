@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from cgroup._drawing import Drawing
     from cgroup.types import BoolArray, Correspondences, FloatArray
 
 _COLUMNS = 3
@@ -182,32 +181,69 @@ def comparison_figure(
     return figure
 
 
-def matches_figure(drawing: Drawing) -> Figure:
+def matches_figure(
+    source: FloatArray,
+    target: FloatArray,
+    correspondences: Correspondences,
+    *,
+    mask: BoolArray,
+    T_target_source: FloatArray,
+    correct: BoolArray | None = None,
+    title: str,
+) -> Figure:
     """Draw two clouds side by side, and the selected matches between them.
 
     Parameters
     ----------
-    drawing : Drawing
-        Clouds, matches, which are selected, and which are correct where that is known.
+    source, target : (N,3) array of float64
+        Whole clouds.
+    correspondences : Correspondences
+        All matches.
+    mask : (n,) array of bool
+        Which are selected.
+    T_target_source : (4,4) array of float64
+        The source is shown turned as in this pose; the identity leaves it as it is.
+    correct : (n,) array of bool, optional
+        Which are correct: lines are coloured by it.
+    title : str
+        Shown on top.
 
     Returns
     -------
-    Figure
-        The source is shown turned as in the pose, where there is one.
+    matplotlib.figure.Figure
+        Not shown; save it with its method `savefig`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import matches_figure
+    >>> from cgroup.registration import correspond
+    >>> pair = standin_pair(pixels=60)
+    >>> matches = correspond(pair.source, pair.target)
+    >>> figure = matches_figure(
+    ...     pair.source.points,
+    ...     pair.target.points,
+    ...     matches,
+    ...     mask=np.ones(len(matches), dtype=bool),
+    ...     T_target_source=pair.T_target_source,
+    ...     title="All matches",
+    ... )
+    >>> [text.get_text() for text in figure.legends[0].get_texts()]
+    ['selected']
     """
-    scene = Scene.of(drawing.source, drawing.target, drawing.pose)
+    scene = Scene.of(source, target, T_target_source)
     height = float(np.clip(_WIDTH * scene.height / scene.widths[0], 2.5, 9)) + 0.7
     figure = Figure(figsize=(_WIDTH, height), dpi=style.DOTS_PER_INCH, layout="constrained")
     axes = figure.subplots()
     scene.draw_clouds(axes)
-    matches, mask, correct = drawing.matches, drawing.mask, drawing.correct
     if correct is None:
-        drawn = scene.draw_lines(axes, matches, np.flatnonzero(mask), style.GROUPED)
+        drawn = scene.draw_lines(axes, correspondences, np.flatnonzero(mask), style.GROUPED)
         legend = {"selected": style.GROUPED}
     else:
-        drawn = scene.draw_selection(axes, matches, mask, correct)
+        drawn = scene.draw_selection(axes, correspondences, mask, correct)
         legend = {"correct": style.CORRECT, "wrong": style.WRONG}
-    _caption(axes, drawing.title, _format_count(drawn, int(mask.sum())))
+    _caption(axes, title, _format_count(drawn, int(mask.sum())))
     handles = [Line2D([], [], color=color, label=name) for name, color in legend.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return figure

@@ -14,13 +14,21 @@ if TYPE_CHECKING:
 
 def figure_of(drawing: Drawing) -> Figure:
     """Draw what a result is made of."""
-    if not drawing.is_placed or drawing.correct is not None:
-        return matches_figure(drawing)
-    return registration_figure(
+    if drawing.is_placed and drawing.correct is None:
+        return registration_figure(
+            drawing.source,
+            drawing.target,
+            drawing.matches,
+            mask=drawing.mask,
+            T_target_source=drawing.pose,
+            title=drawing.title,
+        )
+    return matches_figure(
         drawing.source,
         drawing.target,
         drawing.matches,
         mask=drawing.mask,
         T_target_source=drawing.pose,
+        correct=drawing.correct,
         title=drawing.title,
     )

@@ -74,7 +74,14 @@ function tracesOf(panel, look, series, x, texts, least) {
   });
   if (dotted.x.length) traces.push({...dotted, mode: "lines", hoverinfo: "skip", showlegend: false, line: {color: fade(color, 0.55), width: 1, dash: "dot"}});
   traces.push({...solid, mode: "lines", hoverinfo: "skip", showlegend: false, line: main.line});
-  traces.push({...main, mode: "markers", marker: {...main.marker, line: {color: sparse.every(Boolean) ? color : marker().line.color, width: sparse.every(Boolean) ? 1.5 : 0.5}}, cliponaxis: false});
+  // The legend shows a trace's first marker, so that hollow ones are a trace of their own.
+  for (const hollow of [false, true]) {
+    const chosen = x.map((_, i) => i).filter((i) => sparse[i] === hollow);
+    if (!chosen.length) continue;
+    const pick = (values) => chosen.map((i) => values[i]);
+    const outline = hollow ? {color, width: 1.5} : marker().line;
+    traces.push({...main, x: pick(x), y: pick(series.y), text: pick(texts), mode: "markers", marker: {...marker(pick(symbols)), line: outline}, cliponaxis: false, showlegend: !hollow || chosen.length === x.length});
+  }
   return traces;
 }
 
