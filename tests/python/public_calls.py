@@ -23,6 +23,7 @@ MODULES = ("features", "registration", "verification", "evaluation", "nuisances"
 RESULTS = {
     "Alignment",
     "DescribedCloud",
+    "Explanation",
     "GroupScore",
     "Grouping",
     "Matches",
