@@ -79,6 +79,13 @@ def test_results_can_be_drawn(registered: Registration, *, interactive: bool) ->
     assert {type(figure).__module__.partition(".")[0] for figure in figures} == {module}
 
 
+def test_few_points_are_drawn_as_dots() -> None:
+    few, many = (
+        len(found.axes[0].images) for found in (MATCHES.plot(), MATCHES.plot(PAIR.source, PAIR.target))
+    )
+    assert (few, many) == (0, 2)
+
+
 def test_an_interactive_figure_tells_why(registered: Registration) -> None:
     found = group(MATCHES, "gc")
     figure = found.plot(PAIR.source, PAIR.target, correct=CORRECT, interactive=True)

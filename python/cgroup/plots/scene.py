@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 MAX_LINES = 150
 """More lines than this hide each other; an evenly spaced part of them is drawn, and the figure says so."""
 
+_FEW = 1500
+"""Fewer points than this are drawn as dots: shaded, they would be coarse cells."""
+
 _GAP = 0.35  # between the two clouds, in widths of the wider one
 
 
@@ -37,6 +40,7 @@ class Scene:
     shift: FloatArray  # (2,), of the target in the plane
     pictures: tuple[Picture, Picture]  # of source and target, both where the pose puts them
     overlay: Picture
+    projected: tuple[FloatArray, FloatArray]  # both clouds, in the plane
 
     @classmethod
     def of(cls, source: ArrayLike, target: ArrayLike, pose: FloatArray) -> Scene:
@@ -55,6 +59,7 @@ class Scene:
             np.array([right - start + gap, 0.0]),
             pictures,
             overlay(placed, there, tints),
+            (placed[:, :2], there[:, :2]),
         )
 
     @property
@@ -78,9 +83,20 @@ class Scene:
     def draw_clouds(self, axes: Axes) -> None:
         """Draw the two clouds side by side."""
         source, target = self.pictures
-        _show(axes, source, source.extent)
-        _show(axes, target, self.target_extent)
-        _fit(axes, source.extent, self.target_extent)
+        extents = source.extent, self.target_extent
+        if max(map(len, self.projected)) < _FEW:
+            self._draw_dots(axes)
+        else:
+            _show(axes, source, extents[0])
+            _show(axes, target, extents[1])
+        _fit(axes, *extents)
+
+    def _draw_dots(self, axes: Axes) -> None:
+        tints = (style.SOURCE_TINT, style.TARGET_TINT)
+        shifts = (np.zeros(2), self.shift)
+        for points, tint, shift in zip(self.projected, tints, shifts, strict=True):
+            x, y = (points + shift).T
+            axes.scatter(x, y, s=12, color=tuple(0.85 * part for part in tint), linewidths=0)
 
     def draw_overlay(self, axes: Axes) -> None:
         """Draw the two clouds on each other."""
