@@ -28,8 +28,6 @@ from cgroup.evaluation.bins import LEAST_PAIRS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.figure import Figure
-
 VOID = {"meta", "img", "input", "link", "br", "hr"}
 CONTENT = {"table", "figure"}
 MOST_BYTES = 5_000_000
@@ -206,7 +204,7 @@ def test_charts_hold_the_means_and_their_intervals(written: tuple[Path, Page, st
 def test_levels_of_few_pairs_are_marked_and_others_have_intervals(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(PictureBook, "save", save_nothing)
+    draw_no_figures(monkeypatch)
     frame = paper_frame("overlap")
     levels = sorted(frame["overlap"].unique())
     few = (frame["overlap"] == levels[0]) & ~frame["pair"].str.endswith(("-0", "-7"))
@@ -224,7 +222,7 @@ def test_levels_of_few_pairs_are_marked_and_others_have_intervals(
 
 
 def test_labels_are_shown_as_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(PictureBook, "save", save_nothing)
+    draw_no_figures(monkeypatch)
     nasty = "</script><b>my</b> & \u2028$x$ %{y}"
     frame = paper_frame("noise")
     frame = frame.assign(method=frame["method"].replace({"gtm": nasty}))
@@ -235,7 +233,7 @@ def test_labels_are_shown_as_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path:
 
 
 def test_the_whole_evaluation_stays_small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(PictureBook, "save", save_nothing)
+    draw_no_figures(monkeypatch)
     page, text = write(monkeypatch, tmp_path, results(paper_frame(), paper_timing()))
     pictures = 3 * 300_000  # of what is selected, which need clouds
     assert len(text.encode()) + pictures < MOST_BYTES
@@ -243,8 +241,11 @@ def test_the_whole_evaluation_stays_small(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert len(page.metas) == 12
 
 
-def save_nothing(_: PictureBook, name: str, figure: Figure, *, resolution: int = 0) -> str:  # noqa: ARG001
-    return name
+def draw_no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out what takes most of the time, and isn't in the page."""
+    monkeypatch.setattr(PictureBook, "save", lambda _, name, *__, **___: name)
+    for figure in ("scores", "registration_rate", "inliers", "pair_precision", "timing"):
+        monkeypatch.setattr(sections, f"{figure}_figure", lambda *_, **__: None)
 
 
 def test_failures_are_listed_with_their_errors(written: tuple[Path, Page, str]) -> None:
@@ -282,7 +283,7 @@ def test_report_of_almost_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 
 
 def test_no_claim_is_judged_on_generated_shapes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(PictureBook, "save", save_nothing)
+    draw_no_figures(monkeypatch)
     frame = paper_frame("noise").assign(dataset="standin-full", origin="synthetic")
     page, text = write(monkeypatch, tmp_path, results(frame, pd.DataFrame()))
     assert "claims" not in page.ids

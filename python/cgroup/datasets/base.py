@@ -197,14 +197,36 @@ class Dataset(ABC):
         """
 
     def lacking_pairs(self) -> Mapping[str, Path]:
-        """Return the pairs that the data set should have, but of which a file isn't there, with that file.
+        """Return the pairs of which a file isn't there, with that file.
 
-        None unless a subclass knows of some.
+        Returns
+        -------
+        mapping of str to Path
+            The first missing file of each pair that the data set should have; empty unless a subclass knows
+            of some.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> len(open_dataset("standin-full").lacking_pairs())
+        0
         """
         return self._lacking
 
     def note(self) -> str:
-        """Return a sentence about what isn't there; empty where nothing is missing."""
+        """Return a sentence about what isn't there.
+
+        Returns
+        -------
+        str
+            How many pairs lack files, and which the first of them are; empty where nothing is missing.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> open_dataset("standin-full").note()
+        ''
+        """
         lacking = self.lacking_pairs()
         if not lacking:
             return ""

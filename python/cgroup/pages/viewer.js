@@ -99,19 +99,21 @@
   const spread = (rows) => (rows.length <= most ? rows : Array.from({length: most}, (_, k) => rows[Math.floor(k * (rows.length - 1) / (most - 1))]));
   const isShown = (id) => get(`show-${id}`).checked;
 
-  // All that moves with the source, in one call.
-  function draw() {
+  // All that moves with the source, for one call of plotly.
+  function changes() {
     const kinds = view.kinds.map((kind, k) => lines(isShown(kind.id) ? spread(rowsOf(k)) : []));
     const all = [...kinds, lines(pinned === null ? [] : [pinned])];
     const [x, y, z] = moved(centered, pose());
     const part = (name, of) => [of, ...all.map((each) => each[name])];
     const colors = [...view.kinds.map((kind) => color(kind.id)), color("text")];
     const traces = [SOURCE, ...all.map((_, k) => k + 2)];
-    return plotly.restyle(area, {
+    return [{
       x: part("x", x), y: part("y", y), z: part("z", z), customdata: part("customdata", null),
       visible: [isShown("source"), ...all.map(() => true)], "line.color": [null, ...colors],
-    }, traces);
+    }, traces];
   }
+
+  const draw = () => plotly.restyle(area, ...changes());
 
   // The box of what the slider can show, or of the clouds laid together, in one scale along all axes.
   function frame() {
@@ -164,10 +166,12 @@
     return {eye: named(eye), up: named(up), center: {x: 0, y: 0, z: 0}, projection: {type}};
   }
 
-  function resetView() {
+  function wholeView() {
     const layout = frame();
-    return plotly.relayout(area, {...layout, "scene.camera": camera(layout)});
+    return {...layout, "scene.camera": camera(layout)};
   }
+
+  const resetView = () => plotly.relayout(area, wholeView());
 
   function show(move) {
     place = {...place, ...move};
@@ -230,13 +234,17 @@
     await draw();
   }
 
-  function choose(method) {
-    chosen = method;
+  function count() {
     view.kinds.forEach((kind, k) => {
       const [count, drawn] = [view.methods[chosen].counts[k], spread(rowsOf(k)).length];
       const text = count.toLocaleString("en");
       get(`count-${kind.id}`).textContent = drawn < count ? `${drawn} of ${text} drawn` : text;
     });
+  }
+
+  function choose(method) {
+    chosen = method;
+    count();
     tell(pinned);
     return draw();
   }
@@ -294,7 +302,8 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
 
   tell(null);
-  await choose(chosen);
-  await resetView();
+  count();
+  const [data, traces] = changes();
+  await plotly.update(area, data, wholeView(), traces);
   document.body.dataset.ready = "yes";
 })();
