@@ -153,7 +153,8 @@ bench-peers: $(VENV)/.ready-dev ## compare time and memory with PCL, Open3D, Num
 	@PYTHONPATH=benches $(BIN)/python -m peers.run --out "$(PEERS_OUT)" $(PEERS_ARGS)
 
 clean: ## remove what was built
-	rm -rf $(VENV) .venv-peers target $(OUT) python/cgroup/_core*.so
+	rm -rf $(VENV) .venv-peers target $(OUT) $(DIST) python/cgroup/_core*.so \
+		docs/_generated docs/gallery docs/reference/api docs/reference/*.rst docs/reference/modules.txt docs/sg_execution_times.rst
 
 .PHONY: check-tools
 check-tools:

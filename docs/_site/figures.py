@@ -17,7 +17,6 @@ def make(docs: Path) -> None:
     """Make what is missing below docs/_generated."""
     sys.path.insert(0, str(docs / "figures"))
     for name in _SCRIPTS:
-        if (docs / "figures" / f"{name}.py").exists():
-            folder = docs / "_generated" / name
-            folder.mkdir(parents=True, exist_ok=True)
-            importlib.import_module(name).make_figures(folder)
+        folder = docs / "_generated" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        importlib.import_module(name).make_figures(folder)

@@ -61,10 +61,10 @@ def _draw_all() -> Iterator[tuple[str, str, Figure]]:
 
 
 def _state() -> str:
-    """Say what the figures depend on: scripts, measured figures, and the versions of what draws them."""
+    """Say what the figures depend on: what draws them, and in which version, and what was measured."""
     digest = hashlib.sha256()
     for path in sorted(_SOURCES.rglob("*")):
-        if path.suffix in {".py", ".csv"}:
+        if path.suffix in {".py", ".csv", ".html"}:
             digest.update(path.read_bytes())
     return f"cgroup {cgroup.__version__}, matplotlib {mpl.__version__}, sources {digest.hexdigest()}\n"
 

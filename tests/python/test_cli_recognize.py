@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+import command_lines
 import numpy as np
 import pytest
 import trimesh
@@ -13,7 +14,6 @@ from scenes import stone_model, stone_scene
 if TYPE_CHECKING:
     from pathlib import Path
 
-from cgroup.cli import main
 from cgroup.io import read_cloud, read_transform, write_cloud
 
 
@@ -31,11 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main(["recognize", *(str(argument) for argument in arguments)])
-    out, err = capsys.readouterr()
-    assert isinstance(ended.value.code, int)
-    return ended.value.code, out, err
+    return command_lines.run(capsys, "recognize", *arguments)
 
 
 def test_prints_and_writes_what_is_there(

@@ -1,4 +1,4 @@
-"""Interactive charts of the page: what they show as plain numbers, which `report.js` draws with plotly."""
+"""Interactive charts of the page: what they show as plain numbers, which `charts.js` draws with plotly."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class Chart:
         )
 
     def as_html(self) -> str:
-        """Write the chart for the page; `report.js` fills it from what lies in its layout's `meta`."""
+        """Write the chart for the page; `charts.js` fills it from what lies in its layout's `meta`."""
         meta = {
             "least": LEAST_PAIRS,
             "panels": [_shorten(asdict(panel)) for panel in self.panels],
