@@ -1,19 +1,20 @@
 """The picture of the home page: all matches of two scans, the right ones among them, the scans aligned.
 
-    python docs/figures/home.py FOLDER
-
-makes it by hand.
+`python docs/figures/home.py docs/images/home.png` makes that of the README, all panels side by side; with a folder
+in place of the file, those of the site.
 """
 
 from __future__ import annotations
 
 import sys
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from PIL import Image
 
 from cgroup import group
 from cgroup.datasets import standin_pair
@@ -33,7 +34,6 @@ _SEED, _TURN = 1, 50.0
 _GAP = 0.35  # between the scans, in widths of the target
 _INK = {"light": "#222222", "dark": "#e6e6e6"}
 _PANELS = ("matches", "group", "pose")
-_WRONG = "#D55E00"
 _RIGHT = "#00a878"
 
 
@@ -48,6 +48,16 @@ def make_figures(folder: Path) -> None:
     for theme, ink in _INK.items():
         for name in _PANELS:
             scene.draw(name, ink).savefig(folder / f"{name}-{theme}.png", dpi=200, transparent=True)
+
+
+def write_strip(path: Path) -> None:
+    """Write all panels, side by side on white, into one file."""
+    scene, panels = _Scene(), []
+    for name in _PANELS:
+        buffer = BytesIO()
+        scene.draw(name, _INK["light"]).savefig(buffer, format="png", dpi=100, facecolor="white")
+        panels.append(np.asarray(Image.open(buffer).convert("RGB")))
+    Image.fromarray(np.concatenate(panels, axis=1)).quantize(128).save(path, optimize=True)
 
 
 class _Scene:
@@ -88,11 +98,11 @@ class _Scene:
         else:
             self._draw_scans(axes)
             if name == "matches":
-                self._draw_lines(axes, np.ones_like(self.right), _WRONG, 0.3)
+                self._draw_lines(axes, np.ones_like(self.right), style.WRONG, 0.3)
                 title = "Two scans, matched"
                 note = f"{len(self.right):,} matches, {(~self.right).sum():,} of them wrong"
             else:
-                self._draw_lines(axes, self.found.mask & ~self.right, _WRONG, 0.9)
+                self._draw_lines(axes, self.found.mask & ~self.right, style.WRONG, 0.9)
                 self._draw_lines(axes, found_right, _RIGHT, 0.85)
                 title = "cgroup finds the right ones"
                 note = f"{self.found.size} kept, {found_right.sum()} of them right"
@@ -129,4 +139,5 @@ def _frame(axes: Axes, *extents: tuple[float, float, float, float]) -> None:
 
 
 if __name__ == "__main__":
-    make_figures(Path(sys.argv[1]))
+    out = Path(sys.argv[1])
+    (write_strip if out.suffix == ".png" else make_figures)(out)
