@@ -1,7 +1,7 @@
 """The picture of the home page: all matches of two scans, the right ones among them, the scans aligned.
 
-`python docs/figures/home.py docs/images/home.png` makes that of the README, all panels side by side; with a folder
-in place of the file, those of the site.
+`python docs/figures/home.py docs/images/home.png` makes that of the README, all panels side by side; with a
+folder in place of the file, those of the site.
 """
 
 from __future__ import annotations
