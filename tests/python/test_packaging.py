@@ -14,6 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
+import absolute_links  # noqa: E402
 import check_version  # noqa: E402
 import check_wheels  # noqa: E402
 
@@ -122,6 +123,34 @@ def test_classifiers_are_the_pythons_that_wheels_are_tested_on():
     promised = re.findall(r"Python :: 3\.(\d+)", PYPROJECT)
     assert re.findall(r'"cp3(\d+)-\*"', PYPROJECT) == promised
     assert f'requires-python = ">=3.{promised[0]}"' in PYPROJECT
+
+
+@pytest.mark.parametrize(
+    ("link", "address"),
+    [
+        ("[gc](docs/methods/gc.md)", "https://cgroup-project.github.io/cgroup/methods/gc.html"),
+        (
+            "[speed](docs/performance.md#time)",
+            "https://cgroup-project.github.io/cgroup/performance.html#time",
+        ),
+        ("[more](examples)", "https://github.com/cgroup-project/cgroup/tree/main/examples"),
+        ("[code](CONTRIBUTING.md)", "https://github.com/cgroup-project/cgroup/blob/main/CONTRIBUTING.md"),
+        (
+            "![two scans](docs/images/home.png)",
+            "https://raw.githubusercontent.com/cgroup-project/cgroup/main/docs/images/home.png",
+        ),
+    ],
+)
+def test_links_of_the_readme_are_absolute_where_they_are_published(link: str, address: str):
+    absolute = absolute_links.make_absolute(f"See {link}.", ROOT)
+    assert absolute == f"See {link.partition('](')[0]}]({address})."
+    assert absolute_links.make_absolute(absolute, ROOT) == absolute
+
+
+def test_no_link_of_the_readme_is_left_relative():
+    text = absolute_links.make_absolute((ROOT / "README.md").read_text(encoding="utf-8"), ROOT)
+    assert all(re.match("https?:|#", link) for link in re.findall(r"\]\(([^)]+)\)", text))
+    assert "methods/choose.html" in text
 
 
 def test_tests_of_wheels_exist():
