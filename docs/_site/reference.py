@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
+import importlib
 import inspect
 import itertools
 import re
@@ -106,7 +106,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Rerun": "log_to_rerun",
     },
     "cgroup.registry": {
-        "What is known of each method": "METHOD_INFO MethodInfo find_method label_of",
+        "What is known of each method": "METHOD_INFO MethodInfo label_of",
         "Names": "METHODS PAPER_METHODS PRESETS",
     },
     "cgroup.benchmark.config": {
@@ -122,6 +122,10 @@ GROUPS: dict[str, dict[str, str]] = {
         "The run itself": "load_config load_datasets load_machines load_missing load_failures check",
     },
     "cgroup.benchmark.report": {"Report": "write_report"},
+    "cgroup.benchmark.overall": {
+        "Ranking over all pairs": "rank_overall Overall Standing name_units",
+        "Constants": "REAL GENERATED LEAST_OBJECTS",
+    },
     "cgroup.benchmark.rankings": {
         "Ranking": "rank_methods Rank",
         "Statistics": "bootstrap Interval comparable mcnemar signed_rank holm LEVEL RESAMPLES",
@@ -138,8 +142,8 @@ GROUPS: dict[str, dict[str, str]] = {
 
 
 def write(folder: Path) -> list[str]:
-    """Write one page per module that there is, and the table of modules; return the pages."""
-    modules = [name for name in GROUPS if _is_there(name)]
+    """Write one page per module, and the table of modules; return the pages."""
+    modules = list(GROUPS)
     _write(folder / "modules.txt", _module_table(modules))
     homes: dict[int, str] = {}
     for name in modules:
@@ -152,11 +156,10 @@ def write(folder: Path) -> list[str]:
 def types() -> dict[str, str]:
     """Return the full name of every public class by its short one."""
     found: dict[str, str] = {}
-    for name in filter(_is_there, GROUPS):
+    for name, groups in GROUPS.items():
         module = importlib.import_module(name)
-        names = " ".join(GROUPS[name].values()).split()
-        for each in names:
-            if inspect.isclass(getattr(module, each, None)):
+        for each in " ".join(groups.values()).split():
+            if inspect.isclass(getattr(module, each)):
                 found.setdefault(each, f"{name}.{each}")
     return found
 
@@ -172,10 +175,6 @@ def _drop_pages_of_lost_names(folder: Path, modules: list[str]) -> None:
     for path in (folder / "api").glob("*.rst"):
         if path.stem not in wanted:
             path.unlink()
-
-
-def _is_there(name: str) -> bool:
-    return importlib.util.find_spec(name) is not None
 
 
 def _summary(module: ModuleType) -> str:
@@ -195,14 +194,13 @@ def _page(name: str, module: ModuleType, homes: dict[int, str]) -> str:
     lines = [name, "=" * len(name), "", f".. automodule:: {name}", "   :no-members:", "   :no-index:", ""]
     lines += [f".. currentmodule:: {name}", ""]
     for title, names in GROUPS[name].items():
-        there = {each: getattr(module, each) for each in names.split() if hasattr(module, each)}
+        there = {each: getattr(module, each) for each in names.split()}
         home_of = {each: homes.setdefault(id(value), name) for each, value in there.items()}
         own = [each for each in there if home_of[each] == name]
         constants = [
             each for each in there if not inspect.isroutine(there[each]) | inspect.isclass(there[each])
         ]
-        if there:
-            lines += [title, "-" * len(title), ""]
+        lines += [title, "-" * len(title), ""]
         lines += _table([each for each in own if each not in constants], "   :toctree: api")
         lines += _table([f"~{home_of[each]}.{each}" for each in there if each not in (*own, *constants)])
         for each in constants:
