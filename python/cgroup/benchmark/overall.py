@@ -42,10 +42,13 @@ if TYPE_CHECKING:
 __all__ = ["GENERATED", "LEAST_OBJECTS", "REAL", "Overall", "Standing", "name_units", "rank_overall"]
 
 LEAST_OBJECTS = 5
-"""Of a data set whose objects are drawn in place of its pairs."""
+"""How many objects a data set must have for them to be drawn in place of its pairs."""
 
-REAL, GENERATED = "real and semi-synthetic", "synthetic"
-"""Kinds of pairs that are ranked apart."""
+REAL = "real and semi-synthetic"
+"""Pairs of real shapes, scanned or with a part that is simulated."""
+
+GENERATED = "synthetic"
+"""Pairs of generated shapes; the two kinds are ranked apart."""
 
 
 class Standing(NamedTuple):

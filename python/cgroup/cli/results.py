@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cgroup.cli.compare_runs import compare_runs, print_differences
 from cgroup.cli.comparison_output import print_comparison
 from cgroup.cli.completion import complete_runs
 from cgroup.cli.help import Command, examples, make_app
@@ -16,7 +17,6 @@ from cgroup.cli.matches import print_group
 from cgroup.cli.options import JsonOption, WideOption
 from cgroup.cli.output import Ending
 from cgroup.cli.pair import print_registration
-from cgroup.cli.run_comparison import compare_runs, print_differences
 from cgroup.cli.saved_runs import folder_of_runs, load_run, names_of_runs, remove_runs
 from cgroup.cli.tables import Column, print_table
 from cgroup.cli.terminal import print_facts, print_line, print_prose
