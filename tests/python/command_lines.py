@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import typer.main
 
 from cgroup import Correspondences
-from cgroup.cli import main
+from cgroup.cli import app, main
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences, write_transform
 
@@ -23,6 +24,20 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     out, err = capsys.readouterr()
     assert isinstance(ended.value.code, int)
     return ended.value.code, out, err
+
+
+def parse_command(words: list[str]) -> None:
+    """Let each command take its words, as far as running it."""
+    command, context = typer.main.get_command(app), None
+    while words:
+        context = command.make_context(command.name, words, parent=context)
+        words = [*getattr(context, "_protected_args", []), *context.args]
+        if not words or not hasattr(command, "resolve_command"):
+            break
+        _, command, words = command.resolve_command(context, words)
+        if not words:
+            command.make_context(command.name, [], parent=context)
+    assert getattr(command, "invoke_without_command", True), "a command is missing"
 
 
 def write_inputs(path: Path) -> None:

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from public_names import MODULES
 
-typer = pytest.importorskip("typer", reason="commands are parsed by typer: pip install 'cgroup[scans]'")
+pytest.importorskip("typer", reason="commands are parsed by typer: pip install 'cgroup[scans]'")
 
-from cgroup.cli import app  # noqa: E402
+from command_lines import parse_command  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs"))
@@ -83,24 +83,10 @@ def test_commands_are_understood(line: str, tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path))  # of `--install-completion`
     try:
-        parse(shlex.split(line, comments=True)[1:])
+        parse_command(shlex.split(line, comments=True)[1:])
     except SystemExit as done:  # of options that do their work at once
         if done.code:
             raise
-
-
-def parse(words: list[str]) -> None:
-    """Let each command take its words, as far as running it."""
-    command, context = typer.main.get_command(app), None
-    while words:
-        context = command.make_context(command.name, words, parent=context)
-        words = [*getattr(context, "_protected_args", []), *context.args]
-        if not words or not hasattr(command, "resolve_command"):
-            break
-        _, command, words = command.resolve_command(context, words)
-        if not words:
-            command.make_context(command.name, [], parent=context)
-    assert getattr(command, "invoke_without_command", True), "a command is missing"
 
 
 @pytest.mark.parametrize(
@@ -116,7 +102,7 @@ def parse(words: list[str]) -> None:
 )
 def test_wrong_commands_are_not_understood(line: str):
     with pytest.raises(Exception, match=r"No such|Missing|missing|valid number"):
-        parse(line.split())
+        parse_command(line.split())
 
 
 @pytest.mark.parametrize("module", reference.GROUPS)
