@@ -13,7 +13,7 @@ from public_names import MODULES
 
 pytest.importorskip("typer", reason="commands are parsed by typer: pip install 'cgroup[scans]'")
 
-from command_lines import parse_command  # noqa: E402
+from command_lines import parse_command
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs"))

@@ -93,7 +93,7 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike) -> 
     Raises
     ------
     InputError
-        If the suffix is another one, `cloud` is no `PointCloud`, or the file can't be written.
+        If the suffix is another one, `cloud` is no cloud, or the file can't be written.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike,
     Raises
     ------
     InputError
-        If the suffix is another one, `cloud` is no `PointCloud`, a row is none of its points, or the file
+        If the suffix is another one, `cloud` is no cloud, a row is none of its points, or the file
         can't be written.
 
     Examples
