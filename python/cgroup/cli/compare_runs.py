@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup.cli.json_output import Document
-from cgroup.cli.numbers import UNKNOWN, show_value
+from cgroup.cli.numbers import UNKNOWN, show_date, show_value
 from cgroup.cli.tables import Column, print_table
 from cgroup.cli.terminal import print_prose, print_text
 from cgroup.errors import InputError
@@ -125,7 +125,7 @@ def _print_runs(compared: Document, *, wide: bool) -> None:
         [
             str(place + 1),
             run["name"],
-            run["date"][:16].replace("T", " "),
+            show_date(run["date"]),
             run["cgroup_version"],
             *(show_value(values[place]) for values in options.values()),
         ]

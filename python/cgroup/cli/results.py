@@ -14,6 +14,7 @@ from cgroup.cli.completion import complete_runs
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.json_output import Document, make_document
 from cgroup.cli.matches import print_group
+from cgroup.cli.numbers import UNKNOWN, show_date
 from cgroup.cli.options import JsonOption, WideOption
 from cgroup.cli.output import Ending
 from cgroup.cli.pair import print_registration
@@ -171,9 +172,9 @@ def _print_list(document: Document, *, wide: bool) -> None:
     rows = [
         (
             run["name"],
-            run["command"] or "-",
-            (run["date"] or "-")[:16].replace("T", " "),
-            ", ".join(run["inputs"]) or "-",
+            run["command"] or UNKNOWN,
+            show_date(run["date"]),
+            ", ".join(run["inputs"]) or UNKNOWN,
             run["result"] or f"can't be read: cgroup results show {run['name']}",
         )
         for run in runs
