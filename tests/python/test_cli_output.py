@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,9 @@ from cgroup import METHODS
 from cgroup.cli import app
 from cgroup.cli.colors import wants_colors
 from cgroup.cli.json_output import as_text, make_document
+from cgroup.cli.matches import _length
 from cgroup.cli.tables import Column, print_table
+from cgroup.cli.terminal import show_stages
 from cgroup.datasets import standin_pair
 from cgroup.io import read_transform, write_cloud
 
@@ -309,6 +312,35 @@ def test_group_says_pose_residuals_and_how_sure(folder: Path, capsys: pytest.Cap
     assert any(line.startswith("sure        yes: ") for line in lines)
     _, out, _ = run(capsys, "group", folder / "matches.txt", "--method", "gtm")
     assert "sure        not known: GTM can't tell; --method lc does" in out
+
+
+@pytest.mark.parametrize("method", ["gtm", "lc"])
+def test_group_of_no_matches_says_so(method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nothing = np.zeros((0, 3))
+    np.savez(tmp_path / "none.npz", source=nothing, target=nothing, resolution=1.0)
+    line = ("group", tmp_path / "none.npz", "--method", method, "--out", tmp_path / "mask.npy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        status, out, err = run(capsys, *line)
+        _, document, _ = run(capsys, *line, "--json")
+    assert (status, err) == (0, "")
+    assert "no pose     no consensus" in out
+    assert parse(document)["inputs"][0]["centroid"] is None
+
+
+def test_far_residuals_are_plain_numbers() -> None:
+    assert _length(3.48, 0.0207) == "3.48 (170 pr)"
+    assert _length(1.19, 0.5655) == "1.19 (2.1 pr)"
+
+
+def test_a_dumb_terminal_gets_no_spinner(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "dumb")
+    with show_stages() as begin:
+        begin("matching")
+    assert capsys.readouterr().err == ""
 
 
 # --- completion ----------------------------------------------------------------------------------

@@ -265,6 +265,38 @@ def test_wrong_npz(arrays: dict[str, np.ndarray], says: str, tmp_path: Path) -> 
         read_correspondences(tmp_path / "c.npz")
 
 
+@pytest.mark.parametrize(
+    "names",
+    ["", "x,y,z,u,v,w\n", '\ufeff"sx", "sy", "sz", "tx", "ty", "tz"\r\n', "nan_x,b,c,d,e,f\n", "# x\n"],
+)
+def test_correspondences_from_csv(names: str, tmp_path: Path) -> None:
+    (tmp_path / "c.csv").write_text(f"{names}1,2,3,4,5,6\n7,8,9,10,11,12\n", encoding="utf-8")
+    read = read_correspondences(tmp_path / "c.csv")
+    np.testing.assert_array_equal(read.source, [[1, 2, 3], [7, 8, 9]])
+    np.testing.assert_array_equal(read.target, [[4, 5, 6], [10, 11, 12]])
+
+
+@pytest.mark.parametrize("row", ["nan,2,3,4,5,6", "inf,2,3,4,5,6"])
+def test_no_row_of_numbers_is_taken_for_names(row: str, tmp_path: Path) -> None:
+    (tmp_path / "c.csv").write_text(f"{row}\n7,8,9,10,11,12\n")
+    assert len(read_correspondences(tmp_path / "c.csv")) == 2
+
+
+def test_correspondences_from_npy(tmp_path: Path) -> None:
+    table = np.arange(12.0).reshape(2, 6)
+    np.save(tmp_path / "c.npy", table)
+    read = read_correspondences(tmp_path / "c.npy")
+    np.testing.assert_array_equal(np.hstack([read.source, read.target]), table)
+    np.save(tmp_path / "c.npy", np.zeros((2, 3, 2)))
+    with pytest.raises(InputError, match=r"has an array of shape \(2, 3, 2\); correspondences have six"):
+        read_correspondences(tmp_path / "c.npy")
+
+
+def test_a_folder_is_no_cloud(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a directory, not a file"):
+        read_cloud(tmp_path)
+
+
 def test_wrong_correspondence_files(tmp_path: Path) -> None:
     (tmp_path / "c.txt").write_text("1 2 3\n4 5 6\n")
     with pytest.raises(InputError, match="has 3 columns; correspondences have six"):

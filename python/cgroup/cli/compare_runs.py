@@ -149,9 +149,7 @@ def _print_methods(compared: Document, *, wide: bool) -> None:
             row += [_show_change(*method[name])] if is_pair and name == "f_score" else []
         rows.append(row)
     print_table(columns, rows, wide=wide)
-    print_prose(
-        "F, P, R: mean of precision and recall, precision, recall; reg.: registered; off: of the pose."
-    )
+    print_prose("P, R, F: precision, recall, their harmonic mean; reg.: registered; off: of the pose.")
 
 
 def _columns_of(compared: Document) -> list[Column]:

@@ -16,7 +16,7 @@ from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.json_output import Document, make_document
 from cgroup.cli.options import GROUPING, OUTPUT, JsonOption, MatchesArgument, MethodOption, SaveOption
 from cgroup.cli.output import Ending, options_of
-from cgroup.cli.terminal import print_facts, print_line, print_pose, print_prose, show_stages
+from cgroup.cli.terminal import print_facts, print_line, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import check_method, group
@@ -103,7 +103,7 @@ def group_command(
                 "role": "matches",
                 "file": correspondences,
                 "matches": len(given),
-                "centroid": given.source.mean(axis=0, dtype=np.float64),
+                "centroid": given.source.mean(axis=0, dtype=np.float64) if len(given) else None,
             }
         ],
         options={**options_of(context), "method": method, "resolution": given.resolution},
@@ -158,7 +158,7 @@ def print_group(document: Document) -> None:
     label = label_of(method)
     print_line(f"{found['selected']} of {matches} selected by {label} in {1e3 * found['seconds']:.0f} ms")
     if found["T_target_source"] is None:
-        print_prose(f"no pose: {found['why_no_pose']}")
+        print_facts(("no pose", found["why_no_pose"]))
     else:
         print_pose(found["T_target_source"])
         print_facts(
@@ -172,7 +172,9 @@ def print_group(document: Document) -> None:
 
 
 def _length(value: float, pr: float | None) -> str:
-    return f"{value:.3g} (in the file's unit)" if pr is None else f"{value:.3g} ({value / pr:.2g} pr)"
+    if pr is None:
+        return f"{value:.3g} (in the file's unit)"
+    return f"{value:.3g} ({float(f'{value / pr:.2g}'):g} pr)"  # 170, not 1.7e+02
 
 
 def _say_how_sure(found: Document, label: str) -> str:

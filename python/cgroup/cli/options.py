@@ -50,7 +50,10 @@ MatchesArgument = Annotated[
     Path,
     typer.Argument(
         metavar="MATCHES",
-        help="NPZ with the fields of cgroup's correspondences, or text: x y z x' y' z' per line.",
+        help=(
+            "Six columns, x y z x' y' z', of text, CSV or NPY; or NPZ with the fields of cgroup's "
+            "correspondences."
+        ),
         show_default=False,
     ),
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import textwrap
@@ -83,10 +84,15 @@ def shown_name(path: Path) -> str:
     return escape(path.name).replace("$", r"\$")
 
 
+def _can_overwrite() -> bool:
+    """Tell whether errors go to a terminal on which a line can be written again."""
+    return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+
+
 @contextmanager
 def show_bar(*columns: ProgressColumn) -> Generator[Progress | None, None, None]:
-    """Show a progress display on a terminal, gone when it is over; None where there is no terminal."""
-    if not sys.stderr.isatty():
+    """Show a progress display on a terminal, gone when it is over; None where nothing can be overwritten."""
+    if not _can_overwrite():
         yield None
         return
     from rich.console import Console  # noqa: PLC0415 - slow to load
@@ -99,7 +105,7 @@ def show_bar(*columns: ProgressColumn) -> Generator[Progress | None, None, None]
 @contextmanager
 def show_stages() -> Generator[Callable[[str], None], None, None]:
     """Show what is being done and for how long; call what is yielded with the name of each stage."""
-    if not sys.stderr.isatty():
+    if not _can_overwrite():
         yield ignore_progress
         return
     from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415 - slow to load

@@ -74,6 +74,9 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     path = as_path("path", path)
     reader = PARSERS.get(path.suffix.lower())
     if reader is None:
+        if path.is_dir():
+            message = f"{path}: is a directory, not a file"
+            raise InputError(message)
         known = " ".join(sorted(PARSERS))
         message = f"{path}: unknown point cloud format {path.suffix!r}; known are {known}"
         raise InputError(message)

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from cgroup._arguments import as_mask
 from cgroup._values import as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.io._files import load_numbers, parse_file, write_file
-from cgroup.io._numpy_files import npy_bytes, npz_bytes, read_arrays, single_number
+from cgroup.io._numpy_files import load_npy, npy_bytes, npz_bytes, read_arrays, single_number
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
     import os
+    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
+    from cgroup.types import FloatArray
+
 _COLUMNS = 6
+_NAME = re.compile(rb"(\xef\xbb\xbf)?\s*[\"']?(?!nan\b|inf)[A-Za-z_]", re.IGNORECASE)
+"""How a line of a table's names begins, perhaps behind the mark of UTF-8."""
 
 
 def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
@@ -26,7 +32,8 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     ----------
     path : path-like
         ``.npz`` with arrays named as the fields of `Correspondences` (``source`` and ``target``
-        are needed), or text with six columns: x y z of the source, x y z of the target.
+        are needed), or six columns, x y z of the source and x y z of the target: ``.npy``, or text
+        of any other suffix; the first line of a ``.csv`` may name them.
 
     Returns
     -------
@@ -50,14 +57,7 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     if path.suffix.lower() == ".npz":
         arrays = read_arrays(path, ("source", "target"), OPTIONAL_FIELDS)
     else:
-        table = parse_file(path, load_numbers)
-        if table.shape[1] != _COLUMNS:
-            message = (
-                f"{path}: has {table.shape[1]} columns; correspondences have six: "
-                "x y z of the source, x y z of the target"
-            )
-            raise InputError(message)
-        arrays = {"source": table[:, :3], "target": table[:, 3:]}
+        arrays = _read_table(path)
     optional: dict[str, Any] = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
     if "resolution" in optional:
         optional["resolution"] = single_number(path, optional["resolution"])
@@ -66,6 +66,23 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     except InputError as error:
         message = f"{path}: {error}"
         raise InputError(message) from error
+
+
+def _read_table(path: Path) -> dict[str, Any]:
+    """Read six columns: coordinates of the source, then of the target."""
+    loaders = {".npy": load_npy, ".csv": _load_csv}
+    table = parse_file(path, loaders.get(path.suffix.lower(), load_numbers))
+    if table.ndim != 2 or table.shape[1] != _COLUMNS:
+        got = f"{table.shape[1]} columns" if table.ndim == 2 else f"an array of shape {table.shape}"
+        message = f"{path}: has {got}; correspondences have six: x y z of the source, x y z of the target"
+        raise InputError(message)
+    return {"source": table[:, :3], "target": table[:, 3:]}
+
+
+def _load_csv(content: bytes) -> FloatArray:
+    """Read rows of numbers, without a first line that begins with a name."""
+    first, _, rest = content.partition(b"\n")
+    return load_numbers(rest if rest and _NAME.match(first) else content)
 
 
 def write_correspondences(path: str | os.PathLike[str], correspondences: Correspondences) -> None:

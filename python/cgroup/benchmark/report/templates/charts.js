@@ -111,7 +111,7 @@ function layoutOf(area, meta, panel) {
   if (panel.share) Object.assign(yaxis, {range: [-0.02, 1.02], autorange: false, dtick: 0.2});
   else if (!logarithmic.includes("y")) yaxis.rangemode = "tozero";
   return {
-    ...old, xaxis, yaxis, uirevision: panel.title, hovermode: "closest", showlegend: true, legend: {...old.legend, font: {size: 13}, itemsizing: "constant", ...(narrow ? {orientation: "h", x: 0, y: 1.02, yanchor: "bottom"} : {orientation: "v", x: 1.02, y: 1})},
+    ...old, xaxis, yaxis, uirevision: panel.title, hovermode: "closest", showlegend: true, legend: {...old.legend, font: {size: 13}, itemsizing: "constant", ...(narrow ? {orientation: "h", x: 0, y: 1.02, yanchor: "bottom"} : {orientation: "v", x: 1.02, y: 0.95})},
     margin: {l: 52, r: 12, t: 14, b: 48}, hoverlabel: {...old.hoverlabel, align: "left"},
   };
 }
