@@ -63,8 +63,8 @@ def write_strip(path: Path) -> None:
 class _Scene:
     """Two scans, their matches, and what cgroup makes of them; the source is shown in the target's pose."""
 
-    def __init__(self, seed: int = _SEED, turn: float = _TURN) -> None:
-        pair = standin_pair(seed=seed, turn=turn)
+    def __init__(self) -> None:
+        pair = standin_pair(seed=_SEED, turn=_TURN)
         self.matches = correspond(pair.source, pair.target)
         self.found = group(self.matches, "lc")
         pose = self.found.transform()

@@ -48,10 +48,9 @@ class FlatView:
         self._center = problem.source.mean(axis=0)
         self._shift = _GAP * float(np.abs(problem.source - self._center).max())
 
-    def source(self, points: FloatArray | None = None) -> FloatArray:
-        """Place points of the source; all by default."""
-        shown = self._problem.source if points is None else points
-        return (shown - self._center)[:, :2]
+    def source(self) -> FloatArray:
+        """Place the points of the source."""
+        return (self._problem.source - self._center)[:, :2]
 
     def target(self, points: FloatArray | None = None) -> FloatArray:
         """Place points of the target; all by default."""
@@ -94,13 +93,11 @@ class FlatView:
             )
 
 
-def bare(axes: Axes, title: str = "") -> None:
+def bare(axes: Axes) -> None:
     """Leave nothing but the picture, in true proportions."""
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.margins(0.04)
-    if title:
-        title_of(axes, title)
 
 
 def title_of(axes: Axes, title: str) -> None:

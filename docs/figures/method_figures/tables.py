@@ -51,9 +51,9 @@ IDEAS = {
 _NEEDS = {"source": "points", "similarity": "similarities", "ratio": "ratios", "source_lrf": "frames"}
 
 
-def write_tables(folder: Path = PAGES) -> None:
-    """Write the tables into all pages of a folder."""
-    for page in sorted(folder.glob("*.md")):
+def write_tables() -> None:
+    """Write the tables into all pages."""
+    for page in sorted(PAGES.glob("*.md")):
         text = page.read_text(encoding="utf-8")
         page.write_text(fill(text), encoding="utf-8")
 

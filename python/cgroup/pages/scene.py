@@ -34,6 +34,7 @@ _AMBIENT = 0.35
 _LEVELS = 255
 _STOPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a line: where the mouse finds it
 _DISTANCE = 1.05  # of the camera, in sizes of the scene
+_LINE = 60  # letters of a line of a hover text
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +158,9 @@ def line_vertices(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.concatenate([between, gaps], axis=1).reshape(-1, 3)
 
 
-def camera_of(scene: Scene, distance: float = _DISTANCE) -> dict[str, Any]:
+def camera_of(scene: Scene) -> dict[str, Any]:
     """Return plotly's camera of the viewer who sees most of the target."""
-    eye = distance * scene.towards
+    eye = _DISTANCE * scene.towards
     return {"eye": dict(zip("xyz", eye, strict=True)), "up": dict(zip("xyz", scene.up, strict=True))}
 
 
@@ -247,11 +248,11 @@ def _hover_text(drawing: Drawing, row: int) -> str:
     return f"match {row}: {_broken(chart_text(reason))}"
 
 
-def _broken(text: str, width: int = 60) -> str:
+def _broken(text: str) -> str:
     """Break a text into lines of HTML."""
     lines, words = [""], text.split(" ")
     for word in words:
-        if len(lines[-1]) + len(word) > width:
+        if len(lines[-1]) + len(word) > _LINE:
             lines.append("")
         lines[-1] += word + " "
     return "<br>".join(line.rstrip() for line in lines)

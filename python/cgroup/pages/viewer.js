@@ -115,10 +115,15 @@
 
   const draw = () => plotly.restyle(area, ...changes());
 
-  // The box of what the slider can show, or of the clouds laid together, in one scale along all axes.
-  function frame() {
+  // What the slider can show, or the clouds laid together.
+  function shownClouds() {
     const ends = place.share === 1 ? ["placed"] : [place.start, "placed"];
-    const clouds = [fixed, ...ends.map((end) => moved(centered, view.poses[end]))];
+    return [fixed, ...ends.map((end) => moved(centered, view.poses[end]))];
+  }
+
+  // Their box, in one scale along all axes.
+  function frame() {
+    const clouds = shownClouds();
     const low = [0, 1, 2].map((axis) => Math.min(...clouds.map((cloud) => cloud[axis].reduce((a, b) => Math.min(a, b)))));
     const high = [0, 1, 2].map((axis) => Math.max(...clouds.map((cloud) => cloud[axis].reduce((a, b) => Math.max(a, b)))));
     const sizes = high.map((value, axis) => value - low[axis]);
@@ -130,6 +135,20 @@
       layout[`scene.aspectratio.${name}`] = (sizes[axis] + 2 * margin) / most;
     });
     return layout;
+  }
+
+  // The part of the box worth looking at: without the one point in 500 that lies far out on either side of a cloud.
+  function core(layout) {
+    const sorted = shownClouds().map((cloud) => cloud.map((values) => Float64Array.from(values).sort()));
+    return ["x", "y", "z"].map((name, axis) => {
+      const quantile = (share) => sorted.map((cloud) => cloud[axis][Math.round(share * (cloud[axis].length - 1))]);
+      const [inner, outer] = [Math.min(...quantile(0.002)), Math.max(...quantile(0.998))];
+      const [first, last] = layout[`scene.${name}axis.range`];
+      const room = 0.1 * (outer - inner);
+      const [low, high] = [Math.max(first, inner - room), Math.min(last, outer + room)];
+      const scale = layout[`scene.aspectratio.${name}`] / (last - first);
+      return {side: scale * (high - low), center: scale * (low + high - first - last) / 2};
+    });
   }
 
   const dot = (one, other) => one.reduce((sum, value, k) => sum + value * other[k], 0);
@@ -152,18 +171,19 @@
     return {right: [top[1] * eye[2] - top[2] * eye[1], top[2] * eye[0] - top[0] * eye[2], top[0] * eye[1] - top[1] * eye[0]], up: top, towards: eye};
   }
 
-  // As near as the box can be seen from.
+  // As near as the clouds can be seen from.
   function camera(layout) {
     const axes = directions();
-    const sides = ["x", "y", "z"].map((name) => layout[`scene.aspectratio.${name}`]);
+    const shown = core(layout);
+    const [sides, center] = [shown.map((axis) => axis.side), shown.map((axis) => axis.center)];
     const [width, height, depth] = ["right", "up", "towards"].map((name) =>
       sides.reduce((sum, side, axis) => sum + side * Math.abs(axes[name][axis]), 0));
     const tangent = Math.tan(Math.PI / 8); // of half of plotly's field of view
     const away = 0.35 * depth + 0.95 * Math.max(height, width * area.clientHeight / area.clientWidth) / (2 * tangent);
-    const [eye, up] = [axes.towards.map((value) => away * value), axes.up];
+    const [eye, up] = [axes.towards.map((value, axis) => center[axis] + away * value), axes.up];
     const named = ([x, y, z]) => ({x, y, z});
     const type = get("perspective").checked ? "perspective" : "orthographic";
-    return {eye: named(eye), up: named(up), center: {x: 0, y: 0, z: 0}, projection: {type}};
+    return {eye: named(eye), up: named(up), center: named(center), projection: {type}};
   }
 
   function wholeView() {

@@ -30,7 +30,7 @@ _JUDGED = (
     ("correct", "kept, correct", True),
     ("wrong", "kept, wrong", True),
     ("missed", "dropped, correct", True),
-    ("dropped", "dropped", False),
+    ("dropped", "dropped, wrong", False),
 )
 _UNJUDGED = (("group", "kept", True), ("dropped", "dropped", False))
 _HINT = "Point at a line, or tap it, or type the number of a match."

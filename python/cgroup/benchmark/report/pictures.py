@@ -75,10 +75,10 @@ class PictureBook:
         write_file(self._folder / f"{name}.pdf", _render_figure(figure, "pdf", resolution))
         return name
 
-    def keep(self, name: str, figure: Figure, alt: str, *, resolution: int = CLOUD_RESOLUTION) -> Picture:
+    def keep(self, name: str, figure: Figure, alt: str) -> Picture:
         """Save a figure, and keep it as a picture."""
-        self.save(name, figure, resolution=resolution)
-        small = _render_figure(figure, "webp", resolution, pil_kwargs={"quality": QUALITY})
+        self.save(name, figure, resolution=CLOUD_RESOLUTION)
+        small = _render_figure(figure, "webp", CLOUD_RESOLUTION, pil_kwargs={"quality": QUALITY})
         return Picture(name, alt, base64.b64encode(small).decode())
 
 
