@@ -124,14 +124,21 @@ def _describe(sample: Sample) -> str:
         sample.matches("inlier_ratio"),
     )
     best = table.mean().idxmax()
-    most = [method_style(method).label for method in rates.index[rates == rates.max()]]
     return (
         f"{len(table.columns)} methods over {len(table)} levels, {sample.experiment.label}. On average "
         f"{method_style(best).label} has the best F, {table.mean().max():.2f}. By the paper's criterion "
-        f"{', '.join(most)} {'register' if len(most) > 1 else 'registers'} the most pairs, a share of "
-        f"{rates.max():.2f}. The share of correct initial matches goes from {ratios.min():.3f} to "
+        f"{_who_registers_most(rates)}. The share of correct initial matches goes from {ratios.min():.3f} to "
         f"{ratios.max():.3f}."
     )
+
+
+def _who_registers_most(rates: pd.Series) -> str:
+    """Say which methods register the most pairs, unless they all do alike."""
+    most = [method_style(method).label for method in rates.index[rates == rates.max()]]
+    share = f"a share of {rates.max():.2f}"
+    if len(most) == len(rates) > 1:
+        return f"all methods register as many pairs, {share}"
+    return f"{', '.join(most)} {'register' if len(most) > 1 else 'registers'} the most pairs, {share}"
 
 
 def chart_pairs(evidence: Evidence, pictures: PictureBook) -> Chart | None:
