@@ -103,3 +103,4 @@ def setup(app: object) -> None:
     """Make figures before pages are read, and send links out of the folder to the repository."""
     app.connect("builder-inited", lambda _app: figures.make(DOCS))
     app.connect("source-read", links.rewrite)
+    app.connect("autodoc-process-signature", reference.hide_private_parameters)

@@ -234,6 +234,12 @@ def _constant_doc(module: str, name: str) -> str:
     return ""
 
 
+def hide_private_parameters(*event: object) -> tuple[str, str | None] | None:
+    """Leave what a class keeps for itself out of its signature."""
+    signature, returned = typing.cast("tuple[str, str | None]", event[-2:])
+    return signature and (re.sub(r", _\w+=[^,)]+", "", signature), returned)
+
+
 def _table(names: list[str], *options: str) -> list[str]:
     return [".. autosummary::", *options, "", *(f"   {name}" for name in names), ""] if names else []
 
