@@ -158,7 +158,7 @@ def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 WRONG = [
     ("register missing.ply {target}", "missing.ply: no such file"),
-    ("register {folder} {target}", "unknown point cloud format"),
+    ("register {folder} {target}", "is a directory, not a file"),
     ("register {folder}/empty.ply {target}", "empty.ply: the file is empty"),
     ("register {folder}/garbage.pcd {target}", "garbage.pcd: not a readable PCD file"),
     ("register {folder}/cut.ply {target}", "cut.ply: not a readable PLY file, or cut off"),
