@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cgroup import Correspondences, features, registration, verification
+from cgroup import features, registration, verification
 from cgroup.datasets import standin_pair
 from cgroup.datasets.matching_problems import make_problem
 from cgroup.io import write_cloud, write_correspondences, write_descriptors, write_transform
@@ -41,15 +41,7 @@ RESULTS = {
 
 
 PROBLEM = make_problem(np.random.default_rng(0), 12, inlier_ratio=0.8)
-MATCHES = Correspondences(
-    PROBLEM.source,
-    PROBLEM.target,
-    similarity=PROBLEM.similarity,
-    ratio=PROBLEM.ratio,
-    source_lrf=PROBLEM.source_lrf,
-    target_lrf=PROBLEM.target_lrf,
-    resolution=PROBLEM.resolution,
-)
+MATCHES = PROBLEM.correspondences()
 PAIR = standin_pair(pixels=30)
 POINTS = PAIR.source.points
 VOXEL = 9.5

@@ -31,15 +31,7 @@ PROBLEM = make_problem(
     zero_descriptors=0.05,
 )
 PR = PROBLEM.resolution
-MATCHES = Correspondences(
-    PROBLEM.source,
-    PROBLEM.target,
-    similarity=PROBLEM.similarity,
-    ratio=PROBLEM.ratio,
-    source_lrf=PROBLEM.source_lrf,
-    target_lrf=PROBLEM.target_lrf,
-    resolution=PR,
-)
+MATCHES = PROBLEM.correspondences()
 
 
 def sets_of(*methods: str) -> list[tuple[str, Options]]:
