@@ -10,18 +10,20 @@ from cgroup.group import group
 from cgroup.types import Correspondences, Grouping
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from cgroup.types import BoolArray
 
 
 def gc_then_ransac(
-    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None
+    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None, **options: object
 ) -> Grouping:
     """RANSAC on the group of GC; see `gtm_then_ransac`."""
-    return _then_ransac("gc", correspondences, seed, threads)
+    return _then_ransac("gc", correspondences, seed, threads, options)
 
 
 def gtm_then_ransac(
-    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None
+    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None, **options: object
 ) -> Grouping:
     """RANSAC on the group of GTM (paper, section 6).
 
@@ -33,17 +35,25 @@ def gtm_then_ransac(
         Of RANSAC.
     threads : int, optional
         None for all cores.
+    **options
+        Of the first method.
 
     Returns
     -------
     Grouping
         RANSAC's inliers within the first method's group, aligned with all correspondences.
     """
-    return _then_ransac("gtm", correspondences, seed, threads)
+    return _then_ransac("gtm", correspondences, seed, threads, options)
 
 
-def _then_ransac(first: str, correspondences: Correspondences, seed: int, threads: int | None) -> Grouping:
-    kept = group(correspondences, first, threads=threads).indices
+def _then_ransac(
+    first: str,
+    correspondences: Correspondences,
+    seed: int,
+    threads: int | None,
+    options: Mapping[str, object],
+) -> Grouping:
+    kept = group(correspondences, first, threads=threads, **options).indices
     subset = Correspondences(
         correspondences.source[kept], correspondences.target[kept], resolution=correspondences.resolution
     )

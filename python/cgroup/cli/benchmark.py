@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
-from cgroup.cli import benchmark_findings
+from cgroup.cli import benchmark_findings, benchmark_readings
 from cgroup.cli.benchmark_options import DEFAULT_OUT, DataOption, OutOption, needs_extra
-from cgroup.cli.benchmark_output import DONE, print_health, print_presets, print_status, print_summary
+from cgroup.cli.benchmark_output import print_health, print_presets, print_status, print_summary
+from cgroup.cli.benchmark_progress import show_counts
 from cgroup.cli.completion import complete_presets
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.json_output import make_document
 from cgroup.cli.options import JsonOption
 from cgroup.cli.output import Ending
 from cgroup.cli.signals import StoppedError, stop_on_signals
-from cgroup.cli.terminal import print_line, show_bar
+from cgroup.cli.terminal import print_line
 from cgroup.io._results import check_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Mapping
-
-    from rich.progress import TaskID
+    from collections.abc import Mapping
 
     from cgroup.benchmark.records.progress import Counts
 
@@ -115,7 +114,7 @@ def run_command(
     check_folder(out)
     start = time.monotonic()
     try:
-        with stop_on_signals(), _show_counts() as report:
+        with stop_on_signals(), show_counts() as report:
             summary = run(
                 wanted,
                 out,
@@ -197,41 +196,8 @@ def presets_command(*, as_json: JsonOption = False) -> None:
 
 
 app.add_typer(benchmark_findings.app)
+app.add_typer(benchmark_readings.app)
 
 
 def _list_counts(counts: Mapping[str, Counts]) -> dict[str, dict[str, int]]:
     return {stage: count._asdict() for stage, count in counts.items()}
-
-
-@contextmanager
-def _show_counts() -> Generator[Callable[[str, int, int], None] | None, None, None]:
-    """Show how far each stage is and how long it will take, on a terminal only."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.progress import (  # noqa: PLC0415 - slow to load
-        BarColumn,
-        MofNCompleteColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description:<14}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
-    with show_bar(*columns) as progress:
-        if progress is None:
-            yield None
-            return
-        tasks: dict[str, TaskID] = {}
-
-        def report(stage: str, done: int, wanted: int) -> None:
-            if stage not in tasks:
-                # What earlier runs did says nothing of the speed of this one.
-                tasks[stage] = progress.add_task(DONE[stage], total=wanted, completed=done)
-            progress.update(tasks[stage], completed=done)
-
-        yield report

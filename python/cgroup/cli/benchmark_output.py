@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cgroup.cli.colors import paint
+from cgroup.cli.output import print_files
 from cgroup.cli.tables import Column, print_table
 from cgroup.cli.terminal import print_line, print_prose, print_text
 
@@ -21,6 +22,7 @@ DONE = {
     "time": "times",
     "register": "registrations",
     "try": "trials",
+    "judge": "readings judged",
 }
 """What each stage counts."""
 
@@ -29,6 +31,15 @@ _CLAIMS = (
     Column("claim", is_text=True),
     Column("verdict", is_text=True),
     Column("the paper says", is_text=True),
+)
+_READINGS = (
+    Column("reading", is_text=True),
+    Column("confirmed"),
+    Column("partly"),
+    Column("not"),
+    Column("better"),
+    Column("worse"),
+    Column("what is changed", is_text=True, priority=1),
 )
 _FAILURES_SHOWN = 10
 _INDENT = " " * 15
@@ -95,6 +106,24 @@ def print_claims(document: Document, *, wide: bool) -> None:
     else:
         print_table(_CLAIMS, [(claim["id"], claim["verdict"], claim["statement"]) for claim in claims])
     print_prose(document["results"]["counted"])
+
+
+def print_readings(document: Document, *, wide: bool) -> None:
+    """Print how many claims are confirmed under each reading."""
+    found = document["results"]["readings"]
+    rows = [
+        (
+            reading["name"],
+            *(str(reading["counts"][verdict]) for verdict in ("confirmed", "partly", "not confirmed")),
+            *(str(len(reading[change])) for change in ("better", "worse")),
+            reading["label"],
+        )
+        for reading in found
+    ]
+    print_table(_READINGS, rows, wide=wide)
+    print_prose("better, worse: claims whose verdict is another than by default")
+    _print_left_out(document["results"]["left_out"])
+    print_files(document)
 
 
 def print_tables(title: str, label: str, tables: Iterable[Table], *, wide: bool) -> None:

@@ -8,6 +8,7 @@ from cgroup.plots.levels import inliers_figure, registration_rate_figure, scores
 from cgroup.plots.matches import comparison_figure, matches_figure, registration_figure
 from cgroup.plots.pair_precision import pair_precision_figure
 from cgroup.plots.pipelines import pipelines_figure
+from cgroup.plots.readings import readings_figure
 from cgroup.plots.scores import precision_recall_figure
 from cgroup.plots.times import timing_figure
 from cgroup.plots.trials import trials_figure
@@ -20,6 +21,7 @@ __all__ = [
     "pair_precision_figure",
     "pipelines_figure",
     "precision_recall_figure",
+    "readings_figure",
     "registration_figure",
     "registration_rate_figure",
     "scores_figure",

@@ -1,0 +1,128 @@
+"""What comes of the paper's claims under each reading."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cgroup._progress import ignore_progress
+from cgroup.benchmark.claims import CLAIMS, OUTCOMES, bootstrap_verdicts, check_claims
+from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
+    import pandas as pd
+
+    from cgroup.benchmark.claims import Outcome, Stability, Verdict
+    from cgroup.benchmark.readings.reading import Reading
+
+DEFAULT = "default"
+"""Name of the reading that is none."""
+
+
+@dataclass(frozen=True)
+class ReadingOutcome:
+    """Verdicts under one reading.
+
+    Attributes
+    ----------
+    name, label : str
+        Of the reading.
+    verdicts : dict of str to Verdict
+        By claim, in the paper's order.
+    stability : dict of str to Stability
+        How sure they are, by claim; without those that are not testable.
+    moved : frozenset of str
+        Claims of which a number is another than under the default.
+    better, worse : tuple of str
+        Claims whose verdict is better than under the default, and worse.
+    """
+
+    name: str
+    label: str
+    verdicts: dict[str, Verdict]
+    stability: dict[str, Stability]
+    moved: frozenset[str] = frozenset()
+    better: tuple[str, ...] = ()
+    worse: tuple[str, ...] = ()
+
+    @property
+    def counts(self) -> dict[Outcome, int]:
+        """How many claims have which verdict."""
+        counted = Counter(verdict.verdict for verdict in self.verdicts.values())
+        return {outcome: counted[outcome] for outcome in OUTCOMES}
+
+    def is_close(self, claim: str) -> bool:
+        """Tell whether another draw of the pairs would often give another verdict."""
+        return claim in self.stability and self.stability[claim].close
+
+
+def judge_readings(
+    frame: pd.DataFrame,
+    timing: pd.DataFrame,
+    readings: Sequence[Reading],
+    *,
+    resamples: int = 200,
+    progress: Callable[[str, int, int], Any] = ignore_progress,
+) -> list[ReadingOutcome]:
+    """Check the paper's claims on the records of every reading.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Records of a configuration from `add_readings`.
+    timing : DataFrame
+        Times of the timing experiment; may have no rows.
+    readings : sequence of Reading
+        What was tried.
+    resamples : int
+        Draws of the bootstrap, for each reading the same.
+    progress : callable
+        Called with "judge" and how many of how many readings are done.
+
+    Returns
+    -------
+    list of ReadingOutcome
+        The default's first, then in the order of the readings.
+    """
+    progress("judge", 0, 1 + len(readings))
+    plain = select_default(frame), select_times(timing)
+    verdicts = {verdict.id: verdict for verdict in check_claims(*plain)}
+    default = ReadingOutcome(DEFAULT, "", verdicts, bootstrap_verdicts(*plain, resamples=resamples))
+    outcomes = [default]
+    for reading in readings:
+        progress("judge", len(outcomes), 1 + len(readings))
+        records = select_reading(frame, reading), select_times(timing, reading)
+        outcomes.append(_judge(records, reading, default, resamples))
+    progress("judge", len(outcomes), len(outcomes))
+    return outcomes
+
+
+def _judge(
+    records: tuple[pd.DataFrame, pd.DataFrame], reading: Reading, default: ReadingOutcome, resamples: int
+) -> ReadingOutcome:
+    verdicts = {verdict.id: verdict for verdict in check_claims(*records)}
+    before = default.verdicts
+    moved = [claim for claim in CLAIMS if _numbers(verdicts[claim.id]) != _numbers(before[claim.id])]
+    stability = bootstrap_verdicts(*records, resamples=resamples, claims=moved)
+    change = {claim.id: _rank(before[claim.id]) - _rank(verdicts[claim.id]) for claim in moved}
+    return ReadingOutcome(
+        reading.name,
+        reading.label,
+        verdicts,
+        default.stability | stability,
+        frozenset(change),
+        tuple(claim for claim, steps in change.items() if steps > 0),
+        tuple(claim for claim, steps in change.items() if steps < 0),
+    )
+
+
+def _numbers(verdict: Verdict) -> tuple[str, str]:
+    return verdict.measured, verdict.data
+
+
+def _rank(verdict: Verdict) -> int:
+    return OUTCOMES.index(verdict.verdict)

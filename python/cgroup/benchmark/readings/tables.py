@@ -1,0 +1,153 @@
+"""Verdicts under all readings, as tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING
+
+from cgroup.benchmark.claims import CLAIMS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from cgroup.benchmark.readings.outcomes import ReadingOutcome
+    from cgroup.benchmark.readings.questions import Question
+
+CLOSE_MARK = "≈"
+"""Beside verdicts that another draw of the pairs would often change."""
+
+_TESTED = ("confirmed", "partly", "not confirmed")
+_COLUMNS = ("question", "reading", "claim", "verdict", "held", "tests", "share", "close", "moved", "measured")
+
+
+def as_markdown(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question]) -> str:
+    """Write all tables as Markdown.
+
+    Parameters
+    ----------
+    outcomes : sequence of ReadingOutcome
+        Of `judge_readings`.
+    questions : iterable of Question
+        What the readings are answers to; those without an outcome are left out.
+
+    Returns
+    -------
+    str
+        The counts per reading; the claims that readings bring back, and those that none does; and a table
+        claim by reading for each question.
+    """
+    default, *others = outcomes
+    by_name = {outcome.name: outcome for outcome in others}
+    parts = ["### Claims per reading", "", *_list_counts(outcomes), ""]
+    parts += ["### Claims that a reading brings back", "", *_list_gains(default, others), ""]
+    parts += ["### Claims that no reading confirms", "", *_list_never(outcomes), ""]
+    for question in questions:
+        tried = [by_name[reading.name] for reading in question.readings if reading.name in by_name]
+        if tried:
+            told = f"*The paper:* {question.silent} *Default:* {question.default}."
+            parts += [f"### {question.title}", "", told, "", *_list_cells(default, tried), ""]
+    return "\n".join(parts)
+
+
+def as_csv(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question]) -> str:
+    """Write one row per claim and reading.
+
+    Parameters
+    ----------
+    outcomes : sequence of ReadingOutcome
+        Of `judge_readings`.
+    questions : iterable of Question
+        What the readings are answers to.
+
+    Returns
+    -------
+    str
+        With a header.
+    """
+    asked = {reading.name: question.id for question in questions for reading in question.readings}
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_COLUMNS)
+    for outcome in outcomes:
+        for claim, verdict in outcome.verdicts.items():
+            known = outcome.stability.get(claim)
+            share = "" if known is None else f"{known.share:.3f}"
+            judged = (verdict.verdict, verdict.held, verdict.tests, share, outcome.is_close(claim))
+            what = (asked.get(outcome.name, ""), outcome.name, claim)
+            writer.writerow((*what, *judged, claim in outcome.moved, verdict.measured))
+    return text.getvalue()
+
+
+def show_cell(outcome: ReadingOutcome, claim: str) -> str:
+    """Write a verdict with how many of its tests hold, and whether it is close.
+
+    Parameters
+    ----------
+    outcome : ReadingOutcome
+        Of a reading.
+    claim : str
+        Id of a claim.
+
+    Returns
+    -------
+    str
+        Such as ``confirmed 9/9``.
+    """
+    verdict = outcome.verdicts[claim]
+    mark = f" {CLOSE_MARK}" if outcome.is_close(claim) else ""
+    count = f" {verdict.held}/{verdict.tests}" if verdict.tests else ""
+    return verdict.verdict + count + mark
+
+
+def _list_counts(outcomes: Sequence[ReadingOutcome]) -> Iterator[str]:
+    yield "| reading | | confirmed | partly | not | better | worse |"
+    yield "|---|---|---:|---:|---:|---|---|"
+    for outcome in outcomes:
+        counts = " | ".join(str(outcome.counts[verdict]) for verdict in _TESTED)
+        changed = " | ".join(", ".join(claims) for claims in (outcome.better, outcome.worse))
+        yield f"| {outcome.name} | {outcome.label} | {counts} | {changed} |"
+
+
+def _list_gains(default: ReadingOutcome, others: Sequence[ReadingOutcome]) -> Iterator[str]:
+    yield "| claim | default | confirmed by | better by |"
+    yield "|---|---|---|---|"
+    for claim in CLAIMS:
+        better = [outcome for outcome in others if claim.id in outcome.better]
+        if better:
+            whole = [each for each in better if each.verdicts[claim.id].verdict == "confirmed"]
+            shown = " | ".join(
+                ", ".join(f"{each.name} ({_count(each, claim.id)})" for each in named)
+                for named in (whole, [each for each in better if each not in whole])
+            )
+            yield f"| **{claim.id}** {claim.statement} | {show_cell(default, claim.id)} | {shown} |"
+
+
+def _list_never(outcomes: Sequence[ReadingOutcome]) -> Iterator[str]:
+    yield "| claim | default | most tests hold under |"
+    yield "|---|---|---|"
+    for claim in CLAIMS:
+        of_claim = {outcome.name: outcome.verdicts[claim.id] for outcome in outcomes}
+        if all(verdict.verdict in {"partly", "not confirmed"} for verdict in of_claim.values()):
+            best = max(outcomes, key=lambda outcome: _share(outcome, claim.id))
+            shown = f"{best.name}: {show_cell(best, claim.id)}"
+            yield f"| **{claim.id}** {claim.statement} | {show_cell(outcomes[0], claim.id)} | {shown} |"
+
+
+def _list_cells(default: ReadingOutcome, tried: Sequence[ReadingOutcome]) -> Iterator[str]:
+    yield "| claim | default | " + " | ".join(outcome.label for outcome in tried) + " |"
+    yield "|---|---|" + "---|" * len(tried)
+    for claim in default.verdicts:
+        if any(claim in outcome.moved for outcome in tried):
+            cells = [show_cell(each, claim) if claim in each.moved else "·" for each in tried]
+            yield f"| {claim} | {show_cell(default, claim)} | " + " | ".join(cells) + " |"
+
+
+def _count(outcome: ReadingOutcome, claim: str) -> str:
+    mark = f" {CLOSE_MARK}" if outcome.is_close(claim) else ""
+    return f"{outcome.verdicts[claim].held}/{outcome.verdicts[claim].tests}{mark}"
+
+
+def _share(outcome: ReadingOutcome, claim: str) -> float:
+    verdict = outcome.verdicts[claim]
+    return verdict.held / verdict.tests if verdict.tests else 0.0

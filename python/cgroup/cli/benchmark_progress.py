@@ -1,0 +1,49 @@
+"""How far a run of the benchmark is, on a terminal."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from cgroup.cli.benchmark_output import DONE
+from cgroup.cli.terminal import show_bar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator
+
+    from rich.progress import TaskID
+
+
+@contextmanager
+def show_counts() -> Generator[Callable[[str, int, int], None] | None, None, None]:
+    """Show how far each stage is and how long it will take, on a terminal only."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.progress import (  # noqa: PLC0415 - slow to load
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description:<14}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with show_bar(*columns) as progress:
+        if progress is None:
+            yield None
+            return
+        tasks: dict[str, TaskID] = {}
+
+        def report(stage: str, done: int, wanted: int) -> None:
+            if stage not in tasks:
+                # What earlier runs did says nothing of the speed of this one.
+                tasks[stage] = progress.add_task(DONE[stage], total=wanted, completed=done)
+            progress.update(tasks[stage], completed=done)
+
+        yield report

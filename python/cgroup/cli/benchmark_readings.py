@@ -1,0 +1,128 @@
+"""``cgroup benchmark readings``: the paper's open questions, read in other ways."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cgroup.cli.benchmark_options import DataOption, OutOption, needs_extra
+from cgroup.cli.benchmark_output import print_readings
+from cgroup.cli.benchmark_progress import show_counts
+from cgroup.cli.completion import complete_presets
+from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.json_output import make_document
+from cgroup.cli.options import JsonOption, WideOption
+from cgroup.cli.output import Ending
+from cgroup.cli.signals import StoppedError, stop_on_signals
+from cgroup.cli.terminal import print_line
+from cgroup.io._results import check_folder
+
+if TYPE_CHECKING:
+    from cgroup.benchmark.readings import ReadingOutcome
+
+app = make_app()
+
+_BASE = "readings"
+
+
+@app.command(
+    "readings",
+    cls=Command,
+    epilog=examples(
+        "cgroup benchmark readings --data ~/data --out readings",
+        "cgroup benchmark readings --data ~/data --out readings --only gtm,mutual",
+    ),
+)
+def readings_command(
+    config: Annotated[
+        str,
+        typer.Argument(
+            metavar="CONFIG",
+            help="What is repeated for every reading: TOML file, or a preset.",
+            autocompletion=complete_presets,
+        ),
+    ] = _BASE,
+    *,
+    data: DataOption = None,
+    out: OutOption = Path(_BASE),
+    only: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Readings or questions, with commas between.",
+            show_default="all",
+        ),
+    ] = None,
+    resamples: Annotated[
+        int,
+        typer.Option(min=1, metavar="COUNT", help="Draws of the pairs that show how sure a verdict is."),
+    ] = 200,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="COUNT", help="How many workers.", show_default="one per core"),
+    ] = None,
+    as_json: JsonOption = False,
+    wide: WideOption = False,
+) -> None:
+    """Read what the paper leaves open in other ways, one at a time, and check its claims each time.
+
+    Stopped and started again, it continues.
+    """
+    with needs_extra():
+        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.config import read_config  # noqa: PLC0415
+        from cgroup.benchmark.readings import (  # noqa: PLC0415
+            add_readings,
+            judge_readings,
+            list_readings,
+            write_readings,
+        )
+        from cgroup.benchmark.run import run  # noqa: PLC0415
+
+    readings = list_readings(None if only is None else only.split(","))
+    wanted = add_readings(read_config(config), readings)
+    check_folder(out)
+    try:
+        with stop_on_signals(), show_counts() as report:
+            told = {} if report is None else {"progress": report}
+            summary = run(wanted, out, root=data, workers=workers, **told)
+            outcomes = judge_readings(
+                records.load(out), records.load_timing(out), readings, resamples=resamples, **told
+            )
+    except StoppedError as stopped:
+        if not as_json:
+            with suppress(OSError):  # of a terminal that is gone
+                print_line(f"Everything finished is in {out}/; run the same command again to continue.")
+                sys.stdout.flush()
+        raise typer.Exit(stopped.status) from None
+    files = write_readings(out, outcomes)
+    results = {"left_out": summary.missing, "readings": [_list_outcome(outcome) for outcome in outcomes]}
+    options = {"config": config, "out": out, "only": only, "resamples": resamples}
+    document = make_document("benchmark readings", options=options, results=results, files=files)
+    Ending(as_json=as_json).finish(document, lambda document: print_readings(document, wide=wide))
+
+
+def _list_outcome(outcome: ReadingOutcome) -> dict[str, Any]:
+    claims = {
+        claim: {
+            "verdict": verdict.verdict,
+            "held": verdict.held,
+            "tests": verdict.tests,
+            "measured": verdict.measured,
+            "moved": claim in outcome.moved,
+            "close": outcome.is_close(claim),
+        }
+        for claim, verdict in outcome.verdicts.items()
+    }
+    return {
+        "name": outcome.name,
+        "label": outcome.label,
+        "counts": outcome.counts,
+        "better": outcome.better,
+        "worse": outcome.worse,
+        "claims": claims,
+    }
