@@ -49,9 +49,10 @@ class MatchingPair:
         True pose: maps source points into the target's frame.
     source_viewpoint, target_viewpoint : (float, float, float)
         Where the scanners stood, in their clouds' frames; normals are turned towards them.
-    normals : {"pca", "mesh"}
-        How `cgroup.registration.correspond` is to find normals: "mesh" for a whole model that is matched with
-        a scan, whose normals can't all be turned towards one viewpoint.
+    normals : {"pca", "mesh", "given"}
+        How `cgroup.registration.correspond` is to find normals: "mesh", or "given" where the points have
+        some, for a whole model that is matched with a scan, whose normals can't all be turned towards one
+        viewpoint.
     facts : mapping of str to float
         What is known of the pair: ``overlap``, ``clutter``, ``occlusion`` (shares, 0 to 1), ``noise`` (in the
         data set's own unit).
@@ -70,7 +71,7 @@ class MatchingPair:
     T_target_source: FloatArray
     source_viewpoint: Viewpoint = ORIGIN
     target_viewpoint: Viewpoint = ORIGIN
-    normals: Literal["pca", "mesh"] = "pca"
+    normals: Literal["pca", "mesh", "given"] = "pca"
     facts: Mapping[str, float] = field(default_factory=dict[str, float])
 
 

@@ -18,6 +18,7 @@ from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.threedmatch import ThreeDLoMatchTest, ThreeDMatch, ThreeDMatchTest
 from cgroup.datasets.u3m import U3M
 from cgroup.datasets.u3or import U3OR
+from cgroup.datasets.u3or_dense import U3ORDense
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ DATASETS: dict[str, DatasetFactory] = {
         B3R,
         B3RClean,
         U3OR,
+        U3ORDense,
         U3M,
         StanfordViews,
         ThreeDMatch,

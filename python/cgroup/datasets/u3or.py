@@ -148,28 +148,28 @@ class U3OR(Dataset):
 
     def simulated_scene(self, number: int) -> PointCloud:
         """Look at the posed models of a scene, with faces between neighbouring pixels."""
-        poses = {model: path for (scene, model), path in self._poses.items() if scene == number}
-        key: list[str | bytes] = [_SIMULATION, str(PIXEL)]
-        for model, path in poses.items():
-            key += [self._model_file(model).read_bytes(), path.read_bytes()]
+        poses = self._poses_in(number)
+        key = [_SIMULATION, str(PIXEL), *self._content(poses)]
         arrays = cached("u3or", key, lambda: self._look_at(poses))
         return PointCloud(arrays["points"], faces=arrays["faces"])
 
+    def _poses_in(self, number: int) -> dict[str, Path]:
+        """Files with the poses of the models in a scene."""
+        return {model: path for (scene, model), path in self._poses.items() if scene == number}
+
+    def _content(self, poses: dict[str, Path]) -> list[bytes]:
+        """All that a simulated scene is made of, as the cache needs to know it."""
+        files = [file for model, path in poses.items() for file in (self._model_file(model), path)]
+        return [file.read_bytes() for file in files]
+
     def _look_at(self, poses: dict[str, Path]) -> dict[str, FloatArray | IndexArray]:
-        parts = [self._pose(model, path) for model, path in poses.items()]
+        parts = [pose_before_scanner(self._mesh(model), path) for model, path in poses.items()]
         image = range_image(merge(parts), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
         return {"points": image.points(), "faces": image.faces()}
 
-    def _pose(self, model: str, path: Path) -> Mesh:
-        """Move a model into the scene, before the scanner."""
+    def _mesh(self, model: str) -> Mesh:
         cloud = self.model(model)
-        posed = Mesh(cloud.points, _faces(cloud)).move(read_transform(path))
-        if posed.vertices[:, 2].max() >= 0:
-            message = (
-                f"{path}: this pose puts the model behind the scanner; it has to be model to scene, in mm"
-            )
-            raise InputError(message)
-        return posed
+        return Mesh(cloud.points, _faces(cloud))
 
     def _find_lacking(self, pair: tuple[int, str]) -> Path | None:
         """Name a missing file of a pair: its pose, its model, or what its scene is simulated from."""
@@ -210,6 +210,15 @@ def _pose_files(folder: Path) -> dict[tuple[int, str], Path]:
     if not found:
         raise missing_file(folder / "GroundTruth_3Dscenes" / "chef-rs1.xf", U3OR.title, URL)
     return dict(sorted(found.items()))
+
+
+def pose_before_scanner(mesh: Mesh, path: Path) -> Mesh:
+    """Move a model into the scene, by the pose in a file."""
+    posed = mesh.move(read_transform(path))
+    if posed.vertices[:, 2].max() >= 0:
+        message = f"{path}: this pose puts the model behind the scanner; it has to be model to scene, in mm"
+        raise InputError(message)
+    return posed
 
 
 def _published_occlusions(folder: Path) -> dict[tuple[int, str], float]:

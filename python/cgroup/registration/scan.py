@@ -25,6 +25,13 @@ NORMAL_NEIGHBORS = 20
 NEEDED_FOR = {"mesh": "faces", "given": "normals"}
 
 
+def usable_normals(normals: Normals, *clouds: PointCloud) -> Normals:
+    """Return `normals`, or "pca" where no cloud has what they need."""
+    if normals == "pca" or any(getattr(cloud, NEEDED_FOR[normals]) is not None for cloud in clouds):
+        return normals
+    return "pca"
+
+
 @dataclass(frozen=True, eq=False)
 class Scan:
     """A cloud that is ready, and what its file says of the surface.

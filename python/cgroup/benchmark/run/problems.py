@@ -15,6 +15,7 @@ from cgroup.errors import InputError
 from cgroup.evaluation import match_errors
 from cgroup.registration import DescribedCloud, correspond
 from cgroup.registration.matching import match_both_ways, take_matches
+from cgroup.registration.scan import usable_normals
 
 if TYPE_CHECKING:
     from cgroup.benchmark.cases import Problem
@@ -127,8 +128,8 @@ def _match_clouds(case: Problem, pair: MatchingPair, clouds: MatchingPair | Unre
         clouds.target,
         detector=detector,
         descriptor=descriptor,
-        # A mirrored cloud has no faces any more.
-        normals="pca" if clouds.target.faces is None and clouds.source.faces is None else pair.normals,
+        # Mixed and mirrored clouds may have lost their faces or normals.
+        normals=usable_normals(pair.normals, clouds.source, clouds.target),
         source_viewpoint=clouds.source_viewpoint,
         target_viewpoint=clouds.target_viewpoint,
     )

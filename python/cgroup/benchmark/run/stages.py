@@ -22,6 +22,7 @@ from cgroup.evaluation import within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.nuisances import apply_nuisance
 from cgroup.registration import correspond, surface_normals
+from cgroup.registration.scan import usable_normals
 from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
@@ -187,9 +188,8 @@ def _add_normals(pair: MatchingPair) -> tuple[PointCloud, PointCloud]:
 
 
 def _with_normals(cloud: PointCloud, normals: Normals, viewpoint: Viewpoint) -> PointCloud:
-    if normals == "mesh" and cloud.faces is None:
-        normals = "pca"
-    found = surface_normals(cloud, normals=normals, viewpoint=viewpoint, threads=1)
+    usable = usable_normals(normals, cloud)
+    found = surface_normals(cloud, normals=usable, viewpoint=viewpoint, threads=1)
     return replace(cloud, normals=found)
 
 
