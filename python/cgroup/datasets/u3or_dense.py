@@ -84,9 +84,7 @@ class U3ORDense(U3OR):
         """Load the pair of `U3OR`, and put the dense clouds in the place of its own."""
         pair = super().load(name)
         scene, model = self._parse(name)
-        return replace(
-            pair, source=self.dense_model(model), target=self.dense_scene(scene), normals="given"
-        )
+        return replace(pair, source=self.dense_model(model), target=self.dense_scene(scene), normals="given")
 
     def dense_model(self, name: str) -> PointCloud:
         """Sample the smooth surface of a model, with its normals."""

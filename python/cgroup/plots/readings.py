@@ -58,7 +58,9 @@ def readings_figure(rows: pd.DataFrame, *, title: str) -> Figure:
     >>> import pandas as pd
     >>> from cgroup.plots import readings_figure
     >>> rows = pd.DataFrame({"reading": ["default", "20 steps"], "group": ["", "GTM"]})
-    >>> rows = rows.assign(claim="C-07", verdict=["partly", "confirmed"], close=False, moved=True)
+    >>> rows = rows.assign(
+    ...     claim="C-07", verdict=["partly", "confirmed"], close=False, moved=True
+    ... )
     >>> figure = readings_figure(rows, title="Claims by reading")
     >>> [label.get_text() for label in figure.axes[0].get_xticklabels()]
     ['default', '20 steps']

@@ -42,7 +42,10 @@ def add_readings(config: Config, readings: Iterable[Reading]) -> Config:
     >>> from cgroup.benchmark.config import read_config
     >>> from cgroup.benchmark.readings import add_readings, list_readings
     >>> config = add_readings(read_config("smoke"), list_readings(["gtm-20"]))
-    >>> config.experiment[-1].id, [method.label for method in config.experiment[-1].methods]
+    >>> (
+    ...     config.experiment[-1].id,
+    ...     [method.label for method in config.experiment[-1].methods],
+    ... )
     ('variants / gtm-20', ['gtm+ransac iterations=20'])
     """
     added = [
@@ -117,8 +120,10 @@ def _change(
     entry |= {"dataset": [other], "methods": chosen, "nuisance": nuisance}
     entry |= {"front": front} if front else {}
     entry |= {"epsilons": epsilons[-1]} if epsilons else {}
-    counts = [change.pairs[base.id] for change in changes if base.id in change.pairs]
-    return entry | ({"pairs": min(counts)} if counts else {})
+    for change in changes:
+        entry |= {"pairs": change.pairs[base.id]} if base.id in change.pairs else {}
+        entry |= {"levels": change.levels[base.id]} if base.id in change.levels else {}
+    return entry
 
 
 def _vary(method: MethodEntry, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -43,6 +43,8 @@ class Reading(Table):
         Methods that another front end makes a difference to; all by default.
     pairs : dict of str to int
         By experiment, how many pairs at most.
+    levels : dict of str to tuple of float
+        By experiment, other levels.
     together : tuple of str
         Names of readings that are combined; all else is theirs then.
     parts : tuple of Reading
@@ -56,7 +58,9 @@ class Reading(Table):
     Examples
     --------
     >>> from cgroup.benchmark.readings import Reading
-    >>> short = Reading(name="gtm-20", label="20 steps", methods={"gtm": {"iterations": 20}})
+    >>> short = Reading(
+    ...     name="gtm-20", label="20 steps", methods={"gtm": {"iterations": 20}}
+    ... )
     >>> short.applies_to("noise", "b3r-clean", "C1")
     True
     """
@@ -76,6 +80,7 @@ class Reading(Table):
     data: Names = ()
     only: Names = ()
     pairs: dict[str, Annotated[int, Field(ge=1)]] = {}
+    levels: dict[str, tuple[Positive, ...]] = {}
     together: Names = ()
     parts: tuple[Reading, ...] = ()
 

@@ -67,9 +67,7 @@ def select_reading(frame: pd.DataFrame, reading: Reading) -> pd.DataFrame:
     replaced = {(name, *row) for names, row in zip(own, what, strict=True) for name in names}
     without = {pair for change in reading.changes for pair in change.without.items()}
     rows = zip(own, frame["experiments"], frame["dataset"], what, strict=True)
-    ids = [
-        (*mine, *_list_kept(names, dataset, row, replaced, without)) for mine, names, dataset, row in rows
-    ]
+    ids = [(*mine, *_list_kept(names, dataset, row, replaced, without)) for mine, names, dataset, row in rows]
     chosen = _take(frame.assign(method=frame["method"].map(plain_label)), ids)
     if any(change.solvable for change in reading.changes):
         chosen = chosen[(chosen["correct"] > 0) | (chosen["error"] != "")]

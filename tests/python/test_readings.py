@@ -1,0 +1,315 @@
+"""The paper's open questions, read in other ways: which records each reading asks for, and which it takes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from functools import cache
+from typing import TYPE_CHECKING
+
+import pandas as pd
+import pytest
+from benchmark_frames import paper_frame, paper_timing
+from command_lines import run as run_command
+
+from cgroup.benchmark import records
+from cgroup.benchmark.claims import CLAIMS
+from cgroup.benchmark.config import Config, parse_config, read_config
+from cgroup.benchmark.readings import (
+    Reading,
+    ReadingOutcome,
+    add_readings,
+    judge_readings,
+    list_readings,
+    read_questions,
+    write_readings,
+)
+from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
+from cgroup.benchmark.readings.tables import CLOSE_MARK, as_csv, as_markdown
+from cgroup.benchmark.run import run
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cgroup.benchmark.config import ExperimentEntry
+
+NO_TIMES = pd.DataFrame()
+
+SMALL = """
+name = "small"
+methods = ["gc", "gtm", "cv"]
+[[experiment]]
+id = "noise"
+dataset = "standin-full"
+nuisance = "noise"
+levels = [0.1]
+pairs = 1
+"""
+
+
+def added(config: Config, *readings: Reading) -> list[ExperimentEntry]:
+    """What readings ask for besides the default."""
+    return list(add_readings(config, readings).experiment[len(config.experiment) :])
+
+
+def entries(reading: str, preset: str = "readings") -> list[ExperimentEntry]:
+    return added(read_config(preset), *list_readings([reading]))
+
+
+def labels(entry: ExperimentEntry) -> list[str]:
+    return [method.candidate().label for method in entry.methods or ()]
+
+
+# --- The data -----------------------------------------------------------------------------------------------
+
+
+def test_every_reading_asks_for_something_of_the_preset() -> None:
+    for reading in list_readings():
+        judged_only = reading.solvable or reading.without or reading.times
+        assert entries(reading.name) or judged_only, reading.name
+
+
+def test_names_are_unique_and_fit_into_tables() -> None:
+    names = [reading.name for reading in list_readings()]
+    assert len(set(names)) == len(names)
+    assert max(len(name) for name in names) <= 18
+    assert not {question.id for question in read_questions() if len(question.readings) > 1} & set(names)
+
+
+def test_all_readings_together_are_one_configuration() -> None:
+    config = add_readings(read_config("readings"), list_readings())
+    assert len({experiment.id for experiment in config.experiment}) > 100
+    assert config.timing is not None
+    timed = {method.candidate().label for method in config.timing.methods or ()}
+    assert {name for reading in list_readings() for name in reading.times.values()} <= timed
+
+
+def test_unknown_reading_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(InputError, match="reading: got 'gtm-30'; choose from .*gtm-20"):
+        list_readings(["gtm-30"])
+
+
+# --- What is run again --------------------------------------------------------------------------------------
+
+
+def test_option_is_tried_on_the_same_cases_and_that_method_alone() -> None:
+    [entry] = added(parse_config(SMALL), *list_readings(["gtm-20"]))
+    assert entry.id == "noise / gtm-20"
+    assert labels(entry) == ["gtm iterations=20"]
+    assert (entry.dataset, entry.levels, entry.pairs) == (("standin-full",), (0.1,), 1)
+
+
+def test_other_front_end_is_tried_on_all_methods() -> None:
+    [entry] = added(parse_config(SMALL), *list_readings(["mutual"]))
+    assert labels(entry) == ["gc", "gtm", "cv"]
+    assert entry.front.matching == "mutual"
+
+
+def test_frames_are_tried_on_methods_that_use_them_and_descriptors_without() -> None:
+    for entry in entries("frames-toldi"):
+        assert entry.id == "combinations / frames-toldi"
+        assert entry.combinations == ("C2", "C3", "C5", "C6")
+        assert set(labels(entry)) == {"si", "cv", "3dhv"}
+
+
+def test_thresholds_are_tried_in_their_experiment_only() -> None:
+    [entry] = entries("epsilon-5")
+    assert (entry.id, entry.epsilons) == ("epsilon / epsilon-5", (1, 2, 3, 4, 5))
+
+
+def test_other_data_set_stands_in_for_its_own_only() -> None:
+    found = entries("u3or-dense")
+    assert {entry.dataset for entry in found} == {("u3or-dense",)}
+    assert "noise / u3or-dense" not in {entry.id for entry in found}
+
+
+def test_readings_together_change_both() -> None:
+    both = Reading(name="both", label="both", parts=tuple(list_readings(["gtm-20", "iss-6-4"])))
+    found = added(read_config("readings"), both)
+    noise = next(entry for entry in found if entry.id == "noise / both")
+    assert labels(noise) == ["gtm iterations=20"]
+    of_iss = next(entry for entry in found if entry.combinations == ("C4", "C5", "C6"))
+    assert "gtm iterations=20" in labels(of_iss)
+    assert "gc" in labels(of_iss)
+    of_harris = next(entry for entry in found if entry.combinations == ("C1", "C2", "C3"))
+    assert labels(of_harris) == ["gtm iterations=20"]
+
+
+def test_the_same_options_have_the_same_label_in_every_reading() -> None:
+    both = Reading(name="both", label="both", parts=tuple(list_readings(["gtm-20", "cv-5"])))
+    config = add_readings(parse_config(SMALL), [*list_readings(["gtm-20"]), both])
+    assert "gtm iterations=20" in labels(config.experiment[-1])
+    assert "gtm iterations=20" in labels(config.experiment[1])
+
+
+# --- Which records a reading has ----------------------------------------------------------------------------
+
+
+def rows(*tuples: tuple[str, str, str, tuple[str, ...], float]) -> pd.DataFrame:
+    columns = ["dataset", "combination", "method", "experiments", "precision"]
+    frame = pd.DataFrame(tuples, columns=pd.Index(columns))
+    return frame.assign(correct=5, error="")
+
+
+def test_reading_replaces_the_method_and_keeps_the_others() -> None:
+    frame = rows(
+        ("u3or", "C1", "gtm", ("clutter", "variants"), 0.1),
+        ("u3or", "C1", "gtm iterations=20", ("clutter / gtm-20",), 0.2),
+        ("u3or", "C1", "gc", ("clutter",), 0.3),
+        ("u3or", "C1", "gtm iterations=50", ("clutter / gtm-50",), 0.4),
+    )
+    [reading] = list_readings(["gtm-20"])
+    chosen = select_reading(frame, reading)
+    assert list(zip(chosen["method"], chosen["precision"], chosen["experiments"], strict=True)) == [
+        ("gtm", 0.1, ("variants",)),
+        ("gtm", 0.2, ("clutter",)),
+        ("gc", 0.3, ("clutter",)),
+    ]
+    assert list(select_default(frame)["precision"]) == [0.1, 0.3]
+
+
+def test_reading_of_some_combinations_keeps_the_default_of_the_others() -> None:
+    frame = rows(
+        ("b3r", "C1", "gc", ("combinations",), 0.1),
+        ("b3r", "C4", "gc", ("combinations",), 0.2),
+        ("b3r", "C4", "gc", ("combinations / iss-6-4",), 0.3),
+        ("u3or", "C4", "gc", ("combinations",), 0.4),
+    )
+    [reading] = list_readings(["iss-6-4"])
+    assert list(select_reading(frame, reading)["precision"]) == [0.1, 0.3, 0.4]
+
+
+def test_data_set_takes_the_place_of_the_other() -> None:
+    frame = rows(
+        ("u3or", "C1", "gc", ("clutter", "epsilon"), 0.1),
+        ("u3or-dense", "C1", "gc", ("clutter / u3or-dense",), 0.2),
+        ("stanford", "C1", "gc", ("overlap",), 0.3),
+    )
+    [reading] = list_readings(["u3or-dense"])
+    chosen = select_reading(frame, reading)
+    assert list(chosen["experiments"]) == [("epsilon",), ("clutter",), ("overlap",)]
+
+
+def test_judging_otherwise_leaves_out_what_it_says() -> None:
+    frame = rows(
+        ("u3or", "C1", "gc", ("matches", "clutter"), 0.1), ("stanford", "C1", "gc", ("matches",), 0.2)
+    )
+    [counts, solvable] = [list_readings([name])[0] for name in ("counts-u3m", "solvable")]
+    assert list(select_reading(frame, counts)["experiments"]) == [("clutter",), ("matches",)]
+    frame.loc[0, "correct"] = 0
+    assert list(select_reading(frame, solvable)["precision"]) == [0.2]
+
+
+def test_times_are_those_of_the_other_solver_where_it_has_been_timed() -> None:
+    timing = pd.DataFrame(
+        [("st", 500, 1.0), ("st", 9000, 2.0), ("gc", 9000, 3.0), ("gc", 500, 4.0), ("st dense", 500, 5.0)],
+        columns=pd.Index(["method", "n", "seconds"]),
+    )
+    [reading] = list_readings(["st-dense"])
+    chosen = select_times(timing, reading)
+    assert sorted(zip(chosen["method"], chosen["seconds"], strict=True)) == [
+        ("gc", 4.0),
+        ("st", 5.0),
+        ("st dense", 5.0),
+    ]
+    assert select_times(timing) is timing
+
+
+# --- What comes of it ---------------------------------------------------------------------------------------
+
+
+@cache
+def outcomes() -> list[ReadingOutcome]:
+    """The frame agrees with the paper but for the default of GTM, which two readings mend and worsen."""
+    good = paper_frame()
+    good["experiments"] = [tuple(names) for names in good["experiments"]]
+    of_gtm = good[good["method"] == "gtm"]
+
+    def read(name: str, label: str) -> pd.DataFrame:
+        ids = [tuple(f"{each} / {name}" for each in names) for names in of_gtm["experiments"]]
+        return of_gtm.assign(experiments=ids, method=label)
+
+    poor = good.copy()
+    poor.loc[poor["method"] == "gtm", ["recall", "f_score"]] *= 0.8
+    worst = read("gtm-50", "gtm iterations=50").assign(
+        recall=0.0, f_score=0.0, precision=0.0, registered=False
+    )
+    frame = pd.concat([poor, read("gtm-20", "gtm iterations=20"), worst], ignore_index=True)
+    return judge_readings(frame, paper_timing(), list_readings(["gtm-20", "gtm-50"]), resamples=20)
+
+
+def test_a_reading_that_agrees_with_the_paper_brings_its_claim_back() -> None:
+    default, mended, spoilt = outcomes()
+    assert default.verdicts["C-07"].verdict == "partly"
+    assert mended.verdicts["C-07"].verdict == "confirmed"
+    assert "C-07" in mended.better
+    assert not mended.worse
+    assert "C-14" in spoilt.worse
+    assert mended.counts["confirmed"] > default.counts["confirmed"] > spoilt.counts["confirmed"]
+
+
+def test_claims_that_a_reading_cannot_move_are_not_moved() -> None:
+    _, mended, _ = outcomes()
+    assert "C-06" not in mended.moved  # NNSR, GC and 3DHV
+    assert mended.stability["C-06"] == outcomes()[0].stability["C-06"]
+
+
+def test_tables_name_the_claims_that_come_back() -> None:
+    text = as_markdown(outcomes(), read_questions())
+    counts = next(line for line in text.splitlines() if line.startswith("| gtm-20 |"))
+    assert "C-07" in counts
+    [cells] = [line for line in text.splitlines() if line.startswith("| C-07 | partly")]
+    assert "| confirmed 45/45 |" in cells
+    assert "NNSR" not in text  # no reading of it was tried
+
+
+def test_csv_has_every_claim_under_every_reading() -> None:
+    table = list(csv.DictReader(io.StringIO(as_csv(outcomes(), read_questions()))))
+    assert len(table) == 3 * len(CLAIMS)
+    row = next(row for row in table if row["reading"] == "gtm-20" and row["claim"] == "C-07")
+    assert (row["question"], row["verdict"], row["held"], row["tests"]) == ("gtm", "confirmed", "45", "45")
+
+
+def test_close_verdicts_are_marked() -> None:
+    default = outcomes()[0]
+    close = [claim for claim in default.verdicts if default.is_close(claim)]
+    text = as_markdown(outcomes(), read_questions())
+    assert (CLOSE_MARK in text) == bool(close)
+
+
+def test_files_are_written(tmp_path: Path) -> None:
+    files = write_readings(tmp_path, outcomes())
+    assert [file.name for file in files] == ["readings.md", "readings.csv", "readings.png"]
+    assert all(file.stat().st_size > 1000 for file in files)
+
+
+# --- The whole ----------------------------------------------------------------------------------------------
+
+
+def test_readings_of_a_run_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = tmp_path / "small.toml"
+    config.write_text(SMALL)
+    words = ("benchmark", "readings", config, "--out", tmp_path / "out", "--only", "gtm-20,mutual,gc-union")
+    status, out, _ = run_command(capsys, *words, "--resamples", 2, "--json")
+    assert status == 0
+    names = [reading["name"] for reading in json.loads(out)["results"]["readings"]]
+    assert names == ["default", "gc-union", "gtm-20", "mutual"]
+    frame = records.load(tmp_path / "out")
+    assert set(frame["method"]) == {"gc", "gtm", "cv", "gtm iterations=20", "gc ties=union"}
+    again, shown, _ = run_command(capsys, *words, "--resamples", 2)
+    assert again == 0
+    assert "gtm-20" in shown
+    assert "what is changed" in shown
+
+
+def test_records_of_a_reading_differ_from_those_of_the_default(tmp_path: Path) -> None:
+    [reading] = list_readings(["gtm-20"])
+    run(add_readings(parse_config(SMALL), [reading]), tmp_path, backend="threading")
+    frame = records.load(tmp_path)
+    before, after = (
+        table.set_index("method") for table in (select_default(frame), select_reading(frame, reading))
+    )
+    assert before.loc["gtm", "selected"] != after.loc["gtm", "selected"]
+    assert before.loc["gc", "selected"] == after.loc["gc", "selected"]
