@@ -136,6 +136,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.benchmark.claims": {
         "The paper's claims": "check_claims check_evidence CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
+        "How sure verdicts are": "bootstrap_verdicts Stability RESAMPLES",
         "As text": "as_markdown as_json count_verdicts counts_line",
     },
 }

@@ -7,28 +7,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark.paper import (
-    EXPERIMENTS,
-    GENERATED,
-    OF_THE_PAPER,
-    PAPER_EPSILON,
-    PLACES,
-    VARIANTS,
-    Experiment,
-)
+from cgroup.benchmark.pair_sums import PairSums
+from cgroup.benchmark.paper import EXPERIMENTS, PAPER_EPSILON, PLACES, VARIANTS, Experiment
+from cgroup.benchmark.records import exponents
+from cgroup.benchmark.sample import Sample
 from cgroup.evaluation.bins import binned
 from cgroup.registry import PAPER_METHODS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cgroup.types import FloatArray
-
-    Level: TypeAlias = float | str
+    from cgroup.types import BoolArray, FloatArray, IndexArray
 
 
 _VARIED = {
@@ -37,82 +30,6 @@ _VARIED = {
     "combination": "detector and descriptor",
 }
 """What experiments that aren't the paper's may vary, with the label of the axis."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """Records of one experiment on one data set.
-
-    Attributes
-    ----------
-    experiment : Experiment
-        Which.
-    place : str
-        Data set of the paper that the records speak for.
-    dataset : str
-        Data set that they come from.
-    rows : DataFrame
-        Records without failed ones, with the level of each in the column ``x``.
-    """
-
-    experiment: Experiment
-    place: str
-    dataset: str
-    rows: pd.DataFrame
-    _tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
-
-    @cached_property
-    def levels(self) -> list[Level]:
-        """What was varied, ascending."""
-        return sorted(self.rows["x"].dropna().unique().tolist())
-
-    def by_level(self, column: str) -> pd.DataFrame:
-        """Mean over pairs: one row per level, one column per method."""
-        if column not in self._tables:
-            self._tables[column] = self.rows.pivot_table(
-                index="x", columns="method", values=column, aggfunc="mean"
-            )
-        return self._tables[column]
-
-    def overall(self, column: str) -> pd.Series:
-        """Mean over all records of each method, at all levels."""
-        return self.rows.groupby("method")[column].mean()
-
-    def matches(self, column: str) -> pd.Series:
-        """Mean over pairs of a number that no method has a part in, by level."""
-        once = self.rows.drop_duplicates(subset=["pair", "x", "epsilon"])
-        return once.groupby("x")[column].mean()
-
-    @property
-    def description(self) -> str:
-        """The data set, what it stands in for, where its pairs come from and how many there are."""
-        return describe_rows(self.rows, self.dataset, self.place)
-
-
-def describe_rows(rows: pd.DataFrame, dataset: str, place: str = "") -> str:
-    """Name a data set with what it stands in for, the origin of its pairs and their number.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Its records.
-    dataset : str
-        Its name.
-    place : str
-        Data set of the paper that it speaks for, if any.
-
-    Returns
-    -------
-    str
-        For people.
-    """
-    pairs = rows.drop_duplicates("pair")
-    counts = pairs.groupby("origin").size()
-    origins = " + ".join(f"{count} {origin}" for origin, count in counts.items())
-    noun = "pair" if len(pairs) == 1 else "pairs"
-    stands = f" in place of {place}" if place and dataset not in OF_THE_PAPER else ""
-    kind = " stand-in" if dataset.startswith(GENERATED) else ""
-    return f"{dataset}{stands} ({origins}{kind} {noun})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +50,7 @@ class Evidence:
     timing: pd.DataFrame
     methods: tuple[str, ...] = PAPER_METHODS
     _samples: dict[tuple[str, str, bool], Sample | None] = field(default_factory=dict, repr=False)
+    _shared: dict[tuple[str, tuple[str, ...]], Sample | None] = field(default_factory=dict, repr=False)
 
     def sample(self, experiment: str, place: str, *, every_method: bool = False) -> Sample | None:
         """Find the records of an experiment that speak for a data set of the paper.
@@ -153,8 +71,7 @@ class Evidence:
         """
         key = (experiment, place, every_method)
         if key not in self._samples:
-            rows = self._usable if every_method or self._usable.empty else self._of_methods
-            self._samples[key] = _find_sample(rows, EXPERIMENTS[experiment], place)
+            self._samples[key] = self._find_sample(experiment, place, every_method=every_method)
         return self._samples[key]
 
     def same_cases(self, place: str, methods: tuple[str, ...]) -> Sample | None:
@@ -172,17 +89,10 @@ class Evidence:
         Sample or None
             At the paper's threshold; None where there are no such cases.
         """
-        if self.frame.empty:
-            return None
-        rows = self.frame[(self.frame["error"] == "") & np.isclose(self.frame["epsilon"], PAPER_EPSILON)]
-        rows = rows[rows["method"].isin(methods)]
-        for dataset in PLACES[place]:
-            chosen = rows[rows["dataset"] == dataset]
-            counts = chosen.groupby("case")["method"].nunique()
-            shared = chosen[chosen["case"].isin(counts.index[counts == len(methods)])]
-            if len(shared):
-                return Sample(VARIANTS, place, dataset, shared.assign(x=0.0))
-        return None
+        key = (place, methods)
+        if key not in self._shared:
+            self._shared[key] = self._find_same_cases(place, methods)
+        return self._shared[key]
 
     def samples(self) -> list[Sample]:
         """All that there are, of every method, in the paper's order."""
@@ -217,24 +127,86 @@ class Evidence:
         return found
 
     @cached_property
+    def mean_times(self) -> pd.DataFrame:
+        """Mean seconds of the methods on one thread: one row per n, one column per method."""
+        timing = self.timing
+        return mean_times(timing if timing.empty else timing[timing["method"].isin(self.methods)])
+
+    @cached_property
+    def exponents(self) -> dict[str, float]:
+        """Exponents of time over n, by method; NaN where there are too few sets."""
+        known = exponents(self.timing).set_index("method")["exponent"].to_dict()
+        return {method: known.get(method, np.nan) for method in self.methods}
+
+    @cached_property
     def _usable(self) -> pd.DataFrame:
         return self.frame if self.frame.empty else self.frame[self.frame["error"] == ""]
 
+    def _find_sample(self, name: str, place: str, *, every_method: bool) -> Sample | None:
+        if self._usable.empty:
+            return None
+        experiment = EXPERIMENTS[name]
+        chosen = self._select_experiment(experiment)
+        if not every_method:
+            chosen = chosen & self._usable["method"].isin(self.methods).to_numpy()
+        for dataset in PLACES[place]:
+            rows = self._usable[chosen & (self._usable["dataset"] == dataset).to_numpy()]
+            if len(rows):
+                # The paper has no pairs outside its levels, such as views that hardly overlap.
+                rows = rows.assign(x=_find_levels(rows, experiment)).dropna(subset="x")
+            if len(rows):
+                return Sample(experiment, place, dataset, PairSums(rows))
+        return None
+
+    def _find_same_cases(self, place: str, methods: tuple[str, ...]) -> Sample | None:
+        if self._usable.empty:
+            return None
+        rows = self._usable[np.isclose(self._usable["epsilon"], PAPER_EPSILON)]
+        rows = rows[rows["method"].isin(methods)]
+        for dataset in PLACES[place]:
+            chosen = rows[rows["dataset"] == dataset]
+            counts = chosen.groupby("case")["method"].nunique()
+            shared = chosen[chosen["case"].isin(counts.index[counts == len(methods)])]
+            if len(shared):
+                return Sample(VARIANTS, place, dataset, PairSums(shared.assign(x=0.0)))
+        return None
+
+    def _select_experiment(self, experiment: Experiment) -> BoolArray:
+        """Which of the usable records are of an experiment."""
+        numbers, lists = self._experiments
+        chosen = np.isin(numbers, [at for at, ids in enumerate(lists) if experiment.id in ids])
+        if experiment.column != "epsilon":
+            chosen &= np.isclose(self._usable["epsilon"], PAPER_EPSILON)
+        if experiment.column == "level":
+            chosen &= self._usable["level"].notna().to_numpy()
+        return chosen
+
     @cached_property
-    def _of_methods(self) -> pd.DataFrame:
-        return self._usable[self._usable["method"].isin(self.methods)]
+    def _experiments(self) -> tuple[IndexArray, list[tuple[str, ...]]]:
+        """Number of the list of experiments of each usable record, and the lists."""
+        numbers: dict[tuple[str, ...], int] = {}
+        found = [numbers.setdefault(ids, len(numbers)) for ids in self._usable["experiments"]]
+        return np.array(found, dtype=np.intp), list(numbers)
 
 
-def _find_sample(usable: pd.DataFrame, experiment: Experiment, place: str) -> Sample | None:
-    rows = _select_experiment(usable, experiment)
-    for dataset in PLACES[place]:
-        chosen = rows[rows["dataset"] == dataset] if len(rows) else rows
-        if len(chosen):
-            # The paper has no pairs outside its levels, such as views that hardly overlap.
-            chosen = chosen.assign(x=_find_levels(chosen, experiment)).dropna(subset="x")
-        if len(chosen):
-            return Sample(experiment, place, dataset, chosen)
-    return None
+def mean_times(timing: pd.DataFrame) -> pd.DataFrame:
+    """Mean seconds of the repeats on one thread.
+
+    Parameters
+    ----------
+    timing : DataFrame
+        Times of the timing experiment.
+
+    Returns
+    -------
+    DataFrame
+        One row per n, one column per method; empty where there are no times.
+    """
+    if timing.empty:
+        return timing
+    single = timing[timing["threads"] == 1]
+    means = single.pivot_table(index="n", columns="method", values="seconds", aggfunc="mean")
+    return means.set_axis(means.columns.astype(object), axis="columns")
 
 
 def _make_own_sample(name: str, dataset: str, rows: pd.DataFrame) -> Sample:
@@ -242,16 +214,7 @@ def _make_own_sample(name: str, dataset: str, rows: pd.DataFrame) -> Sample:
     column = varied[0] if varied else ""
     experiment = Experiment(name, name, column, _VARIED.get(column, ""), ())
     levels = _find_levels(rows, experiment) if column else np.nan
-    return Sample(experiment, "", dataset, rows.assign(x=levels))
-
-
-def _select_experiment(frame: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
-    if frame.empty:
-        return frame
-    rows = frame[frame["experiments"].map(lambda ids: experiment.id in ids).astype(bool)]
-    if experiment.column != "epsilon":
-        rows = rows[np.isclose(rows["epsilon"], PAPER_EPSILON)]
-    return rows[rows[experiment.column].notna()] if experiment.column == "level" else rows
+    return Sample(experiment, "", dataset, PairSums(rows.assign(x=levels)))
 
 
 def _find_levels(rows: pd.DataFrame, experiment: Experiment) -> pd.Series | FloatArray:

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from cgroup.cli.benchmark_options import DEFAULT_OUT, DataOption, FormatOption, OutOption, needs_extra
+from cgroup.cli.benchmark_options import (
+    DEFAULT_OUT,
+    DataOption,
+    FormatOption,
+    OutOption,
+    ResamplesOption,
+    needs_extra,
+)
 from cgroup.cli.benchmark_output import print_claims, print_tables
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.json_output import make_document, print_document
@@ -43,30 +51,36 @@ def report_command(
     epilog=examples(
         "cgroup benchmark claims --out paper",
         "cgroup benchmark claims --out paper --wide",
+        "cgroup benchmark claims --out paper --resamples 0",
         "cgroup benchmark claims --out paper --format markdown > claims.md",
     ),
 )
 def claims_command(
     *,
     out: OutOption = DEFAULT_OUT,
+    resamples: ResamplesOption = 200,
     format: FormatOption = "table",  # noqa: A002 - the option's name
     as_json: JsonOption = False,
     wide: WideOption = False,
 ) -> None:
     """Check the paper's statements against the records."""
-    with needs_extra():
+    with needs_extra(), show_stages() as begin:
         from cgroup.benchmark import claims, records  # noqa: PLC0415 - slow to load
 
-        verdicts = claims.check_claims(records.load(out), records.load_timing(out))
+        begin("reading records")
+        frame, timing = records.load(out), records.load_timing(out)
+        begin(f"checking claims on {resamples} resamples" if resamples else "checking claims")
+        verdicts = claims.check_claims(frame, timing, resamples=resamples)
     if format == "markdown" and not as_json:
         print_text(claims.as_markdown(verdicts))
         return
     results = {
         "counts": claims.count_verdicts(verdicts),
         "counted": claims.counts_line(verdicts),
-        "claims": [vars(verdict) for verdict in verdicts],
+        "claims": [asdict(verdict) for verdict in verdicts],
     }
-    document = make_document("benchmark claims", options={"out": out}, results=results)
+    options = {"out": out, "resamples": resamples}
+    document = make_document("benchmark claims", options=options, results=results)
     Ending(as_json=as_json).finish(document, lambda document: print_claims(document, wide=wide))
 
 

@@ -30,6 +30,14 @@ FormatOption = Annotated[
     Literal["table", "markdown"],
     typer.Option(metavar="table|markdown", help="How to print them.", rich_help_panel=OUTPUT),
 ]
+ResamplesOption = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        metavar="COUNT",
+        help="How often the pairs are drawn anew, to tell how sure each verdict is; 0: not at all.",
+    ),
+]
 DEFAULT_OUT = Path("benchmark")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cgroup.cli.colors import paint
 from cgroup.cli.output import print_files
@@ -30,6 +30,7 @@ _VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "r
 _CLAIMS = (
     Column("claim", is_text=True),
     Column("verdict", is_text=True),
+    Column("resamples", is_text=True),
     Column("the paper says", is_text=True),
 )
 _READINGS = (
@@ -40,6 +41,10 @@ _READINGS = (
     Column("better"),
     Column("worse"),
     Column("what is changed", is_text=True, priority=1),
+)
+_RESAMPLED = (
+    "resamples: in how many of {} draws of the same pairs the verdict is the same; "
+    "close: it changes in more than 10 %."
 )
 _FAILURES_SHOWN = 10
 _INDENT = " " * 15
@@ -104,7 +109,10 @@ def print_claims(document: Document, *, wide: bool) -> None:
         for claim in claims:
             _print_claim(claim)
     else:
-        print_table(_CLAIMS, [(claim["id"], claim["verdict"], claim["statement"]) for claim in claims])
+        rows = [(each["id"], each["verdict"], _show_stability(each), each["statement"]) for each in claims]
+        print_table(_CLAIMS, rows)
+    if any(each["stability"] for each in claims):
+        print_prose(_RESAMPLED.format(document["options"]["resamples"]))
     print_prose(document["results"]["counted"])
 
 
@@ -143,13 +151,23 @@ def print_tables(title: str, label: str, tables: Iterable[Table], *, wide: bool)
         print_table(columns, rows, best=best, wide=wide)
 
 
-def _print_claim(claim: Mapping[str, str]) -> None:
+def _show_stability(claim: Mapping[str, Any]) -> str:
+    from cgroup.benchmark.claims import Stability  # noqa: PLC0415 - slow to load
+
+    return str(Stability(**claim["stability"])) if claim["stability"] else ""
+
+
+def _print_claim(claim: Mapping[str, Any]) -> None:
     verdict = claim["verdict"]
     print_text(f"{paint(claim['id'], bold=True)}  {paint(verdict, fg=_VERDICT_COLORS.get(verdict))}")
     told = {"paper": "statement", "test": "criterion", "measured": "measured", "why": "explanation"}
     for name, key in {**told, "data": "data"}.items():
         if claim[key]:
             print_prose(f"  {name:<9} {claim[key]}", " " * 12)
+    if claim["stability"]:
+        counts = claim["stability"]["counts"].items()
+        drawn = ", ".join(f"{count} {outcome}" for outcome, count in counts if count)
+        print_prose(f"  {'resamples':<9} {_show_stability(claim)}: {drawn}", " " * 12)
     print_text("")
 
 

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims import (
-    clutter_occlusion,
-    combinations,
-    density,
-    efficiency,
-    epsilon,
-    inputs,
-    matches,
-    noise,
-    overlap,
-    registration,
-    registration_inputs,
-    summary,
-)
-from cgroup.benchmark.claims.claim import Claim, collect_claims
+from cgroup._values import as_count
+from cgroup.benchmark.claims.catalog import CLAIMS
+from cgroup.benchmark.claims.claim import Claim
 from cgroup.benchmark.claims.explanations import read_explanations
+from cgroup.benchmark.claims.stability import RESAMPLES, bootstrap_outcomes, bootstrap_verdicts
 from cgroup.benchmark.claims.table import as_json, as_markdown, count_verdicts, counts_line
-from cgroup.benchmark.claims.verdict import CRITERIA, OUTCOMES, Outcome, Verdict, decide
+from cgroup.benchmark.claims.verdict import CRITERIA, OUTCOMES, Outcome, Stability, Verdict, decide
 from cgroup.benchmark.evidence import Evidence
 
 if TYPE_CHECKING:
@@ -31,35 +21,24 @@ __all__ = [
     "CLAIMS",
     "CRITERIA",
     "OUTCOMES",
+    "RESAMPLES",
     "Claim",
     "Outcome",
+    "Stability",
     "Verdict",
     "as_json",
     "as_markdown",
+    "bootstrap_verdicts",
     "check_claims",
     "check_evidence",
     "count_verdicts",
     "counts_line",
 ]
 
-CLAIMS = collect_claims(
-    inputs,
-    noise,
-    density,
-    clutter_occlusion,
-    overlap,
-    epsilon,
-    matches,
-    combinations,
-    registration,
-    registration_inputs,
-    efficiency,
-    summary,
-)
-"""In the paper's order."""
 
-
-def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
+def check_claims(
+    frame: pd.DataFrame, timing: pd.DataFrame, *, resamples: int = 0, seed: int = 0
+) -> list[Verdict]:
     """Check all claims of the paper on the records.
 
     Parameters
@@ -68,11 +47,21 @@ def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
         Records, one row per case, method and threshold.
     timing : DataFrame
         Times of the timing experiment; may have no rows.
+    resamples : int
+        On how many draws of the pairs verdicts are checked again, see `bootstrap_verdicts`; on none by
+        default, and verdicts have no `stability` then.
+    seed : int
+        Of the draws.
 
     Returns
     -------
     list of Verdict
         One per claim, in the paper's order; `CRITERIA` says how they come about.
+
+    Raises
+    ------
+    InputError
+        If the number of resamples or the seed isn't a whole number from 0.
 
     Examples
     --------
@@ -82,21 +71,28 @@ def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
     >>> {verdict.verdict for verdict in verdicts}
     {'not testable'}
     """
-    return check_evidence(Evidence(frame, timing))
+    return check_evidence(Evidence(frame, timing), resamples=resamples, seed=seed)
 
 
-def check_evidence(evidence: Evidence) -> list[Verdict]:
+def check_evidence(evidence: Evidence, *, resamples: int = 0, seed: int = 0) -> list[Verdict]:
     """Check all claims of the paper on evidence that is at hand.
 
     Parameters
     ----------
     evidence : Evidence
         Records and times, sorted by experiment and data set.
+    resamples, seed : int
+        As in `check_claims`.
 
     Returns
     -------
     list of Verdict
         One per claim, in the paper's order.
+
+    Raises
+    ------
+    InputError
+        If the number of resamples or the seed isn't a whole number from 0.
 
     Examples
     --------
@@ -106,5 +102,11 @@ def check_evidence(evidence: Evidence) -> list[Verdict]:
     >>> len(check_evidence(Evidence(pd.DataFrame(), pd.DataFrame())))
     68
     """
+    resamples, seed = as_count("resamples", resamples, 0), as_count("seed", seed, 0)
     why = read_explanations()
-    return [decide(claim, evidence, why.get(claim.id, "")) for claim in CLAIMS]
+    verdicts = [decide(claim, evidence, why.get(claim.id, "")) for claim in CLAIMS]
+    if not resamples:
+        return verdicts
+    found: dict[Claim, Outcome] = {claim: each.verdict for claim, each in zip(CLAIMS, verdicts, strict=True)}
+    known = bootstrap_outcomes(evidence, found, resamples=resamples, seed=seed)
+    return [replace(each, stability=known.get(each.id)) for each in verdicts]

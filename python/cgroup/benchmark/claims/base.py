@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.evidence import Evidence, Sample
+    from cgroup.benchmark.evidence import Evidence
+    from cgroup.benchmark.sample import Sample
 
 TIE = 0.01
 LARGE = 0.1
@@ -73,15 +74,12 @@ class ClaimEvidence:
     ----------
     all : Evidence
         The whole.
-    used : list of str
-        Descriptions of what the claim has asked for.
-    generated : list of str
-        Data sets among them of which there are generated shapes only.
+    used : list of Sample or str
+        What the claim has asked for.
     """
 
     all: Evidence
-    used: list[str] = field(default_factory=list)
-    generated: list[str] = field(default_factory=list)
+    used: list[Sample | str] = field(default_factory=list)
 
     def need(self, experiment: str, place: str, *methods: str) -> Sample:
         """Find the records of an experiment with all nine methods, or those named."""
@@ -90,8 +88,8 @@ class ClaimEvidence:
             wanted = ", ".join(PLACES[place])
             message = f"no records of experiment '{experiment}' on {place} (data sets: {wanted})"
             raise NotTestableError(message)
-        self._remember_sample(sample)
-        missing = self._find_missing(methods, sample.rows["method"])
+        self._remember(sample)
+        missing = self._find_missing(methods, sample.methods)
         if missing:
             message = f"no records of {missing} in experiment '{experiment}' on {sample.dataset}"
             raise NotTestableError(message)
@@ -103,57 +101,43 @@ class ClaimEvidence:
         if sample is None:
             message = f"no case on {place} with {_list_names(methods)}; run an experiment with these methods"
             raise NotTestableError(message)
-        self._remember_sample(sample)
+        self._remember(sample)
         return sample
 
     def need_times(self, *methods: str) -> pd.DataFrame:
         """Find the mean seconds on one thread: one row per n, one column per method of the paper."""
-        timing = self.all.timing
-        times = mean_times(timing if timing.empty else timing.loc[timing["method"].isin(self.all.methods)])
+        times = self.all.mean_times
         missing = self._find_missing(methods, times.columns)
         if missing:
             message = f"no times of {missing}; run the timing experiment"
             raise NotTestableError(message)
         self._remember(_TIMING)
-        self._remember_generated(
-            name for name in self.all.timing["dataset"].unique() if name.startswith(GENERATED)
-        )
         return times
+
+    def describe(self) -> str:
+        """Name what the claim has asked for."""
+        return "; ".join(
+            dict.fromkeys(each if isinstance(each, str) else each.description for each in self.used)
+        )
+
+    def list_generated(self) -> list[str]:
+        """List data sets that the claim has asked for of which there are generated shapes only."""
+        found: list[str] = []
+        for each in self.used:
+            if isinstance(each, str):
+                names = self.all.timing["dataset"].unique()
+                found += [name for name in names if name.startswith(GENERATED)]
+            elif each.is_generated:
+                found.append(each.dataset)
+        return list(dict.fromkeys(found))
 
     def _find_missing(self, methods: Sequence[str], present: Iterable[str]) -> str:
         there = set(present)
         return _list_names([each for each in methods or self.all.methods if each not in there])
 
-    def _remember_sample(self, sample: Sample) -> None:
-        self._remember(sample.description)
-        if (sample.rows["origin"] == "synthetic").all():
-            self._remember_generated([sample.dataset])
-
-    def _remember_generated(self, names: Iterable[str]) -> None:
-        self.generated.extend(name for name in names if name not in self.generated)
-
-    def _remember(self, description: str) -> None:
-        if description not in self.used:
-            self.used.append(description)
-
-
-def mean_times(timing: pd.DataFrame) -> pd.DataFrame:
-    """Mean seconds of the repeats on one thread.
-
-    Parameters
-    ----------
-    timing : DataFrame
-        Times of the timing experiment.
-
-    Returns
-    -------
-    DataFrame
-        One row per n, one column per method; empty where there are no times.
-    """
-    if timing.empty:
-        return timing
-    single = timing[timing["threads"] == 1]
-    return single.pivot_table(index="n", columns="method", values="seconds", aggfunc="mean")
+    def _remember(self, asked: Sample | str) -> None:
+        if asked not in self.used:
+            self.used.append(asked)
 
 
 def _list_names(methods: Sequence[str]) -> str:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cgroup.benchmark.claims.base import ClaimEvidence
-    from cgroup.benchmark.evidence import Sample
+    from cgroup.benchmark.sample import Sample
 
 _SECTION = "5.1 item 7, detector and descriptor"
 _WITH_LFSH = ["C2", "C5"]

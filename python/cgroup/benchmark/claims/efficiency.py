@@ -13,7 +13,6 @@ from cgroup.benchmark.claims.base import TIME_TIE, Comparison, Finding, NotTesta
 from cgroup.benchmark.claims.claim import claim
 from cgroup.benchmark.claims.measures import expect_at_most, expect_higher, expect_in_top, show_time
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
-from cgroup.benchmark.records import exponents
 from cgroup.benchmark.records.growth import FITTED_FROM
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ def _check_cv_far_below_si(evidence: ClaimEvidence) -> Finding:
 )
 def _check_hough_linear(evidence: ClaimEvidence) -> Finding:
     times = evidence.need_times("3dhv")["3dhv"]
-    exponent = _fit_exponents(evidence)["3dhv"]
+    exponent = evidence.all.exponents["3dhv"]
     if np.isnan(exponent):
         message = f"times of fewer than two n from {FITTED_FROM}"
         raise NotTestableError(message)
@@ -116,12 +115,6 @@ def _expect_slower(evidence: ClaimEvidence, one: str, other: str, by: float) -> 
 
 
 def _show_exponents(evidence: ClaimEvidence, methods: tuple[str, ...]) -> str:
-    fitted = _fit_exponents(evidence)
+    fitted = evidence.all.exponents
     known = [f"{method.upper()} {fitted[method]:.2f}" for method in methods if not np.isnan(fitted[method])]
     return f"Exponents: {', '.join(known)}." if known else ""
-
-
-def _fit_exponents(evidence: ClaimEvidence) -> dict[str, float]:
-    """Exponents of time over n; NaN where there are too few sets."""
-    known = exponents(evidence.all.timing).set_index("method")["exponent"].to_dict()
-    return {method: known.get(method, np.nan) for method in evidence.all.methods}

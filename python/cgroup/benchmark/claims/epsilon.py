@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cgroup.benchmark.claims.base import ClaimEvidence
-    from cgroup.benchmark.evidence import Level
+    from cgroup.benchmark.sample import Level
 
 _SECTION = "5.1 item 5, threshold"
 _GAIN_RECALL = ("si", "cv", "ss")
@@ -41,9 +41,6 @@ _ROUNDING = 1e-9
 def _check_precision_never_falls(evidence: ClaimEvidence) -> Finding:
     sample = evidence.need("epsilon", "U3OR")
     find_ends(sample.by_level("precision"))
-    ordered = sample.rows.sort_values("x")
-    steps = ordered.groupby(["method", "pair"])["precision"].diff()
-    worst = steps.groupby(ordered["method"]).min()
     return Finding(
         [
             Comparison(
@@ -51,7 +48,7 @@ def _check_precision_never_falls(evidence: ClaimEvidence) -> Finding:
                 f"{method.upper()}: smallest step of a pair {step:+.3f}",
                 float(step),
             )
-            for method, step in worst.items()
+            for method, step in sample.smallest_steps("precision").items()
         ]
     )
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cgroup.benchmark.claims.base import ClaimEvidence
-    from cgroup.benchmark.evidence import Sample
+    from cgroup.benchmark.sample import Sample
 
 _SECTION = "5.1 item 6, number of matches"
 _FEW = 1000

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.evidence import Level, Sample
+    from cgroup.benchmark.sample import Level, Sample
 
 COMBINATIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
 """Of detector and descriptor, as the paper numbers them."""
@@ -100,11 +100,13 @@ def expect_in_top(
     show: Callable[[float], str] = show_score,
 ) -> Comparison:
     """Fewer than k others have a score that is higher by more than a tie."""
-    rivals = scores.drop(method).dropna().sort_values(ascending=False)
-    if len(rivals) < k:
+    values = scores.to_numpy(dtype=np.float64)
+    is_rival = (scores.index != method) & ~np.isnan(values)
+    if is_rival.sum() < k:
         message = f"fewer than {k + 1} methods to rank"
         raise NotTestableError(message)
-    rival, value = rivals.index[k - 1], float(rivals.iloc[k - 1])
+    at = np.flatnonzero(is_rival)[np.argsort(-values[is_rival], kind="stable")[k - 1]]
+    rival, value = scores.index[at], float(values[at])
     margin = float(scores[method]) - value
     nth = {1: "best other", 2: "second of the others", 3: "third of the others"}.get(
         k, f"number {k} of the others"
@@ -131,8 +133,8 @@ def rank(scores: pd.Series, method: str) -> int:
 
 def measure_lead(scores: pd.Series, methods: Iterable[str]) -> float:
     """Mean of some methods, above the best of the others."""
-    named = list(methods)
-    return float(scores[named].mean() - scores.drop(named).max())
+    named = scores.index.isin(list(methods))
+    return float(scores[named].mean() - scores[~named].max())
 
 
 def correlate_with_levels(levels: Iterable[float], values: Iterable[float]) -> float:

@@ -129,21 +129,24 @@ def _check_precise_but_fails(evidence: ClaimEvidence) -> Finding:
     ),
 )
 def _check_precision_per_pair(evidence: ClaimEvidence) -> Finding:
-    rows = evidence.need("clutter", "U3OR", "ransac", "gc").rows
-    gc = rows.loc[rows["method"] == "gc", "precision"]
-    ransac = rows.loc[rows["method"] == "ransac"]
-    done = ransac.loc[ransac["registered"].astype(bool), "precision"]
-    failed = ransac.loc[~ransac["registered"].astype(bool), "precision"]
+    sample = evidence.need("clutter", "U3OR", "ransac", "gc")
+    precision, registered = sample.rows["precision"], sample.rows["registered"].astype(bool)
+    gc, ransac = (sample.rows["method"] == method for method in ("gc", "ransac"))
+    done, failed = ransac & registered, ransac & ~registered
     return Finding(
         [
-            expect_at_most(f"GC: share of {len(gc)} pairs with P > 0.5", float((gc > 0.5).mean()), 0.1),
-            expect_at_least("GC: share of pairs with P > 0.1", float((gc > 0.1).mean()), 1.0),
+            expect_at_most(
+                f"GC: share of {sample.count(gc)} pairs with P > 0.5", sample.share(precision > 0.5, gc), 0.1
+            ),
+            expect_at_least("GC: share of pairs with P > 0.1", sample.share(precision > 0.1, gc), 1.0),
             expect_above(
-                f"RANSAC: share of {len(done)} registered pairs with P > 0.5", float((done > 0.5).mean()), 0.5
+                f"RANSAC: share of {sample.count(done)} registered pairs with P > 0.5",
+                sample.share(precision > 0.5, done),
+                0.5,
             ),
             expect_above(
-                f"RANSAC: share of {len(failed)} failed pairs with P <= {_ABOUT_ZERO}",
-                float((failed <= _ABOUT_ZERO).mean()),
+                f"RANSAC: share of {sample.count(failed)} failed pairs with P <= {_ABOUT_ZERO}",
+                sample.share(precision <= _ABOUT_ZERO, failed),
                 0.5,
             ),
         ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.claims.verdict import CRITERIA, ON_GENERATED, OUTCOMES
@@ -59,7 +60,7 @@ def as_json(verdicts: Iterable[Verdict]) -> str:
     >>> json.loads(as_json(check_claims(pd.DataFrame(), pd.DataFrame())))[0]["verdict"]
     'not testable'
     """
-    return json.dumps([vars(verdict) for verdict in verdicts], indent=1, ensure_ascii=False)
+    return json.dumps([asdict(verdict) for verdict in verdicts], indent=1, ensure_ascii=False)
 
 
 def as_markdown(verdicts: Sequence[Verdict]) -> str:
@@ -115,11 +116,14 @@ def counts_line(verdicts: Iterable[Verdict]) -> str:
     generated = sum(verdict.measured.startswith(ON_GENERATED) for verdict in listed)
     counts = ", ".join(f"{n} {outcome}" for outcome, n in count_verdicts(listed).items())
     why = f"; {generated} would rest on generated shapes, not what the paper measured" if generated else ""
-    return f"{len(listed)} claims: {counts}{why}"
+    tried = [verdict.stability for verdict in listed if verdict.stability is not None]
+    close = f"; {sum(each.close for each in tried)} verdicts are close" if tried else ""
+    return f"{len(listed)} claims: {counts}{why}{close}"
 
 
 def _markdown_row(verdict: Verdict) -> str:
     claim = f"**{verdict.id}** {verdict.statement} *Test: {verdict.criterion}*"
     measured = verdict.measured + (f" **Why:** {verdict.explanation}" if verdict.explanation else "")
-    cells = (claim, verdict.verdict, measured, verdict.data)
+    outcome = f"{verdict.verdict} ({verdict.stability})" if verdict.stability else verdict.verdict
+    cells = (claim, outcome, measured, verdict.data)
     return "| " + " | ".join(cell.replace("|", r"\|").replace("\n", " ") for cell in cells) + " |"

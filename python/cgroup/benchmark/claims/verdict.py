@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from math import floor
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from cgroup.benchmark.claims.base import ClaimEvidence, NotTestableError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from cgroup.benchmark.claims.base import Comparison, Finding
     from cgroup.benchmark.claims.claim import Claim
     from cgroup.benchmark.evidence import Evidence
@@ -36,13 +39,78 @@ methods, as its statement says. The same rules serve all claims.
 - Registration is the paper's: precision above 0.1.
 - A claim isn't testable on generated shapes, which aren't what the paper measured, not even where they speak
   for one of several data sets; what comes out on them is quoted.
+- A verdict is close if it changes in more than 10 % of 200 resamples. A resample draws the pairs of each data
+  set with replacement, and of the times the repeats; resamples in which a claim isn't testable are left out.
 """
 """How verdicts come about; printed above every table of them."""
 
 ON_GENERATED = "generated shapes aren't what the paper measured"
 """Begins the measured text of claims whose verdict would rest on them."""
 
+CLOSE = 0.1
+"""A verdict is close if it changes in a larger share of the resamples."""
+
 _FAILING_SHOWN, _HOLDING_SHOWN = 4, 2  # tests quoted in the text of a verdict
+
+
+@dataclass(frozen=True)
+class Stability:
+    """What a verdict is on other draws of the same pairs.
+
+    Attributes
+    ----------
+    share : float
+        Of the resamples in which the claim is testable, those with the verdict that all pairs give; 0 where
+        there are none.
+    close : bool
+        Whether the verdict changes in more than 10 % of them.
+    counts : dict of str to int
+        Resamples by verdict; not testable are those in which a level has lost all its pairs.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.claims import Stability
+    >>> Stability.of(
+    ...     "partly", {"partly": 150, "confirmed": 30, "not testable": 20}
+    ... ).close
+    True
+    """
+
+    share: float
+    close: bool
+    counts: dict[Outcome, int]
+
+    @classmethod
+    def of(cls, outcome: Outcome, counts: Mapping[Outcome, int]) -> Stability:
+        """Compare the verdicts of resamples with that of all pairs.
+
+        Parameters
+        ----------
+        outcome : str
+            On all pairs.
+        counts : mapping of str to int
+            Resamples by verdict.
+
+        Returns
+        -------
+        Stability
+            With all four kinds of verdicts counted.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.claims import Stability
+        >>> Stability.of("confirmed", {"confirmed": 195, "partly": 5}).share
+        0.975
+        """
+        tested = sum(count for each, count in counts.items() if each != "not testable")
+        same = counts.get(outcome, 0)
+        share = same / tested if tested else 0.0
+        close = tested - same > CLOSE * tested or not tested
+        return cls(share, close, {each: counts.get(each, 0) for each in OUTCOMES})
+
+    def __str__(self) -> str:
+        """Return the share in percent, and whether the verdict is close."""
+        return f"{floor(100 * self.share + 1e-9)} %" + (", close" if self.close else "")
 
 
 @dataclass(frozen=True)
@@ -61,6 +129,11 @@ class Verdict:
         Data sets used, with the origin of their pairs.
     explanation : str
         Why it came out so on this data, where somebody has found out.
+    held, tests : int
+        How many of the tests that count hold, and how many there are; 0 where the claim isn't testable.
+    stability : Stability, optional
+        What the verdict is on other draws of the pairs, where they have been tried; None for a claim that
+        isn't testable.
 
     Examples
     --------
@@ -79,6 +152,27 @@ class Verdict:
     measured: str
     data: str
     explanation: str = ""
+    held: int = 0
+    tests: int = 0
+    stability: Stability | None = None
+
+
+class Tally(NamedTuple):
+    """What the tests of a claim come to.
+
+    Attributes
+    ----------
+    outcome : str
+        One of `OUTCOMES`, but never "not testable".
+    held : int
+        How many of the tests hold.
+    counted : list of Comparison
+        The tests that count.
+    """
+
+    outcome: Outcome
+    held: int
+    counted: list[Comparison]
 
 
 def decide(claim: Claim, evidence: Evidence, explanation: str = "") -> Verdict:
@@ -99,15 +193,20 @@ def decide(claim: Claim, evidence: Evidence, explanation: str = "") -> Verdict:
         Also where the claim isn't testable.
     """
     seen = ClaimEvidence(evidence)
+    outcome: Outcome = "not testable"
+    held = tests = 0
     try:
-        outcome, measured = _judge(claim.check(seen))
+        finding = claim.check(seen)
+        tally = count_tests(finding)
     except NotTestableError as missing:
-        outcome, measured = "not testable", str(missing)
+        measured = str(missing)
     else:
-        if seen.generated:
-            shapes = ", ".join(seen.generated)
-            outcome = "not testable"
-            measured = f"{ON_GENERATED} ({shapes}). On them: {measured}"
+        measured = _quote(tally.counted, finding.summary)
+        generated = seen.list_generated()
+        if generated:
+            measured = f"{ON_GENERATED} ({', '.join(generated)}). On them: {measured}"
+        else:
+            outcome, held, tests = tally.outcome, tally.held, len(tally.counted)
     return Verdict(
         claim.id,
         claim.section,
@@ -115,22 +214,41 @@ def decide(claim: Claim, evidence: Evidence, explanation: str = "") -> Verdict:
         claim.criterion,
         outcome,
         measured,
-        "; ".join(seen.used),
+        seen.describe(),
         explanation,
+        held,
+        tests,
     )
 
 
-def _judge(finding: Finding) -> tuple[Outcome, str]:
+def count_tests(finding: Finding) -> Tally:
+    """Say what the tests of a claim come to.
+
+    Parameters
+    ----------
+    finding : Finding
+        Of the claim's check.
+
+    Returns
+    -------
+    Tally
+        Of the tests without missing numbers.
+
+    Raises
+    ------
+    NotTestableError
+        If there is none.
+    """
     counted = [test for test in finding.tests if not np.isnan(test.margin)]
     if not counted:
         message = "the records hold no level that the statement is about"
         raise NotTestableError(message)
-    share = sum(test.holds for test in counted) / len(counted)
+    held = sum(bool(test.holds) for test in counted)
+    share = held / len(counted)
     if share == 1 or (finding.need == "most" and share > 0.5):
-        outcome: Outcome = "confirmed"
-    else:
-        outcome = "partly" if share >= (0.5 if finding.need == "all" else 0.25) else "not confirmed"
-    return outcome, _quote(counted, finding.summary)
+        return Tally("confirmed", held, counted)
+    outcome: Outcome = "partly" if share >= (0.5 if finding.need == "all" else 0.25) else "not confirmed"
+    return Tally(outcome, held, counted)
 
 
 def _quote(tests: list[Comparison], summary: str) -> str:

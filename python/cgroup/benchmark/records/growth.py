@@ -72,8 +72,9 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
 
     kept = timing[(timing["threads"] == threads) & (timing["n"] >= least)]
     rows: list[dict[str, Any]] = []
-    for method, times in kept.groupby("method", sort=False):
-        medians = times.groupby("n")["seconds"].median()
+    of_sets = kept.groupby(["method", "n"])["seconds"].median()
+    for method in kept["method"].unique():
+        medians = of_sets[method]
         exponent = fit_exponent(list(medians.index), list(medians))
         rows.append({"method": method, "exponent": exponent, "sizes": len(medians)})
     return pd.DataFrame(rows, columns=["method", "exponent", "sizes"])

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from cgroup.benchmark.evidence import Evidence, Sample
+    from cgroup.benchmark.evidence import Evidence
+    from cgroup.benchmark.sample import Sample
 
 _TYPICAL = {"B3R": "noise", "U3OR": "clutter", "U3M": "overlap"}
 

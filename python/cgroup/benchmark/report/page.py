@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 import cgroup
 from cgroup._progress import ignore_progress
 from cgroup.benchmark import records
-from cgroup.benchmark.claims import CRITERIA, as_markdown, check_evidence, count_verdicts
+from cgroup.benchmark.claims import CRITERIA, RESAMPLES, as_markdown, check_evidence, count_verdicts
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
 from cgroup.benchmark.report.pictures import PictureBook
@@ -135,8 +135,8 @@ def write_report(
     frames = (each for each in (data.frame, data.trials) if len(each))
     pictures = PictureBook(out / FIGURES, tell, (name for each in frames for name in each["method"].unique()))
     evidence = Evidence(data.frame, data.timing)
-    tell("checking claims")
-    verdicts = check_evidence(evidence)
+    tell(f"checking claims on {RESAMPLES} resamples")
+    verdicts = check_evidence(evidence, resamples=RESAMPLES)
     write_file(out / CLAIMS, as_markdown(verdicts).encode())
     tell("ranking over all pairs")
     standings = make_standings(data.frame, data.trials, data.registrations)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.base import mean_times
+from cgroup.benchmark.evidence import mean_times
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
 from cgroup.benchmark.records.growth import exponents
 from cgroup.benchmark.report.curves import scores_chart
@@ -31,11 +31,12 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.evidence import Evidence, Sample
+    from cgroup.benchmark.evidence import Evidence
     from cgroup.benchmark.paper import Experiment
     from cgroup.benchmark.report.cells import Table
     from cgroup.benchmark.report.charts import Chart
     from cgroup.benchmark.report.pictures import Picture, PictureBook
+    from cgroup.benchmark.sample import Sample
 
 
 _COMPARED = ("gc", "ransac")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.evidence import Sample
+    from cgroup.benchmark.sample import Sample
 
 
 def ranking_table(sample: Sample) -> Table:
