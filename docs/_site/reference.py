@@ -111,7 +111,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.benchmark.config": {
         "Reading": "read_config parse_config preset_names replace_methods METHOD_SETS",
-        "What a configuration holds": "Config MethodEntry ExperimentEntry TimingEntry TrialsEntry "
+        "What a configuration holds": "Config MethodEntry ExperimentEntry FrontEntry TimingEntry TrialsEntry "
         "TrialSetEntry PairSetEntry GridEntry RegistrationEntry PipelineEntry",
     },
     "cgroup.benchmark.run": {"Running": "run Summary"},

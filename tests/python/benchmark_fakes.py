@@ -69,6 +69,23 @@ class Clouds(_Fake):
         return MatchingPair(name, source, PointCloud(points + pose[:3, 3]), pose, facts={"overlap": 0.9})
 
 
+class Meshes(Clouds):
+    """Stones with faces, whose normals are those of the mesh, against posed points without faces."""
+
+    name = "meshes"
+    title = "Meshes"
+    role = "full-partial"
+
+    def load(self, name: str) -> MatchingPair:
+        log(f"load {name}")
+        mesh = stone(np.random.default_rng(ord(name)), 14)
+        pose = np.eye(4)
+        pose[:3, 3] = (1, 2, 3)
+        target = mesh.vertices[::2] + np.random.default_rng(0).normal(scale=0.01, size=(588, 3)) + pose[:3, 3]
+        source = PointCloud(mesh.vertices, faces=mesh.faces)
+        return MatchingPair(name, source, PointCloud(target), pose, normals="mesh")
+
+
 class Matches(_Fake):
     """Matches without clouds: a third is correct."""
 

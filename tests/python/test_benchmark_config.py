@@ -37,6 +37,22 @@ WRONG = [
         'experiment = [{id = "x", dataset = "b3r", sweep = "nms_radius", nuisance = "noise", levels = [1]}]',
         "experiment[0]: nuisance, sweep: the levels can belong to one of them only",
     ),
+    (
+        'experiment = [{id = "x", dataset = "b3r", front = {matching = "both"}}]',
+        "experiment[0].front.matching: Input should be 'nearest' or 'mutual'",
+    ),
+    (
+        'experiment = [{id = "x", dataset = "b3r", front = {harris_radius = 0}}]',
+        "experiment[0].front.harris_radius: Input should be greater than 0",
+    ),
+    (
+        'experiment = [{id = "x", dataset = "b3r", front = {iss_radii = [6]}}]',
+        "experiment[0].front.iss_radii[1]: Field required",
+    ),
+    (
+        'experiment = [{id = "x", dataset = "b3r", front = {scale = 2}}]',
+        "experiment[0].front.scale: Extra inputs",
+    ),
     ('methods = ["icp"]\nexperiment = [{id = "x", dataset = "b3r"}]', "methods[0]: method: got 'icp'"),
     (
         'methods = [{name = "gtm", options = {iteration = 5}}]\nexperiment = [{id = "x", dataset = "b3r"}]',
@@ -154,7 +170,8 @@ def test_absent_data_is_left_out_and_named(tmp_path: Path) -> None:
     ("more", "says"),
     [
         ('pairs = ["m0", "m99"]', "bare: benchmark_fakes:Matches has no pair 'm99'; the first is 'm0'"),
-        ('nuisance = "noise"\nlevels = [1]', "takes no nuisance and no sweep"),
+        ('nuisance = "noise"\nlevels = [1]', "takes no nuisance, sweep or front"),
+        ('front = {matching = "mutual"}', "takes no nuisance, sweep or front"),
     ],
 )
 def test_what_the_data_set_does_not_have(more: str, says: str, tmp_path: Path) -> None:
@@ -165,6 +182,8 @@ def test_what_the_data_set_does_not_have(more: str, says: str, tmp_path: Path) -
 def test_keys_and_random_numbers_are_the_same_everywhere() -> None:
     case = Case("b3r", "scene0", "noise", 0.05, "C1", None, 3)
     assert case.key == "e3adb31a82c311d944385598"
+    assert Case("u3or", "rs1-chef", combination="C5", nms_radius=1.5).key == "74d8ec5167dff9ed4a6e534b"
+    assert Case("b3r-clean", "a", "density", 0.3).key == "da4e02b84b481fce07e3238a"
     assert case.rng("nuisance").integers(1 << 30) == 1056362948
     assert case.rng("nuisance").random() == case.rng("nuisance").random()
     assert case.rng("nuisance").random() != case.rng("sample").random()

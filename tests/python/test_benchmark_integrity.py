@@ -28,6 +28,11 @@ FLIPS = 400 if os.environ.get("HYPOTHESIS_PROFILE") == "thorough" else 6
 EVERYTHING = (
     CLOUDS
     + """
+[[experiment]]
+id = "mutual"
+dataset = "benchmark_fakes:Clouds"
+pairs = ["a"]
+front = { matching = "mutual" }
 [timing]
 dataset = "benchmark_fakes:Clouds"
 sizes = [30]
@@ -92,6 +97,7 @@ DAMAGES = {
     "plan_cases": "update plan_cases set entry = 7 where case_key = ?",
     "methods": "update methods set options = '{' where key = ?",
     "machines": "update machines set checksum = null where id = ?",
+    "fronts": "update fronts set changes = '' where case_key = ?",
 }
 
 
@@ -262,17 +268,49 @@ def change_version(file: Path, version: int) -> None:
 # --- earlier layouts ---------------------------------------------------------------------------------
 
 
-def make_older(out: Path) -> None:
-    """Take the checksums away, as in files of layout 3."""
+def make_layout_4(out: Path) -> None:
+    """Take away what cases change of the front end."""
+    with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
+        connection.execute("drop table fronts")
+    change_version(out / RECORDS, 4)
+
+
+def make_layout_3(out: Path) -> None:
+    """Take the checksums away, too."""
+    make_layout_4(out)
     with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
         for table in TABLES:
-            connection.execute(f"alter table {table} drop column checksum")
+            if table != "fronts":
+                connection.execute(f"alter table {table} drop column checksum")
     change_version(out / RECORDS, 3)
 
 
-def test_records_of_the_layout_before_are_read_and_get_checksums(out: Path, finished: Path) -> None:
-    make_older(out)
+def test_records_of_layout_4_are_read_and_brought_up_to_date(out: Path, finished: Path) -> None:
+    make_layout_4(out)
+    frame = records.load(out)
+    assert frame.drop(columns="front").equals(records.load(finished).drop(columns="front"))
+    assert set(frame["front"]) == {""}
+    assert records.check(out).sound
+    assert "fronts" not in records.check(out).whole
+    assert serial(EVERYTHING, out).damaged == ""
+    assert contents(out) == contents(finished)
     assert records.load(out).equals(records.load(finished))
+    assert records.check(out) == records.check(finished)
+
+
+def test_damaged_records_of_layout_4_are_computed_anew(out: Path, finished: Path) -> None:
+    make_layout_4(out)
+    change(out, DAMAGES["groupings"], first_key(out, "groupings"))
+    with pytest.raises(InputError, match=r"damaged .*groupings.*; run the same configuration again"):
+        records.load(out)
+    assert "groupings" in serial(EVERYTHING, out).damaged
+    assert contents(out) == contents(finished)
+    assert records.check(out) == records.check(finished)
+
+
+def test_records_of_layout_3_are_read_and_get_checksums(out: Path, finished: Path) -> None:
+    make_layout_3(out)
+    assert records.load(out).drop(columns="front").equals(records.load(finished).drop(columns="front"))
     assert records.check(out).whole == {}
     serial(EVERYTHING, out)
     assert contents(out) == contents(finished)
@@ -283,7 +321,7 @@ def test_records_of_the_layout_before_are_read_and_get_checksums(out: Path, fini
 def test_bad_json_in_records_without_checksums_is_one_line(
     column: str, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    make_older(out)
+    make_layout_3(out)
     change(out, f"update {'scores' if column == 'protocols' else 'correspondences'} set {column} = '[1'")
     status, _, err = command(capsys, "claims", "--out", out)
     assert (status, err.count("\n")) == (2, 1)
@@ -306,7 +344,7 @@ def test_check_says_what_is_whole(out: Path, capsys: pytest.CaptureFixture[str])
     status, printed, err = command(capsys, "check", "--out", out)
     assert (status, err) == (0, "")
     assert printed.endswith("all records are whole\n")
-    assert "groupings            8 whole" in printed
+    assert "groupings            10 whole" in printed
     key = first_key(out, "groupings")
     change(out, "update groupings set pose = null where case_key = ?", key)
     status, printed, err = command(capsys, "check", "--out", out)

@@ -67,7 +67,18 @@ def test_columns(clouds: Path) -> None:
     frame = records.load(clouds)
     assert set(frame.columns) == {
         *("dataset", "origin", "pair", "nuisance", "level", "combination", "detector", "descriptor"),
-        *("nms_radius", "clutter", "occlusion", "overlap", "n", "correct", "inlier_ratio", "pr", "method"),
+        *(
+            "front",
+            "nms_radius",
+            "clutter",
+            "occlusion",
+            "overlap",
+            "n",
+            "correct",
+            "inlier_ratio",
+            "pr",
+            "method",
+        ),
         *("epsilon", "selected", "selected_correct", "precision", "recall", "f_score", "registered"),
         *("rotation_error", "translation_error", "translation_error_pr", "rmse_pr", "seconds"),
         *("experiments", "error", "version", "seed", "machine", "case"),

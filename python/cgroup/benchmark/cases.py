@@ -52,6 +52,8 @@ class Case:
         Of the detector, in pr; its own by default.
     seed : int
         Key of all random numbers.
+    front : str
+        What differs from the paper's front end, as `FrontEntry.changes` writes it; empty for nothing.
     """
 
     dataset: str
@@ -61,11 +63,15 @@ class Case:
     combination: str = "C1"
     nms_radius: float | None = None
     seed: int = 0
+    front: str = ""
 
     @property
     def key(self) -> str:
         """Hash of all fields, the same in every process and on every machine."""
-        return _digest(asdict(self)).hex()[:24]
+        fields = asdict(self)
+        if not self.front:  # so that records from before there were other fronts are found
+            del fields["front"]
+        return _digest(fields).hex()[:24]
 
     @property
     def detector(self) -> str:

@@ -151,7 +151,7 @@ def correspond(
     places = as_place("source_viewpoint", source_viewpoint), as_place("target_viewpoint", target_viewpoint)
     begin("resolution")
     scans = as_scan("source", source), as_scan("target", target)
-    pr = _common_resolution(*scans, threads) if resolution is None else scans[0].unit(resolution, threads)
+    pr = common_resolution(*scans, threads) if resolution is None else scans[0].unit(resolution, threads)
     if not any(scan.has(normals) for scan in scans):
         message = f"normals: got {normals!r}, but neither cloud has {NEEDED_FOR[normals]}; choose 'pca'"
         raise InputError(message)
@@ -170,7 +170,7 @@ def correspond(
     return match_described(described[0], described[1], threads=threads)
 
 
-def _common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
+def common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
     """Average the resolutions of two clouds that are in the same unit."""
     resolutions = source.resolution(threads), target.resolution(threads)
     if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):

@@ -34,22 +34,37 @@ MIN_SUPPORT_POINTS = 10
 
 @dataclass(frozen=True)
 class FrontEnd:
-    """How keypoints are found; clouds that are to be matched need the same."""
+    """How keypoints are found; clouds that are to be matched need the same. Radii are in pr."""
 
     detector: Detector
     keypoints: int | None
     nms_radius: float | None
     threads: int | None
+    harris_radius: float | None = None
+    iss_radii: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         check_detection(self.detector, self.keypoints, self.nms_radius)
 
     def detect(self, scan: Scan, pr: float) -> IndexArray:
         """Find the keypoints that have enough support, with the unit `pr`."""
-        nms_radius = None if self.nms_radius is None else self.nms_radius * pr
-        find = features.harris3d if self.detector == "h3d" else features.iss
         cloud, threads = scan.cloud, self.threads
-        found = find(cloud, resolution=pr, nms_radius=nms_radius, count=self.keypoints, threads=threads)
+        if self.detector == "h3d":
+            size, nms = _times(pr, self.harris_radius, self.nms_radius)
+            found = features.harris3d(
+                cloud, radius=size, resolution=pr, nms_radius=nms, count=self.keypoints, threads=threads
+            )
+        else:
+            salient, usual = self.iss_radii or (None, None)
+            size, nms = _times(pr, salient, self.nms_radius or usual)
+            found = features.iss(
+                cloud,
+                salient_radius=size,
+                resolution=pr,
+                nms_radius=nms,
+                count=self.keypoints,
+                threads=threads,
+            )
         radius, least = SUPPORT_RADIUS * pr, MIN_SUPPORT_POINTS
         return features.drop_isolated(cloud, found, radius=radius, min_points=least, threads=threads)
 
@@ -75,6 +90,11 @@ class FrontEnd:
         valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
         kept, points = found[valid], in_double(cloud.points)
         return DescribedCloud(kept, points[kept], frames[valid], values[valid], pr, points.mean(axis=0))
+
+
+def _times(pr: float, *radii: float | None) -> list[float | None]:
+    """Return radii in pr as lengths; None where there is none."""
+    return [None if radius is None else radius * pr for radius in radii]
 
 
 def check_detection(detector: str, keypoints: int | None, nms_radius: float | None) -> None:

@@ -57,10 +57,11 @@ def match_both_ways(
 ) -> tuple[Correspondences, BoolArray]:
     """Match every source keypoint with its k nearest, and say which matches are each other's nearest."""
     matches = features.match(source.descriptors, target.descriptors, k=k, threads=threads)
-    return _correspondences(source, target, matches), matches.is_mutual & (matches.rank == 1)
+    return as_correspondences(source, target, matches), matches.is_mutual & (matches.rank == 1)
 
 
-def _correspondences(source: DescribedCloud, target: DescribedCloud, matches: Matches) -> Correspondences:
+def as_correspondences(source: DescribedCloud, target: DescribedCloud, matches: Matches) -> Correspondences:
+    """Return matches of the descriptors of two clouds with all that methods may need."""
     rows, partners = matches.source_indices, matches.target_indices
     return Correspondences(
         source.points[rows],

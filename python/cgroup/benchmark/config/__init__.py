@@ -1,6 +1,7 @@
 """What is to be run: experiments, methods and thresholds, read from TOML."""
 
 from cgroup.benchmark.config.entries import METHOD_SETS, ExperimentEntry, MethodEntry, TimingEntry
+from cgroup.benchmark.config.front import FrontEntry
 from cgroup.benchmark.config.reading import (
     Config,
     parse_config,
@@ -15,6 +16,7 @@ __all__ = [
     "METHOD_SETS",
     "Config",
     "ExperimentEntry",
+    "FrontEntry",
     "GridEntry",
     "MethodEntry",
     "PairSetEntry",

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from cgroup.benchmark.candidates import Candidate, candidate
 from cgroup.benchmark.cases import COMBINATIONS
+from cgroup.benchmark.config.front import FrontEntry
+from cgroup.benchmark.config.table import Positive, Table, as_list
 from cgroup.errors import InputError
 from cgroup.registry import METHODS, PAPER_METHODS
 
 METHOD_SETS = {"paper": PAPER_METHODS, "all": tuple(METHODS)}
 """What a configuration may write in place of names: the nine that the paper compares, and all that exist."""
-
-
-def as_list(value: object) -> object:
-    """Accept one in place of a list of one."""
-    return [value] if isinstance(value, (str, int, float)) else value
 
 
 def _expand_sets(value: object) -> object:
@@ -30,12 +27,6 @@ def _expand_sets(value: object) -> object:
 
 def _list_members(entry: object) -> tuple[object, ...]:
     return METHOD_SETS.get(entry.strip().casefold(), (entry,)) if isinstance(entry, str) else (entry,)
-
-
-class Table(BaseModel):
-    """What all tables have in common: unknown keys are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
 
 
 class MethodEntry(Table):
@@ -64,7 +55,7 @@ class MethodEntry(Table):
 
     name: str
     label: str = ""
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default_factory=dict[str, Any])
 
     @model_validator(mode="before")
     @classmethod
@@ -99,7 +90,6 @@ class MethodEntry(Table):
 
 
 Methods = Annotated[tuple[MethodEntry, ...], BeforeValidator(_expand_sets), Field(min_length=1)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class ExperimentEntry(Table):
@@ -119,6 +109,8 @@ class ExperimentEntry(Table):
         The levels are radii of the detector's non-maximum suppression, in pr.
     combinations : tuple of str
         C1 to C6: Harris 3D with SHOT, LFSH, RCS, then ISS with the same three.
+    front : FrontEntry
+        What differs from the paper's front end; nothing by default.
     epsilons : tuple of float
         A match is correct when it misses its true place by at most so many pr.
     pairs : int or tuple of str, optional
@@ -147,6 +139,7 @@ class ExperimentEntry(Table):
     levels: tuple[float, ...] = ()
     sweep: Literal["nms_radius"] | None = None
     combinations: Annotated[tuple[str, ...], Field(min_length=1)] = ("C1",)
+    front: FrontEntry = FrontEntry()
     epsilons: Annotated[tuple[Positive, ...], BeforeValidator(as_list), Field(min_length=1)] = (5.0,)
     pairs: Annotated[int, Field(ge=1)] | tuple[str, ...] | None = None
     methods: Methods | None = None

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, ValidationError, model_validator
 
-from cgroup.benchmark.config.entries import ExperimentEntry, MethodEntry, Methods, Table, TimingEntry
+from cgroup.benchmark.config.entries import ExperimentEntry, MethodEntry, Methods, TimingEntry
 from cgroup.benchmark.config.registration import RegistrationEntry
+from cgroup.benchmark.config.table import Table
 from cgroup.benchmark.config.trials import TrialsEntry
 from cgroup.errors import InputError
 from cgroup.io._files import load_text

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from cgroup.benchmark.config.entries import Positive, Table, as_list
+from cgroup.benchmark.config.table import Positive, Table, as_list
 from cgroup.benchmark.pipelines import Pipeline, make_pipeline
 from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PROTOCOLS

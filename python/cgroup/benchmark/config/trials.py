@@ -8,7 +8,8 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field, model_validator
 
 from cgroup.benchmark.cases import COMBINATIONS, DENSE_MATCHES
-from cgroup.benchmark.config.entries import Methods, Positive, Table, as_list
+from cgroup.benchmark.config.entries import Methods
+from cgroup.benchmark.config.table import Positive, Table, as_list
 from cgroup.datasets.generated_matches import Recipe, read_recipe
 from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PROTOCOLS

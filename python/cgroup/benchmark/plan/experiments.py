@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.cases import READY_MADE, Case
+from cgroup.benchmark.config import FrontEntry
 from cgroup.benchmark.plan.datasets import draw_pairs
 from cgroup.errors import InputError
 
@@ -52,14 +53,17 @@ def _list_cases(seed: int, experiment: ExperimentEntry, name: str, opened: OpenD
     levels: Sequence[float | None] = experiment.levels or (None,)
     combinations = experiment.combinations
     if opened.found[name].role == "correspondences":
-        if experiment.nuisance or experiment.sweep:
-            message = f"{experiment.id}: {name} comes as correspondences; it takes no nuisance and no sweep"
+        if experiment.nuisance or experiment.sweep or experiment.front != FrontEntry():
+            message = (
+                f"{experiment.id}: {name} comes as correspondences; it takes no nuisance, sweep or front"
+            )
             raise InputError(message)
         combinations = (READY_MADE,)
     for pair in draw_pairs(experiment.id, experiment.pairs, name, opened, seed):
         for level in levels:
             for combination in combinations:
                 if experiment.sweep:
-                    yield Case(name, pair, combination=combination, nms_radius=level, seed=seed)
+                    case = Case(name, pair, combination=combination, nms_radius=level, seed=seed)
                 else:
-                    yield Case(name, pair, experiment.nuisance, level, combination, seed=seed)
+                    case = Case(name, pair, experiment.nuisance, level, combination, seed=seed)
+                yield replace(case, front=experiment.front.changes(case.detector, case.nuisance))

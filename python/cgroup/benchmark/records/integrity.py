@@ -6,7 +6,13 @@ import sqlite3
 from typing import TYPE_CHECKING, NamedTuple
 
 from cgroup.benchmark.records.checksums import decode_text, is_whole
-from cgroup.benchmark.records.layout import TABLES, WITH_CHECKSUMS, find_changed, list_columns, read_version
+from cgroup.benchmark.records.layout import (
+    WITH_CHECKSUMS,
+    find_changed,
+    list_columns,
+    list_tables,
+    read_version,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,10 +65,11 @@ def examine(connection: sqlite3.Connection) -> Health:
     faults = _check_file(connection)
     whole: dict[str, int] = {}
     damaged: list[Damaged] = []
-    with_checksums = read_version(connection) >= WITH_CHECKSUMS
+    version = read_version(connection)
+    with_checksums = version >= WITH_CHECKSUMS
     if with_checksums and not faults:
         faults += [f"{name}: its definition isn't what was written" for name in find_changed(connection)]
-    for table in TABLES if with_checksums else ():
+    for table in list_tables(version) if with_checksums else ():
         try:
             amiss = list(find_damaged(connection, table))
             rows = connection.execute(f"select count(*) from {table}").fetchone()[0]

@@ -6,24 +6,36 @@ import functools
 import re
 import sqlite3
 from contextlib import closing
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cgroup.benchmark.records.checksums import checksum, decode_text
-from cgroup.benchmark.records.schema import REGISTRATION_SCHEMA, SCHEMA, TRIAL_SCHEMA
+from cgroup.benchmark.records.schema import FRONT_SCHEMA, REGISTRATION_SCHEMA, SCHEMA, TRIAL_SCHEMA
 from cgroup.errors import InputError
 
-TABLES = tuple(re.findall(r"create table (\w+)", SCHEMA + REGISTRATION_SCHEMA + TRIAL_SCHEMA))
-"""Names of all tables."""
+if TYPE_CHECKING:
+    from pathlib import Path
 
-_CHECKSUM_SCHEMA = "".join(f"alter table {table} add column checksum blob;\n" for table in TABLES)
+_WITHOUT_CHECKSUMS = tuple(re.findall(r"create table (\w+)", SCHEMA + REGISTRATION_SCHEMA + TRIAL_SCHEMA))
 
-ADDED = {1: SCHEMA, 2: REGISTRATION_SCHEMA, 3: TRIAL_SCHEMA, 4: _CHECKSUM_SCHEMA}
+_CHECKSUM_SCHEMA = "".join(f"alter table {table} add column checksum blob;\n" for table in _WITHOUT_CHECKSUMS)
+
+ADDED = {1: SCHEMA, 2: REGISTRATION_SCHEMA, 3: TRIAL_SCHEMA, 4: _CHECKSUM_SCHEMA, 5: FRONT_SCHEMA}
 """What each version added; a file of an earlier one gets what it lacks."""
 
 SCHEMA_VERSION = max(ADDED)
 
 WITH_CHECKSUMS = 4
 """Rows bear a checksum, their last column, from this version on."""
+
+
+def list_tables(version: int) -> tuple[str, ...]:
+    """Names of all tables of a version."""
+    schemas = (schema for added_in, schema in ADDED.items() if added_in <= version)
+    return tuple(re.findall(r"create table (\w+)", "".join(schemas)))
+
+
+TABLES = list_tables(SCHEMA_VERSION)
+"""Names of all tables."""
 
 
 def prepare_layout(connection: sqlite3.Connection, path: Path) -> None:
@@ -39,12 +51,9 @@ def prepare_layout(connection: sqlite3.Connection, path: Path) -> None:
         return
     if version or not is_empty(connection):
         check_version(version, path)
-    lacking = "".join(schema for added_in, schema in ADDED.items() if added_in > version)
-    for statement in lacking.split(";\n"):
-        connection.execute(statement)
-    if version:
+    _add_versions(connection, version, SCHEMA_VERSION)
+    if 0 < version < WITH_CHECKSUMS:
         _add_checksums(connection)
-    connection.execute(f"pragma user_version = {SCHEMA_VERSION}")
 
 
 def check_version(version: int, path: Path) -> None:
@@ -71,15 +80,15 @@ def is_empty(connection: sqlite3.Connection) -> bool:
 
 
 def find_changed(connection: sqlite3.Connection) -> list[str]:
-    """Find tables and views that aren't as this version makes them."""
-    found, expected = _read_definitions(connection), _expected_definitions()
+    """Find tables and views that aren't as the file's version makes them."""
+    found, expected = _read_definitions(connection), _expected_definitions(read_version(connection))
     return sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
 
 
 @functools.cache
-def _expected_definitions() -> dict[str, str]:
+def _expected_definitions(version: int) -> dict[str, str]:
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
-        prepare_layout(connection, Path(":memory:"))
+        _add_versions(connection, 0, version)
         return _read_definitions(connection)
 
 
@@ -95,9 +104,17 @@ def list_columns(connection: sqlite3.Connection, table: str) -> tuple[list[str],
     return [row[1] for row in rows], [row[1] for row in sorted(rows, key=lambda row: row[5]) if row[5]]
 
 
+def _add_versions(connection: sqlite3.Connection, version: int, to: int) -> None:
+    """Add what later versions have."""
+    lacking = "".join(schema for added_in, schema in ADDED.items() if version < added_in <= to)
+    for statement in lacking.split(";\n"):
+        connection.execute(statement)
+    connection.execute(f"pragma user_version = {to}")
+
+
 def _add_checksums(connection: sqlite3.Connection) -> None:
     """Give rows of earlier versions theirs."""
     connection.create_function("checksum_of", -1, lambda *row: checksum(row))
-    for table in TABLES:
+    for table in list_tables(WITH_CHECKSUMS):
         *columns, _ = list_columns(connection, table)[0]
         connection.execute(f"update {table} set checksum = checksum_of({', '.join(columns)})")

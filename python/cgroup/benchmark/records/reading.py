@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 from cgroup.benchmark.records.integrity import Health, examine, find_damaged
 from cgroup.benchmark.records.layout import (
-    TABLES,
     WITH_CHECKSUMS,
     check_version,
     find_changed,
     is_empty,
+    list_tables,
     read_version,
 )
 from cgroup.errors import InputError
@@ -154,7 +154,7 @@ def describe_damage(file: Path, names: list[str]) -> str:
 def _refuse_damaged(file: Path, *_state: object) -> None:
     """Raise `InputError` for damaged rows; once for each state of the file."""
     with closing(sqlite3.connect(_make_address(file), uri=True, timeout=30)) as connection:
-        tables = [table for table in TABLES if table not in _LARGE]
+        tables = [table for table in list_tables(read_version(connection)) if table not in _LARGE]
         names = find_changed(connection) or [
             each.name for table in tables for each in find_damaged(connection, table)
         ]

@@ -13,6 +13,7 @@ from cgroup.benchmark.records.integrity import Health, examine
 from cgroup.benchmark.records.layout import (
     SCHEMA_VERSION,
     TABLES,
+    WITH_CHECKSUMS,
     list_columns,
     prepare_layout,
     read_version,
@@ -54,7 +55,7 @@ def set_damaged_aside(path: Path) -> str:
         return ""
     with closing(sqlite3.connect(path, timeout=30)) as connection:
         try:
-            if read_version(connection) != SCHEMA_VERSION:
+            if not WITH_CHECKSUMS <= read_version(connection) <= SCHEMA_VERSION:
                 return ""
             health = examine(connection)
         except sqlite3.DatabaseError as error:

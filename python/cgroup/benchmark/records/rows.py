@@ -36,6 +36,8 @@ def insert_experiment(
         pair = (case.dataset, case.pair, origin, json.dumps(protocols), case.nuisance, case.level)
         front = (case.combination, case.detector, case.descriptor, case.nms_radius, case.seed)
         insert(connection, "cases", case.key, *pair, *front, known="replace")
+        if case.front:
+            insert(connection, "fronts", case.key, case.front, known="replace")
         insert(connection, "plan_cases", entry, case.key, known="ignore")
     for position, method in enumerate(planned.methods):
         insert_method(connection, method)

@@ -128,6 +128,13 @@ create view wanted_trials as
 """
 """Tables that were added in version 3."""
 
+FRONT_SCHEMA = """
+create table fronts (
+    case_key text primary key references cases, changes text not null, checksum blob
+) without rowid;
+"""
+"""Tables that were added in version 5."""
+
 # Cases of one pair follow each other, so that a worker loads it once.
 CASE_ORDER = "order by dataset, pair, nuisance, level, nms_radius, combination"
 
@@ -151,7 +158,8 @@ order by w.threads, w.entry, w.place, w.case_key, w.method_place
 """
 
 PENDING_CASES = """
-select {} from wanted_cases join cases on cases.key = case_key
+select {} from wanted_cases w join cases on cases.key = w.case_key
+    left join fronts on fronts.case_key = cases.key
 where not exists (select 1 from correspondences c where c.case_key = cases.key)
 """
 

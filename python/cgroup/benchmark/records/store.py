@@ -132,7 +132,7 @@ class Store:
 
     def pending_cases(self, at_most: int) -> list[tuple[Case, ...]]:
         """Cases to be matched, in parts of the same pair that are not too large."""
-        fields = "dataset, pair, nuisance, level, combination, nms_radius, seed"
+        fields = "dataset, pair, nuisance, level, combination, nms_radius, seed, coalesce(changes, '')"
         rows = self.connection.execute(f"{PENDING_CASES.format(fields)} {CASE_ORDER}")
         parts: list[tuple[Case, ...]] = []
         for _, same_pair in itertools.groupby((Case(*row) for row in rows), lambda c: (c.dataset, c.pair)):

@@ -16,6 +16,7 @@ from cgroup.benchmark.records.packing import floats_from_bytes, unpack, unpack_m
 from cgroup.benchmark.records.reading import (
     describe_damage,
     find_file,
+    has_table,
     open_records,
     parse_json,
     query,
@@ -46,7 +47,7 @@ from wanted_scores w
     left join groupings g on g.case_key = w.case_key and g.method_key = w.method_key
     left join scores s on s.case_key = w.case_key and s.method_key = w.method_key and s.epsilon = w.epsilon
 where s.case_key is not null or c.error <> '' or g.error <> ''
-order by dataset, pair, nuisance, level, nms_radius, combination, place, w.epsilon
+order by dataset, pair, nuisance, level, nms_radius, combination, w.case_key, place, w.epsilon
 """
 
 _TIMES = """
@@ -80,9 +81,11 @@ def load(path: Path) -> pd.DataFrame:
     -------
     DataFrame
         `dataset, origin, pair, nuisance, level, combination, detector, descriptor, nms_radius`: the case,
-        with "" and NaN for what doesn't apply, and its hash in `case`; `clutter, occlusion, overlap`: facts
-        where they are known; `n, correct, inlier_ratio, pr`: the correspondences; `method, epsilon,
-        selected, selected_correct, precision, recall, f_score, registered`: the group;
+        with "" and NaN for what doesn't apply, and its hash in `case`; `front`: what it changes of the
+        paper's front end, as JSON with the keys of `cgroup.benchmark.config.FrontEntry`, "" for nothing;
+        `clutter, occlusion, overlap`: facts where they are known; `n, correct, inlier_ratio, pr`: the
+        correspondences; `method, epsilon, selected, selected_correct, precision, recall, f_score,
+        registered`: the group;
         `rotation_error` (degrees), `translation_error` (data unit), `translation_error_pr`, `rmse_pr`: its
         pose, NaN where it fixes none; ``ok:<protocol>``: registered by a criterion other than the paper's,
         which `registered` is, None where it isn't applicable; `seconds` of the grouping; `experiments`:
@@ -111,6 +114,8 @@ def load(path: Path) -> pd.DataFrame:
     facts = [parse_json(text) for text in frame.pop("facts")]
     for name in FACTS:
         frame[name] = np.array([of_pair.get(name, np.nan) for of_pair in facts], dtype=float)
+    fronts = _load_fronts(path)
+    frame["front"] = [fronts.get(case, "") for case in frame["case"]]
     frame["experiments"] = [tuple(parse_json(text)) for text in frame["experiments"]]
     _expand_protocols(frame)
     for name in ("level", "nms_radius", "rotation_error", "translation_error", "rmse_pr", "seconds"):
@@ -337,6 +342,14 @@ def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dic
     matches = unpack(content)
     masks = {label: unpack_mask(mask, len(matches)) for label, mask, _ in rows}
     return matches, floats_from_bytes(truth, (4, 4)), masks
+
+
+def _load_fronts(path: Path) -> dict[str, str]:
+    """Read what cases change of the front end, by their hash; in records of older versions none does."""
+    if not has_table(path, "fronts"):
+        return {}
+    with open_records(path) as connection:
+        return dict(connection.execute("select case_key, changes from fronts").fetchall())
 
 
 def _expand_protocols(frame: pd.DataFrame) -> None:

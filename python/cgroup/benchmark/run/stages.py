@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from cgroup._progress import StageClock
 from cgroup.benchmark.records.packing import floats_as_bytes, pack, pack_mask, unpack
 from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
+from cgroup.benchmark.run.front import match_by_front, read_front
 from cgroup.datasets import CorrespondencePair, MatchingPair, open_dataset
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import within
@@ -72,36 +73,48 @@ def _match(case: Case, root: str | None) -> MatchingRecord:
         pair = load_pair(case.dataset, case.pair, root)
         if isinstance(pair, CorrespondencePair):
             return _record_ready_made(case, pair)
-        if case.nuisance:
-            assert case.level is not None  # noqa: S101 - the configuration has been checked
-            pair = apply_nuisance(case.nuisance, pair, case.level, case.rng("nuisance"))
-            return _match_clouds(case, pair, _add_normals(pair))
-        return _match_clouds(case, pair, _load_with_normals(case.dataset, case.pair, root))
+        normals = read_front(case).normals or pair.normals
+        if not case.nuisance:
+            clouds = _load_with_normals(case.dataset, case.pair, normals, root)
+            return _match_clouds(case, pair, clouds, normals, pair)
+        assert case.level is not None  # noqa: S101 - the configuration has been checked
+        disturbed = apply_nuisance(case.nuisance, pair, case.level, case.rng("nuisance"))
+        return _match_clouds(case, disturbed, _add_normals(disturbed, normals), normals, pair)
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
         return MatchingRecord(case, error=describe_error(error))
 
 
-def _match_clouds(case: Case, pair: MatchingPair, clouds: tuple[PointCloud, PointCloud]) -> MatchingRecord:
-    """Match the clouds of a pair, which bring the normals that the pair asks for."""
+def _match_clouds(
+    case: Case,
+    pair: MatchingPair,
+    clouds: tuple[PointCloud, PointCloud],
+    normals: Normals,
+    undisturbed: MatchingPair,
+) -> MatchingRecord:
+    """Match the clouds of a pair, which bring their normals."""
     front: dict[str, Any] = {
         "detector": case.detector,
         "descriptor": case.descriptor,
         "nms_radius": case.nms_radius,
     }
-    normals = {
-        "normals": pair.normals,
+    surface = {
+        "normals": normals,
         "source_viewpoint": pair.source_viewpoint,
         "target_viewpoint": pair.target_viewpoint,
     }
+    changes = {"front": json.loads(case.front)} if case.front else {}
     clock = StageClock()
-    matches = correspond(*clouds, threads=1, normals="given", progress=clock.start, **front)
+    if case.front:
+        matches = match_by_front(case, clouds, undisturbed, clock.start)
+    else:
+        matches = correspond(*clouds, threads=1, normals="given", progress=clock.start, **front)
     clock.start("overlap")
     truth, pr = pair.T_target_source, _resolution(matches)
     sample = overlap_sample(pair.source.points, pair.target.points, truth, pr, case.rng("sample"))
     clock.stop()
     return MatchingRecord(
         case,
-        json.dumps(front | normals),
+        json.dumps(front | surface | changes),
         seconds=json.dumps({stage: round(seconds, 6) for stage, seconds in clock.seconds.items()}),
         **_describe_problem(matches, pair, sample),
     )
@@ -166,12 +179,14 @@ def load_pair(dataset: str, name: str, root: str | None) -> MatchingPair | Corre
     return open_once(dataset, root).load(name)
 
 
-@functools.lru_cache(maxsize=_PAIRS_KEPT)
-def _load_with_normals(dataset: str, name: str, root: str | None) -> tuple[PointCloud, PointCloud]:
+@functools.lru_cache(maxsize=2 * _PAIRS_KEPT)  # cases of a pair may differ in their normals
+def _load_with_normals(
+    dataset: str, name: str, normals: Normals, root: str | None
+) -> tuple[PointCloud, PointCloud]:
     """Find the normals of a pair once for all its cases."""
     pair = load_pair(dataset, name, root)
     assert isinstance(pair, MatchingPair)  # noqa: S101 - ready-made correspondences have no clouds
-    return _add_normals(pair)
+    return _add_normals(pair, normals)
 
 
 def forget_pairs() -> None:
@@ -180,10 +195,10 @@ def forget_pairs() -> None:
         kept.cache_clear()
 
 
-def _add_normals(pair: MatchingPair) -> tuple[PointCloud, PointCloud]:
+def _add_normals(pair: MatchingPair, normals: Normals) -> tuple[PointCloud, PointCloud]:
     return (
-        _with_normals(pair.source, pair.normals, pair.source_viewpoint),
-        _with_normals(pair.target, pair.normals, pair.target_viewpoint),
+        _with_normals(pair.source, normals, pair.source_viewpoint),
+        _with_normals(pair.target, normals, pair.target_viewpoint),
     )
 
 

@@ -1,0 +1,302 @@
+"""Other front ends in experiments: each field changes what it says, and nothing else."""
+
+from __future__ import annotations
+
+import functools
+import json
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import benchmark_fakes
+from benchmark_runs import CLOUDS, contents, serial
+from cgroup import Correspondences, features
+from cgroup.benchmark import records
+from cgroup.benchmark.cases import Case
+from cgroup.benchmark.config import ExperimentEntry, FrontEntry, parse_config
+from cgroup.benchmark.plan import make_plan
+from cgroup.benchmark.records.packing import pack, unpack
+from cgroup.benchmark.run import stages
+from cgroup.benchmark.run.front import match_by_front
+from cgroup.features import ORIGIN, SUPPORT_RADIUS
+from cgroup.registration import DescribedCloud, correspond, describe
+from reference import matching as reference_matching
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cgroup.benchmark.records.types import MatchingRecord
+
+CLOUD_DATA, MESH_DATA = "benchmark_fakes:Clouds", "benchmark_fakes:Meshes"
+
+
+def match_case(dataset: str = CLOUD_DATA, front: dict[str, Any] | None = None, **case: Any) -> MatchingRecord:
+    """Record of the first stage for the pair a, by a front."""
+    asked = Case(dataset, "a", **case)
+    changes = FrontEntry(**(front or {})).changes(asked.detector, asked.nuisance)
+    [record] = stages.match_cases([Case(dataset, "a", **case, front=changes)], None)
+    assert record.error == ""
+    return record
+
+
+def find_matches(*args: Any, **kwargs: Any) -> Correspondences:
+    return unpack(match_case(*args, **kwargs).content)
+
+
+def assert_equal_but(one: Correspondences, other: Correspondences, *changed: str) -> None:
+    """Compare all fields, bit by bit; those that are said to be changed must be."""
+    for name in (field.name for field in fields(Correspondences)):
+        values = [np.asarray(getattr(each, name), dtype=float) for each in (one, other)]  # NaN for None
+        assert np.array_equal(*values, equal_nan=True) != (name in changed), name
+
+
+@functools.cache
+def load_clouds() -> Any:
+    return benchmark_fakes.Clouds().load("a")
+
+
+# --- the default -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("combination", ["C1", "C2", "C6"])
+@pytest.mark.parametrize("nms_radius", [None, 1.3])
+def test_the_default_front_is_correspond(combination: str, nms_radius: float | None) -> None:
+    pair = load_clouds()
+    case = Case(CLOUD_DATA, "a", combination=combination, nms_radius=nms_radius)
+    [record] = stages.match_cases([case], None)
+    matches = correspond(
+        pair.source,
+        pair.target,
+        detector=case.detector,  # pyright: ignore[reportArgumentType]
+        descriptor=case.descriptor,  # pyright: ignore[reportArgumentType]
+        nms_radius=nms_radius,
+    )
+    assert record.content == pack(matches)
+    surface = {"normals": "pca", "source_viewpoint": list(ORIGIN), "target_viewpoint": list(ORIGIN)}
+    detection = {"detector": case.detector, "descriptor": case.descriptor, "nms_radius": nms_radius}
+    assert json.loads(record.parameters) == detection | surface
+    clouds = stages._add_normals(pair, "pca")
+    steps: list[str] = []
+    assert pack(match_by_front(case, clouds, pair, steps.append)) == record.content
+    assert steps == list(json.loads(record.seconds))[: len(steps)]
+
+
+# --- one field each ----------------------------------------------------------------------------------
+
+
+def describe_pair(resolution: float | None, **options: Any) -> tuple[DescribedCloud, DescribedCloud]:
+    pair = load_clouds()
+    source, target = (
+        describe(cloud, resolution=resolution, **options) for cloud in (pair.source, pair.target)
+    )
+    return source, target
+
+
+def test_mutual_matches_are_those_of_the_reference() -> None:
+    usual, mutual = find_matches(), find_matches(front={"matching": "mutual"})
+    source, target = describe_pair(usual.resolution)
+    expected = reference_matching.match(
+        source.descriptors.astype(float), target.descriptors.astype(float), mutual=True
+    )
+    assert 3 < len(expected) < len(usual)
+    np.testing.assert_array_equal(mutual.source, source.points[[row[0] for row in expected]])
+    np.testing.assert_array_equal(mutual.target, target.points[[row[1] for row in expected]])
+    np.testing.assert_allclose(mutual.ratio, [row[6] for row in expected], atol=1e-6)
+    np.testing.assert_allclose(mutual.similarity, [row[5] for row in expected], atol=1e-6)
+    kept = {tuple(point) for point in mutual.source}
+    chosen = np.array([tuple(point) in kept for point in usual.source])
+    for name in ("similarity", "ratio", "source_lrf", "target_lrf"):
+        np.testing.assert_array_equal(getattr(mutual, name), getattr(usual, name)[chosen])
+
+
+@pytest.mark.parametrize("nuisance", [{}, {"nuisance": "benchmark_fakes:noise", "level": 0.1}])
+def test_normals(nuisance: dict[str, Any]) -> None:
+    pair = benchmark_fakes.Meshes().load("a")
+    if nuisance:
+        case = Case(MESH_DATA, "a", **nuisance)
+        pair = benchmark_fakes.noise(pair, 0.1, case.rng("nuisance"))
+    mesh = find_matches(MESH_DATA, **nuisance)
+    pca = find_matches(MESH_DATA, {"normals": "pca"}, **nuisance)
+    assert pack(mesh) == pack(correspond(pair.source, pair.target, normals="mesh"))
+    assert pack(pca) == pack(correspond(pair.source, pair.target, normals="pca"))
+    assert pack(mesh) != pack(pca)
+    assert pack(find_matches(MESH_DATA, {"normals": "mesh"}, **nuisance)) == pack(mesh)
+    parameters = json.loads(match_case(MESH_DATA, {"normals": "pca"}, **nuisance).parameters)
+    assert (parameters["normals"], parameters["front"]) == ("pca", {"normals": "pca"})
+
+
+def test_clouds_without_faces_have_fitted_normals() -> None:
+    assert pack(find_matches(front={"normals": "mesh"})) == pack(find_matches())
+
+
+@pytest.mark.parametrize("combination", ["C1", "C2"])
+def test_frames(combination: str) -> None:
+    usual = find_matches(combination=combination)
+    toldi = find_matches(front={"frames": "toldi"}, combination=combination)
+    assert_equal_but(usual, toldi, "source_lrf", "target_lrf")
+    pair = load_clouds()
+    assert usual.resolution is not None
+    for name, cloud in (("source", pair.source), ("target", pair.target)):
+        rows = {tuple(point): row for row, point in enumerate(cloud.points)}
+        keypoints = [rows[tuple(point)] for point in getattr(toldi, name)]
+        expected = features.toldi_lrf(cloud.points, keypoints, radius=SUPPORT_RADIUS * usual.resolution)
+        np.testing.assert_array_equal(getattr(toldi, f"{name}_lrf"), expected)
+
+
+@pytest.mark.parametrize(
+    ("front", "combination", "sweep"),
+    [
+        ({"harris_radius": 3.5}, "C1", None),
+        ({"harris_radius": 3.5}, "C1", 1.5),
+        ({"iss_radii": (4, 3)}, "C4", None),
+        ({"iss_radii": (4, 3)}, "C4", 1.5),
+    ],
+)
+def test_radii_of_detectors(front: dict[str, Any], combination: str, sweep: float | None) -> None:
+    found = find_matches(front=front, combination=combination, nms_radius=sweep)
+    pr = found.resolution
+    assert pr is not None
+    cloud = load_clouds().source
+    if combination == "C1":
+        keypoints = features.harris3d(cloud.points, radius=3.5 * pr, nms_radius=(sweep or 3.5) * pr)
+    else:
+        keypoints = features.iss(cloud.points, salient_radius=4 * pr, nms_radius=(sweep or 3) * pr)
+    keypoints = features.drop_isolated(cloud.points, keypoints, radius=SUPPORT_RADIUS * pr)
+    np.testing.assert_array_equal(found.source, cloud.points[keypoints])
+    usual = find_matches(combination=combination, nms_radius=sweep)
+    assert not np.array_equal(usual.source, found.source)
+
+
+def test_resolution() -> None:
+    noise = {"nuisance": "benchmark_fakes:noise", "level": 0.8}
+    pair = load_clouds()
+    noisy = benchmark_fakes.noise(pair, 0.8, Case(CLOUD_DATA, "a", **noise).rng("nuisance"))
+    before = [features.resolution(cloud.points) for cloud in (pair.source, pair.target)]
+    source, target = (features.resolution(cloud.points) for cloud in (noisy.source, noisy.target))
+    expected = {
+        "pair": (source + target) / 2,
+        "undisturbed": sum(before) / 2,
+        "source": source,
+        "target": target,
+    }
+    assert len(set(expected.values())) == len(expected)
+    for name, pr in expected.items():
+        found = match_case(front={"resolution": name}, **noise)
+        assert found.pr == unpack(found.content).resolution == pr
+        assert found.content == pack(correspond(noisy.source, noisy.target, resolution=pr))
+
+
+@pytest.mark.parametrize("combination", ["C2", "C3"])
+def test_raw_similarity(combination: str) -> None:
+    usual = find_matches(combination=combination)
+    raw = find_matches(front={"similarity": "raw"}, combination=combination)
+    assert_equal_but(usual, raw, "similarity")
+    descriptor = Case(CLOUD_DATA, "a", combination=combination).descriptor
+    source, target = describe_pair(usual.resolution, descriptor=descriptor)
+    rows = {tuple(point): row for row, point in enumerate(target.points)}
+    partners = [rows[tuple(point)] for point in usual.target]
+    misses = source.descriptors.astype(float) - target.descriptors[partners]
+    np.testing.assert_allclose(raw.similarity, 1 - np.linalg.norm(misses, axis=1), atol=1e-6)
+
+
+def test_fields_go_together() -> None:
+    front = {"matching": "mutual", "frames": "toldi", "similarity": "raw", "resolution": "source"}
+    all_together = find_matches(front=front, combination="C2")
+    frames = find_matches(front={**front, "frames": "shot", "similarity": "unit"}, combination="C2")
+    assert_equal_but(all_together, frames, "source_lrf", "target_lrf", "similarity")
+
+
+# --- cases -------------------------------------------------------------------------------------------
+
+
+def test_a_front_has_a_key_of_its_own_and_the_same_random_numbers() -> None:
+    default = Case("b3r", "scene0", "noise", 0.05, "C1", None, 3)
+    other = Case("b3r", "scene0", "noise", 0.05, "C1", None, 3, '{"matching": "mutual"}')
+    assert default.key == "e3adb31a82c311d944385598"
+    assert other.key == "e0f14bcdf2e2f08940cca9d7"
+    assert other.rng("nuisance").random() == default.rng("nuisance").random()
+
+
+def list_fronts(**entry: Any) -> dict[str, str]:
+    """What the cases of an experiment change, by combination."""
+    experiment = ExperimentEntry(id="x", dataset=CLOUD_DATA, pairs=1, **entry)  # pyright: ignore[reportArgumentType]
+    config = parse_config(CLOUDS).model_copy(update={"experiment": (experiment,)})
+    [planned] = make_plan(config, None).experiments
+    return {case.combination: case.front for case in planned.cases}
+
+
+def test_what_changes_nothing_for_a_case_is_left_out() -> None:
+    both = ["C1", "C4"]
+    assert list_fronts(combinations=both) == {"C1": "", "C4": ""}
+    assert list_fronts(combinations=both, front={"harris_radius": 3, "iss_radii": [6, 4]}) == {
+        "C1": '{"harris_radius": 3.0}',
+        "C4": '{"iss_radii": [6.0, 4.0]}',
+    }
+    assert list_fronts(combinations=both, front={"harris_radius": 3})["C4"] == ""
+    assert list_fronts(front={"resolution": "undisturbed"}) == {"C1": ""}
+    with_noise = {
+        "nuisance": "benchmark_fakes:noise",
+        "levels": [0.1],
+        "front": {"resolution": "undisturbed"},
+    }
+    assert list_fronts(**with_noise) == {"C1": '{"resolution": "undisturbed"}'}
+    assert list_fronts(front={"similarity": "raw", "matching": "mutual", "frames": "shot"}) == {
+        "C1": '{"matching": "mutual", "similarity": "raw"}'
+    }
+
+
+# --- runs --------------------------------------------------------------------------------------------
+
+MUTUAL = (
+    CLOUDS + CLOUDS.partition("methods")[2].partition("\n")[2].replace('"noise"', '"noise / mutual"', 1)
+).rstrip() + '\nfront = { matching = "mutual" }\n'
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "calls.log"
+    path.touch()
+    monkeypatch.setenv("FAKES_LOG", str(path))
+    return path
+
+
+def test_a_run_with_a_front_goes_on_and_keeps_the_default_apart(tmp_path: Path, log: Path) -> None:
+    out = tmp_path / "out"
+    serial(CLOUDS, out)
+    before = set(map(repr, contents(out)))
+    assert serial(MUTUAL, out).counts["correspond"] == (8, 0, 8)
+    assert before <= set(map(repr, contents(out)))
+    assert log.read_text().count("noise a 0.1") == 2
+    log.write_text("")
+    serial(MUTUAL, out)
+    assert log.read_text() == ""
+
+    frame = records.load(out)
+    usual, mutual = (frame[frame["experiments"] == (name,)] for name in ("noise", "noise / mutual"))
+    assert (len(usual), len(mutual), len(frame)) == (8, 8, 16)
+    assert set(usual["front"]) == {""}
+    assert set(mutual["front"]) == {'{"matching": "mutual"}'}
+    assert (mutual["n"].to_numpy() < usual["n"].to_numpy()).all()
+    assert mutual["inlier_ratio"].mean() > usual["inlier_ratio"].mean()
+    for key in ("dataset", "pair", "level", "method"):
+        assert mutual[key].tolist() == usual[key].tolist()
+    assert records.load(out).equals(frame)
+
+    other = tmp_path / "other"
+    serial(MUTUAL, other)
+    assert contents(other) == contents(out)
+    serial(CLOUDS, out)
+    assert set(records.load(out)["front"]) == {""}
+
+
+def test_failed_cases_with_a_front_are_tried_again_with_it(tmp_path: Path, log: Path) -> None:
+    text = MUTUAL.replace('["a", "b"]', '["broken"]')
+    serial(text, tmp_path / "out")
+    log.write_text("")
+    summary = serial(text, tmp_path / "out", retry_failed=True)
+    assert (summary.counts["correspond"].failed, log.read_text().count("load broken")) == (4, 4)
+    frame = records.load(tmp_path / "out")
+    assert set(frame["front"]) == {"", '{"matching": "mutual"}'}
+    assert set(frame["error"]) == {"OSError: this pair is broken"}
