@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 ZERO = 1e-9
 NUDGES = (1e-13, 1e-11, 1e-9, 1e-7)
+"""Relative, from the rounding of sums to that of the entries of M."""
+
 SETTLED = 1e-3
 LEAST_AFFINITY = 1e-4
 
@@ -94,12 +96,18 @@ def random_start(n: int, seed: int) -> FloatArray:
 
 
 def ascend_surely(affinity: FloatArray, excluded: BoolArray, start: FloatArray) -> Ascent:
-    """Ascend, also by affinities that differ a little: where cliques are alike, rounding decides between them."""
+    """Ascend, also by affinities that differ a little: where cliques are alike, rounding decides between them.
+
+    Two matches with the same points exclude each other and agree with the same others. A long step may set both to 0, after
+    which only rounding parts them. So each difference is tried with both signs: if one favours the first, the other
+    favours the second, and one of them ends elsewhere.
+    """
     found = ascend(affinity, excluded, start)
     nudged = []
     for seed, nudge in enumerate(NUDGES):
         noise = np.random.default_rng(seed).uniform(-1.0, 1.0, size=affinity.shape)
-        nudged.append(ascend(affinity * (1.0 + nudge * (noise + noise.T)), excluded, start))
+        change = nudge * (noise + noise.T)
+        nudged += [ascend(affinity * (1.0 + sign * change), excluded, start) for sign in (1.0, -1.0)]
     unsettled = any(
         abs(other.objective - found.objective) > SETTLED
         or (abs(other.u - found.u) > SETTLED * found.u.max(initial=0.0)).any()
