@@ -99,6 +99,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Curves of an evaluation": "precision_recall_figure scores_figure inliers_figure "
         "registration_rate_figure pair_precision_figure timing_figure",
         "Rankings": "trials_figure pipelines_figure",
+        "Claims": "readings_figure",
     },
     "cgroup.pages": {
         "Pages of a result": "registration_page comparison_page",
@@ -138,6 +139,10 @@ GROUPS: dict[str, dict[str, str]] = {
         "The paper's claims": "check_claims check_evidence CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
         "How sure verdicts are": "bootstrap_verdicts Stability RESAMPLES",
         "As text": "as_markdown as_json count_verdicts counts_line",
+    },
+    "cgroup.benchmark.readings": {
+        "What the paper leaves open": "read_questions Question list_readings Reading",
+        "Claims under each reading": "add_readings judge_readings ReadingOutcome write_readings",
     },
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def gc_then_ransac(
-    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None, **options: object
+    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None, **options: Any
 ) -> Grouping:
     """RANSAC on the group of GC; see `gtm_then_ransac`."""
     return _then_ransac("gc", correspondences, seed, threads, options)
 
 
 def gtm_then_ransac(
-    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None, **options: object
+    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None, **options: Any
 ) -> Grouping:
     """RANSAC on the group of GTM (paper, section 6).
 
@@ -51,7 +51,7 @@ def _then_ransac(
     correspondences: Correspondences,
     seed: int,
     threads: int | None,
-    options: Mapping[str, object],
+    options: Mapping[str, Any],
 ) -> Grouping:
     kept = group(correspondences, first, threads=threads, **options).indices
     subset = Correspondences(

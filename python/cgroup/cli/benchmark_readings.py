@@ -88,11 +88,9 @@ def readings_command(
     check_folder(out)
     try:
         with stop_on_signals(), show_counts() as report:
-            told = {} if report is None else {"progress": report}
-            summary = run(wanted, out, root=data, workers=workers, **told)
-            outcomes = judge_readings(
-                records.load(out), records.load_timing(out), readings, resamples=resamples, **told
-            )
+            summary = run(wanted, out, root=data, workers=workers, progress=report)
+            loaded = records.load(out), records.load_timing(out)
+            outcomes = judge_readings(*loaded, readings, resamples=resamples, progress=report)
     except StoppedError as stopped:
         if not as_json:
             with suppress(OSError):  # of a terminal that is gone

@@ -43,6 +43,15 @@ def write_readings(folder: Path, outcomes: Sequence[ReadingOutcome]) -> list[Pat
     ------
     InputError
         If a file can't be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.readings import judge_readings, write_readings
+    >>> outcomes = judge_readings(pd.DataFrame(), pd.DataFrame(), [])  # no records
+    >>> [file.name for file in write_readings(Path(), outcomes)]
+    ['readings.md', 'readings.csv', 'readings.png']
     """
     questions = read_questions()
     picture = BytesIO()

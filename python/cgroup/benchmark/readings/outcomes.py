@@ -39,6 +39,14 @@ class ReadingOutcome:
         Claims of which a number is another than under the default.
     better, worse : tuple of str
         Claims whose verdict is better than under the default, and worse.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.readings import judge_readings
+    >>> (default,) = judge_readings(pd.DataFrame(), pd.DataFrame(), [])  # no records
+    >>> default.name, default.counts["not testable"], default.is_close("C-01")
+    ('default', 68, False)
     """
 
     name: str
@@ -51,12 +59,36 @@ class ReadingOutcome:
 
     @property
     def counts(self) -> dict[Outcome, int]:
-        """How many claims have which verdict."""
+        """How many claims have which verdict.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.readings import ReadingOutcome
+        >>> ReadingOutcome("none", "", {}, {}).counts
+        {'confirmed': 0, 'partly': 0, 'not confirmed': 0, 'not testable': 0}
+        """
         counted = Counter(verdict.verdict for verdict in self.verdicts.values())
         return {outcome: counted[outcome] for outcome in OUTCOMES}
 
     def is_close(self, claim: str) -> bool:
-        """Tell whether another draw of the pairs would often give another verdict."""
+        """Tell whether another draw of the pairs would often give another verdict.
+
+        Parameters
+        ----------
+        claim : str
+            Id of a claim.
+
+        Returns
+        -------
+        bool
+            Also False where the claim is not testable.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.readings import ReadingOutcome
+        >>> ReadingOutcome("none", "", {}, {}).is_close("C-01")
+        False
+        """
         return claim in self.stability and self.stability[claim].close
 
 
@@ -66,7 +98,7 @@ def judge_readings(
     readings: Sequence[Reading],
     *,
     resamples: int = 200,
-    progress: Callable[[str, int, int], Any] = ignore_progress,
+    progress: Callable[[str, int, int], Any] | None = None,
 ) -> list[ReadingOutcome]:
     """Check the paper's claims on the records of every reading.
 
@@ -80,24 +112,49 @@ def judge_readings(
         What was tried.
     resamples : int
         Draws of the bootstrap, for each reading the same.
-    progress : callable
+    progress : callable, optional
         Called with "judge" and how many of how many readings are done.
 
     Returns
     -------
     list of ReadingOutcome
         The default's first, then in the order of the readings.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.readings import (
+    ...     add_readings,
+    ...     judge_readings,
+    ...     list_readings,
+    ... )
+    >>> from cgroup.benchmark.run import run
+    >>> small = {"id": "clutter", "dataset": "standin-clutter", "pairs": 1}
+    >>> base = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
+    >>> readings = list_readings(["gtm-20"])
+    >>> _ = run(add_readings(base, readings), Path("results"), backend="threading")
+    >>> frame, timing = (
+    ...     load(Path("results")) for load in (records.load, records.load_timing)
+    ... )
+    >>> [
+    ...     outcome.name
+    ...     for outcome in judge_readings(frame, timing, readings, resamples=1)
+    ... ]
+    ['default', 'gtm-20']
     """
-    progress("judge", 0, 1 + len(readings))
+    tell = progress or ignore_progress
+    tell("judge", 0, 1 + len(readings))
     plain = select_default(frame), select_times(timing)
     verdicts = {verdict.id: verdict for verdict in check_claims(*plain)}
     default = ReadingOutcome(DEFAULT, "", verdicts, bootstrap_verdicts(*plain, resamples=resamples))
     outcomes = [default]
     for reading in readings:
-        progress("judge", len(outcomes), 1 + len(readings))
+        tell("judge", len(outcomes), 1 + len(readings))
         records = select_reading(frame, reading), select_times(timing, reading)
         outcomes.append(_judge(records, reading, default, resamples))
-    progress("judge", len(outcomes), len(outcomes))
+    tell("judge", len(outcomes), len(outcomes))
     return outcomes
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from cgroup.benchmark.config.entries import Positive, Table, as_list
+from cgroup.benchmark.config.table import Positive, Table, as_list
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_list)]
 
