@@ -30,6 +30,8 @@ def select_default(frame: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         Those of experiments that no reading asks for, with these in the column ``experiments``.
     """
+    if frame.empty:
+        return frame
     ids = [tuple(name for name in names if SEPARATOR not in name) for names in frame["experiments"]]
     return _take(frame, ids)
 
@@ -50,6 +52,8 @@ def select_reading(frame: pd.DataFrame, reading: Reading) -> pd.DataFrame:
         The reading's records, under the plain ids of experiments and labels of methods; and the default's,
         but for those of an experiment, data set, combination and method that the reading has records of.
     """
+    if frame.empty:
+        return frame
     suffix = SEPARATOR + reading.name
     own = [
         tuple(name.removesuffix(suffix) for name in names if name.endswith(suffix))
