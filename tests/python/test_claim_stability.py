@@ -17,6 +17,7 @@ from cgroup.benchmark.claims import (
     CLAIMS,
     CRITERIA,
     OUTCOMES,
+    RESAMPLES,
     Claim,
     Stability,
     as_json,
@@ -221,7 +222,7 @@ def test_repeats_of_times_are_drawn() -> None:
     of_si = si.reindex(pd.MultiIndex.from_frame(timing[["n", "repeat"]])).to_numpy()
     uneven_times = timing.assign(seconds=np.where(slow, 5 * of_si, timing["seconds"]))
     faster = pick("C-60")
-    assert not bootstrap_verdicts(pd.DataFrame(), timing, claims=faster)["C-60"].close
+    assert not bootstrap_verdicts(pd.DataFrame(), timing, claims=faster, resamples=20)["C-60"].close
     found = bootstrap_verdicts(pd.DataFrame(), uneven_times, claims=faster)["C-60"]
     # A level holds where none of three draws is the slow one, in 8 of 27; three of five are "partly".
     assert found.counts["partly"] == pytest.approx(200 * 0.153, abs=25)
@@ -295,16 +296,20 @@ def show(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tm
 
 
 def test_the_command_line_marks_close_verdicts(show: Callable) -> None:
-    stability = bootstrap_verdicts(make_frame([0.31, 0.71] * 10), NO_TIMES, claims=pick("C-01"))["C-01"]
-    line = next(line for line in show().splitlines() if line.startswith("C-01"))
+    few = ("--resamples", "40")
+    frame = make_frame([0.31, 0.71] * 10)
+    stability = bootstrap_verdicts(frame, NO_TIMES, resamples=40, claims=pick("C-01"))["C-01"]
+    line = next(line for line in show(*few).splitlines() if line.startswith("C-01"))
     assert re.split(" {2,}", line)[1:3] == ["confirmed", str(stability)]
     assert str(stability).endswith("%, close")
-    assert "of 200 draws of the same pairs" in show()
-    assert f"resamples {stability}: {stability.counts['confirmed']} confirmed" in show("--wide")
-    assert f"confirmed ({stability})" in show("--format", "markdown")
+    assert "of 40 draws of the same pairs" in show(*few)
+    assert f"resamples {stability}: {stability.counts['confirmed']} confirmed" in show("--wide", *few)
+    assert f"confirmed ({stability})" in show("--format", "markdown", *few)
     document = json.loads(show("--json"))
-    assert document["options"]["resamples"] == 200
-    assert document["results"]["claims"][0]["stability"]["share"] == stability.share
+    assert document["options"]["resamples"] == sum(
+        document["results"]["claims"][0]["stability"]["counts"].values()
+    )
+    assert document["options"]["resamples"] == RESAMPLES == 200
     assert document["results"]["claims"][0]["tests"] == 1
 
 
