@@ -17,7 +17,8 @@ import pandas as pd
 
 import cgroup
 from cgroup import comparison, datasets, features, pages, plots, registration, registry, types
-from cgroup.benchmark import candidates, config, pipelines, rankings, records, report, run
+from cgroup.benchmark import candidates, claims, config, pipelines, rankings, records, report, run
+from cgroup.benchmark.evidence import Evidence
 from cgroup.pages import page
 
 if TYPE_CHECKING:
@@ -172,6 +173,15 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
         for name in records.__all__
         if name not in {"aggregate", "exponents", "load_groups"}
     },
+    "cgroup.benchmark.claims.check_claims": (
+        lambda: claims.check_claims(pd.DataFrame(), pd.DataFrame(), resamples=-1),
+    ),
+    "cgroup.benchmark.claims.check_evidence": (
+        lambda: claims.check_evidence(Evidence(pd.DataFrame(), pd.DataFrame()), seed=-1),
+    ),
+    "cgroup.benchmark.claims.bootstrap_verdicts": (
+        lambda: claims.bootstrap_verdicts(pd.DataFrame(), pd.DataFrame(), resamples=0),
+    ),
     "cgroup.benchmark.rankings.comparable": (lambda: rankings.comparable(pd.DataFrame()),),
     "cgroup.benchmark.rankings.rank_methods": (lambda: rankings.rank_methods(pd.DataFrame()),),
     "cgroup.benchmark.rankings.mcnemar": (lambda: rankings.mcnemar([True, False], [True, True, False]),),

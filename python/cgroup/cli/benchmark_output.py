@@ -104,15 +104,16 @@ def print_presets(document: Document) -> None:
 
 def print_claims(document: Document, *, wide: bool) -> None:
     """Print verdicts: one row each, or all that is known of them."""
-    claims = document["results"]["claims"]
+    claims, resamples = document["results"]["claims"], document["options"]["resamples"]
     if wide:
         for claim in claims:
             _print_claim(claim)
     else:
         rows = [(each["id"], each["verdict"], _show_stability(each), each["statement"]) for each in claims]
-        print_table(_CLAIMS, rows)
-    if any(each["stability"] for each in claims):
-        print_prose(_RESAMPLED.format(document["options"]["resamples"]))
+        shown = [at for at, column in enumerate(_CLAIMS) if resamples or column.header != "resamples"]
+        print_table([_CLAIMS[at] for at in shown], [[row[at] for at in shown] for row in rows])
+    if resamples:
+        print_prose(_RESAMPLED.format(resamples))
     print_prose(document["results"]["counted"])
 
 

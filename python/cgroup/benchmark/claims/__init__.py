@@ -48,8 +48,8 @@ def check_claims(
     timing : DataFrame
         Times of the timing experiment; may have no rows.
     resamples : int
-        On how many draws of the pairs verdicts are checked again, see `bootstrap_verdicts`; on none by
-        default, and verdicts have no `stability` then.
+        On how many draws of the pairs claims are checked again, which gives verdicts their `stability`;
+        on none by default.
     seed : int
         Of the draws.
 
@@ -81,8 +81,11 @@ def check_evidence(evidence: Evidence, *, resamples: int = 0, seed: int = 0) -> 
     ----------
     evidence : Evidence
         Records and times, sorted by experiment and data set.
-    resamples, seed : int
-        As in `check_claims`.
+    resamples : int
+        On how many draws of the pairs claims are checked again, which gives verdicts their `stability`;
+        on none by default.
+    seed : int
+        Of the draws.
 
     Returns
     -------

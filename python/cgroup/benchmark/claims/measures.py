@@ -150,9 +150,12 @@ def correlate_with_levels(levels: Iterable[float], values: Iterable[float]) -> f
 
 def compare_rankings(one: pd.Series, other: pd.Series) -> float:
     """Kendall's tau-b between two rankings of the methods; 1 where both are ties throughout."""
-    if np.ptp(one) == 0 and np.ptp(other) == 0:
+    orders = [np.sign(np.subtract.outer(scores, scores)) for scores in (one.to_numpy(), other.to_numpy())]
+    ordered = [float((order**2).sum()) for order in orders]
+    if ordered == [0.0, 0.0]:
         return 1.0
-    tau = float(stats.kendalltau(one.to_numpy(), other.to_numpy()).statistic)
+    norm = math.sqrt(ordered[0] * ordered[1])
+    tau = float((orders[0] * orders[1]).sum()) / norm if norm else 0.0
     return 0.0 if math.isnan(tau) else tau
 
 

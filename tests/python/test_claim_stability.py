@@ -1,0 +1,318 @@
+"""How sure verdicts are: draws of pairs and repeats, what they make of means, and which verdicts are close."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+from benchmark_frames import paper_frame, paper_timing
+
+from cgroup.benchmark import records
+from cgroup.benchmark.claims import (
+    CLAIMS,
+    CRITERIA,
+    OUTCOMES,
+    RESAMPLES,
+    Claim,
+    Stability,
+    as_json,
+    as_markdown,
+    bootstrap_verdicts,
+    check_claims,
+    counts_line,
+)
+from cgroup.benchmark.claims.base import Comparison, Finding
+from cgroup.benchmark.evidence import Evidence
+from cgroup.benchmark.resampling import PairDraws, resample_evidence
+from cgroup.cli import main
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from cgroup.benchmark.sample import Sample
+
+NO_TIMES = pd.DataFrame()
+SAMPLES = [
+    ("noise", "B3R"),
+    ("clutter", "U3OR"),
+    ("overlap", "U3M"),
+    ("epsilon", "U3OR"),
+    ("matches", "U3OR"),
+    ("combinations", "U3M"),
+]
+
+
+def pick(*ids: str) -> list[Claim]:
+    return [claim for claim in CLAIMS if claim.id in ids]
+
+
+def uneven(frame: pd.DataFrame) -> pd.DataFrame:
+    """Records in which no two pairs have the same scores."""
+    rng = np.random.default_rng(1)
+    names = frame.drop_duplicates(["dataset", "pair"])[["dataset", "pair"]]
+    shift = names.assign(shift=rng.normal(0, 0.1, len(names)))
+    by_pair = frame[["dataset", "pair"]].merge(shift, how="left", on=["dataset", "pair"])["shift"].to_numpy()
+    noise = rng.normal(0, 0.05, len(frame))
+    scores = {name: np.clip(frame[name] + by_pair + noise, 0, 1) for name in ("precision", "f_score")}
+    return frame.assign(**scores, n=frame["n"] + (1000 * by_pair).round().astype(int))
+
+
+def repeat_rows(frame: pd.DataFrame, draws: PairDraws, number: int) -> pd.DataFrame:
+    """Records in which a pair that is drawn three times stands three times, under three names."""
+    parts: list[pd.DataFrame] = []
+    for (dataset, pair), rows in frame.groupby(["dataset", "pair"]):
+        copies = range(int(draws.tables[str(dataset)][pair][number]))
+        parts += [rows.assign(pair=f"{pair} ({k})", case=rows["case"] + f" ({k})") for k in copies]
+    return pd.concat(parts, ignore_index=True)
+
+
+def assert_same(one: Sample, other: Sample) -> None:
+    assert one.methods == other.methods
+    assert one.levels == other.levels
+    for column in ("precision", "f_score", "registered"):
+        pd.testing.assert_frame_equal(one.by_level(column), other.by_level(column))
+        pd.testing.assert_series_equal(one.overall(column), other.overall(column))
+    pd.testing.assert_series_equal(one.matches("inlier_ratio"), other.matches("inlier_ratio"))
+    pd.testing.assert_series_equal(one.smallest_steps("precision"), other.smallest_steps("precision"))
+    drawn, repeated = ((each.rows["precision"] > 0.3, each.rows["method"] == "gc") for each in (one, other))
+    assert one.count(drawn[1]) == other.count(repeated[1])
+    assert one.share(*drawn) == pytest.approx(other.share(*repeated), nan_ok=True)
+
+
+def test_means_of_a_resample_are_those_of_rows_that_are_repeated() -> None:
+    frame = uneven(paper_frame())
+    evidence = Evidence(frame, NO_TIMES)
+    draws = PairDraws.make(frame, 2, 5)
+    for number, resample in enumerate(resample_evidence(evidence, 2, seed=5)):
+        repeated = Evidence(repeat_rows(frame, draws, number), NO_TIMES)
+        for experiment, place in SAMPLES:
+            assert_same(resample.sample(experiment, place), repeated.sample(experiment, place))
+        methods = ("gc+ransac", "ransac")
+        assert_same(resample.same_cases("U3OR", methods), repeated.same_cases("U3OR", methods))
+
+
+def test_verdicts_of_a_resample_are_those_of_rows_that_are_repeated() -> None:
+    frame = uneven(paper_frame())
+    draws = PairDraws.make(frame, 3, 0)
+    found = bootstrap_verdicts(frame, NO_TIMES, resamples=3)
+    slow = [check_claims(repeat_rows(frame, draws, number), NO_TIMES) for number in range(3)]
+    for outcomes in zip(*slow, strict=True):
+        if outcomes[0].id in found:
+            counts = {name: count for name, count in found[outcomes[0].id].counts.items() if count}
+            assert counts == Counter(each.verdict for each in outcomes), outcomes[0].id
+    assert len({each.share for each in found.values()}) > 2, "some verdicts change"
+
+
+def test_numbers_of_matches_that_become_the_same_level_are_one() -> None:
+    frame = paper_frame("matches")
+    # Only the first pair tells the two radii apart.
+    first = frame["pair"] == "rs0"
+    frame = frame.assign(n=np.where(first, frame["n"], 700), dataset="u3or")
+    sample = Evidence(frame, NO_TIMES).sample("matches", "U3OR")
+    assert len(sample.levels) == 6
+    drawn = sample.draw((sample.table.pairs != "rs0").astype(float))
+    assert drawn.levels == [700]
+    rest = frame[~first]
+    wanted = rest.groupby("method")["precision"].mean()
+    np.testing.assert_allclose(drawn.by_level("precision").loc[700], wanted)
+
+
+def make_frame(scores: list[float]) -> pd.DataFrame:
+    """Records of noise at its least, of which the first claim asks for the share of correct matches."""
+    frame = paper_frame("noise")
+    rows = frame[(frame["level"] == 0.05) & (frame["pair"] == "scene0")]
+    return pd.concat(
+        [
+            rows.assign(pair=f"scene{k}", case=f"case{k}", inlier_ratio=score)
+            for k, score in enumerate(scores)
+        ],
+        ignore_index=True,
+    )
+
+
+def test_a_claim_far_from_its_bound_is_stable_and_one_on_it_is_close() -> None:
+    far = bootstrap_verdicts(make_frame([0.8, 0.9] * 10), NO_TIMES, claims=pick("C-01"))["C-01"]
+    assert (far.share, far.close) == (1.0, False)
+    assert far.counts == {"confirmed": 200, "partly": 0, "not confirmed": 0, "not testable": 0}
+    near = bootstrap_verdicts(make_frame([0.31, 0.71] * 10), NO_TIMES, claims=pick("C-01"))["C-01"]
+    assert near.close
+    # Confirmed wherever at least ten of twenty draws are of the upper half: a binomial has it so in 58.8 %.
+    assert near.share == pytest.approx(0.588, abs=0.1)
+
+
+def test_what_is_more_than_a_tenth_is_close() -> None:
+    counts = {"confirmed": 180, "partly": 19, "not confirmed": 1}
+    assert not Stability.of("confirmed", counts).close
+    assert Stability.of("confirmed", counts | {"confirmed": 179, "partly": 20}).close
+    assert str(Stability.of("confirmed", counts)) == "90 %"
+    assert str(Stability.of("confirmed", counts | {"confirmed": 179, "partly": 20})) == "89 %, close"
+
+
+def test_resamples_without_a_verdict_are_left_out_but_counted() -> None:
+    found = Stability.of("partly", {"partly": 90, "not testable": 110})
+    assert (found.share, found.close) == (1.0, False)
+    assert found.counts["not testable"] == 110
+    nowhere = Stability.of("partly", {"not testable": 200})
+    assert (nowhere.share, nowhere.close) == (0.0, True)
+
+
+def test_a_level_that_loses_its_only_pair_makes_a_claim_untestable() -> None:
+    frame = paper_frame("noise")
+    alone = frame[(frame["level"] > 0.05) | (frame["pair"] == "scene0")]
+    found = bootstrap_verdicts(alone, NO_TIMES, claims=pick("C-01", "C-44"))
+    # One of three pairs is missing from (2/3)^3 = 30 % of the draws.
+    assert found["C-01"].counts["not testable"] == pytest.approx(59, abs=20)
+    assert found["C-01"].share == 1
+    assert found["C-44"].counts["not testable"] == 0
+
+
+def test_a_data_set_keeps_its_number_of_pairs() -> None:
+    frame = paper_frame("noise", "overlap", "clutter")
+    one = frame[(frame["dataset"] != "b3r-clean") | (frame["pair"] == "scene1")]
+    draws = PairDraws.make(one, 50, 0)
+    for dataset, pairs in one.groupby("dataset")["pair"]:
+        assert (draws.tables[dataset].sum(axis=1) == pairs.nunique()).all()
+    assert all(each.sample("noise", "B3R") for each in resample_evidence(Evidence(one, NO_TIMES), 50))
+
+
+def test_a_stand_in_does_not_speak_where_no_pair_is_drawn() -> None:
+    frame = paper_frame("matches")
+    first = frame["pair"] == "rs0"
+    real, other = frame[first], frame[~first].assign(experiments=[("variants",)] * int((~first).sum()))
+    generated = frame.assign(dataset="standin-clutter", origin="synthetic")
+    evidence = Evidence(pd.concat([real, other, generated], ignore_index=True), NO_TIMES)
+    samples = [each.sample("matches", "U3OR") for each in resample_evidence(evidence, 20)]
+    assert None in samples
+    assert {each.dataset for each in samples if each} == {"u3or"}
+
+
+def test_draws_depend_on_the_seed_and_the_names_of_the_pairs_only() -> None:
+    frame = uneven(paper_frame("clutter", "noise"))
+    draws = PairDraws.make(frame, 20, 0)
+    worse = frame.assign(precision=0.0)[frame["method"] != "gc"].sample(frac=1, random_state=0)
+    for dataset, table in PairDraws.make(worse, 20, 0).tables.items():
+        pd.testing.assert_frame_equal(table, draws.tables[dataset])
+    dense = frame[frame["dataset"] == "u3or"].assign(dataset="u3or-dense")
+    pd.testing.assert_frame_equal(PairDraws.make(dense, 20, 0).tables["u3or-dense"], draws.tables["u3or"])
+    assert not PairDraws.make(frame, 20, 1).tables["u3or"].equals(draws.tables["u3or"])
+
+
+def test_the_same_records_give_the_same_stability() -> None:
+    frame, claims = uneven(paper_frame("noise", "clutter")), pick("C-05", "C-08", "C-14", "C-46")
+    found = bootstrap_verdicts(frame, NO_TIMES, resamples=40, claims=claims)
+    assert list(found) == ["C-05", "C-08", "C-14", "C-46"]
+    assert bootstrap_verdicts(frame[::-1], NO_TIMES, resamples=40, claims=claims) == found
+    assert bootstrap_verdicts(frame, NO_TIMES, resamples=40, seed=1, claims=claims) != found
+    all_claims = {each.id: each.stability for each in check_claims(frame, NO_TIMES, resamples=40)}
+    assert {name: all_claims[name] for name in found} == found
+
+
+def test_repeats_of_times_are_drawn() -> None:
+    timing = paper_timing()
+    # Three repeats each: the slow one of CV decides, and some draws don't have it.
+    slow = (timing["method"] == "cv") & (timing["repeat"] == 0)
+    si = timing[timing["method"] == "si"].set_index(["n", "repeat"])["seconds"]
+    of_si = si.reindex(pd.MultiIndex.from_frame(timing[["n", "repeat"]])).to_numpy()
+    uneven_times = timing.assign(seconds=np.where(slow, 5 * of_si, timing["seconds"]))
+    faster = pick("C-60")
+    assert not bootstrap_verdicts(pd.DataFrame(), timing, claims=faster, resamples=20)["C-60"].close
+    found = bootstrap_verdicts(pd.DataFrame(), uneven_times, claims=faster)["C-60"]
+    # A level holds where none of three draws is the slow one, in 8 of 27; three of five are "partly".
+    assert found.counts["partly"] == pytest.approx(200 * 0.153, abs=25)
+    means = [each.mean_times for each in resample_evidence(Evidence(pd.DataFrame(), uneven_times), 30)]
+    drawn = {round(each.loc[500, "cv"] / si[500, 0], 1) for each in means}
+    assert drawn >= {0.1, 1.8, 3.4}, "none, one or two of three are the slow one"
+    assert all(each.shape == (5, 9) for each in means)
+
+
+def test_claims_that_are_not_testable_have_no_stability() -> None:
+    assert bootstrap_verdicts(pd.DataFrame(), NO_TIMES) == {}
+    generated = paper_frame("noise").assign(dataset="standin-full", origin="synthetic")
+    assert bootstrap_verdicts(generated, NO_TIMES, resamples=2) == {}
+    found = {each.id: each for each in check_claims(paper_frame("noise"), NO_TIMES, resamples=2)}
+    assert found["C-60"].stability is None
+    assert found["C-03"].stability is not None
+    assert check_claims(paper_frame("noise"), NO_TIMES)[2].stability is None
+
+
+@pytest.mark.parametrize("wrong", [{"resamples": 0}, {"resamples": 1.5}, {"seed": -1}])
+def test_wrong_numbers_of_resamples_are_refused(wrong: dict) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        bootstrap_verdicts(paper_frame("noise"), NO_TIMES, **wrong)
+
+
+def test_verdicts_count_their_tests() -> None:
+    found = {each.id: each for each in check_claims(paper_frame("noise"), NO_TIMES)}
+    assert (found["C-06"].held, found["C-06"].tests) == (18, 18)
+    assert (found["C-60"].held, found["C-60"].tests) == (0, 0)
+    tests = [Comparison(k < 2, "text", float("nan") if k == 2 else 0.0) for k in range(5)]
+    claim = Claim("C-00", "6", "Something.", "Something.", lambda _: Finding(tests))
+    counted = bootstrap_verdicts(pd.DataFrame(), NO_TIMES, claims=[claim], resamples=3)
+    assert counted["C-00"].counts["partly"] == 3
+    generated = paper_frame("noise").assign(dataset="standin-full", origin="synthetic")
+    assert {each.tests for each in check_claims(generated, NO_TIMES)} == {0}
+
+
+def test_tables_mark_close_verdicts() -> None:
+    verdicts = check_claims(make_frame([0.31, 0.71] * 10), NO_TIMES, resamples=50)
+    first = verdicts[0]
+    assert first.stability.close
+    text = as_markdown(verdicts)
+    assert f"| confirmed ({first.stability}) |" in text
+    assert "close if it changes in more than 10 %" in " ".join(CRITERIA.split())
+    close = sum(each.stability.close for each in verdicts if each.stability)
+    assert counts_line(verdicts).endswith(f"; {close} verdicts are close")
+    assert "close" not in counts_line(check_claims(make_frame([0.31, 0.71]), NO_TIMES))
+    rows = json.loads(as_json(verdicts))
+    assert rows[0]["held"] == rows[0]["tests"] == 1
+    assert rows[0]["stability"] == {
+        "share": first.stability.share,
+        "close": True,
+        "counts": first.stability.counts,
+    }
+    assert tuple(rows[0]["stability"]["counts"]) == OUTCOMES
+    assert rows[-1]["stability"] is None
+
+
+@pytest.fixture
+def show(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable:
+    monkeypatch.setattr(records, "load", lambda _: make_frame([0.31, 0.71] * 10))
+    monkeypatch.setattr(records, "load_timing", lambda _: NO_TIMES)
+
+    def run(*arguments: str) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(["benchmark", "claims", "--out", str(tmp_path), *arguments])
+        assert ended.value.code == 0
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_the_command_line_marks_close_verdicts(show: Callable) -> None:
+    few = ("--resamples", "40")
+    frame = make_frame([0.31, 0.71] * 10)
+    stability = bootstrap_verdicts(frame, NO_TIMES, resamples=40, claims=pick("C-01"))["C-01"]
+    line = next(line for line in show(*few).splitlines() if line.startswith("C-01"))
+    assert re.split(" {2,}", line)[1:3] == ["confirmed", str(stability)]
+    assert str(stability).endswith("%, close")
+    assert "of 40 draws of the same pairs" in show(*few)
+    assert f"resamples {stability}: {stability.counts['confirmed']} confirmed" in show("--wide", *few)
+    assert f"confirmed ({stability})" in show("--format", "markdown", *few)
+    document = json.loads(show("--json"))
+    assert document["options"]["resamples"] == sum(
+        document["results"]["claims"][0]["stability"]["counts"].values()
+    )
+    assert document["options"]["resamples"] == RESAMPLES == 200
+    assert document["results"]["claims"][0]["tests"] == 1
+
+
+def test_no_resamples_leave_verdicts_unmarked(show: Callable) -> None:
+    assert "resamples" not in show("--resamples", "0")
+    assert json.loads(show("--resamples", "0", "--json"))["results"]["claims"][0]["stability"] is None
