@@ -77,6 +77,7 @@ def _records(
         "level": np.nan,
         "combination": "C1",
         "nms_radius": np.nan,
+        "front": "",
         "clutter": np.nan,
         "occlusion": np.nan,
         "overlap": np.nan,

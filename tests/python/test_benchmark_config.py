@@ -53,6 +53,10 @@ WRONG = [
         'experiment = [{id = "x", dataset = "b3r", front = {scale = 2}}]',
         "experiment[0].front.scale: Extra inputs",
     ),
+    (
+        'experiment = [{id = "x", dataset = "b3r"}, {id = "x", dataset = "u3or", front = {matching = "mutual"}}]',
+        "experiment: 'x' is there with two fronts; give each an id",
+    ),
     ('methods = ["icp"]\nexperiment = [{id = "x", dataset = "b3r"}]', "methods[0]: method: got 'icp'"),
     (
         'methods = [{name = "gtm", options = {iteration = 5}}]\nexperiment = [{id = "x", dataset = "b3r"}]',

@@ -8,6 +8,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import benchmark_fakes
@@ -16,8 +17,10 @@ from cgroup import Correspondences, features
 from cgroup.benchmark import records
 from cgroup.benchmark.cases import Case
 from cgroup.benchmark.config import ExperimentEntry, FrontEntry, parse_config
+from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.records.packing import pack, unpack
+from cgroup.benchmark.report.sections import _describe_front
 from cgroup.benchmark.run import stages
 from cgroup.benchmark.run.front import match_by_front
 from cgroup.features import ORIGIN, SUPPORT_RADIUS
@@ -283,6 +286,9 @@ def test_a_run_with_a_front_goes_on_and_keeps_the_default_apart(tmp_path: Path, 
     for key in ("dataset", "pair", "level", "method"):
         assert mutual[key].tolist() == usual[key].tolist()
     assert records.load(out).equals(frame)
+
+    titles = [_describe_front(sample) for sample in Evidence(frame, pd.DataFrame()).further_samples()]
+    assert titles == ["; front end: matching mutual"]
 
     other = tmp_path / "other"
     serial(MUTUAL, other)

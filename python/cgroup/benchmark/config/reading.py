@@ -24,6 +24,7 @@ else:
 
 if TYPE_CHECKING:
     from cgroup.benchmark.candidates import Candidate
+    from cgroup.benchmark.config.front import FrontEntry
 
 _PRESETS = resources.files("cgroup.benchmark") / "presets"
 
@@ -54,8 +55,8 @@ class Config(Table):
     Raises
     ------
     pydantic.ValidationError
-        For an unknown key or method, a value of another type or out of range, two methods of one label, or
-        nothing to be run.
+        For an unknown key or method, a value of another type or out of range, two methods of one label, two
+        fronts of one experiment, or nothing to be run.
 
     Examples
     --------
@@ -83,6 +84,11 @@ class Config(Table):
                 "[trials]"
             )
             raise InputError(message)
+        fronts: dict[str, FrontEntry] = {}
+        for entry in self.experiment:
+            if fronts.setdefault(entry.id, entry.front) != entry.front:
+                message = f"experiment: {entry.id!r} is there with two fronts; give each an id of its own"
+                raise InputError(message)
         of_trials = () if self.trials is None else (self.trials, *self.trials.sets)
         entries = (*self.experiment, *of_trials, *((self.timing,) if self.timing else ()))
         tables = [self.methods, *(entry.methods for entry in entries if entry.methods)]

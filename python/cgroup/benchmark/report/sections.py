@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -85,7 +86,17 @@ def make_sections(experiment: Experiment, evidence: Evidence, pictures: PictureB
 def make_own_section(sample: Sample, pictures: PictureBook) -> Section:
     """Section of an experiment that isn't the paper's."""
     anchor = "".join(c if c.isalnum() else "-" for c in f"{sample.experiment.id}-{sample.dataset}").lower()
-    return _make_section(sample, anchor, f"{sample.experiment.id}: {sample.description}", pictures)
+    title = f"{sample.experiment.id}: {sample.description}{_describe_front(sample)}"
+    return _make_section(sample, anchor, title, pictures)
+
+
+def _describe_front(sample: Sample) -> str:
+    """Say what an experiment changes of the front end; "" where that is nothing."""
+    changes: dict[str, object] = {}
+    for text in set(sample.rows["front"]) - {""}:
+        changes |= json.loads(text)
+    told = ", ".join(f"{name} {json.dumps(value)}" for name, value in sorted(changes.items()))
+    return f"; front end: {told}".replace('"', "") if told else ""
 
 
 def _make_section(sample: Sample, anchor: str, title: str, pictures: PictureBook) -> Section:
