@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from importlib import resources
 from pathlib import Path
@@ -56,7 +57,7 @@ class Config(Table):
     ------
     pydantic.ValidationError
         For an unknown key or method, a value of another type or out of range, two methods of one label, two
-        fronts of one experiment, or nothing to be run.
+        fronts for one experiment, data set and combination, or nothing to be run.
 
     Examples
     --------
@@ -84,11 +85,12 @@ class Config(Table):
                 "[trials]"
             )
             raise InputError(message)
-        fronts: dict[str, FrontEntry] = {}
+        fronts: dict[tuple[str, str, str], FrontEntry] = {}
         for entry in self.experiment:
-            if fronts.setdefault(entry.id, entry.front) != entry.front:
-                message = f"experiment: {entry.id!r} is there with two fronts; give each an id of its own"
-                raise InputError(message)
+            for at in itertools.product([entry.id], entry.dataset, entry.combinations):
+                if fronts.setdefault(at, entry.front) != entry.front:
+                    message = f"experiment: {entry.id!r} is there with two fronts; give each an id of its own"
+                    raise InputError(message)
         of_trials = () if self.trials is None else (self.trials, *self.trials.sets)
         entries = (*self.experiment, *of_trials, *((self.timing,) if self.timing else ()))
         tables = [self.methods, *(entry.methods for entry in entries if entry.methods)]
