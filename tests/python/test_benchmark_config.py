@@ -54,7 +54,7 @@ WRONG = [
         "experiment[0].front.scale: Extra inputs",
     ),
     (
-        'experiment = [{id = "x", dataset = "b3r"}, {id = "x", dataset = "u3or", front = {matching = "mutual"}}]',
+        'experiment = [{id = "x", dataset = "b3r"}, {id = "x", dataset = "b3r", front = {matching = "mutual"}}]',
         "experiment: 'x' is there with two fronts; give each an id",
     ),
     ('methods = ["icp"]\nexperiment = [{id = "x", dataset = "b3r"}]', "methods[0]: method: got 'icp'"),
