@@ -27,6 +27,7 @@ from cgroup.benchmark.claims import (
     counts_line,
 )
 from cgroup.benchmark.claims.base import Comparison, Finding
+from cgroup.benchmark.claims.verdict import decide
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.resampling import PairDraws, resample_evidence
 from cgroup.cli import main
@@ -256,6 +257,8 @@ def test_verdicts_count_their_tests() -> None:
     claim = Claim("C-00", "6", "Something.", "Something.", lambda _: Finding(tests))
     counted = bootstrap_verdicts(pd.DataFrame(), NO_TIMES, claims=[claim], resamples=3)
     assert counted["C-00"].counts["partly"] == 3
+    verdict = decide(claim, Evidence(pd.DataFrame(), NO_TIMES))
+    assert (verdict.held, verdict.tests) == (2, 4), "a number that is missing doesn't count"
     generated = paper_frame("noise").assign(dataset="standin-full", origin="synthetic")
     assert {each.tests for each in check_claims(generated, NO_TIMES)} == {0}
 
