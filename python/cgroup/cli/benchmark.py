@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
@@ -12,14 +10,12 @@ import typer
 from cgroup.cli import benchmark_findings, benchmark_readings
 from cgroup.cli.benchmark_options import DEFAULT_OUT, DataOption, OutOption, needs_extra
 from cgroup.cli.benchmark_output import print_health, print_presets, print_status, print_summary
-from cgroup.cli.benchmark_progress import show_counts
+from cgroup.cli.benchmark_progress import run_resumably
 from cgroup.cli.completion import complete_presets
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.json_output import make_document
 from cgroup.cli.options import JsonOption
 from cgroup.cli.output import Ending
-from cgroup.cli.signals import StoppedError, stop_on_signals
-from cgroup.cli.terminal import print_line
 from cgroup.io._results import check_folder
 
 if TYPE_CHECKING:
@@ -113,24 +109,17 @@ def run_command(
         wanted = replace_methods(wanted, methods.split(","))
     check_folder(out)
     start = time.monotonic()
-    try:
-        with stop_on_signals(), show_counts() as report:
-            summary = run(
-                wanted,
-                out,
-                root=data,
-                backend=backend,
-                workers=workers,
-                scheduler=scheduler,
-                retry_failed=retry_failed,
-                progress=report,
-            )
-    except StoppedError as stopped:
-        if not as_json:
-            with suppress(OSError):  # of a terminal that is gone
-                print_line(f"Everything finished is in {out}/; run the same command again to continue.")
-                sys.stdout.flush()
-        raise typer.Exit(stopped.status) from None
+    with run_resumably(out, quiet=as_json) as report:
+        summary = run(
+            wanted,
+            out,
+            root=data,
+            backend=backend,
+            workers=workers,
+            scheduler=scheduler,
+            retry_failed=retry_failed,
+            progress=report,
+        )
     results = {
         "counts": _list_counts(summary.counts),
         "left_out": summary.missing,

@@ -3,20 +3,38 @@
 from __future__ import annotations
 
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
+import typer
+
 from cgroup.cli.benchmark_output import DONE
-from cgroup.cli.terminal import show_bar
+from cgroup.cli.signals import StoppedError, stop_on_signals
+from cgroup.cli.terminal import print_line, show_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator
+    from pathlib import Path
 
     from rich.progress import TaskID
 
 
 @contextmanager
-def show_counts() -> Generator[Callable[[str, int, int], None] | None, None, None]:
+def run_resumably(out: Path, *, quiet: bool) -> Generator[Callable[[str, int, int], None] | None, None, None]:
+    """Show how far a run is, and where it is stopped, say how to go on, unless it is to be quiet."""
+    try:
+        with stop_on_signals(), _show_counts() as report:
+            yield report
+    except StoppedError as stopped:
+        if not quiet:
+            with suppress(OSError):  # of a terminal that is gone
+                print_line(f"Everything finished is in {out}/; run the same command again to continue.")
+                sys.stdout.flush()
+        raise typer.Exit(stopped.status) from None
+
+
+@contextmanager
+def _show_counts() -> Generator[Callable[[str, int, int], None] | None, None, None]:
     """Show how far each stage is and how long it will take, on a terminal only."""
     if not sys.stderr.isatty():
         yield None

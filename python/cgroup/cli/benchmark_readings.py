@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,14 +9,12 @@ import typer
 
 from cgroup.cli.benchmark_options import DataOption, OutOption, needs_extra
 from cgroup.cli.benchmark_output import print_readings
-from cgroup.cli.benchmark_progress import show_counts
+from cgroup.cli.benchmark_progress import run_resumably
 from cgroup.cli.completion import complete_presets
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.json_output import make_document
 from cgroup.cli.options import JsonOption, WideOption
 from cgroup.cli.output import Ending
-from cgroup.cli.signals import StoppedError, stop_on_signals
-from cgroup.cli.terminal import print_line
 from cgroup.io._results import check_folder
 
 if TYPE_CHECKING:
@@ -86,17 +82,10 @@ def readings_command(
     readings = list_readings(None if only is None else only.split(","))
     wanted = add_readings(read_config(config), readings)
     check_folder(out)
-    try:
-        with stop_on_signals(), show_counts() as report:
-            summary = run(wanted, out, root=data, workers=workers, progress=report)
-            loaded = records.load(out), records.load_timing(out)
-            outcomes = judge_readings(*loaded, readings, resamples=resamples, progress=report)
-    except StoppedError as stopped:
-        if not as_json:
-            with suppress(OSError):  # of a terminal that is gone
-                print_line(f"Everything finished is in {out}/; run the same command again to continue.")
-                sys.stdout.flush()
-        raise typer.Exit(stopped.status) from None
+    with run_resumably(out, quiet=as_json) as report:
+        summary = run(wanted, out, root=data, workers=workers, progress=report)
+        loaded = records.load(out), records.load_timing(out)
+        outcomes = judge_readings(*loaded, readings, resamples=resamples, progress=report)
     files = write_readings(out, outcomes)
     results = {"left_out": summary.missing, "readings": [_list_outcome(outcome) for outcome in outcomes]}
     options = {"config": config, "out": out, "only": only, "resamples": resamples}

@@ -79,7 +79,7 @@ def variant_label(method: str, options: Mapping[str, Any]) -> str:
 
 def plain_label(label: str) -> str:
     """Label of the method that a variant is of."""
-    return label.split(" ")[0] if "=" in label else label
+    return label.split(" ", maxsplit=1)[0] if "=" in label else label
 
 
 def _read_experiment(
