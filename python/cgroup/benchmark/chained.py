@@ -16,14 +16,22 @@ if TYPE_CHECKING:
 
 
 def gc_then_ransac(
-    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None, **options: Any
+    correspondences: Correspondences,
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    **options: Any,  # noqa: ANN401 - GC's own
 ) -> Grouping:
     """RANSAC on the group of GC; see `gtm_then_ransac`."""
     return _then_ransac("gc", correspondences, seed, threads, options)
 
 
 def gtm_then_ransac(
-    correspondences: Correspondences, *, seed: int = 0, threads: int | None = None, **options: Any
+    correspondences: Correspondences,
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    **options: Any,  # noqa: ANN401 - GTM's own
 ) -> Grouping:
     """RANSAC on the group of GTM (paper, section 6).
 

@@ -67,20 +67,20 @@ class Reading(Table):
 
     name: str
     label: str
-    methods: dict[str, dict[str, Any]] = {}
-    front: dict[str, Any] = {}
-    nuisances: dict[str, str] = {}
-    datasets: dict[str, str] = {}
+    methods: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    front: dict[str, Any] = Field(default_factory=dict)
+    nuisances: dict[str, str] = Field(default_factory=dict)
+    datasets: dict[str, str] = Field(default_factory=dict)
     epsilons: tuple[Positive, ...] = ()
-    without: dict[str, str] = {}
+    without: dict[str, str] = Field(default_factory=dict)
     solvable: bool = False
-    times: dict[str, str] = {}
+    times: dict[str, str] = Field(default_factory=dict)
     experiments: Names = ()
     combinations: Names = ()
     data: Names = ()
     only: Names = ()
-    pairs: dict[str, Annotated[int, Field(ge=1)]] = {}
-    levels: dict[str, tuple[Positive, ...]] = {}
+    pairs: dict[str, Annotated[int, Field(ge=1)]] = Field(default_factory=dict)
+    levels: dict[str, tuple[Positive, ...]] = Field(default_factory=dict)
     together: Names = ()
     parts: tuple[Reading, ...] = ()
 

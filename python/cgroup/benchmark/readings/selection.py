@@ -121,6 +121,6 @@ def _list_kept(
 
 
 def _take(frame: pd.DataFrame, ids: list[tuple[str, ...]]) -> pd.DataFrame:
-    """Records that speak for an experiment, with those that they speak for."""
+    """Keep the records that speak for an experiment, and name those that they speak for."""
     chosen = frame.assign(experiments=ids)
     return chosen[[bool(names) for names in ids]]
