@@ -197,6 +197,17 @@ def test_missing_methods_and_levels_are_named() -> None:
     assert "0.05" in missing.measured
 
 
+def test_gaps_in_the_records_do_not_count() -> None:
+    frame = paper_frame("noise", "combinations")
+    without_si = frame[(frame["method"] != "si") | (frame["nuisance"] != "noise")]
+    whole, some = outcome("C-42", frame), outcome("C-42", without_si)
+    assert (some.verdict, whole.tests - some.tests) == ("confirmed", 9)
+    # ST has been tried with one of the six combinations only.
+    elsewhere = (frame["method"] == "st") & (frame["combination"] != "C5") & (frame["dataset"] == "stanford")
+    whole, some = outcome("C-40", frame), outcome("C-40", frame[~elsewhere])
+    assert (some.verdict, whole.tests, some.tests) == ("confirmed", 9, 8)
+
+
 @pytest.mark.parametrize(
     ("holding", "need", "expected"),
     [

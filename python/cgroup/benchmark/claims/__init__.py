@@ -9,9 +9,10 @@ from cgroup._values import as_count
 from cgroup.benchmark.claims.catalog import CLAIMS
 from cgroup.benchmark.claims.claim import Claim
 from cgroup.benchmark.claims.explanations import read_explanations
+from cgroup.benchmark.claims.outcome import OUTCOMES, Outcome, Stability
 from cgroup.benchmark.claims.stability import RESAMPLES, bootstrap_outcomes, bootstrap_verdicts
 from cgroup.benchmark.claims.table import as_json, as_markdown, count_verdicts, counts_line
-from cgroup.benchmark.claims.verdict import CRITERIA, OUTCOMES, Outcome, Stability, Verdict, decide
+from cgroup.benchmark.claims.verdict import CRITERIA, Verdict, decide
 from cgroup.benchmark.evidence import Evidence
 
 if TYPE_CHECKING:

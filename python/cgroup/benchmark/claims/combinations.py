@@ -172,7 +172,8 @@ def _check_majority_found(evidence: ClaimEvidence) -> Finding:
             sample = evidence.all.sample(experiment.id, place)
             if sample is None or experiment.id == "epsilon":
                 continue
-            for level, row in sample.by_level("recall").iterrows():
+            recall = sample.by_level("recall").reindex(columns=["si", "cv"])
+            for level, row in recall.iterrows():
                 label = f"{place}, {name_level(sample, level)}: R of"
                 tests += [expect_above(f"{label} {each.upper()}", row[each], 0.5) for each in ("si", "cv")]
     return Finding(tests)
@@ -183,7 +184,9 @@ def _expect_best_with(combination: list[str], table: pd.DataFrame) -> list[Compa
     tests: list[Comparison] = []
     for method in table.columns:
         here = float(table.loc[combination, method].max())
-        others = table[method].drop(combination)
+        others = table[method].drop(combination).dropna()
+        if others.empty:
+            continue
         text = (
             f"F of {method.upper()} {show_score(here)} with {' or '.join(combination)}, "
             f"{show_score(others.max())} with {others.idxmax()}"

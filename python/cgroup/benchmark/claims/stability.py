@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from cgroup._values import as_count
 from cgroup.benchmark.claims.base import ClaimEvidence, NotTestableError
 from cgroup.benchmark.claims.catalog import CLAIMS
-from cgroup.benchmark.claims.verdict import Stability, count_tests, decide
+from cgroup.benchmark.claims.outcome import Stability
+from cgroup.benchmark.claims.verdict import count_tests, decide
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.resampling import resample_evidence
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cgroup.benchmark.claims.claim import Claim
-    from cgroup.benchmark.claims.verdict import Outcome
+    from cgroup.benchmark.claims.outcome import Outcome
 
 RESAMPLES = 200
 """Draws of the pairs that verdicts are checked on, where nothing else is asked for."""

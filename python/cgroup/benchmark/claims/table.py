@@ -7,7 +7,8 @@ from collections import Counter
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims.verdict import CRITERIA, ON_GENERATED, OUTCOMES
+from cgroup.benchmark.claims.outcome import OUTCOMES
+from cgroup.benchmark.claims.verdict import CRITERIA, ON_GENERATED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
