@@ -79,7 +79,7 @@ class U3ORDense(U3OR):
     """
 
     name: ClassVar[str] = "u3or-dense"
-    title: ClassVar[str] = "U3OR, sampled densely"
+    title: ClassVar[str] = "U3OR sampled densely"
 
     def __init__(self, root: Path | str | None = None) -> None:
         super().__init__(root)
