@@ -117,6 +117,7 @@ def test_missing_data_says_where_to_get_it(name: str, tmp_path: Path) -> None:
     [
         ("b3r", "b3r"),
         ("u3or", "u3or"),
+        ("u3or-dense", "u3or"),
         ("u3m", "u3m"),
         ("stanford", "stanford_views"),
         ("3dmatch", "threedmatch"),
@@ -881,6 +882,7 @@ def test_u3m_reads_the_list_beside_the_views(tmp_path: Path, views: MatchingPair
         ("b3r", "b3r", 54),
         ("b3r-clean", "b3r", 18),
         ("u3or", "u3or", 188),
+        ("u3or-dense", "u3or", 188),
         ("stanford", "stanford_views", 96),
         ("3dmatch", "threedmatch", 33),
         ("fgr", "fgr", 5),

@@ -64,7 +64,7 @@ def longest_edges(surface: Surface) -> FloatArray:
 
 
 def _edges(faces: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Ends (E,2) of each edge, the lower row first, and the edges (F,3) opposite to a face's corners."""
+    """Find the ends (E,2) of each edge, and the edges (F,3) opposite to the corners of each face."""
     sides = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1)
     ends, edge_of = np.unique(np.sort(sides, axis=2).reshape(-1, 2), axis=0, return_inverse=True)
     return ends, edge_of.reshape(-1, 3)

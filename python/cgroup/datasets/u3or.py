@@ -106,7 +106,7 @@ class U3OR(Dataset):
     def origin_of(self, name: str) -> Origin:
         """Return "real" where the scan is there, else "semi-synthetic"."""
         scene, _ = self._parse(name)
-        return "semi-synthetic" if self._scan_file(scene) is None else "real"
+        return "real" if self._has_scan(scene) else "semi-synthetic"
 
     def load(self, name: str) -> MatchingPair:
         """Read the model, and read or simulate the scene."""
@@ -177,13 +177,16 @@ class U3OR(Dataset):
         if not self._poses[pair].is_file():
             return self._poses[pair]
         posed = [other for number, other in self._poses if number == scene]
-        needed = (model,) if self._scan_file(scene) else (model, *posed)
+        needed = (model,) if self._has_scan(scene) else (model, *posed)
         lacking = [name for name in needed if self._find_model(name) is None]
         return self._folder / "models" / MODEL_FILES[lacking[0]][0] if lacking else None
 
     def _parse(self, name: str) -> tuple[int, str]:
         self.check_name(name)
         return self._pairs[name]
+
+    def _has_scan(self, number: int) -> bool:
+        return self._scan_file(number) is not None
 
     def _scan_file(self, number: int) -> Path | None:
         whole = (path for name, path in self._meshes.items() if name.startswith(f"rs{number}_"))

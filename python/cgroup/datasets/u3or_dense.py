@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import Dataset
 from cgroup.datasets.cache import cached
 from cgroup.datasets.generated.scanner import Mesh, merge, range_image
 from cgroup.datasets.subdivision import Surface, longest_edges, subdivide
@@ -37,36 +37,38 @@ PIXEL = 0.9e-3
 NOISE = 0.013
 """Standard deviation in mm of what models and simulated scenes have of the scanner's noise.
 
-As much as the real scan scatters about its surface where it is smoothest (a tenth of its points lie by less off a
-quadric through their surroundings of 1.6 mm). Without it, flat parts are flat to the last digit, H3D's
-response ties there, and all of their points become keypoints: 7,600 of 10,800 in chef."""
+As much as the real scan scatters where it is smoothest: in a tenth of its places, points lie less than this
+off the quadric through their surroundings of 1.6 mm. Without it flat parts are flat to the last digit, the
+response of H3D ties there, and all of their points are keypoints: 7,600 of chef's 10,800.
+"""
 
 _FROM_PCL = 1000 * np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """From the frame of the scan in PCD, in metres, into the scanner's in mm."""
 
-_FINEST = 0.75  # spacings, of the points that cells are averaged of
+_FINEST = 0.75  # spacings, of the triangles whose corners are averaged in cells
 _FACET = 3.0  # spacings, of the triangles that the scanner sees; at most .02 mm from the curved patch
-_MOST_TRIANGLES = 99  # percent of the triangles that keep these limits; few are larger, and flat
+_MOST_TRIANGLES = 99  # percent of the triangles that keep these limits; few are larger
 _MAKING = 1  # to be raised when models or scenes change, so that the cache is made anew
 _SETTINGS = [str(value) for value in (_MAKING, SPACING, VOXEL, PIXEL, NOISE)]
 
 
 class U3ORDense(U3OR):
-    """The pairs of `U3OR` with models and scenes of some hundred thousand points, `SPACING` apart.
+    """The pairs of `U3OR`, with models and scenes of some hundred thousand points that lie `SPACING` apart.
 
-    The models of U3OR in circulation are simplified, to points 0.8 to 1.7 mm apart; the paper's sets have
-    thousands of matches, theirs some 560. Here each model is the smooth surface through its vertices
-    and their normals (curved PN triangles, `cgroup.datasets.subdivision`), sampled evenly. A simulated scene
-    is these surfaces as posed, seen by the scanner in software with narrower pixels. Scene rs1 is the real
-    scan in full resolution, thinned, where ``pcl/rs1.pcd`` is there; else it is simulated, too.
+    The models of U3OR in circulation are simplified, to points 0.8 to 1.7 mm apart, which leaves a pair some
+    560 matches where the paper's have thousands. Here a model is the smooth surface through its vertices and
+    across their normals (curved PN triangles, `cgroup.datasets.subdivision`), sampled evenly and given
+    `NOISE`. A simulated scene is these surfaces as posed, seen by the scanner in software with narrower
+    pixels and the same noise. Scene rs1 is the real scan in full resolution, thinned, where ``pcl/rs1.pcd``
+    is there; else it is simulated too.
 
-    The scanner's own spacing is 0.33 mm (`SCANNER_SPACING`), at which a pair would have some 15,000 matches;
-    0.6 mm leaves some 4,400.
+    The scanner's own spacing is `SCANNER_SPACING`, which would give a pair some 15,000 matches; `SPACING`
+    gives some 3,300, and the models about as many points as their owners' have.
 
-    What a model shows between its vertices, below some 3 mm for chef and T-rex and 1.5 mm for the others, is
-    interpolated and not measured. All pairs are *semi-synthetic* therefore, those of scene rs1 too. True poses
-    and the facts ``clutter`` and ``occlusion`` are those of `U3OR`, so that levels hold the same pairs. Whoever
-    has the owners' own models and scans needs `U3OR` only.
+    What a model shows below the length of its edges, 3 mm for chef and T-rex and 1.5 mm for the others, is
+    interpolated and not measured. So all pairs are *semi-synthetic*, those of scene rs1 too. True poses and
+    the facts ``clutter`` and ``occlusion`` are those of `U3OR`: levels hold the same pairs. Whoever has the
+    owners' models and scans needs `U3OR` only.
 
     Models and simulated scenes are kept in the cache (`cgroup.datasets.cache.cache_folder`).
 
@@ -77,22 +79,23 @@ class U3ORDense(U3OR):
     """
 
     name: ClassVar[str] = "u3or-dense"
-    title: ClassVar[str] = "U3OR, surfaces sampled densely"
+    title: ClassVar[str] = "U3OR sampled densely"
 
     def __init__(self, root: Path | str | None = None) -> None:
         super().__init__(root)
-        self._scans = {path.stem: path for path in sorted(self._folder.rglob("rs*.pcd"))}
         self._dense_models: dict[str, PointCloud] = {}  # read once: each is in many pairs
 
     def origin_of(self, name: str) -> Origin:
         """Return "semi-synthetic": every model is interpolated."""
-        return Dataset.origin_of(self, name)
+        self.check_name(name)
+        return self.origin
 
     def load(self, name: str) -> MatchingPair:
         """Load the pair of `U3OR`, and put the dense clouds in the place of its own."""
         pair = super().load(name)
         scene, model = self._parse(name)
-        return replace(pair, source=self.dense_model(model), target=self.dense_scene(scene), normals="given")
+        clouds = self.dense_model(model), self.dense_scene(scene)
+        return replace(pair, source=clouds[0], target=clouds[1], normals="given")
 
     def dense_model(self, name: str) -> PointCloud:
         """Sample the smooth surface of a model, with its normals."""
@@ -104,12 +107,23 @@ class U3ORDense(U3OR):
 
     def dense_scene(self, number: int) -> PointCloud:
         """Read the scan of a scene in full resolution and thin it; or look at the posed surfaces."""
-        path = self._scans.get(f"rs{number}")
+        path = self._full_scans.get(number)
         if path is not None:
-            return PointCloud(features.voxel_downsample(read_cloud(path).points @ _FROM_PCL.T, VOXEL).points)
+            scan = read_cloud(path).points @ _FROM_PCL.T
+            return PointCloud(features.voxel_downsample(scan, VOXEL).points)
         poses = self._poses_in(number)
         key = [*_SETTINGS, str(number), *self._content(poses)]
         return PointCloud(cached("u3or-dense", key, lambda: self._look_closely(number, poses))["points"])
+
+    @cached_property
+    def _full_scans(self) -> dict[int, Path]:
+        """Scans in full resolution, by the number of the scene."""
+        found = {path.stem.removeprefix("rs"): path for path in sorted(self._folder.rglob("rs*.pcd"))}
+        return {int(number): path for number, path in found.items() if number.isdecimal()}
+
+    def _has_scan(self, number: int) -> bool:
+        # The facts are computed on the scene of U3OR, which needs no model only where it is a scan as well.
+        return super()._has_scan(number) and number in self._full_scans
 
     def _look_closely(self, number: int, poses: dict[str, Path]) -> dict[str, FloatArray]:
         parts = [pose_before_scanner(self._facets(model), path) for model, path in poses.items()]
@@ -119,7 +133,7 @@ class U3ORDense(U3OR):
         return {"points": image.rays() * (ranges + noise)[:, None]}
 
     def _facets(self, model: str) -> Mesh:
-        """Triangles of about the size of a pixel on the smooth surface of a model."""
+        """Triangles of a few pixels on the smooth surface of a model."""
         fine = self._refine(model, _FACET * SPACING)
         return Mesh(fine.points, fine.faces)
 
@@ -127,6 +141,7 @@ class U3ORDense(U3OR):
         """Points in even distances on the smooth surface of a model, and its normals there."""
         fine = self._refine(model, _FINEST * SPACING)
         cells = features.voxel_downsample(fine.points, VOXEL, normals=fine.normals)
+        assert cells.normals is not None  # noqa: S101 - they are given
         noise = np.random.default_rng(0).normal(0, NOISE, (len(cells), 1))
         return {"points": cells.points + noise * np.nan_to_num(cells.normals), "normals": cells.normals}
 

@@ -1,0 +1,198 @@
+"""U3OR sampled densely: two stones in its layout, and the real models and scan where they are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from shared_data import data_folder
+
+from cgroup import features
+from cgroup.benchmark import paper
+from cgroup.benchmark.cases import Case
+from cgroup.benchmark.run import stages
+from cgroup.datasets import MatchingPair, mirror, open_dataset
+from cgroup.datasets.generated.shapes import stone
+from cgroup.datasets.u3or_dense import NOISE, SCANNER_SPACING, SPACING, U3ORDense
+from cgroup.evaluation import within
+from cgroup.io import read_cloud, write_cloud
+from cgroup.registration.scan import usable_normals
+from cgroup.rigid import apply
+from cgroup.types import PointCloud
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+PLACES = {"chef": ("cheff.ply", -40.0), "T-rex": ("T-rex_high.ply", 60.0)}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CGROUP_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+    stages.forget_pairs()
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two stones some 100 mm in size, beside each other in scene 12."""
+    root = tmp_path_factory.mktemp("data")
+    home = root / "u3or"
+    for folder in ("models", "gt"):
+        (home / folder).mkdir(parents=True)
+    for number, (name, (file, x)) in enumerate(PLACES.items()):
+        mesh = stone(np.random.default_rng(number), 24)
+        write_cloud(home / "models" / file, PointCloud(mesh.vertices, faces=mesh.faces))
+        (home / "gt" / f"{name}-rs12.xf").write_text(f"1 0 0 {x}\n0 1 0 0\n0 0 1 -650\n0 0 0 1\n")
+    return root
+
+
+@pytest.fixture(scope="module")
+def dense(root: Path) -> U3ORDense:
+    dataset = open_dataset("u3or-dense", root)
+    assert isinstance(dataset, U3ORDense)
+    return dataset
+
+
+def load(dataset: U3ORDense, name: str) -> MatchingPair:
+    pair = dataset.load(name)
+    assert isinstance(pair, MatchingPair)
+    return pair
+
+
+def write_pcd(path: Path, points: np.ndarray) -> None:
+    header = (
+        "VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\n"
+        f"WIDTH {len(points)}\nHEIGHT 1\nPOINTS {len(points)}\nDATA binary\n"
+    )
+    path.write_bytes(header.encode() + np.ascontiguousarray(points).tobytes())
+
+
+def distances(pair: MatchingPair) -> np.ndarray:
+    """How far points of the scene lie from the posed model, of those that are near it."""
+    spatial = pytest.importorskip("scipy.spatial")
+    model = apply(pair.T_target_source, pair.source.points)
+    found, _ = spatial.cKDTree(model).query(pair.target.points)
+    return found[found < 2]
+
+
+def test_pairs_are_those_of_u3or_with_more_points(root: Path, dense: U3ORDense) -> None:
+    coarse = open_dataset("u3or", root)
+    assert dense.pair_names() == coarse.pair_names() == ["rs12-T-rex", "rs12-chef"]
+    for name in dense.pair_names():
+        pair, plain = load(dense, name), coarse.load(name)
+        assert isinstance(plain, MatchingPair)
+        assert len(pair.source) > 8 * len(plain.source)
+        assert len(pair.target) > 4 * len(plain.target)
+        np.testing.assert_array_equal(pair.T_target_source, plain.T_target_source)
+        assert pair.facts == plain.facts
+        assert dense.origin_of(name) == "semi-synthetic"
+
+
+def test_points_are_as_far_apart_as_promised(dense: U3ORDense) -> None:
+    pair = load(dense, "rs12-chef")
+    for cloud in (pair.source, pair.target):
+        assert features.resolution(cloud.points) == pytest.approx(SPACING, rel=0.06)
+    assert np.median(distances(pair)) < 0.7 * SPACING
+
+
+def test_models_lie_on_the_smooth_surface_and_know_their_outside(dense: U3ORDense) -> None:
+    spatial = pytest.importorskip("scipy.spatial")
+    coarse, fine = dense.model("chef"), dense.dense_model("chef")
+    assert coarse.faces is not None
+    assert fine.normals is not None
+    np.testing.assert_allclose(np.linalg.norm(fine.normals, axis=1), 1)
+    outside = features.mesh_normals(coarse.points, coarse.faces)
+    gaps, nearest = spatial.cKDTree(fine.points).query(coarse.points)
+    assert gaps.max() < 1.5 * SPACING
+    agreement = np.sum(fine.normals[nearest] * outside, axis=1)
+    assert agreement.min() > 0
+    assert np.quantile(agreement, 0.05) > 0.95
+    heights = np.abs(np.sum((fine.points[nearest] - coarse.points) * outside, axis=1))
+    assert NOISE / 2 < np.median(heights) < 3 * NOISE
+
+
+def test_clouds_come_from_the_cache(root: Path, dense: U3ORDense, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = load(dense, "rs12-chef")
+    for name in ("_sample", "_look_closely"):
+        monkeypatch.setattr(U3ORDense, name, None)
+    again = load(U3ORDense(root), "rs12-chef")
+    np.testing.assert_array_equal(again.source.points, before.source.points)
+    np.testing.assert_array_equal(again.target.points, before.target.points)
+
+
+def test_scan_in_full_resolution_is_moved_and_thinned(root: Path, dense: U3ORDense) -> None:
+    there = dense.dense_scene(12).points
+    scan = there[:, [1, 0, 2]] / [-1000, -1000, -1000]  # as PCL's: metres, axes exchanged
+    path = root / "u3or" / "rs12.pcd"
+    write_pcd(path, np.repeat(scan, 2, axis=0))
+    try:
+        thinned = U3ORDense(root).dense_scene(12).points
+    finally:
+        path.unlink()
+    assert 0.2 * len(there) < len(thinned) <= len(there)
+    assert within(thinned, there, SPACING).all()
+    assert features.resolution(thinned) > 0.9 * SPACING
+
+
+def test_benchmark_takes_the_given_normals(root: Path, dense: U3ORDense) -> None:
+    case = Case("u3or-dense", "rs12-chef")
+    (record,) = stages.match_cases([case], str(root))
+    assert record.error == ""
+    pair = stages.load_pair("u3or-dense", "rs12-chef", str(root))
+    assert isinstance(pair, MatchingPair)
+    model, scene = stages._add_normals(pair)
+    np.testing.assert_array_equal(model.normals, dense.dense_model("chef").normals)
+    assert scene.normals is not None
+    towards = -np.sum(scene.normals * scene.points, axis=1)
+    assert (towards[np.isfinite(towards)] >= 0).all()
+
+
+def test_normals_that_a_pair_has_lost_are_fitted(dense: U3ORDense) -> None:
+    pair = load(dense, "rs12-chef")
+    assert usable_normals("given", pair.source, mirror(pair).target) == "given"
+    assert usable_normals("given", mirror(pair).target) == "pca"
+    assert usable_normals("mesh", pair.source, pair.target) == "pca"
+    assert usable_normals("pca", pair.source) == "pca"
+
+
+# --- real data -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def real() -> MatchingPair:
+    return load(U3ORDense(data_folder("u3or")), "rs1-chicken")
+
+
+def test_real_scan_lies_on_the_dense_model(real: MatchingPair) -> None:
+    assert len(real.source) > 60_000
+    assert len(real.target) > 90_000
+    assert np.median(distances(real)) < 0.7 * SPACING
+    for cloud in (real.source, real.target):
+        assert features.resolution(cloud.points) == pytest.approx(SPACING, rel=0.03)
+
+
+def test_real_normals_agree_with_the_scan(real: MatchingPair) -> None:
+    spatial = pytest.importorskip("scipy.spatial")
+    assert real.source.normals is not None
+    turned = real.source.normals @ real.T_target_source[:3, :3].T
+    seen = features.normals(real.target.points, viewpoint=real.target_viewpoint)
+    found, nearest = spatial.cKDTree(apply(real.T_target_source, real.source.points)).query(
+        real.target.points
+    )
+    close = found < 1
+    assert (np.sum(turned[nearest[close]] * seen[close], axis=1) > 0).mean() > 0.97
+
+
+def test_scanner_spacing_is_that_of_the_real_scan() -> None:
+    scan = read_cloud(data_folder("u3or") / "u3or" / "pcl" / "rs1.pcd")
+    assert 1000 * features.resolution(scan.points) == pytest.approx(SCANNER_SPACING, abs=0.005)
+
+
+def test_dense_pairs_speak_where_u3or_is_silent() -> None:
+    places = paper.PLACES["U3OR"]
+    assert places.index("u3or") < places.index("u3or-dense") < places.index("standin-clutter")
+    assert "u3or-dense" not in paper.OF_THE_PAPER
