@@ -17,7 +17,7 @@ import pandas as pd
 
 import cgroup
 from cgroup import comparison, datasets, features, pages, plots, registration, registry, types
-from cgroup.benchmark import candidates, claims, config, pipelines, rankings, records, report, run
+from cgroup.benchmark import candidates, claims, config, pipelines, rankings, readings, records, report, run
 from cgroup.benchmark.evidence import Evidence
 from cgroup.pages import page
 
@@ -31,6 +31,7 @@ PAIR = datasets.standin_pair(pixels=60)
 UNRELATED = datasets.mirror(PAIR)
 BARE = cgroup.Correspondences(PROBLEM.source, PROBLEM.target)
 NOWHERE = Path("nowhere")
+NO_READINGS = readings.judge_readings(pd.DataFrame(), pd.DataFrame(), [])
 GENERATED = config.Config(
     name="wrong", methods=["gtm"], experiment=[{"id": "small", "dataset": "generated-matches"}]
 )
@@ -129,6 +130,7 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
         lambda: plots.pair_precision_figure(pd.DataFrame(), methods=("gc", "gtm"), title=""),
     ),
     "cgroup.plots.pipelines_figure": (lambda: plots.pipelines_figure(pd.DataFrame(), title=""),),
+    "cgroup.plots.readings_figure": (lambda: plots.readings_figure(pd.DataFrame(), title=""),),
     "cgroup.plots.trials_figure": (lambda: plots.trials_figure(pd.DataFrame(), title=""),),
     "cgroup.pages.chart_html": (lambda: pages.chart_html("a", 3, label="a"),),
     "cgroup.pages.comparison_page": (lambda: pages.comparison_page(CLOUD, CLOUD, BARE, [], np.eye(4)),),
@@ -173,6 +175,8 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
         for name in records.__all__
         if name not in {"aggregate", "exponents", "load_groups"}
     },
+    "cgroup.benchmark.readings.list_readings": (lambda: readings.list_readings(["nonsense"]),),
+    "cgroup.benchmark.readings.write_readings": (lambda: readings.write_readings(NOWHERE, NO_READINGS),),
     "cgroup.benchmark.claims.check_claims": (
         lambda: claims.check_claims(pd.DataFrame(), pd.DataFrame(), resamples=-1),
     ),
