@@ -61,7 +61,8 @@ def test_mesh_is_whole(sphere: Surface, parts: int) -> None:
     assert set(used) == {2}  # no cracks
     assert len(fine.points) - len(used) + len(fine.faces) == 2  # Euler's formula for a closed surface
     assert len(np.unique(fine.points.round(9), axis=0)) == len(fine.points)
-    assert volume(fine) > 0  # wound as before
+    a, b, c = fine.points[fine.faces].transpose(1, 0, 2)
+    assert (np.sum(np.cross(b - a, c - a) * (a + b + c), axis=1) > 0).all()  # wound as before
     assert longest_edges(fine).max() < 1.2 * longest_edges(sphere).max() / parts
 
 
@@ -69,6 +70,15 @@ def test_one_part_is_the_mesh_itself(sphere: Surface) -> None:
     same = subdivide(sphere, 1)
     for name in ("points", "faces", "normals"):
         np.testing.assert_array_equal(getattr(same, name), getattr(sphere, name))
+
+
+def test_normals_turn_back_along_a_wave() -> None:
+    """An edge that falls at both of its ends rises in between."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    tilted = np.tile([0.6, 0, 0.8], (3, 1))
+    fine = subdivide(Surface(points, np.array([[0, 1, 2]]), tilted), 2)
+    (middle,) = fine.normals[np.isclose(fine.points, [0.5, 0, 0]).all(axis=1)]
+    np.testing.assert_allclose(middle, [0, 0, 1], atol=1e-12)
 
 
 def test_flat_mesh_stays_flat() -> None:

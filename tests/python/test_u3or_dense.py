@@ -12,7 +12,7 @@ from cgroup import features
 from cgroup.benchmark import paper
 from cgroup.benchmark.cases import Case
 from cgroup.benchmark.run import stages
-from cgroup.datasets import MatchingPair, mirror, open_dataset
+from cgroup.datasets import MatchingPair, mirror, open_dataset, u3or_dense
 from cgroup.datasets.generated.shapes import stone
 from cgroup.datasets.u3or_dense import NOISE, SCANNER_SPACING, SPACING, U3ORDense
 from cgroup.evaluation import within
@@ -111,8 +111,23 @@ def test_models_lie_on_the_smooth_surface_and_know_their_outside(dense: U3ORDens
     agreement = np.sum(fine.normals[nearest] * outside, axis=1)
     assert agreement.min() > 0
     assert np.quantile(agreement, 0.05) > 0.95
-    heights = np.abs(np.sum((fine.points[nearest] - coarse.points) * outside, axis=1))
-    assert NOISE / 2 < np.median(heights) < 3 * NOISE
+
+
+def test_noise_is_along_normals_and_lines_of_sight(dense: U3ORDense, monkeypatch: pytest.MonkeyPatch) -> None:
+    def make() -> tuple[dict[str, np.ndarray], np.ndarray]:
+        return dense._sample("T-rex"), dense._look_closely(12, dense._poses_in(12))["points"]
+
+    model, scene = make()
+    monkeypatch.setattr(u3or_dense, "NOISE", 0.0)
+    smooth_model, smooth_scene = make()
+    moved = model["points"] - smooth_model["points"]
+    along = np.sum(moved * model["normals"], axis=1)
+    assert along.std() == pytest.approx(NOISE, rel=0.05)
+    np.testing.assert_allclose(moved, along[:, None] * model["normals"], atol=1e-9)
+    assert (scene - smooth_scene)[:, 2].std() == pytest.approx(NOISE, rel=0.05)
+    np.testing.assert_allclose(
+        scene / scene[:, 2:], smooth_scene / smooth_scene[:, 2:], rtol=1e-9, atol=1e-12
+    )
 
 
 def test_clouds_come_from_the_cache(root: Path, dense: U3ORDense, monkeypatch: pytest.MonkeyPatch) -> None:
