@@ -144,6 +144,49 @@ def test_the_same_options_have_the_same_label_in_every_reading() -> None:
     assert "gtm iterations=20" in labels(config.experiment[1])
 
 
+def test_methods_that_all_matches_make_a_difference_to_are_not_left_out_together() -> None:
+    both = Reading(name="both", label="both", parts=tuple(list_readings(["mutual", "frames-toldi"])))
+    found = [entry for entry in added(read_config("readings"), both) if entry.front.frames == "toldi"]
+    assert found
+    assert all({"gc", "si", "gtm"} <= set(labels(entry)) for entry in found)
+    options = Reading(name="both", label="both", parts=tuple(list_readings(["gtm-20", "frames-toldi"])))
+    for entry in added(read_config("readings"), options):
+        frames = {"si", "cv", "3dhv"} if entry.front.frames == "toldi" else set()
+        assert set(labels(entry)) - {"gtm+ransac iterations=20"} <= {"gtm iterations=20", *frames}
+
+
+def test_front_of_the_default_stays() -> None:
+    config = parse_config(SMALL + 'front = { normals = "pca" }')
+    [entry] = added(config, *list_readings(["mutual"]))
+    assert (entry.front.normals, entry.front.matching) == ("pca", "mutual")
+
+
+def test_variants_of_the_default_have_the_labels_of_readings() -> None:
+    text = SMALL.replace('"gtm"', '{ name = "gtm", label = "A", options = { iterations = 20 } }, "gtm"')
+    config = add_readings(parse_config(text), list_readings(["gtm-20"]))
+    assert [method.candidate().label for method in config.methods] == ["gc", "gtm iterations=20", "gtm", "cv"]
+    assert labels(config.experiment[-1]) == ["gtm iterations=20"]
+
+
+def test_options_that_the_default_has_change_nothing() -> None:
+    text = SMALL.replace('"gtm"', '{ name = "gtm", options = { iterations = 20 } }')
+    config = add_readings(parse_config(text), list_readings(["gtm-20"]))
+    assert [method.candidate().label for method in config.methods] == ["gc", "gtm", "cv"]
+    assert labels(config.experiment[-1]) == ["gtm"]
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        (read_config("matches"), r"config: 'matches' has no \[\[experiment\]\]"),
+        (parse_config(SMALL.replace('"noise"', '"noise / mutual"', 1)), "'noise / mutual'.*another id"),
+    ],
+)
+def test_configurations_that_readings_cannot_repeat_are_refused(config: Config, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        add_readings(config, list_readings(["mutual"]))
+
+
 # --- Which records a reading has ----------------------------------------------------------------------------
 
 
@@ -168,6 +211,19 @@ def test_reading_replaces_the_method_and_keeps_the_others() -> None:
         ("gc", 0.3, ("clutter",)),
     ]
     assert list(select_default(frame)["precision"]) == [0.1, 0.3]
+
+
+def test_labels_of_ones_own_methods_stay() -> None:
+    frame = rows(
+        ("u3or", "C1", "gtm", ("clutter",), 0.1),
+        ("u3or", "C1", "gtm t=2", ("clutter",), 0.2),
+        ("u3or", "C1", "gtm", ("clutter / mutual",), 0.3),
+        ("u3or", "C1", "gtm t=2", ("clutter / mutual",), 0.4),
+    )
+    for name, expected in (("mutual", [0.3, 0.4]), ("gtm-20", [0.1, 0.2])):
+        chosen = select_reading(frame, list_readings([name])[0])
+        assert list(chosen["method"]) == ["gtm", "gtm t=2"]
+        assert list(chosen["precision"]) == expected
 
 
 def test_reading_of_some_combinations_keeps_the_default_of_the_others() -> None:
@@ -254,6 +310,15 @@ def test_claims_that_a_reading_cannot_move_are_not_moved() -> None:
     _, mended, _ = outcomes()
     assert "C-06" not in mended.moved  # NNSR, GC and 3DHV
     assert mended.stability["C-06"] == outcomes()[0].stability["C-06"]
+
+
+def test_claims_that_a_reading_makes_untestable_are_not_close() -> None:
+    frame = paper_frame()
+    frame = frame.assign(correct=0, experiments=[tuple(names) for names in frame["experiments"]])
+    default, unsolvable = judge_readings(frame, paper_timing(), list_readings(["solvable"]), resamples=5)
+    lost = {claim for claim, verdict in unsolvable.verdicts.items() if verdict.verdict == "not testable"}
+    assert any(default.is_close(claim) for claim in lost)
+    assert not any(unsolvable.is_close(claim) for claim in lost)
 
 
 def test_tables_name_the_claims_that_come_back() -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cgroup.benchmark.config import Config
+from cgroup.benchmark.config import Config, MethodEntry
+from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from cgroup.benchmark.config import ExperimentEntry, MethodEntry
+    from cgroup.benchmark.config import ExperimentEntry
     from cgroup.benchmark.readings.reading import Reading
 
 SEPARATOR = " / "
@@ -30,10 +31,13 @@ def add_readings(config: Config, readings: Iterable[Reading]) -> Config:
     -------
     Config
         With further experiments, whose ids end in the reading's name, of what that reading can move: the
-        methods whose options it changes, on the same matches; or all methods, on others.
+        methods whose options it changes, on the same matches; or all methods, on others. What the default
+        runs with the options of a reading under another label has the reading's label.
 
     Raises
     ------
+    InputError
+        If the configuration has no experiments, or one whose id looks like that of a reading.
     pydantic.ValidationError
         If a reading gives a method an option that it doesn't have.
 
@@ -48,14 +52,11 @@ def add_readings(config: Config, readings: Iterable[Reading]) -> Config:
     ... )
     ('variants / gtm-20', ['gtm+ransac iterations=20'])
     """
-    added = [
-        entry
-        for reading in readings
-        for base in config.experiment
-        for entry in _read_experiment(base, base.methods or config.methods, reading)
-    ]
-    given = config.model_dump(exclude_defaults=True)
-    return Config.model_validate({**given, "experiment": [*given["experiment"], *added]})
+    asked = list(readings)
+    _check_experiments(config)
+    base = _share_labels(config, asked)
+    given = base.model_dump(exclude_defaults=True)
+    return Config.model_validate({**given, "experiment": [*given["experiment"], *_expand(base, asked)]})
 
 
 def variant_label(method: str, options: Mapping[str, Any]) -> str:
@@ -77,9 +78,54 @@ def variant_label(method: str, options: Mapping[str, Any]) -> str:
     return f"{method} {changed}" if changed else method
 
 
-def plain_label(label: str) -> str:
-    """Label of the method that a variant is of."""
-    return label.split(" ", maxsplit=1)[0] if "=" in label else label
+def plain_label(label: str, reading: Reading) -> str:
+    """Label of the method that a variant of a reading is of; that of another method as it is."""
+    for method in {method for change in reading.changes for method in change.methods}:
+        if label.startswith(f"{method} ") and "=" in label:
+            return method
+    return label
+
+
+def _check_experiments(config: Config) -> None:
+    if not config.experiment:
+        message = f"config: {config.name!r} has no [[experiment]], which readings repeat; add one"
+        raise InputError(message)
+    for experiment in config.experiment:
+        if SEPARATOR in experiment.id:
+            message = (
+                f"config: got the experiment {experiment.id!r}; {SEPARATOR!r} sets off the names of "
+                "readings, choose another id"
+            )
+            raise InputError(message)
+
+
+def _expand(config: Config, readings: Iterable[Reading]) -> list[dict[str, Any]]:
+    """All experiments that readings ask for."""
+    return [
+        entry
+        for reading in readings
+        for base in config.experiment
+        for entry in _read_experiment(base, base.methods or config.methods, reading)
+    ]
+
+
+def _share_labels(config: Config, readings: Sequence[Reading]) -> Config:
+    """Give methods that are the same as a variant its label: records know both by one label only."""
+    methods = [method for entry in config.experiment for method in entry.methods or config.methods]
+    known = {method.candidate().label for method in methods}
+    varied = (MethodEntry(**method) for entry in _expand(config, readings) for method in entry["methods"])
+    labels = {method.candidate().key: method.label for method in varied if method.label not in known}
+
+    def relabel(given: tuple[MethodEntry, ...] | None) -> tuple[MethodEntry, ...] | None:
+        return given and tuple(
+            method.model_copy(update={"label": labels.get(method.candidate().key, method.label)})
+            for method in given
+        )
+
+    experiments = (
+        entry.model_copy(update={"methods": relabel(entry.methods)}) for entry in config.experiment
+    )
+    return config.model_copy(update={"methods": relabel(config.methods), "experiment": tuple(experiments)})
 
 
 def _read_experiment(
@@ -108,7 +154,7 @@ def _change(
     other = _replace(dataset, (change.datasets for change in changes))
     epsilons = [change.epsilons for change in changes if change.epsilons and base.id == "epsilon"]
     anew = bool(front or epsilons) or (nuisance, other) != (base.nuisance, dataset)
-    only = {name for change in changes for name in change.only}
+    only = _list_only(changes)
     chosen = [
         _vary(method, options.get(method.candidate().label, {}))
         for method in methods
@@ -118,7 +164,7 @@ def _change(
         return None
     entry = base.model_dump(exclude_defaults=True)
     entry |= {"dataset": [other], "methods": chosen, "nuisance": nuisance}
-    entry |= {"front": front} if front else {}
+    entry |= {"front": entry.get("front", {}) | front} if front else {}
     entry |= {"epsilons": epsilons[-1]} if epsilons else {}
     for change in changes:
         entry |= {"pairs": change.pairs[base.id]} if base.id in change.pairs else {}
@@ -127,8 +173,15 @@ def _change(
 
 
 def _vary(method: MethodEntry, options: Mapping[str, Any]) -> dict[str, Any]:
-    label = variant_label(method.candidate().label, options)
-    return {"name": method.name, "label": label, "options": {**method.options, **options}}
+    changed = {name: value for name, value in options.items() if method.options.get(name) != value}
+    label = variant_label(method.candidate().label, changed)
+    return {"name": method.name, "label": label, "options": {**method.options, **changed}}
+
+
+def _list_only(changes: Sequence[Reading]) -> set[str]:
+    """Methods that other matches make a difference to; empty for all."""
+    named = [change.only for change in changes if change.makes_other_matches]
+    return set().union(*named) if all(named) else set()
 
 
 def _merge(tables: Iterable[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:

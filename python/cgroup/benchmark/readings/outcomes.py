@@ -36,7 +36,7 @@ class ReadingOutcome:
     stability : dict of str to Stability
         How sure they are, by claim; without those that are not testable.
     moved : frozenset of str
-        Claims of which a number is another than under the default.
+        Claims of which a number that is quoted, or the data, is another than under the default.
     better, worse : tuple of str
         Claims whose verdict is better than under the default, and worse.
 
@@ -166,11 +166,12 @@ def _judge(
     moved = [claim for claim in CLAIMS if _numbers(verdicts[claim.id]) != _numbers(before[claim.id])]
     stability = bootstrap_verdicts(*records, resamples=resamples, claims=moved)
     change = {claim.id: _rank(before[claim.id]) - _rank(verdicts[claim.id]) for claim in moved}
+    unmoved = {claim: known for claim, known in default.stability.items() if claim not in change}
     return ReadingOutcome(
         reading.name,
         reading.label,
         verdicts,
-        default.stability | stability,
+        unmoved | stability,
         frozenset(change),
         tuple(claim for claim, steps in change.items() if steps > 0),
         tuple(claim for claim, steps in change.items() if steps < 0),

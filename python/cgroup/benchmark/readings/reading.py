@@ -97,6 +97,19 @@ class Reading(Table):
         """
         return self.parts or (self,)
 
+    @property
+    def makes_other_matches(self) -> bool:
+        """Whether all methods have to be run or judged once more, not only those with other options.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.readings import Reading
+        >>> mutual = {"matching": "mutual"}
+        >>> Reading(name="m", label="mutual", front=mutual).makes_other_matches
+        True
+        """
+        return bool(self.front or self.nuisances or self.datasets or self.epsilons)
+
     def applies_to(self, experiment: str, dataset: str, combination: str) -> bool:
         """Tell whether the change is tried there.
 

@@ -59,12 +59,16 @@ def select_reading(frame: pd.DataFrame, reading: Reading) -> pd.DataFrame:
         tuple(name.removesuffix(suffix) for name in names if name.endswith(suffix))
         for names in frame["experiments"]
     ]
+    methods = [
+        plain_label(label, reading) if mine else label
+        for label, mine in zip(frame["method"], own, strict=True)
+    ]
     stands_for = {new: old for change in reading.changes for old, new in change.datasets.items()}
     what = list(
         zip(
             frame["dataset"].map(lambda name: stands_for.get(name, name)),
             frame["combination"],
-            frame["method"].map(plain_label),
+            methods,
             strict=True,
         )
     )
@@ -72,7 +76,7 @@ def select_reading(frame: pd.DataFrame, reading: Reading) -> pd.DataFrame:
     without = {pair for change in reading.changes for pair in change.without.items()}
     rows = zip(own, frame["experiments"], frame["dataset"], what, strict=True)
     ids = [(*mine, *_list_kept(names, dataset, row, replaced, without)) for mine, names, dataset, row in rows]
-    chosen = _take(frame.assign(method=frame["method"].map(plain_label)), ids)
+    chosen = _take(frame.assign(method=methods), ids)
     if any(change.solvable for change in reading.changes):
         chosen = chosen[(chosen["correct"] > 0) | (chosen["error"] != "")]
     return chosen
