@@ -363,10 +363,22 @@ def test_readings_of_a_run_and_again(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert names == ["default", "gc-union", "gtm-20", "mutual"]
     frame = records.load(tmp_path / "out")
     assert set(frame["method"]) == {"gc", "gtm", "cv", "gtm iterations=20", "gc ties=union"}
-    again, shown, _ = run_command(capsys, *words, "--resamples", 2)
+    again, shown, _ = run_command(capsys, *words[:-1], "gtm-20, mutual, gc-union", "--resamples", 2)
     assert again == 0
+    assert "by default, 68 claims: 0 confirmed" in shown
+    assert "failed" not in shown
     assert "gtm-20" in shown
     assert "what is changed" in shown
+
+
+def test_what_failed_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = tmp_path / "broken.toml"
+    config.write_text(
+        SMALL.replace("standin-full", "benchmark_fakes:Clouds").replace("pairs = 1", 'pairs = ["broken"]')
+    )
+    words = ("benchmark", "readings", config, "--out", tmp_path / "out", "--only", "gtm-20", "--resamples", 1)
+    status, shown, _ = run_command(capsys, *words)
+    assert (status, "1 failed; see: cgroup benchmark status --out" in " ".join(shown.split())) == (0, True)
 
 
 def test_records_of_a_reading_differ_from_those_of_the_default(tmp_path: Path) -> None:

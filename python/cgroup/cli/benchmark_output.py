@@ -131,8 +131,12 @@ def print_readings(document: Document, *, wide: bool) -> None:
     ]
     print_table(_READINGS, rows, wide=wide)
     print_prose("better, worse: claims whose verdict is another than by default")
+    print_prose(f"by default, {document['results']['counted']}")
     _print_left_out(document["results"]["left_out"])
     print_files(document)
+    failed, out = document["results"]["failed"], document["options"]["out"]
+    if failed:
+        print_line(f"{failed} failed; see: cgroup benchmark status --out {out}")
 
 
 def print_tables(title: str, label: str, tables: Iterable[Table], *, wide: bool) -> None:

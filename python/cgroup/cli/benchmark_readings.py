@@ -70,6 +70,7 @@ def readings_command(
     """
     with needs_extra():
         from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.claims import counts_line  # noqa: PLC0415
         from cgroup.benchmark.config import read_config  # noqa: PLC0415
         from cgroup.benchmark.readings import (  # noqa: PLC0415
             add_readings,
@@ -79,7 +80,7 @@ def readings_command(
         )
         from cgroup.benchmark.run import run  # noqa: PLC0415
 
-    readings = list_readings(None if only is None else only.split(","))
+    readings = list_readings(None if only is None else [name.strip() for name in only.split(",")])
     wanted = add_readings(read_config(config), readings)
     check_folder(out)
     with run_resumably(out, quiet=as_json) as report:
@@ -87,7 +88,12 @@ def readings_command(
         loaded = records.load(out), records.load_timing(out)
         outcomes = judge_readings(*loaded, readings, resamples=resamples, progress=report)
     files = write_readings(out, outcomes)
-    results = {"left_out": summary.missing, "readings": [_list_outcome(outcome) for outcome in outcomes]}
+    results = {
+        "counted": counts_line(list(outcomes[0].verdicts.values())),
+        "left_out": summary.missing,
+        "failed": summary.failed,
+        "readings": [_list_outcome(outcome) for outcome in outcomes],
+    }
     options = {"config": config, "out": out, "only": only, "resamples": resamples}
     document = make_document("benchmark readings", options=options, results=results, files=files)
     Ending(as_json=as_json).finish(document, lambda document: print_readings(document, wide=wide))

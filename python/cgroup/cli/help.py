@@ -31,7 +31,8 @@ class _Help:
         pieces = ["[OPTIONS]"]
         for param in self._params(ctx):
             if param.param_type_name == "argument":
-                pieces.append(param.metavar + ("..." if param.nargs != 1 else ""))
+                piece = param.metavar + ("..." if param.nargs != 1 else "")
+                pieces.append(piece if param.required else f"[{piece}]")
             elif param.required:
                 pieces.append(f"{param.opts[0]} {param.metavar}")
         if isinstance(self, TyperGroup):
