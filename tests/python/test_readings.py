@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ import pandas as pd
 import pytest
 from benchmark_frames import paper_frame, paper_timing
 from command_lines import run as run_command
+from matplotlib.patches import Rectangle
 
 from cgroup.benchmark import records
 from cgroup.benchmark.claims import CLAIMS
@@ -25,10 +27,12 @@ from cgroup.benchmark.readings import (
     read_questions,
     write_readings,
 )
+from cgroup.benchmark.readings.files import _list_cells
 from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
 from cgroup.benchmark.readings.tables import CLOSE_MARK, as_csv, as_markdown
 from cgroup.benchmark.run import run
 from cgroup.errors import InputError
+from cgroup.plots import readings_figure
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -319,6 +323,8 @@ def test_claims_that_a_reading_makes_untestable_are_not_close() -> None:
     lost = {claim for claim, verdict in unsolvable.verdicts.items() if verdict.verdict == "not testable"}
     assert any(default.is_close(claim) for claim in lost)
     assert not any(unsolvable.is_close(claim) for claim in lost)
+    assert lost <= unsolvable.moved
+    assert not lost & {*unsolvable.better, *unsolvable.worse}
 
 
 def test_tables_name_the_claims_that_come_back() -> None:
@@ -328,6 +334,20 @@ def test_tables_name_the_claims_that_come_back() -> None:
     [cells] = [line for line in text.splitlines() if line.startswith("| C-07 | partly")]
     assert "| confirmed 45/45 |" in cells
     assert "### NNSR" not in text  # no reading of it was tried
+    assert f"| {len(outcomes()[1].moved)} | C-07" in counts
+
+
+def test_claims_that_one_reading_makes_untestable_may_still_be_confirmed_by_none() -> None:
+    default, mended, spoilt = outcomes()
+    untestable = replace(spoilt.verdicts["C-07"], verdict="not testable", held=0, tests=0)
+    lost = replace(spoilt, verdicts=spoilt.verdicts | {"C-07": untestable})
+
+    def list_never(*each: ReadingOutcome) -> str:
+        return as_markdown(each, []).partition("no reading confirms")[2]
+
+    assert "**C-07**" in list_never(default, lost)
+    assert "**C-07**" not in list_never(default, lost, mended)
+    assert "**C-07**" not in list_never(lost, lost)
 
 
 def test_csv_has_every_claim_under_every_reading() -> None:
@@ -348,6 +368,23 @@ def test_files_are_written(tmp_path: Path) -> None:
     files = write_readings(tmp_path, outcomes())
     assert [file.name for file in files] == ["readings.md", "readings.csv", "readings.png"]
     assert all(file.stat().st_size > 1000 for file in files)
+
+
+def test_figure_frames_verdicts_that_are_not_as_by_default() -> None:
+    default, *others = outcomes()
+    changed = [
+        claim
+        for each in others
+        for claim in default.verdicts
+        if each.verdicts[claim].verdict != default.verdicts[claim].verdict
+    ]
+    figure = readings_figure(_list_cells(outcomes()), title="Claims")
+    cells = [patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle)]
+    assert len(cells) == 3 * len(CLAIMS)
+    assert sum(cell.get_edgecolor()[3] > 0 for cell in cells) == len(changed) > 0
+    figure.draw_without_rendering()
+    [legend] = figure.legends
+    assert legend.get_window_extent().x1 < figure.bbox.x1
 
 
 # --- The whole ----------------------------------------------------------------------------------------------

@@ -38,6 +38,7 @@ _READINGS = (
     Column("confirmed"),
     Column("partly"),
     Column("not"),
+    Column("moved"),
     Column("better"),
     Column("worse"),
     Column("what is changed", is_text=True, priority=1),
@@ -124,13 +125,16 @@ def print_readings(document: Document, *, wide: bool) -> None:
         (
             reading["name"],
             *(str(reading["counts"][verdict]) for verdict in ("confirmed", "partly", "not confirmed")),
+            str(reading["moved"]),
             *(str(len(reading[change])) for change in ("better", "worse")),
             reading["label"],
         )
         for reading in found
     ]
     print_table(_READINGS, rows, wide=wide)
-    print_prose("better, worse: claims whose verdict is another than by default")
+    print_prose(
+        "moved: claims of which a number is another than by default; better, worse: of which the verdict is"
+    )
     print_prose(f"by default, {document['results']['counted']}")
     _print_left_out(document["results"]["left_out"])
     print_files(document)

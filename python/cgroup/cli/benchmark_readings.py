@@ -115,6 +115,7 @@ def _list_outcome(outcome: ReadingOutcome) -> dict[str, Any]:
         "name": outcome.name,
         "label": outcome.label,
         "counts": outcome.counts,
+        "moved": len(outcome.moved),
         "better": outcome.better,
         "worse": outcome.worse,
         "claims": claims,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 
 from cgroup.plots import style
 
@@ -25,7 +25,7 @@ VERDICT_COLORS = {
 """Of Paul Tol's scheme "muted", which stays distinct for colour-blind readers."""
 
 _CELL = 0.155  # inches
-_ROW_LABELS, _COLUMN_LABELS, _LEGEND = 0.55, 1.35, 0.4
+_ROW_LABELS, _COLUMN_LABELS, _LEGEND = 0.55, 1.35, 0.55
 _INSET = 0.07  # of a cell, left white around it
 _UNMOVED = 0.28  # opacity
 
@@ -45,8 +45,8 @@ def readings_figure(rows: pd.DataFrame, *, title: str) -> Figure:
     Returns
     -------
     Figure
-        One row per claim, one column per reading; cells that a reading doesn't move are pale, and verdicts
-        that are close have a dot.
+        One row per claim, one column per reading; cells that a reading doesn't move are pale, verdicts other
+        than that of the first column are framed, and those that are close have a dot.
 
     Raises
     ------
@@ -74,8 +74,10 @@ def readings_figure(rows: pd.DataFrame, *, title: str) -> Figure:
     axes = figure.add_axes((_ROW_LABELS / size[0], _LEGEND / size[1], width / size[0], height / size[1]))
     at = dict(zip(readings, places, strict=True))
     down = {claim: i for i, claim in enumerate(claims)}
+    usual = {row.claim: row.verdict for row in rows.itertuples() if (row.group, row.reading) == readings[0]}
     for row in rows.itertuples():
-        _draw_cell(axes, at[row.group, row.reading], down[row.claim], row)
+        framed = row.verdict != usual.get(row.claim, row.verdict)
+        _draw_cell(axes, at[row.group, row.reading], down[row.claim], row, framed=framed)
     _label(axes, [name for _, name in readings], places, claims)
     figure.text(0.02, 1 - 0.16 / size[1], title, fontsize=9, weight="bold", color=style.TEXT, va="center")
     _explain(figure)
@@ -93,11 +95,11 @@ def _place_columns(groups: list[str]) -> list[float]:
     return places
 
 
-def _draw_cell(axes: Axes, x: float, y: int, row: pd.Series) -> None:
+def _draw_cell(axes: Axes, x: float, y: int, row: pd.Series, *, framed: bool) -> None:
     size = 1 - 2 * _INSET
-    corners = [(x + dx, y + dy) for dx, dy in ((0, 0), (size, 0), (size, size), (0, size))]
     alpha = 1.0 if row.moved else _UNMOVED
-    axes.fill(*zip(*corners, strict=True), color=VERDICT_COLORS[row.verdict], alpha=alpha, linewidth=0)
+    color, edge = VERDICT_COLORS[row.verdict], style.TEXT if framed else "none"
+    axes.add_patch(Rectangle((x, y), size, size, facecolor=color, edgecolor=edge, alpha=alpha, linewidth=0.9))
     if row.close:
         middle = size / 2
         axes.plot(x + middle, y + middle, ".", color=style.TEXT, markersize=2.2, alpha=max(alpha, 0.5))
@@ -116,9 +118,10 @@ def _label(axes: Axes, readings: list[str], places: list[float], claims: list[st
 
 def _explain(figure: Figure) -> None:
     handles = [Patch(color=color, label=verdict) for verdict, color in VERDICT_COLORS.items()]
-    handles.append(Patch(color=style.QUIET_TEXT, alpha=_UNMOVED, label="pale: as by default"))
+    handles.append(Patch(color=style.QUIET_TEXT, alpha=_UNMOVED, label="pale: not moved"))
+    handles.append(Patch(facecolor="none", edgecolor=style.TEXT, label="framed: not as by default"))
     dot = figure.axes[0].plot([], [], ".", color=style.TEXT, markersize=4, label="dot: close")
     figure.legend(
-        handles=[*handles, *dot], loc="lower left", ncols=6, fontsize=6, frameon=False, handlelength=1.0,
+        handles=[*handles, *dot], loc="lower left", ncols=3, fontsize=6, frameon=False, handlelength=1.0,
         columnspacing=1.2, bbox_to_anchor=(0.0, 0.0),
     )  # fmt: skip

@@ -38,7 +38,8 @@ class ReadingOutcome:
     moved : frozenset of str
         Claims of which a number that is quoted, or the data, is another than under the default.
     better, worse : tuple of str
-        Claims whose verdict is better than under the default, and worse.
+        Claims whose verdict is better than under the default, and worse; without those that are not
+        testable under one of both.
 
     Examples
     --------
@@ -165,7 +166,7 @@ def _judge(
     before = default.verdicts
     moved = [claim for claim in CLAIMS if _numbers(verdicts[claim.id]) != _numbers(before[claim.id])]
     stability = bootstrap_verdicts(*records, resamples=resamples, claims=moved)
-    change = {claim.id: _rank(before[claim.id]) - _rank(verdicts[claim.id]) for claim in moved}
+    change = {claim.id: _count_steps(before[claim.id], verdicts[claim.id]) for claim in moved}
     unmoved = {claim: known for claim, known in default.stability.items() if claim not in change}
     return ReadingOutcome(
         reading.name,
@@ -182,5 +183,8 @@ def _numbers(verdict: Verdict) -> tuple[str, str]:
     return verdict.measured, verdict.data
 
 
-def _rank(verdict: Verdict) -> int:
-    return OUTCOMES.index(verdict.verdict)
+def _count_steps(before: Verdict, after: Verdict) -> int:
+    """By how many steps a verdict is better than before; 0 where one of both is not testable."""
+    if "not testable" in {before.verdict, after.verdict}:
+        return 0
+    return OUTCOMES.index(before.verdict) - OUTCOMES.index(after.verdict)

@@ -17,6 +17,14 @@ if TYPE_CHECKING:
 CLOSE_MARK = "≈"
 """Beside verdicts that another draw of the pairs would often change."""
 
+UNMOVED_MARK = "·"
+"""In place of verdicts of which a reading moves no number."""
+
+_MARKS = (
+    "*moved*: claims of which a number is another than by default; *better*, *worse*: of which the "
+    "verdict is. "
+    f"{CLOSE_MARK}: another draw of the pairs would often give another verdict. {UNMOVED_MARK}: not moved."
+)
 _TESTED = ("confirmed", "partly", "not confirmed")
 _COLUMNS = ("question", "reading", "claim", "verdict", "held", "tests", "share", "close", "moved", "measured")
 
@@ -39,7 +47,7 @@ def as_markdown(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question
     """
     default, *others = outcomes
     by_name = {outcome.name: outcome for outcome in others}
-    parts = ["### Claims per reading", "", *_list_counts(outcomes), ""]
+    parts = ["### Claims per reading", "", *_list_counts(outcomes), "", _MARKS, ""]
     parts += ["### Claims that a reading brings back", "", *_list_gains(default, others), ""]
     parts += ["### Claims that no reading confirms", "", *_list_never(outcomes), ""]
     for question in questions:
@@ -101,12 +109,12 @@ def show_cell(outcome: ReadingOutcome, claim: str) -> str:
 
 
 def _list_counts(outcomes: Sequence[ReadingOutcome]) -> Iterator[str]:
-    yield "| reading | | confirmed | partly | not | better | worse |"
-    yield "|---|---|---:|---:|---:|---|---|"
+    yield "| reading | | confirmed | partly | not | moved | better | worse |"
+    yield "|---|---|---:|---:|---:|---:|---|---|"
     for outcome in outcomes:
         counts = " | ".join(str(outcome.counts[verdict]) for verdict in _TESTED)
         changed = " | ".join(", ".join(claims) for claims in (outcome.better, outcome.worse))
-        yield f"| {outcome.name} | {outcome.label} | {counts} | {changed} |"
+        yield f"| {outcome.name} | {outcome.label} | {counts} | {len(outcome.moved)} | {changed} |"
 
 
 def _list_gains(default: ReadingOutcome, others: Sequence[ReadingOutcome]) -> Iterator[str]:
@@ -127,8 +135,8 @@ def _list_never(outcomes: Sequence[ReadingOutcome]) -> Iterator[str]:
     yield "| claim | default | most tests hold under |"
     yield "|---|---|---|"
     for claim in CLAIMS:
-        of_claim = {outcome.name: outcome.verdicts[claim.id] for outcome in outcomes}
-        if all(verdict.verdict in {"partly", "not confirmed"} for verdict in of_claim.values()):
+        verdicts = {outcome.verdicts[claim.id].verdict for outcome in outcomes}
+        if "confirmed" not in verdicts and verdicts != {"not testable"}:
             best = max(outcomes, key=lambda outcome: _share(outcome, claim.id))
             shown = f"{best.name}: {show_cell(best, claim.id)}"
             yield f"| **{claim.id}** {claim.statement} | {show_cell(outcomes[0], claim.id)} | {shown} |"
@@ -139,7 +147,7 @@ def _list_cells(default: ReadingOutcome, tried: Sequence[ReadingOutcome]) -> Ite
     yield "|---|---|" + "---|" * len(tried)
     for claim in default.verdicts:
         if any(claim in outcome.moved for outcome in tried):
-            cells = [show_cell(each, claim) if claim in each.moved else "·" for each in tried]
+            cells = [show_cell(each, claim) if claim in each.moved else UNMOVED_MARK for each in tried]
             yield f"| {claim} | {show_cell(default, claim)} | " + " | ".join(cells) + " |"
 
 
