@@ -175,6 +175,12 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
         for name in records.__all__
         if name not in {"aggregate", "exponents", "load_groups"}
     },
+    "cgroup.benchmark.readings.add_readings": (
+        lambda: readings.add_readings(config.read_config("matches"), []),
+    ),
+    "cgroup.benchmark.readings.judge_readings": (
+        lambda: readings.judge_readings(pd.DataFrame(), pd.DataFrame(), [], resamples=0),
+    ),
     "cgroup.benchmark.readings.list_readings": (lambda: readings.list_readings(["nonsense"]),),
     "cgroup.benchmark.readings.write_readings": (lambda: readings.write_readings(NOWHERE, NO_READINGS),),
     "cgroup.benchmark.claims.check_claims": (

@@ -121,6 +121,11 @@ def judge_readings(
     list of ReadingOutcome
         The default's first, then in the order of the readings.
 
+    Raises
+    ------
+    InputError
+        If the number of resamples isn't a whole number above 0.
+
     Examples
     --------
     >>> from pathlib import Path
