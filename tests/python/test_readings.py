@@ -408,7 +408,9 @@ def test_readings_of_a_run_and_again(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "what is changed" in shown
 
 
-def test_what_failed_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_failed_is_told_and_tried_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     config = tmp_path / "broken.toml"
     config.write_text(
         SMALL.replace("standin-full", "benchmark_fakes:Clouds").replace("pairs = 1", 'pairs = ["broken"]')
@@ -416,6 +418,13 @@ def test_what_failed_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     words = ("benchmark", "readings", config, "--out", tmp_path / "out", "--only", "gtm-20", "--resamples", 1)
     status, shown, _ = run_command(capsys, *words)
     assert (status, "1 failed; see: cgroup benchmark status --out" in " ".join(shown.split())) == (0, True)
+    log = tmp_path / "calls.log"
+    log.touch()
+    monkeypatch.setenv("FAKES_LOG", str(log))
+    run_command(capsys, *words)
+    assert log.read_text() == ""
+    run_command(capsys, *words, "--retry-failed")
+    assert "load broken" in log.read_text()
 
 
 def test_records_of_a_reading_differ_from_those_of_the_default(tmp_path: Path) -> None:

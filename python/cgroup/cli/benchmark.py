@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 import typer
 
 from cgroup.cli import benchmark_findings, benchmark_readings
-from cgroup.cli.benchmark_options import DEFAULT_OUT, DataOption, OutOption, needs_extra
+from cgroup.cli.benchmark_options import DEFAULT_OUT, DataOption, OutOption, RetryOption, needs_extra
 from cgroup.cli.benchmark_output import print_health, print_presets, print_status, print_summary
 from cgroup.cli.benchmark_progress import run_resumably
 from cgroup.cli.completion import complete_presets
@@ -88,7 +88,7 @@ def run_command(
             rich_help_panel=_WORKERS,
         ),
     ] = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Try again what failed.")] = False,
+    retry_failed: RetryOption = False,
     methods: Annotated[
         str | None,
         typer.Option(

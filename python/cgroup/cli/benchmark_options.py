@@ -38,6 +38,7 @@ ResamplesOption = Annotated[
         help="How often the pairs are drawn anew, to tell how sure each verdict is; 0: not at all.",
     ),
 ]
+RetryOption = Annotated[bool, typer.Option("--retry-failed", help="Try again what failed.")]
 DEFAULT_OUT = Path("benchmark")
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cgroup.cli.benchmark_options import DataOption, OutOption, needs_extra
+from cgroup.cli.benchmark_options import DataOption, OutOption, RetryOption, needs_extra
 from cgroup.cli.benchmark_output import print_readings
 from cgroup.cli.benchmark_progress import run_resumably
 from cgroup.cli.completion import complete_presets
@@ -61,6 +61,7 @@ def readings_command(
         int | None,
         typer.Option(min=1, metavar="COUNT", help="How many workers.", show_default="one per core"),
     ] = None,
+    retry_failed: RetryOption = False,
     as_json: JsonOption = False,
     wide: WideOption = False,
 ) -> None:
@@ -84,7 +85,7 @@ def readings_command(
     wanted = add_readings(read_config(config), readings)
     check_folder(out)
     with run_resumably(out, quiet=as_json) as report:
-        summary = run(wanted, out, root=data, workers=workers, progress=report)
+        summary = run(wanted, out, root=data, workers=workers, retry_failed=retry_failed, progress=report)
         loaded = records.load(out), records.load_timing(out)
         outcomes = judge_readings(*loaded, readings, resamples=resamples, progress=report)
     files = write_readings(out, outcomes)
