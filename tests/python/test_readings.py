@@ -332,7 +332,7 @@ def test_tables_name_the_claims_that_come_back() -> None:
     counts = next(line for line in text.splitlines() if line.startswith("| gtm-20 |"))
     assert "C-07" in counts
     [cells] = [line for line in text.splitlines() if line.startswith("| C-07 | partly")]
-    assert "| confirmed 45/45 |" in cells
+    assert "| **confirmed 45/45** |" in cells
     assert "### NNSR" not in text  # no reading of it was tried
     assert f"| {len(outcomes()[1].moved)} | C-07" in counts
 

@@ -23,6 +23,7 @@ UNMOVED_MARK = "·"
 _MARKS = (
     "*moved*: claims of which a number is another than by default; *better*, *worse*: of which the "
     "verdict is. "
+    "Bold: another verdict than by default. "
     f"{CLOSE_MARK}: another draw of the pairs would often give another verdict. {UNMOVED_MARK}: not moved."
 )
 _TESTED = ("confirmed", "partly", "not confirmed")
@@ -143,12 +144,20 @@ def _list_never(outcomes: Sequence[ReadingOutcome]) -> Iterator[str]:
 
 
 def _list_cells(default: ReadingOutcome, tried: Sequence[ReadingOutcome]) -> Iterator[str]:
-    yield "| claim | default | " + " | ".join(outcome.label for outcome in tried) + " |"
+    headers = [f"{outcome.name}: {outcome.label}" for outcome in tried]
+    yield "| claim | default | " + " | ".join(headers) + " |"
     yield "|---|---|" + "---|" * len(tried)
     for claim in default.verdicts:
         if any(claim in outcome.moved for outcome in tried):
-            cells = [show_cell(each, claim) if claim in each.moved else UNMOVED_MARK for each in tried]
+            cells = [_show_change(each, claim) for each in tried]
             yield f"| {claim} | {show_cell(default, claim)} | " + " | ".join(cells) + " |"
+
+
+def _show_change(outcome: ReadingOutcome, claim: str) -> str:
+    if claim not in outcome.moved:
+        return UNMOVED_MARK
+    cell = show_cell(outcome, claim)
+    return f"**{cell}**" if claim in (*outcome.better, *outcome.worse) else cell
 
 
 def _count(outcome: ReadingOutcome, claim: str) -> str:
