@@ -329,7 +329,7 @@ def test_claims_that_a_reading_makes_untestable_are_not_close() -> None:
 
 def test_tables_name_the_claims_that_come_back() -> None:
     text = as_markdown(outcomes(), read_questions())
-    counts = next(line for line in text.splitlines() if line.startswith("| gtm-20 |"))
+    counts = next(line for line in text.splitlines() if line.startswith("| **gtm-20** 20 steps |"))
     assert "C-07" in counts
     [cells] = [line for line in text.splitlines() if line.startswith("| C-07 | partly")]
     assert "| **confirmed 45/45** |" in cells

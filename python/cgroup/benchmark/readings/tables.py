@@ -22,9 +22,9 @@ UNMOVED_MARK = "·"
 
 _MARKS = (
     "*moved*: claims of which a number is another than by default; *better*, *worse*: of which the "
-    "verdict is. "
-    "Bold: another verdict than by default. "
-    f"{CLOSE_MARK}: another draw of the pairs would often give another verdict. {UNMOVED_MARK}: not moved."
+    "verdict is. Bold: such verdicts. "
+    f"{CLOSE_MARK}: another draw of the pairs would often give another verdict. "
+    f"{UNMOVED_MARK}: no number moves."
 )
 _TESTED = ("confirmed", "partly", "not confirmed")
 _COLUMNS = ("question", "reading", "claim", "verdict", "held", "tests", "share", "close", "moved", "measured")
@@ -54,7 +54,7 @@ def as_markdown(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question
     for question in questions:
         tried = [by_name[reading.name] for reading in question.readings if reading.name in by_name]
         if tried:
-            told = f"*The paper:* {question.silent} *Default:* {question.default}."
+            told = f"*What is open:* {question.silent} *Default:* {question.default}."
             parts += [f"### {question.title}", "", told, "", *_list_cells(default, tried), ""]
     return "\n".join(parts)
 
@@ -110,12 +110,13 @@ def show_cell(outcome: ReadingOutcome, claim: str) -> str:
 
 
 def _list_counts(outcomes: Sequence[ReadingOutcome]) -> Iterator[str]:
-    yield "| reading | | confirmed | partly | not | moved | better | worse |"
-    yield "|---|---|---:|---:|---:|---:|---|---|"
+    yield "| reading | confirmed | partly | not | moved | better | worse |"
+    yield "|---|---:|---:|---:|---:|---|---|"
     for outcome in outcomes:
         counts = " | ".join(str(outcome.counts[verdict]) for verdict in _TESTED)
         changed = " | ".join(", ".join(claims) for claims in (outcome.better, outcome.worse))
-        yield f"| {outcome.name} | {outcome.label} | {counts} | {len(outcome.moved)} | {changed} |"
+        name = f"**{outcome.name}** {outcome.label}".strip()
+        yield f"| {name} | {counts} | {len(outcome.moved)} | {changed} |"
 
 
 def _list_gains(default: ReadingOutcome, others: Sequence[ReadingOutcome]) -> Iterator[str]:
