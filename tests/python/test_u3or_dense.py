@@ -159,7 +159,7 @@ def test_benchmark_takes_the_given_normals(root: Path, dense: U3ORDense) -> None
     assert record.error == ""
     pair = stages.load_pair("u3or-dense", "rs12-chef", str(root))
     assert isinstance(pair, MatchingPair)
-    model, scene = stages._add_normals(pair)
+    model, scene = stages._add_normals(pair, pair.normals)
     np.testing.assert_array_equal(model.normals, dense.dense_model("chef").normals)
     assert scene.normals is not None
     towards = -np.sum(scene.normals * scene.points, axis=1)
