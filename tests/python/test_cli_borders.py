@@ -239,10 +239,13 @@ cli.main(["group", "matches.npz"])
         ("MemoryError()", 2, "not enough memory"),
         ("OSError(5, 'Input/output error', 'disk')", 2, "disk: Input/output error"),
         ("KeyboardInterrupt()", 130, "interrupted"),
+        ("exec('raise KeyboardInterrupt')", 130, "interrupted"),  # as in the making of a named tuple
     ],
 )
 def test_whatever_goes_wrong_is_one_line(folder: Path, error: str, status: int, says: str) -> None:
-    program = [sys.executable, "-c", BROKEN.format(error=error)]
+    (folder / "broken.py").write_text(BROKEN.format(error=error))
+    # As a module, as which the command line is run: what Python makes of an interrupt depends on it.
+    program = [sys.executable, "-m", "broken"]
     done = subprocess.run(program, cwd=folder, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (status, "")
     assert done.stderr.startswith(f"cgroup: {says}")

@@ -59,11 +59,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         status, message = _run(arguments)
     except KeyboardInterrupt:
+        status, message = INTERRUPTED, ""
+    if status == INTERRUPTED:  # also where typer has caught it
         # An interrupt within Python's own exec of a string would make the interpreter end by the signal,
         # unless another one comes to its end.
         exec("")  # noqa: S102
-        status, message = INTERRUPTED, ""
-    if status == INTERRUPTED:
         message = "interrupted"
     if message:
         write_error(f"cgroup: {escape(message)}")
