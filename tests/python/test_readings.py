@@ -313,7 +313,7 @@ def test_a_reading_that_agrees_with_the_paper_brings_its_claim_back() -> None:
 def test_claims_that_a_reading_cannot_move_are_not_moved() -> None:
     _, mended, _ = outcomes()
     assert "C-06" not in mended.moved  # NNSR, GC and 3DHV
-    assert mended.stability["C-06"] == outcomes()[0].stability["C-06"]
+    assert mended.verdicts["C-06"].stability == outcomes()[0].verdicts["C-06"].stability
 
 
 def test_claims_that_a_reading_makes_untestable_are_not_close() -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from cgroup.benchmark.readings.questions import read_questions
+from cgroup.benchmark.readings.questions import name_questions, read_questions
 from cgroup.benchmark.readings.tables import as_csv, as_markdown
 from cgroup.io import write_file
 from cgroup.plots import readings_figure
@@ -68,7 +68,7 @@ def write_readings(folder: Path, outcomes: Sequence[ReadingOutcome]) -> list[Pat
 
 def _list_cells(outcomes: Sequence[ReadingOutcome]) -> pd.DataFrame:
     """One row per claim and reading, as the figure takes them."""
-    asked = {reading.name: question.id for question in read_questions() for reading in question.readings}
+    asked = name_questions(read_questions())
     rows = [
         {
             "group": asked.get(outcome.name, ""),

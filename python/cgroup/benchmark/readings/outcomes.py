@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from cgroup._progress import ignore_progress
-from cgroup.benchmark.claims import CLAIMS, OUTCOMES, bootstrap_verdicts, check_claims
+from cgroup._values import as_count
+from cgroup.benchmark.claims import CLAIMS, OUTCOMES, RESAMPLES, check_claims, check_evidence, count_verdicts
+from cgroup.benchmark.claims.stability import bootstrap_outcomes
+from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.claims import Outcome, Stability, Verdict
+    from cgroup.benchmark.claims import Claim, Outcome, Verdict
     from cgroup.benchmark.readings.reading import Reading
 
 DEFAULT = "default"
@@ -32,9 +34,7 @@ class ReadingOutcome:
     name, label : str
         Of the reading.
     verdicts : dict of str to Verdict
-        By claim, in the paper's order.
-    stability : dict of str to Stability
-        How sure they are, by claim; without those that are not testable.
+        By claim, in the paper's order, with their stability.
     moved : frozenset of str
         Claims of which a number that is quoted, or the data, is another than under the default.
     better, worse : tuple of str
@@ -53,23 +53,21 @@ class ReadingOutcome:
     name: str
     label: str
     verdicts: dict[str, Verdict]
-    stability: dict[str, Stability]
     moved: frozenset[str] = frozenset()
     better: tuple[str, ...] = ()
     worse: tuple[str, ...] = ()
 
     @property
-    def counts(self) -> dict[Outcome, int]:
+    def counts(self) -> dict[str, int]:
         """How many claims have which verdict.
 
         Examples
         --------
         >>> from cgroup.benchmark.readings import ReadingOutcome
-        >>> ReadingOutcome("none", "", {}, {}).counts
+        >>> ReadingOutcome("none", "", {}).counts
         {'confirmed': 0, 'partly': 0, 'not confirmed': 0, 'not testable': 0}
         """
-        counted = Counter(verdict.verdict for verdict in self.verdicts.values())
-        return {outcome: counted[outcome] for outcome in OUTCOMES}
+        return count_verdicts(self.verdicts.values())
 
     def is_close(self, claim: str) -> bool:
         """Tell whether another draw of the pairs would often give another verdict.
@@ -87,10 +85,14 @@ class ReadingOutcome:
         Examples
         --------
         >>> from cgroup.benchmark.readings import ReadingOutcome
-        >>> ReadingOutcome("none", "", {}, {}).is_close("C-01")
+        >>> import pandas as pd
+        >>> from cgroup.benchmark.readings import judge_readings
+        >>> (default,) = judge_readings(pd.DataFrame(), pd.DataFrame(), [])  # no records
+        >>> default.is_close("C-01")
         False
         """
-        return claim in self.stability and self.stability[claim].close
+        stability = self.verdicts[claim].stability
+        return stability is not None and stability.close
 
 
 def judge_readings(
@@ -98,7 +100,7 @@ def judge_readings(
     timing: pd.DataFrame,
     readings: Sequence[Reading],
     *,
-    resamples: int = 200,
+    resamples: int = RESAMPLES,
     progress: Callable[[str, int, int], Any] | None = None,
 ) -> list[ReadingOutcome]:
     """Check the paper's claims on the records of every reading.
@@ -150,34 +152,32 @@ def judge_readings(
     ... ]
     ['default', 'gtm-20']
     """
-    tell = progress or ignore_progress
+    tell, resamples = progress or ignore_progress, as_count("resamples", resamples, 1)
     tell("judge", 0, 1 + len(readings))
-    plain = select_default(frame), select_times(timing)
-    verdicts = {verdict.id: verdict for verdict in check_claims(*plain)}
-    default = ReadingOutcome(DEFAULT, "", verdicts, bootstrap_verdicts(*plain, resamples=resamples))
-    outcomes = [default]
+    default = check_claims(select_default(frame), select_times(timing), resamples=resamples)
+    before = {verdict.id: verdict for verdict in default}
+    outcomes = [ReadingOutcome(DEFAULT, "", before)]
     for reading in readings:
         tell("judge", len(outcomes), 1 + len(readings))
-        records = select_reading(frame, reading), select_times(timing, reading)
-        outcomes.append(_judge(records, reading, default, resamples))
+        evidence = Evidence(select_reading(frame, reading), select_times(timing, reading))
+        outcomes.append(_judge(evidence, reading, before, resamples))
     tell("judge", len(outcomes), len(outcomes))
     return outcomes
 
 
 def _judge(
-    records: tuple[pd.DataFrame, pd.DataFrame], reading: Reading, default: ReadingOutcome, resamples: int
+    evidence: Evidence, reading: Reading, before: dict[str, Verdict], resamples: int
 ) -> ReadingOutcome:
-    verdicts = {verdict.id: verdict for verdict in check_claims(*records)}
-    before = default.verdicts
+    verdicts = {verdict.id: verdict for verdict in check_evidence(evidence)}
     moved = [claim for claim in CLAIMS if _numbers(verdicts[claim.id]) != _numbers(before[claim.id])]
-    stability = bootstrap_verdicts(*records, resamples=resamples, claims=moved)
     change = {claim.id: _count_steps(before[claim.id], verdicts[claim.id]) for claim in moved}
-    unmoved = {claim: known for claim, known in default.stability.items() if claim not in change}
+    found: dict[Claim, Outcome] = {claim: verdicts[claim.id].verdict for claim in moved}
+    drawn = bootstrap_outcomes(evidence, found, resamples=resamples)
+    known = {claim: drawn.get(claim) if claim in change else before[claim].stability for claim in verdicts}
     return ReadingOutcome(
         reading.name,
         reading.label,
-        verdicts,
-        unmoved | stability,
+        {claim: replace(verdict, stability=known[claim]) for claim, verdict in verdicts.items()},
         frozenset(change),
         tuple(claim for claim, steps in change.items() if steps > 0),
         tuple(claim for claim, steps in change.items() if steps < 0),

@@ -19,7 +19,7 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
 
 class Question(Table):
@@ -119,6 +119,22 @@ def list_readings(names: Sequence[str] | None = None) -> list[Reading]:
         for reading in question.readings
         if names is None or question.id in names or reading.name in names
     ]
+
+
+def name_questions(questions: Iterable[Question]) -> dict[str, str]:
+    """Name the question that each reading answers.
+
+    Parameters
+    ----------
+    questions : iterable of Question
+        With their readings.
+
+    Returns
+    -------
+    dict of str to str
+        Ids of questions, by the readings' names.
+    """
+    return {reading.name: question.id for question in questions for reading in question.readings}
 
 
 def _resolve(reading: Reading, known: dict[str, Reading]) -> Reading:

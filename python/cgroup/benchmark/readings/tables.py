@@ -7,6 +7,7 @@ import io
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.claims import CLAIMS
+from cgroup.benchmark.readings.questions import name_questions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -74,14 +75,13 @@ def as_csv(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question]) ->
     str
         With a header.
     """
-    asked = {reading.name: question.id for question in questions for reading in question.readings}
+    asked = name_questions(questions)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
     for outcome in outcomes:
         for claim, verdict in outcome.verdicts.items():
-            known = outcome.stability.get(claim)
-            share = "" if known is None else f"{known.share:.3f}"
+            share = "" if verdict.stability is None else f"{verdict.stability.share:.3f}"
             judged = (verdict.verdict, verdict.held, verdict.tests, share, outcome.is_close(claim))
             what = (asked.get(outcome.name, ""), outcome.name, claim)
             writer.writerow((*what, *judged, claim in outcome.moved, verdict.measured))
