@@ -17,7 +17,7 @@ import warnings as _warnings
 
 from cgroup import _start
 
-_start.leave_when_interrupted()  # before anything that takes time
+_start.watch_for_interrupts()  # before anything that takes time
 
 from cgroup import _core
 from cgroup._core import __version__

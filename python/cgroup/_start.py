@@ -1,31 +1,77 @@
-"""Ctrl-C while the command line is being loaded: one line and its exit status, as later on.
+"""Ctrl-C while the command line, or a module that it needs, is being loaded, and while Python ends.
 
-Loading takes some tenths of a second, before `cgroup.cli` can catch anything. Where the package is loaded as
-a library, and in workers, nothing is changed.
+Then, too, it is one line and its exit status. Loading the command line takes some tenths of a second, before
+`cgroup.cli` can catch anything. Where the package is loaded as a library, and in workers, nothing is changed.
 """
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
+import time
+from _thread import get_ident, start_new_thread
 from contextlib import suppress
-from typing import NoReturn
+from importlib.machinery import ExtensionFileLoader
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import FrameType
+
+    Handler = Callable[[int, FrameType | None], None] | signal.Handlers
 
 INTERRUPTED = 130
 """Exit status of an interrupted command: 128 and the number of the signal."""
 
+_COMPILED_LOADING = (ExtensionFileLoader.create_module.__code__, ExtensionFileLoader.exec_module.__code__)
+"""What runs as long as a compiled module is being loaded."""
+
+_SECONDS_UNTIL_AGAIN = 0.01
+"""After which a signal that came where it couldn't be raised is sent again."""
+
+
+def watch_for_interrupts() -> None:
+    """Let Ctrl-C end this process in good order from now on, if it is the command line; call it once."""
+    leave_when_interrupted()
+    if signal.getsignal(signal.SIGINT) is _leave:
+        sys.unraisablehook = _send_again_or_print
+        # Runs after everything else that is to run at exit; afterwards Ctrl-C would kill what is done.
+        atexit.register(_on_interrupt, signal.SIG_IGN)
+
 
 def leave_when_interrupted() -> None:
     """End the process at Ctrl-C, if this is the command line and Ctrl-C would otherwise raise."""
-    if is_command_line() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    if is_command_line() and signal.getsignal(signal.SIGINT) in (signal.default_int_handler, _raise):
         _on_interrupt(_leave)
 
 
 def raise_when_interrupted() -> None:
     """Let Ctrl-C raise `KeyboardInterrupt` again."""
     if signal.getsignal(signal.SIGINT) is _leave:
-        _on_interrupt(signal.default_int_handler)
+        _on_interrupt(_raise)
+
+
+def once_loaded(handle: Callable[[int, FrameType | None], None]) -> Handler:
+    """Let a handler that raises wait until no compiled module is being loaded.
+
+    One that is cut short may turn the interrupt into an `ImportError`, and abort the process at its end.
+    """
+
+    def handle_once_loaded(number: int, frame: FrameType | None) -> None:
+        if _loads_compiled_module(frame):
+            _send_again(number)
+        else:
+            _handled.append(number)
+            handle(number, frame)
+
+    return handle_once_loaded
+
+
+def was_interrupted() -> bool:
+    """Whether an interrupt was raised, even if compiled code has made another error of it."""
+    return bool(_handled)
 
 
 def is_command_line() -> bool:
@@ -36,9 +82,39 @@ def is_command_line() -> bool:
     return as_script or ("-m" in given and given[given.index("-m") + 1 :][:1] == ["cgroup"])
 
 
-def _on_interrupt(handler: object) -> None:
+def _on_interrupt(handle: Handler) -> None:
     with suppress(ValueError):  # only the main thread may
-        signal.signal(signal.SIGINT, handler)  # pyright: ignore[reportArgumentType]
+        signal.signal(signal.SIGINT, handle)
+
+
+_raise = once_loaded(signal.default_int_handler)
+_handled: list[int] = []
+
+
+def _loads_compiled_module(frame: FrameType | None) -> bool:
+    while frame is not None and frame.f_code not in _COMPILED_LOADING:
+        frame = frame.f_back
+    return frame is not None
+
+
+def _send_again_or_print(lost: sys.UnraisableHookArgs) -> None:
+    """Print an error that a callback couldn't raise, unless it is an interrupt, which comes again."""
+    if issubclass(lost.exc_type, KeyboardInterrupt):
+        _send_again(signal.SIGINT)
+    else:
+        sys.__unraisablehook__(lost)
+
+
+def _send_again(number: int) -> None:
+    start_new_thread(_send_later, (number, get_ident()))
+
+
+def _send_later(number: int, thread: int) -> None:
+    time.sleep(_SECONDS_UNTIL_AGAIN)
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(thread, number)  # wakes it where it waits
+    else:
+        signal.raise_signal(number)
 
 
 def _leave(*_: object) -> NoReturn:

@@ -213,6 +213,92 @@ def test_an_interrupt_at_any_moment_is_one_line(folder: Path, moment: int) -> No
     assert (running.returncode, said) in [(130, [b"cgroup: interrupted"]), (0, [])]
 
 
+IN_COMPILED_MODULE = """
+import signal, sys
+from importlib.machinery import ExtensionFileLoader
+
+def interrupt(frame, *_):
+    is_called_by_module = not frame.f_code.co_filename.startswith("<frozen importlib")
+    while is_called_by_module and frame is not None:
+        if frame.f_code is ExtensionFileLoader.exec_module.__code__ and "ft2font" in str(frame.f_locals):
+            sys.setprofile(None)
+            signal.raise_signal(signal.SIGINT)
+            return
+        frame = frame.f_back
+
+sys.setprofile(interrupt)
+"""
+
+IN_COMPILED_CALL = """
+import signal, sys
+
+def stop(frame, *_):
+    if frame.f_code.co_name == "standin_pair":
+        sys.setprofile(None)
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ValueError("Invalid matrix") from None
+
+sys.setprofile(stop)
+"""
+
+IN_CALLBACK = """
+import signal, sys
+
+class Callback:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+
+def interrupt(frame, *_):
+    if frame.f_code.co_name == "standin_pair":
+        sys.setprofile(None)
+        Callback()
+
+sys.setprofile(interrupt)
+"""
+
+AFTER_THE_LAST_LINE = """
+import signal, sys
+
+class Last:
+    def __del__(self, interrupt=signal.raise_signal, number=signal.SIGINT):
+        interrupt(number)
+
+sys.last = Last()
+"""
+
+
+def run_interrupted(*arguments: str, how: str, folder: Path) -> tuple[int, str]:
+    (folder / "sitecustomize.py").write_text(how)
+    path = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+    done = subprocess.run(
+        [sys.executable, "-m", "cgroup", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path)},
+    )
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize(
+    "how",
+    [IN_COMPILED_MODULE, IN_COMPILED_CALL, IN_CALLBACK],
+    ids=["compiled module", "compiled call", "callback"],
+)
+def test_an_interrupt_that_others_would_hide_is_one(folder: Path, how: str) -> None:
+    """matplotlib's modules would make an `ImportError` of it and abort the process, its functions make a
+    `ValueError` of it, and Python's callbacks print it.
+    """
+    assert run_interrupted("demo", "--out", "demo", how=how, folder=folder) == (130, "cgroup: interrupted\n")
+
+
+def test_an_interrupt_changes_nothing_of_a_command_that_is_done(folder: Path) -> None:
+    assert run_interrupted("--version", how=AFTER_THE_LAST_LINE, folder=folder) == (0, "")
+
+
 # --- whatever nobody foresaw ---------------------------------------------------------------------
 
 BROKEN = """

@@ -79,6 +79,8 @@ def _run(arguments: Sequence[str] | None) -> tuple[int, str]:
             try:
                 return app(args=given, prog_name="cgroup", standalone_mode=False) or 0, ""
             except Exception as error:
+                if _start.was_interrupted():
+                    raise KeyboardInterrupt from error
                 print_failure(given, error, *_explain(error))
                 raise
     except Exception as error:  # noqa: BLE001 - a user can do nothing with a traceback

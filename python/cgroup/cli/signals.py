@@ -7,6 +7,8 @@ import signal
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
+from cgroup._start import once_loaded
+
 if TYPE_CHECKING:
     from collections.abc import Generator
     from types import FrameType
@@ -50,7 +52,7 @@ def stop_on_signals() -> Generator[None, None, None]:
     before = {number: signal.getsignal(number) for number in numbers}
     for number, handler in before.items():
         if handler not in (signal.SIG_IGN, None):
-            signal.signal(number, stop)
+            signal.signal(number, once_loaded(stop))
     try:
         yield
     finally:
