@@ -30,6 +30,7 @@ from cgroup.benchmark.readings import (
 from cgroup.benchmark.readings.files import _list_cells
 from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
 from cgroup.benchmark.readings.tables import CLOSE_MARK, as_csv, as_markdown
+from cgroup.benchmark.records.means import add_scores
 from cgroup.benchmark.run import run
 from cgroup.errors import InputError
 from cgroup.plots import readings_figure
@@ -71,7 +72,7 @@ def labels(entry: ExperimentEntry) -> list[str]:
 
 def test_every_reading_asks_for_something_of_the_preset() -> None:
     for reading in list_readings():
-        judged_only = reading.solvable or reading.without or reading.times
+        judged_only = reading.solvable or reading.without or reading.times or reading.average != "macro"
         assert entries(reading.name) or judged_only, reading.name
 
 
@@ -260,6 +261,22 @@ def test_judging_otherwise_leaves_out_what_it_says() -> None:
     assert list(select_reading(frame, counts)["experiments"]) == [("clutter",), ("matches",)]
     frame.loc[0, "correct"] = 0
     assert list(select_reading(frame, solvable)["precision"]) == [0.2]
+
+
+def test_scores_of_all_matches_together_are_not_means_of_pairs() -> None:
+    frame = paper_frame("noise")
+    few = frame["pair"] == "scene0"  # a tenth of the matches of the others, and none of them found
+    found = frame["selected_correct"].where(~few, 0)
+    counts = {name: frame[name].where(~few, frame[name] // 10) for name in ("n", "correct", "selected")}
+    frame = frame.assign(selected_correct=found, **counts)
+    add_scores(frame)
+    [pooled] = list_readings(["pooled"])
+    together = pooled.model_copy(update={"parts": (*list_readings(["solvable"]), pooled)})
+    default, *outcomes = judge_readings(frame, paper_timing(), [pooled, together], resamples=1)
+    assert default.verdicts["C-07"].held == 0
+    for outcome in outcomes:
+        assert outcome.verdicts["C-07"].held > 30
+        assert "C-07" in outcome.better
 
 
 def test_times_are_those_of_the_other_solver_where_it_has_been_timed() -> None:

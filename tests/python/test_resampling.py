@@ -10,10 +10,12 @@ import pytest
 from benchmark_frames import paper_frame
 from repeated_rows import repeat_rows, uneven
 
+from cgroup.benchmark import records
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.resampling import PairDraws, resample_evidence
 
 if TYPE_CHECKING:
+    from cgroup.benchmark.averages import Average
     from cgroup.benchmark.sample import Sample
 
 NO_TIMES = pd.DataFrame()
@@ -50,6 +52,36 @@ def test_means_of_a_resample_are_those_of_rows_that_are_repeated() -> None:
             assert_same(resample.sample(experiment, place), repeated.sample(experiment, place))
         methods = ("gc+ransac", "ransac")
         assert_same(resample.same_cases("U3OR", methods), repeated.same_cases("U3OR", methods))
+
+
+@pytest.mark.parametrize("average", ["macro", "pooled", "f_of_means"])
+def test_averages_are_those_of_the_records(average: Average) -> None:
+    evidence = Evidence(uneven(paper_frame()), NO_TIMES, average=average)
+    how = "pooled" if average == "pooled" else "macro"
+    for experiment, place in SAMPLES:
+        sample = evidence.sample(experiment, place)
+        for column in ("precision", "recall", "f_score", "seconds"):
+            wanted = "f_of_means" if (average, column) == ("f_of_means", "f_score") else column
+            by_level = records.aggregate(sample.rows, ["x", "method"], how).pivot_table(
+                index="x", columns="method", values=wanted
+            )
+            np.testing.assert_allclose(sample.by_level(column), by_level)
+            overall = records.aggregate(sample.rows, ["method"], how)[wanted]
+            np.testing.assert_allclose(sample.overall(column), overall)
+        pairs = sample.rows.drop_duplicates(["pair", "x", "epsilon"])
+        ratios = records.aggregate(pairs, ["x"], how)["inlier_ratio"]
+        np.testing.assert_allclose(sample.matches("inlier_ratio"), ratios)
+
+
+@pytest.mark.parametrize("average", ["pooled", "f_of_means"])
+def test_other_averages_of_a_resample_are_those_of_rows_that_are_repeated(average: Average) -> None:
+    frame = uneven(paper_frame("clutter", "combinations"))
+    draws = PairDraws.make(frame, 1, 5)
+    evidence = Evidence(frame, NO_TIMES, average=average)
+    repeated = Evidence(repeat_rows(frame, draws, 0), NO_TIMES, average=average)
+    [resample] = resample_evidence(evidence, 1, seed=5)
+    for experiment, place in (("clutter", "U3OR"), ("combinations", "U3M")):
+        assert_same(resample.sample(experiment, place), repeated.sample(experiment, place))
 
 
 def test_a_resample_has_the_levels_and_methods_of_its_pairs() -> None:

@@ -21,6 +21,7 @@ from cgroup.registry import PAPER_METHODS
 if TYPE_CHECKING:
     import pandas as pd
 
+    from cgroup.benchmark.averages import Average
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
 
@@ -44,11 +45,14 @@ class Evidence:
         Times of the timing experiment; may have no rows.
     methods : tuple of str
         Methods that claims are about; the paper's nine by default.
+    average : {"macro", "pooled", "f_of_means"}
+        How the scores of several pairs become one.
     """
 
     frame: pd.DataFrame
     timing: pd.DataFrame
     methods: tuple[str, ...] = PAPER_METHODS
+    average: Average = "macro"
     _samples: dict[tuple[str, str, bool], Sample | None] = field(default_factory=dict, repr=False)
     _shared: dict[tuple[str, tuple[str, ...]], Sample | None] = field(default_factory=dict, repr=False)
 
@@ -155,7 +159,7 @@ class Evidence:
                 # The paper has no pairs outside its levels, such as views that hardly overlap.
                 rows = rows.assign(x=_find_levels(rows, experiment)).dropna(subset="x")
             if len(rows):
-                return Sample(experiment, place, dataset, PairSums(rows))
+                return Sample(experiment, place, dataset, PairSums(rows), average=self.average)
         return None
 
     def _find_same_cases(self, place: str, methods: tuple[str, ...]) -> Sample | None:
@@ -168,7 +172,7 @@ class Evidence:
             counts = chosen.groupby("case")["method"].nunique()
             shared = chosen[chosen["case"].isin(counts.index[counts == len(methods)])]
             if len(shared):
-                return Sample(VARIANTS, place, dataset, PairSums(shared.assign(x=0.0)))
+                return Sample(VARIANTS, place, dataset, PairSums(shared.assign(x=0.0)), average=self.average)
         return None
 
     def _select_experiment(self, experiment: Experiment) -> BoolArray:

@@ -14,12 +14,18 @@ import pandas as pd
 
 from cgroup.benchmark.pair_sums import PairSums, Totals
 from cgroup.benchmark.paper import GENERATED, OF_THE_PAPER
+from cgroup.evaluation.metrics import harmonic_mean, score_counts
 
 if TYPE_CHECKING:
+    from cgroup.benchmark.averages import Average
+    from cgroup.benchmark.pair_sums import Grouping
     from cgroup.benchmark.paper import Experiment
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
     Level: TypeAlias = float | str
+
+_COUNTS = ("n", "correct", "selected", "selected_correct")
+_FROM_COUNTS = ("inlier_ratio", "precision", "recall", "f_score")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +44,8 @@ class Sample:
         The records by level, method and pair.
     times : (n,) array of float, optional
         How often each of the table's pairs counts; once by default.
+    average : {"macro", "pooled", "f_of_means"}
+        How the scores of several pairs become one.
     """
 
     experiment: Experiment
@@ -45,6 +53,7 @@ class Sample:
     dataset: str
     table: PairSums
     times: FloatArray | None = None
+    average: Average = "macro"
     _means: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False)
 
     @property
@@ -80,7 +89,7 @@ class Sample:
     def by_level(self, column: str) -> pd.DataFrame:
         """Mean over pairs: one row per level, one column per method."""
         if column not in self._means:
-            means = self._merge_levels(self.table.total(column, "cells", self._times)).means()
+            means = self._average(column, "cells")
             known = ~np.isnan(means)
             levels, methods = known.any(axis=1), known.any(axis=0)
             self._means[column] = pd.DataFrame(
@@ -92,12 +101,11 @@ class Sample:
 
     def overall(self, column: str) -> pd.Series:
         """Mean over all records of each method, at all levels."""
-        means = self.table.total(column, "methods", self._times).means()[0]
-        return self._by_method(means, column)
+        return self._by_method(self._average(column, "methods")[0], column)
 
     def matches(self, column: str) -> pd.Series:
         """Mean over pairs of a number that no method has a part in, by level."""
-        means = self._merge_levels(self.table.total(column, "levels", self._times)).means()[:, 0]
+        means = self._average(column, "levels")[:, 0]
         return pd.Series(means, index=self._levels[0], name=column)
 
     def smallest_steps(self, column: str) -> pd.Series:
@@ -147,6 +155,21 @@ class Sample:
     def description(self) -> str:
         """The data set, what it stands in for, where its pairs come from and how many there are."""
         return describe_rows(self.rows, self.dataset, self.place)
+
+    def _average(self, column: str, grouping: Grouping) -> FloatArray:
+        """Average a column over pairs: (levels,methods), (1,methods) or (levels,1); NaN for no pair."""
+        totals = self._total(column, grouping)
+        if self.average == "pooled" and column in _FROM_COUNTS:
+            scores = score_counts(*(self._total(name, grouping).sums for name in _COUNTS))
+            return np.where(totals.counts > 0, getattr(scores, column), np.nan)
+        if self.average == "f_of_means" and column == "f_score":
+            precision, recall = (self._total(name, grouping).means() for name in ("precision", "recall"))
+            return harmonic_mean(precision, recall)
+        return totals.means()
+
+    def _total(self, column: str, grouping: Grouping) -> Totals:
+        totals = self.table.total(column, grouping, self._times)
+        return totals if grouping == "methods" else self._merge_levels(totals)
 
     def _by_method(self, values: FloatArray, column: str) -> pd.Series:
         there = self._has_method

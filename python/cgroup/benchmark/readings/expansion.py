@@ -167,7 +167,6 @@ def _change(
     entry |= {"front": entry.get("front", {}) | front} if front else {}
     entry |= {"epsilons": epsilons[-1]} if epsilons else {}
     for change in changes:
-        entry |= {"pairs": change.pairs[base.id]} if base.id in change.pairs else {}
         entry |= {"levels": change.levels[base.id]} if base.id in change.levels else {}
     return entry
 

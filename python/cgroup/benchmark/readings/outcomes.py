@@ -10,7 +10,12 @@ from cgroup._values import as_count
 from cgroup.benchmark.claims import CLAIMS, OUTCOMES, RESAMPLES, check_claims, check_evidence, count_verdicts
 from cgroup.benchmark.claims.stability import bootstrap_outcomes
 from cgroup.benchmark.evidence import Evidence
-from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
+from cgroup.benchmark.readings.selection import (
+    find_average,
+    select_default,
+    select_reading,
+    select_times,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -159,7 +164,8 @@ def judge_readings(
     outcomes = [ReadingOutcome(DEFAULT, "", before)]
     for reading in readings:
         tell("judge", len(outcomes), 1 + len(readings))
-        evidence = Evidence(select_reading(frame, reading), select_times(timing, reading))
+        chosen, times = select_reading(frame, reading), select_times(timing, reading)
+        evidence = Evidence(chosen, times, average=find_average(reading))
         outcomes.append(_judge(evidence, reading, before, resamples))
     tell("judge", len(outcomes), len(outcomes))
     return outcomes

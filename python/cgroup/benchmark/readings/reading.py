@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
+from cgroup.benchmark.averages import Average
 from cgroup.benchmark.config.table import Positive, Table, as_list
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_list)]
@@ -34,6 +35,8 @@ class Reading(Table):
         By experiment, a data set whose records are left out.
     solvable : bool
         Whether pairs without a correct match are left out.
+    average : {"macro", "pooled", "f_of_means"}
+        How the scores of several pairs become one, see `cgroup.benchmark.averages`.
     times : dict of str to str
         Label of the timing experiment whose times a method has, by the method's own.
     experiments, combinations, data : tuple of str
@@ -41,8 +44,6 @@ class Reading(Table):
         default.
     only : tuple of str
         Methods that another front end makes a difference to; all by default.
-    pairs : dict of str to int
-        By experiment, how many pairs at most.
     levels : dict of str to tuple of float
         By experiment, other levels.
     together : tuple of str
@@ -74,12 +75,12 @@ class Reading(Table):
     epsilons: tuple[Positive, ...] = ()
     without: dict[str, str] = Field(default_factory=dict)
     solvable: bool = False
+    average: Average = "macro"
     times: dict[str, str] = Field(default_factory=dict)
     experiments: Names = ()
     combinations: Names = ()
     data: Names = ()
     only: Names = ()
-    pairs: dict[str, Annotated[int, Field(ge=1)]] = Field(default_factory=dict)
     levels: dict[str, tuple[Positive, ...]] = Field(default_factory=dict)
     together: Names = ()
     parts: tuple[Reading, ...] = ()

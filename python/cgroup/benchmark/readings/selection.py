@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from cgroup.benchmark.averages import Average
     from cgroup.benchmark.readings.reading import Reading
 
 
@@ -103,6 +104,23 @@ def select_times(timing: pd.DataFrame, reading: Reading | None = None) -> pd.Dat
             rest = timing[(timing["method"] != method) & timing["n"].isin(found["n"])]
             timing = found if rest.empty else _concat(rest, found)
     return timing
+
+
+def find_average(reading: Reading) -> Average:
+    """Find how a reading averages pairs.
+
+    Parameters
+    ----------
+    reading : Reading
+        Which.
+
+    Returns
+    -------
+    "macro", "pooled" or "f_of_means"
+        Of several readings together, what the last one that differs from the default has.
+    """
+    averages = [change.average for change in reading.changes if change.average != "macro"]
+    return averages[-1] if averages else "macro"
 
 
 def _concat(*frames: pd.DataFrame) -> pd.DataFrame:
