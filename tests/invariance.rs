@@ -6,13 +6,20 @@ use cgroup::Execution;
 use cgroup::grouping::geometric_consistency::{GeometricConsistency, Ties};
 use common::{Motion, Uniform, methods, problem};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+
+/// Where CI is set, the same draws in every run, as Hypothesis has them: what fails there was caused by the change.
+fn config() -> ProptestConfig {
+    let rng_seed = if std::env::var_os("CI").is_some() { RngSeed::Fixed(0) } else { RngSeed::Random };
+    ProptestConfig { cases: 24, rng_seed, ..ProptestConfig::default() }
+}
 
 fn fails(error: impl std::fmt::Display) -> TestCaseError {
     TestCaseError::fail(error.to_string())
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(config())]
 
     #[test]
     fn rigid_motion_of_either_side(seed in 0_u64..10_000, n in 3_usize..120, share in 0.1..0.9) {
@@ -47,10 +54,11 @@ proptest! {
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         let order: Vec<usize> = order.into_iter().map(|(_, i)| i).collect();
         let shuffled = plain.reordered(&order);
-        // Two that contradict each other tie, so there are three at least. RANSAC samples rows by number, of several largest stars GC takes that of the lowest one, TEASER++ goes from row
-        // to row, and CLIPPER starts from a random number of each row.
+        // Two that contradict each other tie, so there are three at least. RANSAC samples rows by number, of several
+        // largest stars GC takes that of the lowest one, TEASER++ goes from row to row, CLIPPER starts from a random
+        // number of each row, and TurboReg finds a triangle from its two lowest rows and takes the first of the best.
         let mut methods = methods();
-        methods.retain(|(name, _)| !["ransac", "gc", "teaser", "clipper"].contains(name));
+        methods.retain(|(name, _)| !["ransac", "gc", "teaser", "clipper", "turboreg"].contains(name));
         let every_star = GeometricConsistency { ties: Ties::Union, ..GeometricConsistency::default() };
         methods.push(("gc", Box::new(every_star)));
         for (name, method) in methods {
