@@ -37,6 +37,7 @@ from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
 from cgroup.evaluation import PROTOCOLS, clutter_and_occlusion, correct_matches, overlap, within
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
 from cgroup.io import read_cloud, read_transform, write_cloud
 from cgroup.registration import correspond
 from cgroup.rigid import apply, check_rigid, invert
@@ -294,6 +295,32 @@ def test_standin_views_overlap_less_and_less() -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "pair_name", "usual"),
+    [("standin-clutter", "scene0-stone2", VISIBLE_WITHIN), ("standin-views", "views5", OVERLAP_WITHIN)],
+)
+def test_facts_are_measured_with_the_bound_that_is_asked_for(name: str, pair_name: str, usual: float) -> None:
+    dataset, facts = open_dataset(name), standin(name, pair_name).facts
+    assert dataset.measure_facts(pair_name, bound=usual) == facts
+    for fact, tight, wide in (("clutter", 0.99, 0.01), ("occlusion", 0.99, 0.01), ("overlap", 0.01, 0.99)):
+        if fact in facts:
+            shares = [dataset.measure_facts(pair_name, bound=bound)[fact] for bound in (0.01, usual, 1000)]
+            assert shares in (sorted(shares), sorted(shares, reverse=True))
+            assert abs(shares[0] - tight) < 0.05
+            assert abs(shares[2] - wide) < abs(shares[1] - wide)
+    for bound in (0, -1, np.nan, np.inf):
+        with pytest.raises(InputError, match="bound: got"):
+            dataset.measure_facts(pair_name, bound=bound)
+    with pytest.raises(InputError, match="no pair 'x'"):
+        dataset.measure_facts("x", bound=2)
+
+
+def test_pairs_without_such_facts_have_none_to_be_measured() -> None:
+    assert open_dataset("standin-full").measure_facts("stone2", bound=2) == {}
+    matches = open_dataset("generated-matches")
+    assert matches.measure_facts(matches.pair_names()[0], bound=2) == {}
+
+
+@pytest.mark.parametrize(
     ("name", "pair_name", "share"),
     [
         ("standin-full", "stone2", 0.95),
@@ -441,6 +468,10 @@ def test_u3or_simulates_the_scenes_that_are_missing(u3or: Path) -> None:
     assert 0.5 < pair.facts["clutter"] < 0.8
     computed = matching(dataset, "rs12-chef")  # nothing is published
     assert 0.5 < computed.facts["occlusion"] < 0.8
+    assert dataset.measure_facts("rs12-chef", bound=VISIBLE_WITHIN) == computed.facts
+    measured = dataset.measure_facts("rs12-T-rex", bound=VISIBLE_WITHIN)
+    assert measured["clutter"] == pair.facts["clutter"]
+    assert measured["occlusion"] != pair.facts["occlusion"]
     again = matching(dataset, "rs12-T-rex")  # from the cache
     np.testing.assert_array_equal(again.target.points, pair.target.points)
 

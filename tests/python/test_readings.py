@@ -17,28 +17,30 @@ from matplotlib.patches import Rectangle
 
 from cgroup.benchmark import records
 from cgroup.benchmark.claims import CLAIMS
-from cgroup.benchmark.config import Config, parse_config, read_config
+from cgroup.benchmark.config import Config, ExperimentEntry, parse_config, read_config
 from cgroup.benchmark.readings import (
     Reading,
     ReadingOutcome,
     add_readings,
     judge_readings,
     list_readings,
+    measurement,
     read_questions,
     write_readings,
 )
 from cgroup.benchmark.readings.files import _list_cells
+from cgroup.benchmark.readings.measurement import measure_again
 from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
 from cgroup.benchmark.readings.tables import CLOSE_MARK, as_csv, as_markdown
 from cgroup.benchmark.records.means import add_scores
 from cgroup.benchmark.run import run
+from cgroup.datasets import open_dataset
+from cgroup.datasets.generated.stones import StandinViews
 from cgroup.errors import InputError
 from cgroup.plots import readings_figure
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from cgroup.benchmark.config import ExperimentEntry
 
 NO_TIMES = pd.DataFrame()
 
@@ -72,8 +74,8 @@ def labels(entry: ExperimentEntry) -> list[str]:
 
 def test_every_reading_asks_for_something_of_the_preset() -> None:
     for reading in list_readings():
-        judged_only = reading.solvable or reading.without or reading.times or reading.average != "macro"
-        assert entries(reading.name) or judged_only, reading.name
+        kept = reading.solvable or reading.without or reading.times or reading.average != "macro"
+        assert entries(reading.name) or kept or reading.facts, reading.name
 
 
 def test_names_are_unique_and_fit_into_tables() -> None:
@@ -277,6 +279,52 @@ def test_scores_of_all_matches_together_are_not_means_of_pairs() -> None:
     for outcome in outcomes:
         assert outcome.verdicts["C-07"].held > 30
         assert "C-07" in outcome.better
+
+
+def test_facts_of_the_pairs_are_measured_again(tmp_path: Path) -> None:
+    entries = [
+        ExperimentEntry(id="overlap", dataset="standin-views", pairs=["views3", "views9"]),
+        ExperimentEntry(
+            id="own", dataset="standin-views", pairs=["views3"], nuisance="overlap", levels=[0.5]
+        ),
+        ExperimentEntry(id="noise", dataset="standin-full", pairs=1),
+    ]
+    run(Config(name="small", methods=["gc"], experiment=entries), tmp_path, backend="threading")
+    before = records.load(tmp_path)
+    [wide] = list_readings(["overlap-8"])
+    after = measure_again(before, wide, None)
+    plain = (after["dataset"] == "standin-views") & (after["nuisance"] == "")
+    views = open_dataset("standin-views")
+    for pair, share in after.loc[plain, ["pair", "overlap"]].itertuples(index=False):
+        assert share == views.measure_facts(pair, bound=8)["overlap"]
+    assert (after.loc[plain, "overlap"] > before.loc[plain, "overlap"]).all()
+    pd.testing.assert_frame_equal(after[~plain], before[~plain])
+    rest = [column for column in before.columns if column != "overlap"]
+    pd.testing.assert_frame_equal(after[rest], before[rest])
+    assert plain.sum() == 2
+
+
+def test_facts_that_a_data_set_does_not_measure_stay(tmp_path: Path) -> None:
+    before = paper_frame("clutter").assign(dataset="standin-full", pair="stone0")
+    [tight] = list_readings(["clutter-1"])
+    pd.testing.assert_frame_equal(measure_again(before, tight, tmp_path), before)
+
+
+def test_pairs_are_judged_at_the_levels_that_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = paper_frame("overlap")
+    frame = frame.assign(experiments=[tuple(names) for names in frame["experiments"]])
+    level = frame.set_index("pair")["overlap"].to_dict()
+
+    class Views(StandinViews):
+        def measure_facts(self, name: str, *, bound: float) -> dict[str, float]:
+            return {"overlap": max(level[name], bound / 10)}
+
+    monkeypatch.setattr(measurement, "open_dataset", lambda _name, root: Views(root))
+    default, wide = judge_readings(frame, paper_timing(), list_readings(["overlap-8"]), resamples=1)
+    assert default.verdicts["C-25"].tests == 14
+    assert wide.verdicts["C-25"].tests == 4  # .8 and .9
+    assert "C-25" in wide.moved
+    assert "C-56" not in wide.moved
 
 
 def test_times_are_those_of_the_other_solver_where_it_has_been_timed() -> None:

@@ -96,6 +96,7 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     ),
     "cgroup.datasets.Dataset.load": (lambda: STONES.load("nonsense"),),
     "cgroup.datasets.Dataset.origin_of": (lambda: STONES.origin_of("nonsense"),),
+    "cgroup.datasets.Dataset.measure_facts": (lambda: STONES.measure_facts("nonsense", bound=2),),
     "cgroup.datasets.Dataset.protocols_of": (lambda: STONES.protocols_of("nonsense"),),
     "cgroup.datasets.Dataset.subject_of": (lambda: STONES.subject_of("nonsense"),),
     "cgroup.datasets.Dataset.check_name": (lambda: STONES.check_name("nonsense"),),

@@ -87,7 +87,7 @@ def readings_command(
     with run_resumably(out, quiet=as_json) as report:
         summary = run(wanted, out, root=data, workers=workers, retry_failed=retry_failed, progress=report)
         loaded = records.load(out), records.load_timing(out)
-        outcomes = judge_readings(*loaded, readings, resamples=resamples, progress=report)
+        outcomes = judge_readings(*loaded, readings, root=data, resamples=resamples, progress=report)
     files = write_readings(out, outcomes)
     results = {
         "counted": counts_line(list(outcomes[0].verdicts.values())),

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
+from cgroup._values import as_length
 from cgroup.errors import InputError
-from cgroup.evaluation import within
-from cgroup.features import ORIGIN
+from cgroup.evaluation import overlap, within
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
+from cgroup.features import ORIGIN, resolution
 from cgroup.rigid import apply, invert
 
 if TYPE_CHECKING:
@@ -196,6 +198,41 @@ class Dataset(ABC):
         >>> open_dataset("standin-full").load("stone0").name
         'stone0'
         """
+
+    def measure_facts(self, name: str, *, bound: float) -> Mapping[str, float]:
+        """Measure overlap, or clutter and occlusion, once more, with another bound.
+
+        Parameters
+        ----------
+        name : str
+            One of `pair_names`.
+        bound : float
+            How far from a surface a point may be that lies on it, in resolutions (mean of both clouds).
+
+        Returns
+        -------
+        mapping of str to float
+            ``overlap`` of a pair that has this fact; ``clutter`` and ``occlusion`` where a subclass measures
+            them. Published facts are measured too.
+
+        Raises
+        ------
+        InputError
+            If there is no such pair, its files can't be worked with, or the bound isn't a length.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import open_dataset
+        >>> views = open_dataset("standin-views")
+        >>> for bound in (1, 4):
+        ...     print(round(views.measure_facts("views5", bound=bound)["overlap"], 2))
+        0.57
+        0.71
+        """
+        pair = self.load(name)
+        if not isinstance(pair, MatchingPair) or "overlap" not in pair.facts:
+            return {}
+        return {"overlap": measure_overlap(pair.source, pair.target, pair.T_target_source, bound)}
 
     def lacking_pairs(self) -> Mapping[str, Path]:
         """Return the pairs of which a file isn't there, with that file.
@@ -431,6 +468,14 @@ def dataset_folder(root: Path | str | None, folder: str, *, title: str, url: str
 def missing_file(path: Path, title: str, url: str) -> InputError:
     """Error for a data set that lacks a file."""
     return InputError(f"{path}: isn't there, but {title} needs it; get it from {url} (docs/datasets.md)")
+
+
+def measure_overlap(
+    source: PointCloud, target: PointCloud, T_target_source: FloatArray, bound: float = OVERLAP_WITHIN
+) -> float:
+    """Overlap of two views, with a bound in units of the mean of their resolutions."""
+    pr = (resolution(source.points) + resolution(target.points)) / 2
+    return overlap(source.points, target.points, T_target_source, tolerance=as_length("bound", bound) * pr)
 
 
 def fitting_pose(

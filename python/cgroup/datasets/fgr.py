@@ -16,13 +16,12 @@ from cgroup.datasets.base import (
     MatchingPair,
     dataset_folder,
     first_missing,
+    measure_overlap,
     missing_file,
     split_by_files,
 )
 from cgroup.datasets.redwood_log import read_log
 from cgroup.errors import InputError
-from cgroup.evaluation import overlap
-from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import read_cloud
 from cgroup.io._files import read_content
 from cgroup.io._numpy_files import read_arrays
@@ -136,8 +135,7 @@ class FGRClouds(_FGRPairs):
     def load(self, name: str) -> MatchingPair:
         """Read both clouds, and compute their overlap."""
         source, target, pose = self._read(name)
-        pr = (features.resolution(source.points) + features.resolution(target.points)) / 2
-        shared = overlap(source.points, target.points, pose, tolerance=OVERLAP_WITHIN * pr)
+        shared = measure_overlap(source, target, pose)
         return MatchingPair(name, source, target, pose, facts={"overlap": shared})
 
 

@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from cgroup import features
-from cgroup.datasets.base import Dataset, MatchingPair, dataset_folder, missing_file, split_by_files
+from cgroup.datasets.base import (
+    Dataset,
+    MatchingPair,
+    dataset_folder,
+    measure_overlap,
+    missing_file,
+    split_by_files,
+)
 from cgroup.datasets.cache import cached
 from cgroup.datasets.manifest import manifest_entry
 from cgroup.errors import InputError
-from cgroup.evaluation import overlap
-from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import read_cloud
 from cgroup.io._files import load_text
 from cgroup.rigid import invert
@@ -27,7 +31,7 @@ if TYPE_CHECKING:
 
     from cgroup.datasets.base import Origin, Role
     from cgroup.features import Viewpoint
-    from cgroup.types import FloatArray, PointCloud
+    from cgroup.types import FloatArray
 
 URL = "http://graphics.stanford.edu/data/3Dscanrep (range data of bunny, happy buddha, ...)"
 
@@ -107,7 +111,7 @@ class StanfordViews(Dataset):
         first, second = self._views(name)
         source, target = read_cloud(first.path), read_cloud(second.path)
         pose = _between(first, second)
-        shared = _overlap(source, target, pose)
+        shared = measure_overlap(source, target, pose)
         return MatchingPair(name, source, target, pose, SCANNER, SCANNER, facts={"overlap": shared})
 
     def _find_lacking(self, pair: _Listed) -> Path | None:
@@ -201,16 +205,11 @@ def _between(source: _View, target: _View) -> FloatArray:
     return invert(target.T_world_view) @ source.T_world_view
 
 
-def _overlap(source: PointCloud, target: PointCloud, pose: FloatArray) -> float:
-    pr = (features.resolution(source.points) + features.resolution(target.points)) / 2
-    return overlap(source.points, target.points, pose, tolerance=OVERLAP_WITHIN * pr)
-
-
 def _all_overlaps(views: dict[str, _View], files: dict[str, Path]) -> FloatArray:
     clouds = {stem: read_cloud(path) for stem, path in files.items()}
     return np.array(
         [
-            _overlap(clouds[a], clouds[b], _between(views[a], views[b]))
+            measure_overlap(clouds[a], clouds[b], _between(views[a], views[b]))
             for a, b in itertools.combinations(views, 2)
         ]
     )

@@ -7,11 +7,12 @@ scenes, IEEE TPAMI 28(10), 2006.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from cgroup import features
+from cgroup._values import as_length
 from cgroup.datasets.base import (
     Dataset,
     MatchingPair,
@@ -57,6 +58,27 @@ _EARLIER_POSES = {(6, "parasaurolophus"): "parasaurolophus-rs6-old.xf"}
 _OCCLUSION_NAMES = {"chef": "chef", "chicken": "chicken", "para": "parasaurolophus", "trex": "T-rex"}
 _FITTING_WITHIN = 2.0  # pr
 _SIMULATION = "1"  # to be raised when simulated scenes change, so that the cache is made anew
+
+
+class _Posed(NamedTuple):
+    """A model and the scene that it is in, as meshes."""
+
+    model: PointCloud
+    scene: PointCloud
+    T_scene_model: FloatArray
+    pr: float
+
+    def measure_facts(self, bound: float) -> dict[str, float]:
+        model, scene = self.model, self.scene
+        clutter, occlusion = clutter_and_occlusion(
+            model.points,
+            _faces(model),
+            scene.points,
+            _faces(scene),
+            self.T_scene_model,
+            tolerance=as_length("bound", bound) * self.pr,
+        )
+        return {"clutter": clutter, "occlusion": occlusion}
 
 
 class U3OR(Dataset):
@@ -110,27 +132,16 @@ class U3OR(Dataset):
 
     def load(self, name: str) -> MatchingPair:
         """Read the model, and read or simulate the scene."""
-        scene_number, model_name = self._parse(name)
-        model, scene = self.model(model_name), self.scene(scene_number)
-        pr = (features.resolution(model.points) + features.resolution(scene.points)) / 2
-        path = self._poses[scene_number, model_name]
-        pose = fitting_pose(
-            read_transform(path),
-            model.points,
-            scene.points,
-            tolerance=_FITTING_WITHIN * pr,
-            origin=str(path),
-        )
-        clutter, occlusion = clutter_and_occlusion(
-            model.points, _faces(model), scene.points, _faces(scene), pose, tolerance=VISIBLE_WITHIN * pr
-        )
-        facts = {
-            "clutter": clutter,
-            "occlusion": self._occlusions.get((scene_number, model_name), occlusion),
-        }
+        posed = self._pose(name)
+        facts = posed.measure_facts(VISIBLE_WITHIN)
+        facts["occlusion"] = self._occlusions.get(self._pairs[name], facts["occlusion"])
         # A scan's normals are turned towards the scanner, so the scene goes in without its faces.
-        seen = PointCloud(scene.points)
-        return MatchingPair(name, model, seen, pose, normals="mesh", facts=facts)
+        seen = PointCloud(posed.scene.points)
+        return MatchingPair(name, posed.model, seen, posed.T_scene_model, normals="mesh", facts=facts)
+
+    def measure_facts(self, name: str, *, bound: float) -> dict[str, float]:
+        """Measure clutter and occlusion with another bound; occlusion also where it is published."""
+        return self._pose(name).measure_facts(bound)
 
     def model(self, name: str) -> PointCloud:
         """Read a model mesh, in the frame that the poses are for."""
@@ -152,6 +163,20 @@ class U3OR(Dataset):
         key = [_SIMULATION, str(PIXEL), *self._content(poses)]
         arrays = cached("u3or", key, lambda: self._look_at(poses))
         return PointCloud(arrays["points"], faces=arrays["faces"])
+
+    def _pose(self, name: str) -> _Posed:
+        scene_number, model_name = self._parse(name)
+        model, scene = self.model(model_name), self.scene(scene_number)
+        pr = (features.resolution(model.points) + features.resolution(scene.points)) / 2
+        path = self._poses[scene_number, model_name]
+        pose = fitting_pose(
+            read_transform(path),
+            model.points,
+            scene.points,
+            tolerance=_FITTING_WITHIN * pr,
+            origin=str(path),
+        )
+        return _Posed(model, scene, pose, pr)
 
     def _poses_in(self, number: int) -> dict[str, Path]:
         """Files with the poses of the models in a scene."""

@@ -10,6 +10,7 @@ from cgroup._values import as_count
 from cgroup.benchmark.claims import CLAIMS, OUTCOMES, RESAMPLES, check_claims, check_evidence, count_verdicts
 from cgroup.benchmark.claims.stability import bootstrap_outcomes
 from cgroup.benchmark.evidence import Evidence
+from cgroup.benchmark.readings.measurement import measure_again
 from cgroup.benchmark.readings.selection import (
     find_average,
     select_default,
@@ -19,6 +20,7 @@ from cgroup.benchmark.readings.selection import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
     from typing import Any
 
     import pandas as pd
@@ -105,6 +107,7 @@ def judge_readings(
     timing: pd.DataFrame,
     readings: Sequence[Reading],
     *,
+    root: Path | None = None,
     resamples: int = RESAMPLES,
     progress: Callable[[str, int, int], Any] | None = None,
 ) -> list[ReadingOutcome]:
@@ -118,6 +121,9 @@ def judge_readings(
         Times of the timing experiment; may have no rows.
     readings : sequence of Reading
         What was tried.
+    root : Path, optional
+        Folder that holds the data sets' folders, by default that in the environment variable ``CGROUP_DATA``;
+        needed where facts about pairs are measured again.
     resamples : int
         Draws of the bootstrap, for each reading the same.
     progress : callable, optional
@@ -131,7 +137,8 @@ def judge_readings(
     Raises
     ------
     InputError
-        If the number of resamples isn't a whole number above 0.
+        If the number of resamples isn't a whole number above 0, or a pair that is to be measured again isn't
+        there any more.
 
     Examples
     --------
@@ -165,7 +172,8 @@ def judge_readings(
     for reading in readings:
         tell("judge", len(outcomes), 1 + len(readings))
         chosen, times = select_reading(frame, reading), select_times(timing, reading)
-        evidence = Evidence(chosen, times, average=find_average(reading))
+        measured = chosen if chosen.empty else measure_again(chosen, reading, root)
+        evidence = Evidence(measured, times, average=find_average(reading))
         outcomes.append(_judge(evidence, reading, before, resamples))
     tell("judge", len(outcomes), len(outcomes))
     return outcomes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -37,6 +37,9 @@ class Reading(Table):
         Whether pairs without a correct match are left out.
     average : {"macro", "pooled", "f_of_means"}
         How the scores of several pairs become one, see `cgroup.benchmark.averages`.
+    facts : dict of str to float
+        Bounds in pr with which facts about pairs, `overlap`, `clutter` or `occlusion`, are measured again, so
+        that pairs come to stand at other levels.
     times : dict of str to str
         Label of the timing experiment whose times a method has, by the method's own.
     experiments, combinations, data : tuple of str
@@ -76,6 +79,7 @@ class Reading(Table):
     without: dict[str, str] = Field(default_factory=dict)
     solvable: bool = False
     average: Average = "macro"
+    facts: dict[Literal["clutter", "occlusion", "overlap"], Positive] = Field(default_factory=dict)
     times: dict[str, str] = Field(default_factory=dict)
     experiments: Names = ()
     combinations: Names = ()

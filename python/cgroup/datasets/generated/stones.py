@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cgroup import features
-from cgroup.datasets.base import Dataset, MatchingPair
+from cgroup._values import as_length
+from cgroup.datasets.base import Dataset, MatchingPair, measure_overlap
 from cgroup.datasets.generated.pairs import standin_pair
 from cgroup.datasets.generated.scanner import merge, range_image
 from cgroup.datasets.generated.shapes import RADIUS, random_pose, stone
-from cgroup.evaluation import clutter_and_occlusion, overlap
-from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
+from cgroup.evaluation import clutter_and_occlusion
+from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
 from cgroup.features import ORIGIN
 from cgroup.types import PointCloud
 
@@ -98,19 +99,30 @@ class StandinClutter(_Standin):
 
     def load(self, name: str) -> MatchingPair:
         """Make the stone, and the scene that it is in."""
-        self.check_name(name)
-        scene_number, stone_number = (int(part[5:]) for part in name.split("-"))
-        model, poses, scene = _model(stone_number), _heap(scene_number), _scene(scene_number)
-        pose = poses[stone_number]
+        model, scene, pose = self._make(name)
+        facts = self.measure_facts(name, bound=VISIBLE_WITHIN)
+        return MatchingPair(name, model, PointCloud(scene.points), pose, normals="mesh", facts=facts)
+
+    def measure_facts(self, name: str, *, bound: float) -> dict[str, float]:
+        """Measure clutter and occlusion with another bound."""
+        model, scene, pose = self._make(name)
         assert model.faces is not None  # noqa: S101 - `_model` sets them
         assert scene.faces is not None  # noqa: S101 - `_scene` sets them
         pr = (features.resolution(model.points) + features.resolution(scene.points)) / 2
         clutter, occlusion = clutter_and_occlusion(
-            model.points, model.faces, scene.points, scene.faces, pose, tolerance=VISIBLE_WITHIN * pr
+            model.points,
+            model.faces,
+            scene.points,
+            scene.faces,
+            pose,
+            tolerance=as_length("bound", bound) * pr,
         )
-        seen = PointCloud(scene.points)
-        facts = {"clutter": clutter, "occlusion": occlusion}
-        return MatchingPair(name, model, seen, pose, normals="mesh", facts=facts)
+        return {"clutter": clutter, "occlusion": occlusion}
+
+    def _make(self, name: str) -> tuple[PointCloud, PointCloud, FloatArray]:
+        self.check_name(name)
+        scene, stone_number = (int(part[5:]) for part in name.split("-"))
+        return _model(stone_number), _scene(scene), _heap(scene)[stone_number]
 
 
 class StandinViews(_Standin):
@@ -137,8 +149,7 @@ class StandinViews(_Standin):
         turn = float(np.linspace(*_TURNS, _VIEWS)[number])
         made = standin_pair(seed=number, turn=turn, pixels=_VIEW_PIXELS)
         source, target, pose = made.source, made.target, made.T_target_source
-        pr = (features.resolution(source.points) + features.resolution(target.points)) / 2
-        shared = overlap(source.points, target.points, pose, tolerance=OVERLAP_WITHIN * pr)
+        shared = measure_overlap(source, target, pose)
         return MatchingPair(name, source, target, pose, facts={"overlap": shared})
 
 
