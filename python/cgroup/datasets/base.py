@@ -202,6 +202,8 @@ class Dataset(ABC):
     def measure_facts(self, name: str, *, bound: float) -> Mapping[str, float]:
         """Measure overlap, or clutter and occlusion, once more, with another bound.
 
+        The paper's section 4.3 defines the three, and leaves the bound open.
+
         Parameters
         ----------
         name : str

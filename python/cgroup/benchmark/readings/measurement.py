@@ -42,6 +42,8 @@ def measure_again(frame: pd.DataFrame, reading: Reading, root: Path | None) -> p
     InputError
         If a pair isn't there any more.
     """
+    if frame.empty:
+        return frame
     for change in reading.changes:
         for fact, bound in change.facts.items():
             # A nuisance changes a pair, and what a data set has is the pair before it.

@@ -172,8 +172,7 @@ def judge_readings(
     for reading in readings:
         tell("judge", len(outcomes), 1 + len(readings))
         chosen, times = select_reading(frame, reading), select_times(timing, reading)
-        measured = chosen if chosen.empty else measure_again(chosen, reading, root)
-        evidence = Evidence(measured, times, average=find_average(reading))
+        evidence = Evidence(measure_again(chosen, reading, root), times, average=find_average(reading))
         outcomes.append(_judge(evidence, reading, before, resamples))
     tell("judge", len(outcomes), len(outcomes))
     return outcomes
