@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import warnings as _warnings
 
-from cgroup import _start
+from cgroup._runtime import interrupts
 
-_start.watch_for_interrupts()  # before anything that takes time
+interrupts.watch_for_interrupts()  # before anything that takes time
 
 from cgroup import _core
 from cgroup._core import __version__

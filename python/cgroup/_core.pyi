@@ -4,9 +4,9 @@ from typing import TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
-from cgroup._fields import Fields
-from cgroup._options import RunOptions
+from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
+from cgroup._checks.fields import Fields
+from cgroup._checks.run_options import RunOptions
 
 _DescriptorArray: TypeAlias = NDArray[np.float32]
 _Grouping: TypeAlias = tuple[

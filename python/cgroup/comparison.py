@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._values import as_items
+from cgroup._checks.values import as_items
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import (
     correct_matches,

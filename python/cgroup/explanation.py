@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cgroup._words import length, one_of
+from cgroup._show.words import length, one_of
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ import inspect
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from cgroup._calls import compute
-from cgroup._fields import FIELDS, Fields
-from cgroup._memory import default_max_memory
-from cgroup._values import as_choice, as_instance, as_items
-from cgroup._workers import count_workers, work_side_by_side
+from cgroup._checks.fields import FIELDS, Fields
+from cgroup._checks.values import as_choice, as_instance, as_items
+from cgroup._runtime.memory import default_max_memory
+from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
+from cgroup.methods._call import compute
 from cgroup.registry import METHOD_INFO, PRESETS, MethodInfo, find_method
 from cgroup.types import Correspondences
 

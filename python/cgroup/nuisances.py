@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from cgroup import features
-from cgroup._plugins import load_plugin
-from cgroup._values import as_choice, as_instance, as_number, as_word, guess_word, refuse_word
+from cgroup._checks.values import as_choice, as_instance, as_number, as_word, guess_word, refuse_word
+from cgroup._runtime.plugins import load_plugin
 from cgroup.datasets.base import MatchingPair
 from cgroup.datasets.generated.shapes import random_direction, stone
 from cgroup.datasets.voxels import voxel_means

@@ -10,7 +10,7 @@ import unicodedata
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup._values import guess_word, refuse_word
+from cgroup._checks.values import guess_word, refuse_word
 from cgroup.methods import (
     clipper,
     cv,

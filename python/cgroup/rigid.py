@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._arguments import as_floats, real_points
-from cgroup._values import as_instance
+from cgroup._checks.arrays import as_floats, real_points
+from cgroup._checks.values import as_instance
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup._arrays import FloatArray, RealArray
+    from cgroup._checks.array_types import FloatArray, RealArray
 
 __all__ = [
     "RIGID_TOLERANCE",

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup import _core, _views
-from cgroup._arguments import as_faces, as_points
-from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
-from cgroup._drawing import plot
-from cgroup._fields import OPTIONAL_FIELDS, check_fields
-from cgroup._foreign import cloud_parts
-from cgroup._notebook import pose_html, result_table
+from cgroup import _core
+from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
+from cgroup._checks.arrays import as_faces, as_points
+from cgroup._checks.fields import OPTIONAL_FIELDS, check_fields
+from cgroup._checks.foreign import cloud_parts
+from cgroup._show import views
+from cgroup._show.drawing import plot
+from cgroup._show.notebook import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.rigid import apply, check_rigid
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from cgroup._run import Run
+    from cgroup._runtime.run import Run
     from cgroup.explanation import Explanation
 
 __all__ = [
@@ -359,7 +360,7 @@ class Grouping:
         Match 0 was dropped: its score of 0.2 (rank 3 of 3) lies below the cut at
         0.5. It would have been kept with a score above 0.5.
         """
-        return _views.explain(self, index)
+        return views.explain(self, index)
 
     def plot(
         self,

@@ -226,7 +226,7 @@ pub fn choose<T: Copy>(name: &str, given: &Bound<'_, PyAny>, choices: &[(&str, T
     }
 }
 
-/// The error for an option that can't be worked with, in the words of `cgroup._values`.
+/// The error for an option that can't be worked with, in the words of `cgroup._checks.values`.
 pub fn refused(name: &str, given: &Bound<'_, PyAny>, remedy: &str) -> PyErr {
     let error = values(given.py()).and_then(|rule| rule.call_method1("refusal", (name, given, remedy)));
     error.map_or_else(|failed| failed, PyErr::from_value)
@@ -234,7 +234,7 @@ pub fn refused(name: &str, given: &Bound<'_, PyAny>, remedy: &str) -> PyErr {
 
 /// The module that says what counts as a number, a truth value, a choice.
 pub fn values(py: Python<'_>) -> PyResult<Bound<'_, PyModule>> {
-    py.import("cgroup._values")
+    py.import("cgroup._checks.values")
 }
 
 /// What to choose from, for an error message.

@@ -109,7 +109,7 @@ impl<'py> Options<'py> {
     }
 }
 
-/// A count by the rule of `cgroup._values`, which is asked about anything but an `int` that will do.
+/// A count by the rule of `cgroup._checks.values`, which is asked about anything but an `int` that will do.
 fn whole(name: &str, value: &Bound<'_, PyAny>, least: u64, remedy: Option<&str>) -> PyResult<usize> {
     let number: Option<u64> = value.cast_exact::<PyInt>().ok().and_then(|number| number.extract().ok());
     match number {
@@ -118,7 +118,7 @@ fn whole(name: &str, value: &Bound<'_, PyAny>, least: u64, remedy: Option<&str>)
     }
 }
 
-/// A number by the rule of `cgroup._values`, which is asked about anything but a `float`.
+/// A number by the rule of `cgroup._checks.values`, which is asked about anything but a `float`.
 fn real(name: &str, value: &Bound<'_, PyAny>, remedy: &str) -> PyResult<f64> {
     match value.cast_exact::<PyFloat>() {
         Ok(number) => Ok(number.value()),

@@ -20,7 +20,7 @@ from cgroup.errors import InputError
 from cgroup.io import PointCloud
 
 if TYPE_CHECKING:
-    from cgroup._progress import StageClock
+    from cgroup._runtime.progress import StageClock
 
 
 def log(line: str) -> None:

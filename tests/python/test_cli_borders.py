@@ -17,7 +17,7 @@ import pytest
 
 import cgroup
 from cgroup import Correspondences
-from cgroup._start import INTERRUPTED
+from cgroup._runtime.interrupts import INTERRUPTED
 from cgroup.cli import main
 from cgroup.cli.benchmark import DAMAGED
 from cgroup.cli.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
@@ -200,7 +200,7 @@ def test_an_interrupt_at_any_moment_is_one_line(folder: Path, moment: int) -> No
     program = [sys.executable, "-X", "importtime", "-m", "cgroup", "demo", "--out", folder / "demo"]
     running = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
     assert running.stderr is not None
-    while not (loaded := running.stderr.readline()).endswith(b"cgroup._start\n"):
+    while not (loaded := running.stderr.readline()).endswith(b"cgroup._runtime.interrupts\n"):
         assert loaded, "the program has ended"
     running.stderr.readline()  # of the import that follows
     time.sleep(random.Random(moment).uniform(0, 1.5))

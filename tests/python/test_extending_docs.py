@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmark_runs import serial
-from cgroup._progress import StageClock
+from cgroup._runtime.progress import StageClock
 from cgroup.benchmark import records
 from cgroup.benchmark.candidates import candidate
 from cgroup.benchmark.config import parse_config

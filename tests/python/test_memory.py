@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from cgroup import _memory
+from cgroup._runtime import memory
 
 GIB = 1 << 30
 PLENTY = 400 << 20
@@ -50,38 +50,38 @@ class System:
 
 @pytest.fixture
 def system(tmp_path, monkeypatch):
-    _memory._groups.cache_clear()
+    memory._groups.cache_clear()
     yield System(tmp_path, monkeypatch)
-    _memory._groups.cache_clear()
+    memory._groups.cache_clear()
 
 
 def test_a_quarter_of_what_is_free(system):
     system.available(4 << 20)
-    assert _memory.default_max_memory() == GIB
+    assert memory.default_max_memory() == GIB
 
 
 def test_at_most_one_and_a_half_gibibytes(system):
     system.available(PLENTY)
     system.second(".", "max", 0)
-    assert _memory.default_max_memory() == GIB * 3 // 2
+    assert memory.default_max_memory() == GIB * 3 // 2
 
 
 def test_a_container_has_its_own_limit(system):
     system.available(PLENTY)
     system.second(".", GIB, GIB // 2)
-    assert _memory.default_max_memory() == GIB // 8
+    assert memory.default_max_memory() == GIB // 8
 
 
 def test_files_that_are_kept_take_no_memory(system):
     system.available(PLENTY)
     system.second(".", GIB, GIB // 2, reclaimable=GIB // 4)
-    assert _memory.default_max_memory() == GIB * 3 // 16
+    assert memory.default_max_memory() == GIB * 3 // 16
 
 
 def test_a_full_container_leaves_nothing(system):
     system.available(PLENTY)
     system.second(".", GIB, GIB + 1)
-    assert _memory.default_max_memory() == 0
+    assert memory.default_max_memory() == 0
 
 
 @pytest.mark.parametrize("limited", ["a/b/c", "a/b", "a", "."])
@@ -91,7 +91,7 @@ def test_the_groups_around_the_process_s_count_too(system, limited):
     for path in ("a/b/c", "a/b", "a", "."):
         system.second(path, GIB if path == limited else "max", 0)
     system.second("a/other", 1, 0)
-    assert _memory.default_max_memory() == GIB // 4
+    assert memory.default_max_memory() == GIB // 4
 
 
 def test_groups_of_the_first_version(system):
@@ -104,7 +104,7 @@ def test_groups_of_the_first_version(system):
     system.mounts("31 23 0:28 / /sys/fs/cgroup rw - tmpfs tmpfs rw", mount)
     system.first("memory/jobs/7", (1 << 63) - 4096, 0)  # what stands there where there is no limit
     system.first("memory/jobs", GIB, GIB // 2)
-    assert _memory.default_max_memory() == GIB // 8
+    assert memory.default_max_memory() == GIB // 8
 
 
 def test_a_group_that_is_mounted_by_itself(system):
@@ -114,12 +114,12 @@ def test_a_group_that_is_mounted_by_itself(system):
     (system.proc / "inner").mkdir()
     (system.proc / "inner/memory.max").write_text(f"{GIB}\n")
     (system.proc / "inner/memory.current").write_text("0\n")
-    assert _memory.default_max_memory() == GIB // 4
+    assert memory.default_max_memory() == GIB // 4
 
 
 @pytest.mark.usefixtures("system")
 def test_some_bound_where_the_system_does_not_tell():
-    assert 0 < _memory.default_max_memory() <= 2 * GIB
+    assert 0 < memory.default_max_memory() <= 2 * GIB
 
 
 def test_small_problems_get_a_bound_without_a_look_at_the_system(monkeypatch):
@@ -127,23 +127,23 @@ def test_small_problems_get_a_bound_without_a_look_at_the_system(monkeypatch):
         pytest.fail("looked at the system")
 
     monkeypatch.setattr(_memory, "default_max_memory", fail)
-    assert _memory.max_memory_for(0) == _memory.max_memory_for(900) == _memory.SMALL
-    assert _memory.SMALL > 900**2 * 40  # more than any method takes
+    assert memory.max_memory_for(0) == memory.max_memory_for(900) == memory.SMALL
+    assert memory.SMALL > 900**2 * 40  # more than any method takes
 
 
 def test_large_problems_get_a_share_of_what_is_free(system):
     system.available(4 << 20)
-    assert _memory.max_memory_for(5000) == GIB
+    assert memory.max_memory_for(5000) == GIB
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit of address space")
 def test_a_limit_of_address_space_leaves_a_share_of_what_is_left_of_it():
     program = """if True:
         import resource
-        from cgroup import _memory
+        from cgroup._runtime import memory
         used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + (200 << 20),) * 2)
-        print(_memory.default_max_memory() >> 20)
+        print(memory.default_max_memory() >> 20)
     """
     printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert 45 <= int(printed.stdout) <= 50
@@ -152,4 +152,4 @@ def test_a_limit_of_address_space_leaves_a_share_of_what_is_left_of_it():
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere it is a guess")
 def test_the_machine_has_free_what_psutil_says():
     psutil = pytest.importorskip("psutil")
-    assert _memory._free_on_machine() == pytest.approx(psutil.virtual_memory().available, rel=0.2)
+    assert memory._free_on_machine() == pytest.approx(psutil.virtual_memory().available, rel=0.2)

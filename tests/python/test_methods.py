@@ -27,8 +27,8 @@ from cgroup import (
     group,
     group_many,
 )
-from cgroup._fields import FIELDS, check_scores
-from cgroup._options import run_options
+from cgroup._checks.fields import FIELDS, check_scores
+from cgroup._checks.run_options import run_options
 from cgroup.registry import METHOD_INFO
 from strategies import make_problem
 

@@ -11,8 +11,8 @@ from cgroup._explain.pairs import ZERO_EDGE, PairRule, distance_ratio, pair_rule
 from cgroup.errors import NoConsensusError
 
 if TYPE_CHECKING:
-    from cgroup._arrays import BoolArray, FloatArray
-    from cgroup._run import Run
+    from cgroup._checks.array_types import BoolArray, FloatArray
+    from cgroup._runtime.run import Run
     from cgroup.types import Grouping
 
 

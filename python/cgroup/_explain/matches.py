@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._checks.values import as_count
 from cgroup._explain.facts import Facts
 from cgroup._explain.rules import judge
-from cgroup._values import as_count
 from cgroup.errors import InputError
 from cgroup.explanation import Explanation
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup import _words as words
+from cgroup._show import words
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from cgroup._arrays import BoolArray, FloatArray
-    from cgroup._run import Run
+    from cgroup._checks.array_types import BoolArray, FloatArray
+    from cgroup._runtime.run import Run
 
 _STATED_DIFFERENCE = 3.0
 """Resolutions, where the method has no rule of its own."""

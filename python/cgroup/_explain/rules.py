@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup import _words as words
 from cgroup._explain.pairs import option_length
 from cgroup._explain.voting import explain_vote
+from cgroup._show import words
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from cgroup._explain.facts import Facts
-    from cgroup._run import Run
+    from cgroup._runtime.run import Run
 
 _NEGLIGIBLE = 1e-12
 """ST ends where scores are below this share of the greatest."""

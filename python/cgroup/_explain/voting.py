@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup import _words as words
+from cgroup._show import words
 
 if TYPE_CHECKING:
-    from cgroup._arrays import FloatArray, IndexArray
+    from cgroup._checks.array_types import FloatArray, IndexArray
     from cgroup._explain.facts import Facts
-    from cgroup._run import Run
+    from cgroup._runtime.run import Run
 
 _FLAT = 1e-9
 """Share of the target's bounding box below which an axis of the votes has one bin."""

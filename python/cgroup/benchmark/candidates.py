@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._plugins import load_plugin
+from cgroup._runtime.plugins import load_plugin
 from cgroup.errors import InputError
 from cgroup.group import group
 from cgroup.registry import find_method

@@ -19,9 +19,10 @@ except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
     raise SystemExit(2) from None
 
-from cgroup import __version__, _start
-from cgroup._show import escape
-from cgroup._start import INTERRUPTED
+from cgroup import __version__
+from cgroup._checks.quoting import escape
+from cgroup._runtime import interrupts
+from cgroup._runtime.interrupts import INTERRUPTED
 from cgroup.errors import CgroupError, NoConsensusError
 
 if TYPE_CHECKING:
@@ -75,18 +76,18 @@ def _run(arguments: Sequence[str] | None) -> tuple[int, str]:
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with guarded_output():
-            _start.raise_when_interrupted()
+            interrupts.raise_when_interrupted()
             try:
                 return app(args=given, prog_name="cgroup", standalone_mode=False) or 0, ""
             except Exception as error:
-                if _start.was_interrupted():
+                if interrupts.was_interrupted():
                     raise KeyboardInterrupt from error
                 print_failure(given, error, *_explain(error))
                 raise
     except Exception as error:  # noqa: BLE001 - a user can do nothing with a traceback
         return _explain(error)
     finally:
-        _start.leave_when_interrupted()
+        interrupts.leave_when_interrupted()
 
 
 def _explain(error: Exception) -> tuple[int, str]:

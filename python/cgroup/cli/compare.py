@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from cgroup import io
-from cgroup._values import refusal
+from cgroup._checks.values import refusal
 from cgroup.cli.comparison_output import comparison_results, count_correct, print_comparison
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.inputs import describe_pair, read_both

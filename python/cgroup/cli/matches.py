@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from cgroup import io
-from cgroup._values import as_length
+from cgroup._checks.values import as_length
 from cgroup.cli.help import Command, examples, make_app
 from cgroup.cli.json_output import Document, make_document
 from cgroup.cli.options import GROUPING, OUTPUT, JsonOption, MatchesArgument, MethodOption, SaveOption

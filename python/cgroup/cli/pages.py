@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cgroup._show import escape
+from cgroup._checks.quoting import escape
 from cgroup.cli.options import OUTPUT
 from cgroup.cli.streams import write_error
 from cgroup.cli.wording import reword

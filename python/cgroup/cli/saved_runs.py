@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from cgroup._show import show
+from cgroup._checks.quoting import show
 from cgroup.cli.inputs import digest
 from cgroup.cli.json_output import SCHEMA_VERSION, Document, as_text
 from cgroup.errors import InputError

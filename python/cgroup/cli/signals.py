@@ -7,7 +7,7 @@ import signal
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from cgroup._start import once_loaded
+from cgroup._runtime.interrupts import once_loaded
 
 if TYPE_CHECKING:
     from collections.abc import Generator

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING
 
-from cgroup._show import escape
+from cgroup._checks.quoting import escape
 from cgroup.cli.colors import wants_colors
 from cgroup.cli.terminal import print_line, print_prose, print_text, terminal_width
 

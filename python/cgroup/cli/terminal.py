@@ -11,8 +11,8 @@ from io import BytesIO
 from typing import TYPE_CHECKING
 
 from cgroup import io
-from cgroup._progress import ignore_progress
-from cgroup._show import escape
+from cgroup._checks.quoting import escape
+from cgroup._runtime.progress import ignore_progress
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Sequence
@@ -25,7 +25,7 @@ INPUT_ERROR = 2
 NO_CONSENSUS = 3
 UNFORESEEN = 70
 OUTPUT_CLOSED = 141
-"""Exit statuses, besides that of an interrupt, `cgroup._start.INTERRUPTED`."""
+"""Exit statuses, besides that of an interrupt, `cgroup._runtime.interrupts.INTERRUPTED`."""
 
 _NAMES_WIDTH = 12  # of the names that facts begin with
 

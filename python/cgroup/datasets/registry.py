@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeAlias
 
-from cgroup._plugins import load_plugin
-from cgroup._values import guess_word, refuse_word
+from cgroup._checks.values import guess_word, refuse_word
+from cgroup._runtime.plugins import load_plugin
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
 from cgroup.datasets.correspondence_files import CorrespondenceFiles, OneToThreeFiles

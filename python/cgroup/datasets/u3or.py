@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from cgroup import features
-from cgroup._values import as_length
+from cgroup._checks.values import as_length
 from cgroup.datasets.base import (
     Dataset,
     MatchingPair,

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import _core
-from cgroup._arguments import as_faces, as_points
-from cgroup._options import run_options
-from cgroup._values import as_length
+from cgroup._checks.arrays import as_faces, as_points
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 

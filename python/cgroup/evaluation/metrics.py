@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cgroup._arguments import as_floats, as_mask
+from cgroup._checks.arrays import as_floats, as_mask
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

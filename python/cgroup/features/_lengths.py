@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cgroup import _core
-from cgroup._options import run_options
-from cgroup._values import as_length
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 
 HARRIS_RADIUS = 2.7

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._arguments import in_double
+from cgroup._checks.arrays import in_double
 from cgroup.errors import CgroupError, InputError
 
 if TYPE_CHECKING:

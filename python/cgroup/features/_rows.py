@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup._arguments import as_reals
+from cgroup._checks.arrays import as_reals
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeAlias
 
 from cgroup import _core
-from cgroup._arguments import real_points
-from cgroup._options import run_options
-from cgroup._values import as_flag, as_word
+from cgroup._checks.arrays import real_points
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_flag, as_word
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

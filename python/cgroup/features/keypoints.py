@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cgroup import _core
-from cgroup._arguments import as_rows, real_points
-from cgroup._options import run_options
-from cgroup._values import as_choice, as_count, as_flag, as_number
+from cgroup._checks.arrays import as_rows, real_points
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_choice, as_count, as_flag, as_number
 from cgroup.features import _open3d
 from cgroup.features._lengths import (
     HARRIS_RADIUS,

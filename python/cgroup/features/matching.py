@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._options import run_options
-from cgroup._values import as_count, as_flag, as_number
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_count, as_flag, as_number
 from cgroup.features._rows import as_descriptors
 
 if TYPE_CHECKING:

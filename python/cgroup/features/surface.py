@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeAlias
 
 from cgroup import _core
-from cgroup._arguments import as_faces, as_place
-from cgroup._options import run_options
-from cgroup._values import as_count, as_number
+from cgroup._checks.arrays import as_faces, as_place
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_count, as_number
 from cgroup.features.cloud import core_cloud
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._arguments import real_points
-from cgroup._options import run_options
-from cgroup._values import as_count, as_length
+from cgroup._checks.arrays import real_points
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_count, as_length
 from cgroup.errors import InputError
 from cgroup.features.cloud import core_cloud
 

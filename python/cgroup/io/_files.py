@@ -8,8 +8,8 @@ import stat
 from typing import TYPE_CHECKING, TypeVar
 
 from cgroup import _core
-from cgroup._options import run_options
-from cgroup._values import as_instance, as_path
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

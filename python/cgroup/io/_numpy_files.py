@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib import format as npy_format
 
-from cgroup._arguments import as_array
+from cgroup._checks.arrays import as_array
 from cgroup.errors import InputError
 from cgroup.io._files import parse_file, printable
 

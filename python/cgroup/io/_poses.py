@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._arguments import as_floats
+from cgroup._checks.arrays import as_floats
 from cgroup.errors import InputError
 from cgroup.rigid import RIGID_TOLERANCE, check_rigid
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cgroup import _core
-from cgroup._options import run_options
+from cgroup._checks.run_options import run_options
 from cgroup.errors import InputError
 from cgroup.io._numpy_files import load_npy, load_npz_points
 

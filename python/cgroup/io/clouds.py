@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._arguments import as_reals, as_rows
-from cgroup._values import as_instance, as_path
+from cgroup._checks.arrays import as_reals, as_rows
+from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.io._files import parse_file, write_file

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from cgroup._arguments import as_mask
-from cgroup._values import as_instance, as_path
+from cgroup._checks.arrays import as_mask
+from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.io._files import load_numbers, parse_file, write_file
 from cgroup.io._numpy_files import load_npy, npy_bytes, npz_bytes, read_arrays, single_number

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._values import as_path
+from cgroup._checks.values import as_path
 from cgroup.errors import InputError
 from cgroup.io._files import load_numbers, parse_file, write_file
 from cgroup.io._numpy_files import load_npy, npy_bytes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup._calls import call
+from cgroup.methods._call import call
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

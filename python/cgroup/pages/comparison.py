@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._drawing import as_flags, as_points
-from cgroup._values import as_instance, as_items
+from cgroup._checks.values import as_instance, as_items
+from cgroup._show.drawing import as_flags, as_points
 from cgroup.comparison import MethodResult, find_correct
 from cgroup.errors import InputError
 from cgroup.pages.viewer import Selection, View, view_html

@@ -16,7 +16,7 @@ from importlib import resources
 from string import Template
 from typing import TYPE_CHECKING, Any
 
-from cgroup._values import as_instance, refusal
+from cgroup._checks.values import as_instance, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
 

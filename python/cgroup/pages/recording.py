@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._drawing import as_flags, as_points
+from cgroup._checks.values import as_instance, as_path
 from cgroup._explain import explain_matches
-from cgroup._values import as_instance, as_path
+from cgroup._show.drawing import as_flags, as_points
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.plots import style
 from cgroup.rigid import apply, check_rigid

@@ -5,8 +5,8 @@ from __future__ import annotations
 import html
 from typing import TYPE_CHECKING, Any
 
-from cgroup._drawing import as_flags, as_points
-from cgroup._values import as_instance
+from cgroup._checks.values import as_instance
+from cgroup._show.drawing import as_flags, as_points
 from cgroup.evaluation import rotation_error, translation_error
 from cgroup.pages.viewer import Selection, View, view_html
 from cgroup.registration import Registration

@@ -18,7 +18,7 @@ from cgroup.rigid import apply
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cgroup._drawing import Drawing
+    from cgroup._show.drawing import Drawing
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
 MAX_POINTS = 20_000

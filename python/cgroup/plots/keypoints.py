@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from cgroup._arguments import as_points, as_rows
+from cgroup._checks.arrays import as_points, as_rows
 from cgroup.plots import style
 from cgroup.plots.shading import face_broadside, find_front, shade
 

@@ -9,7 +9,7 @@ from cgroup.plots.matches import matches_figure, registration_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from cgroup._drawing import Drawing
+    from cgroup._show.drawing import Drawing
 
 
 def figure_of(drawing: Drawing) -> Figure:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.collections import LineCollection
 
-from cgroup._arguments import as_points
+from cgroup._checks.arrays import as_points
 from cgroup.plots import style
 from cgroup.plots.shading import Picture, face_broadside, overlay, shade
 from cgroup.rigid import apply

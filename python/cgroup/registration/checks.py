@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._arguments import as_place
+from cgroup._checks.arrays import as_place
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

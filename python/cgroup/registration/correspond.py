@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup._arguments import as_place
-from cgroup._progress import as_stage_function
-from cgroup._values import as_choice, as_length
+from cgroup._checks.arrays import as_place
+from cgroup._checks.values import as_choice, as_length
+from cgroup._runtime.progress import as_stage_function
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
 from cgroup.registration.front_end import DESCRIPTORS, FrontEnd, check_detection

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cgroup._progress import as_stage_function
-from cgroup._values import as_choice
+from cgroup._checks.values import as_choice
+from cgroup._runtime.progress import as_stage_function
 from cgroup.features import ORIGIN
 from cgroup.registration.front_end import DESCRIPTORS, FrontEnd, find_normals
 from cgroup.registration.scan import NORMALS, as_scan

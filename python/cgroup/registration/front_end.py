@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cgroup import features
-from cgroup._arguments import in_double
-from cgroup._values import as_choice, as_count, as_length
+from cgroup._checks.arrays import in_double
+from cgroup._checks.values import as_choice, as_count, as_length
 from cgroup.errors import InputError
 from cgroup.features import SUPPORT_RADIUS, DescribedCloud
 from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS

@@ -21,7 +21,7 @@ from cgroup.verification import verify
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cgroup._progress import StageClock
+    from cgroup._runtime.progress import StageClock
     from cgroup.registration.prepared import PreparedScan
     from cgroup.registration.result import Registration
     from cgroup.types import BoolArray, Correspondences, FloatArray

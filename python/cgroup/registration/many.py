@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cgroup._progress import StageClock, as_stage_function
-from cgroup._values import as_choice, as_count, as_instance, as_items, refusal
-from cgroup._workers import count_workers, work_side_by_side
+from cgroup._checks.values import as_choice, as_count, as_instance, as_items, refusal
+from cgroup._runtime.progress import StageClock, as_stage_function
+from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.group import check_method
 from cgroup.registration.pair import common_voxel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cgroup import features
-from cgroup._values import as_instance
+from cgroup._checks.values import as_instance
 from cgroup.features import DescribedCloud
 from cgroup.types import Correspondences
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import features
-from cgroup._arguments import as_points
-from cgroup._values import as_length
+from cgroup._checks.arrays import as_points
+from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.registration.scan import NEEDED_FOR, as_point_cloud, as_scan
 from cgroup.types import PointCloud

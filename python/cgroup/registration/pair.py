@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cgroup import features
-from cgroup._values import as_length
+from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.registration.checks import as_viewpoint, check_sizes
 from cgroup.registration.prepared import VOXELS, DenseFront, PreparedScan, prepare_scan
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from cgroup._progress import StageClock
+    from cgroup._runtime.progress import StageClock
     from cgroup.features import Cloud, Viewpoint
     from cgroup.types import PointCloud
 

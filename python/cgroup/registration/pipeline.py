@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cgroup._options import as_threads
-from cgroup._progress import StageClock, as_stage_function
-from cgroup._values import as_choice, refusal
+from cgroup._checks.run_options import as_threads
+from cgroup._checks.values import as_choice, refusal
+from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup.errors import NoConsensusError
 from cgroup.features import ORIGIN
 from cgroup.group import check_method, group

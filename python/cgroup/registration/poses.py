@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._arguments import as_place, in_double
+from cgroup._checks.arrays import as_place, in_double
 from cgroup.errors import InputError, NoConsensusError
 
 if TYPE_CHECKING:

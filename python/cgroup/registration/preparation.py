@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cgroup import features
-from cgroup._progress import as_stage_function
-from cgroup._values import as_choice, as_instance, as_length
+from cgroup._checks.values import as_choice, as_instance, as_length
+from cgroup._runtime.progress import as_stage_function
 from cgroup.errors import InputError
 from cgroup.registration.mesh import as_model
 from cgroup.registration.prepared import VOXELS, DenseFront, PreparedScan, prepare_scan

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup import features
-from cgroup._arguments import in_double
-from cgroup._progress import ignore_progress
-from cgroup._values import as_length
+from cgroup._checks.arrays import in_double
+from cgroup._checks.values import as_length
+from cgroup._runtime.progress import ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.registration.checks import as_viewpoint, check_normals, check_voxels

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup import features
-from cgroup._arguments import as_place
-from cgroup._progress import StageClock, as_stage_function
-from cgroup._show import show
-from cgroup._values import as_count, refusal
+from cgroup._checks.arrays import as_place
+from cgroup._checks.quoting import show
+from cgroup._checks.values import as_count, refusal
+from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup.errors import InputError
 from cgroup.registration.instances import InstanceSearch
 from cgroup.registration.mesh import as_model

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._run import Run
+from cgroup._runtime.run import Run
 from cgroup.registration.freedom import MOST_OPEN_MOTIONS, count_open_motions
 from cgroup.registration.judgement import ACCEPTED
 from cgroup.registration.result import Registration

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cgroup._drawing import plot
-from cgroup._notebook import pose_html, result_table
+from cgroup._show.drawing import plot
+from cgroup._show.notebook import pose_html, result_table
 
 if TYPE_CHECKING:
     from typing import Any

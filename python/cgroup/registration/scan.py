@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from cgroup import features
-from cgroup._arguments import as_faces, as_points, real_points
-from cgroup._values import as_length
+from cgroup._checks.arrays import as_faces, as_points, real_points
+from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.types import PointCloud, find_cloud

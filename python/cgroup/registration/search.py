@@ -18,7 +18,7 @@ from cgroup.verification.alignment import align_each
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cgroup._progress import StageClock
+    from cgroup._runtime.progress import StageClock
     from cgroup.registration.prepared import PreparedScan
     from cgroup.types import Correspondences, FloatArray
     from cgroup.verification import Alignment, Verification

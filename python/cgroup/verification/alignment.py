@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import _core
-from cgroup._options import run_options
-from cgroup._values import as_instance, as_length
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_instance, as_length
 from cgroup.features.cloud import core_cloud
 from cgroup.verification._poses import as_pose, as_poses
 

@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._options import run_options
+from cgroup._checks.run_options import run_options
 from cgroup.verification._poses import as_pose
 from cgroup.verification.surface import core_surface
 

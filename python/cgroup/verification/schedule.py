@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._options import run_options
-from cgroup._values import as_instance, as_length
+from cgroup._checks.run_options import run_options
+from cgroup._checks.values import as_instance, as_length
 from cgroup.types import Correspondences
 from cgroup.verification._poses import as_poses
 from cgroup.verification.surface import core_surface

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from cgroup._values import as_count
+from cgroup._checks.values import as_count
 from cgroup.benchmark.claims.catalog import CLAIMS
 from cgroup.benchmark.claims.claim import Claim
 from cgroup.benchmark.claims.explanations import read_explanations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from cgroup._values import as_count
+from cgroup._checks.values import as_count
 from cgroup.benchmark.claims.base import ClaimEvidence, NotTestableError
 from cgroup.benchmark.claims.catalog import CLAIMS
 from cgroup.benchmark.claims.outcome import Stability

@@ -10,7 +10,7 @@ import numpy as np
 from cgroup.benchmark.pipelines.problem import Answer
 
 if TYPE_CHECKING:
-    from cgroup._progress import StageClock
+    from cgroup._runtime.progress import StageClock
     from cgroup.benchmark.pipelines.problem import Problem
     from cgroup.features import Viewpoint
     from cgroup.types import FloatArray

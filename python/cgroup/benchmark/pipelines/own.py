@@ -12,7 +12,7 @@ from cgroup.registration import PaperFront, correspond, register
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
-    from cgroup._progress import StageClock
+    from cgroup._runtime.progress import StageClock
     from cgroup.benchmark.pipelines.problem import Problem
     from cgroup.features import Viewpoint
     from cgroup.registration.search import Effort

@@ -9,9 +9,9 @@ import json
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cgroup._plugins import load_plugin
-from cgroup._progress import StageClock
-from cgroup._values import guess_word, refuse_word
+from cgroup._checks.values import guess_word, refuse_word
+from cgroup._runtime.plugins import load_plugin
+from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.pipelines import kiss_matcher, open3d, own
 from cgroup.benchmark.pipelines.refinement import refine
 from cgroup.errors import InputError

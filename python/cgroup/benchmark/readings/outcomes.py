@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from cgroup._progress import ignore_progress
-from cgroup._values import as_count
+from cgroup._checks.values import as_count
+from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark.claims import CLAIMS, OUTCOMES, RESAMPLES, check_claims, check_evidence, count_verdicts
 from cgroup.benchmark.claims.stability import bootstrap_outcomes
 from cgroup.benchmark.evidence import Evidence

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import cgroup
-from cgroup._progress import ignore_progress
+from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import records
 from cgroup.benchmark.claims import CRITERIA, RESAMPLES, as_markdown, check_evidence, count_verdicts
 from cgroup.benchmark.evidence import Evidence

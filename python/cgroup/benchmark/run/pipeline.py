@@ -9,8 +9,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cgroup._progress import ignore_progress
-from cgroup._values import as_count
+from cgroup._checks.values import as_count
+from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.records.lock import only_writer
 from cgroup.benchmark.records.reading import RECORDS

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cgroup._progress import StageClock
+from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.records.packing import floats_as_bytes, pack, pack_mask, unpack
 from cgroup.benchmark.records.types import GroupingRecord, MatchingRecord
 from cgroup.benchmark.run.front import match_by_front, read_front

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cgroup import features
-from cgroup._values import as_length
+from cgroup._checks.values import as_length
 from cgroup.datasets.base import Dataset, MatchingPair, measure_overlap
 from cgroup.datasets.generated.pairs import standin_pair
 from cgroup.datasets.generated.scanner import merge, range_image

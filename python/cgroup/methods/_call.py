@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cgroup import _core
-from cgroup._fields import FIELDS, Fields, check_fields, check_scores
-from cgroup._memory import max_memory_for
-from cgroup._options import run_options
-from cgroup._run import Run
+from cgroup._checks.fields import FIELDS, Fields, check_fields, check_scores
+from cgroup._checks.run_options import run_options
+from cgroup._runtime.memory import max_memory_for
+from cgroup._runtime.run import Run
 from cgroup.types import Grouping
 
 if TYPE_CHECKING:
-    from cgroup._arrays import RealArray
+    from cgroup._checks.array_types import RealArray
 
 _VOTES_BY_FRAMES = ("3dhv",)
 """Methods whose matches are explained by their frames."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from cgroup._values import as_function
+from cgroup._checks.values import as_function
 
 if TYPE_CHECKING:
     from collections.abc import Callable

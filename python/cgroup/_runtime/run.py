@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cgroup._fields import Fields
+    from cgroup._checks.fields import Fields
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, TypeVar
 
-from cgroup._values import as_count
+from cgroup._checks.values import as_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

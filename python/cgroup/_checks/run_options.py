@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cgroup._values import as_count, as_function, as_length
+from cgroup._checks.values import as_count, as_function, as_length
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 
-from cgroup._show import escape, show
+from cgroup._checks.quoting import escape, show
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

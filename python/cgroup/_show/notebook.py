@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from cgroup._arrays import FloatArray
+    from cgroup._checks.array_types import FloatArray
 
 _BAR = 120  # pixels
 _KEPT = "#0072B2"

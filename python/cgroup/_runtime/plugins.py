@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from cgroup._values import as_word
+from cgroup._checks.values import as_word
 from cgroup.errors import InputError
 
 

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._foreign import ACCEPTED, as_host_array, cloud_parts
-from cgroup._show import cut, escape, show
-from cgroup._values import refusal
+from cgroup._checks.foreign import ACCEPTED, as_host_array, cloud_parts
+from cgroup._checks.quoting import cut, escape, show
+from cgroup._checks.values import refusal
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from cgroup._arrays import BoolArray, FloatArray, IndexArray, RealArray
+    from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
 
 _DEEPEST = 5
 """Lists within lists, beyond which no shape is right anyway."""

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup import _views
-from cgroup._arguments import real_points
-from cgroup._values import as_flag, refusal
+from cgroup._checks.arrays import real_points
+from cgroup._checks.values import as_flag, refusal
+from cgroup._show import views
 from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cgroup._arrays import BoolArray, FloatArray
+    from cgroup._checks.array_types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ def plot(
         title=title,
         is_placed=is_placed,
     )
-    return _views.draw(drawing, interactive=as_flag("interactive", interactive))
+    return views.draw(drawing, interactive=as_flag("interactive", interactive))
 
 
 def as_points(name: str, cloud: Any) -> FloatArray:  # noqa: ANN401 - a cloud of any kind

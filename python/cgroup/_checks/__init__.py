@@ -1,0 +1,1 @@
+"""Arguments checked: values, arrays, fields of correspondences, clouds of other libraries."""

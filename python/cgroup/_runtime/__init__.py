@@ -1,0 +1,1 @@
+"""How computations run: memory, progress, side by side, interrupted, plugged in."""

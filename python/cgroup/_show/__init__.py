@@ -1,0 +1,1 @@
+"""Results shown: figures and tables of notebooks."""
