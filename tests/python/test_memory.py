@@ -20,8 +20,8 @@ class System:
         self.proc, self.groups = root / "proc", root / "control groups"
         for folder in (self.proc / "self", self.groups):
             folder.mkdir(parents=True)
-        monkeypatch.setattr(_memory, "PROC", self.proc)
-        monkeypatch.setattr(_memory, "CONTROL_GROUPS", self.groups)
+        monkeypatch.setattr(memory, "PROC", self.proc)
+        monkeypatch.setattr(memory, "CONTROL_GROUPS", self.groups)
 
     def available(self, kib):
         (self.proc / "meminfo").write_text(f"MemTotal: 1 kB\nMemAvailable: {kib} kB\n")
@@ -126,7 +126,7 @@ def test_small_problems_get_a_bound_without_a_look_at_the_system(monkeypatch):
     def fail():
         pytest.fail("looked at the system")
 
-    monkeypatch.setattr(_memory, "default_max_memory", fail)
+    monkeypatch.setattr(memory, "default_max_memory", fail)
     assert memory.max_memory_for(0) == memory.max_memory_for(900) == memory.SMALL
     assert memory.SMALL > 900**2 * 40  # more than any method takes
 
