@@ -1,4 +1,4 @@
-"""Several methods on the same correspondences, each judged against the true pose."""
+"""Compare several methods on the same correspondences, each judged against the true pose."""
 
 from __future__ import annotations
 

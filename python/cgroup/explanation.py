@@ -1,4 +1,4 @@
-"""What is said of one match."""
+"""Explanation of why one match was kept or dropped."""
 
 from __future__ import annotations
 

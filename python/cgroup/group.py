@@ -1,4 +1,4 @@
-"""Any grouping method by its name, on one problem or on many at once."""
+"""Run any grouping method by its name, on one problem or on many at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What makes matching harder: noise, lower density, and less of the shape in common.
+"""Nuisances: noise, lower density, less overlap.
 
 `add_noise` and `decimate` work on clouds. `NUISANCES` holds what `apply_nuisance` does to a pair at a level;
 they change the target (``overlap`` both clouds) and never the pose. All randomness comes from the generator

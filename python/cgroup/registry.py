@@ -1,4 +1,4 @@
-"""The table of grouping methods: what is known of each besides its signature.
+"""The table of grouping methods: everything known of a method besides its signature.
 
 Names, plot styles, help texts and tables derive from it. `METHODS` is what exists; `PAPER_METHODS` is what
 the paper compared: its claims and presets are about those nine, whatever else is added.

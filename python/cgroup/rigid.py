@@ -101,7 +101,7 @@ def invert(transform: FloatArray) -> FloatArray:
     try:
         return np.linalg.inv(_matrix("transform", transform)).astype(np.float64, copy=False)
     except np.linalg.LinAlgError as error:
-        message = "transform: is singular, so there is no way back; give a rigid transform"
+        message = "transform: singular matrix, cannot be inverted; give a rigid transform"
         raise InputError(message) from error
 
 

@@ -1,4 +1,4 @@
-"""What goes into a grouping method, what comes out, and the clouds it is about."""
+"""Inputs and outputs of grouping methods, and point clouds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Turns whatever the user passes into arrays of the right kind, or says what is wrong.
+"""Convert arguments to arrays of the expected kind, or refuse them.
 
 Masked arrays are refused, also those whose mask hides nothing: NumPy's functions drop masks without a word,
 and whether a mask hides something is a matter of the data, not of the program.

@@ -1,4 +1,4 @@
-"""Fields of correspondences: what a method may be given besides its options."""
+"""Fields of correspondences: the data that a method takes besides its options."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Clouds and arrays of other libraries, told by what they offer: nothing is imported for them.
+"""Recognise other libraries' clouds and arrays by duck typing, without importing them.
 
-Each reader looks for what one kind of object has, and returns its parts as they are; who asks checks them as
-any other array. An object that no reader knows is left to NumPy.
+Each reader looks for the attributes of one kind of object and returns its parts unchanged; the caller checks
+them like any other array. NumPy gets an object that no reader knows.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _parts_of_columns(name: str, columns: Iterable[Any], column: Callable[[Any],
     return CloudParts(points, find(("normal_x", "normal_y", "normal_z")) if normals is None else normals)
 
 
-def _stack(columns: list[Any]) -> Any:  # noqa: ANN401 - checked by who asks
+def _stack(columns: list[Any]) -> Any:  # noqa: ANN401 - checked by the caller
     arrays = [each.to_numpy() if hasattr(each, "to_numpy") else np.asarray(each) for each in columns]
     return np.stack(arrays, axis=1)
 

@@ -1,4 +1,4 @@
-"""Values and names as messages show them: short, on one line, printable."""
+"""Quote values and names in messages: short, on one line, printable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a computation runs: on how many threads, in how much memory and time, and who is told how far it is."""
+"""Options of a computation: threads, memory, time limit, progress callback."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one rule for arguments that are no arrays: what counts as a number, a truth value, a choice, a path.
+"""Validate arguments that are not arrays: numbers, flags, choices, paths.
 
 A number is a `numbers.Real` and no truth value, a count a `numbers.Integral` and no truth value: NumPy's
 scalars, arrays of no axes and fractions are numbers; arrays of one element, strings and `decimal.Decimal` are

@@ -1,1 +1,1 @@
-"""How computations run: memory, progress, side by side, interrupted, plugged in."""
+"""Running computations: memory, progress, worker threads, interrupts, plug-ins."""

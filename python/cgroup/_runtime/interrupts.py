@@ -1,7 +1,7 @@
-"""Ctrl-C while the command line, or a module that it needs, is being loaded, and while Python ends.
+"""Ctrl-C while modules load and while Python exits.
 
-Then, too, it is one line and its exit status. Loading the command line takes some tenths of a second, before
-`cgroup.cli` can catch anything. Where the package is loaded as a library, and in workers, nothing is changed.
+An interrupt then ends the command in one line with its exit status. Loading the command line takes some
+tenths of a second, before `cgroup.cli` can catch anything. A library import and worker processes keep Python's handling.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How much memory a pairwise matrix may take when the user does not say."""
+"""Default memory limit of pairwise matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Things from outside the package, named "module:attribute"."""
+"""Load plug-ins by their name "module:attribute"."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a computation is: times of its stages, and whom it tells."""
+"""Progress of a computation: stage times and callbacks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many computations side by side, one thread each."""
+"""Run many single-threaded computations side by side."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Results shown: figures and tables of notebooks."""
+"""Showing results: figures and notebook tables."""

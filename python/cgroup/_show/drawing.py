@@ -1,4 +1,4 @@
-"""What a figure of a result shows, checked."""
+"""Validated inputs for drawing a result."""
 
 from __future__ import annotations
 

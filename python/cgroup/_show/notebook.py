@@ -1,4 +1,4 @@
-"""Results as small tables, as notebooks show them: HTML and SVG that fit a light and a dark page."""
+"""Results as small notebook tables in HTML and SVG, for light and dark pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers as sentences have them."""
+"""Numbers and lengths as sentences show them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pairs of clouds, or of matched points, with a known pose."""
+"""Data sets: pairs of clouds, or of matched points, with a true pose."""
 
 from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair, data_root
 from cgroup.datasets.generated.pairs import standin_pair

@@ -1,4 +1,4 @@
-"""What a data set is, and where its files are looked for."""
+"""Base class of data sets, and the search for their files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What takes long to compute from the data, kept in the user's cache folder."""
+"""Cache of expensive results in the user's cache folder."""
 
 from __future__ import annotations
 

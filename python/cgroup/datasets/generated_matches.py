@@ -1,4 +1,4 @@
-"""Generated matches as a data set: the name of a pair says what it is drawn from."""
+"""Generated matches as a data set: the name of a pair holds its parameters."""
 
 from __future__ import annotations
 

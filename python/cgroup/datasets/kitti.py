@@ -1,4 +1,4 @@
-"""KITTI's odometry sequences: pairs of LiDAR scans some 10 m apart, as registration methods are evaluated.
+"""KITTI's odometry sequences: pairs of LiDAR scans some 10 m apart, the usual registration benchmark.
 
 Geiger, Lenz and Urtasun: Are we ready for autonomous driving? The KITTI vision benchmark suite, CVPR 2012.
 Choy, Park and Koltun: Fully convolutional geometric features, ICCV 2019 (the pairs).

@@ -1,4 +1,4 @@
-"""Lists of pairs that come with a collection of the data, where their owners' own list isn't there.
+"""Lists of pairs from a manifest, for data without a list by their owners.
 
 A ``manifest.json`` in the data root has one entry per data set; the loaders read the owners' files where they
 can, and this list for the rest.

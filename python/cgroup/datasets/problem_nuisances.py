@@ -1,4 +1,4 @@
-"""What makes a generated matching problem harder: rivals, planes, a mirror image, one-to-three matches.
+"""Nuisances of generated matching problems: rival poses, planes, a mirror image, one-to-three matches.
 
 Each takes a problem of `make_problem`, leaves it as it is, and returns another with the same pose. All
 randomness comes from the generator that the caller passes.

@@ -1,4 +1,4 @@
-"""Lists of poses in the format of the Redwood data sets, as 3DMatch, 3DLoMatch and FGR use it."""
+"""Pose lists in Redwood's `.log` format, used by 3DMatch, 3DLoMatch and FGR."""
 
 from __future__ import annotations
 

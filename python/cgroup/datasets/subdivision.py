@@ -1,4 +1,4 @@
-"""A triangle mesh made finer by curved patches that follow its vertex normals.
+"""Subdivide a triangle mesh by curved patches that follow its vertex normals.
 
 Vlachos, Peters, Boyd and Mitchell: Curved PN triangles, I3D 2001. Each triangle becomes a cubic Bezier patch
 through its corners, at right angles to their normals. An edge of a patch depends on the two ends of the edge

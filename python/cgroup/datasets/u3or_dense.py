@@ -1,4 +1,4 @@
-"""U3OR with clouds of the paper's size: surfaces sampled anew, at less than half the distance."""
+"""U3OR with clouds of the paper's size: surfaces resampled at less than half the spacing."""
 
 from __future__ import annotations
 

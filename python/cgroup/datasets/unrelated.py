@@ -1,4 +1,4 @@
-"""Pairs of clouds that share nothing, made from pairs that do: no pose between them is right."""
+"""Unrelated pairs, made by mixing or mirroring related ones: no pose between them is right."""
 
 from __future__ import annotations
 

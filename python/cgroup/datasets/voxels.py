@@ -1,4 +1,4 @@
-"""One point per occupied cell of a grid."""
+"""One point per occupied grid cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Judging a group against the true pose: which matches are correct, and how good is the group.
+"""Evaluate a group against the true pose: which matches are correct, and how good the group is.
 
 Knows nothing of the methods that made the group.
 """

@@ -1,4 +1,4 @@
-"""What the true pose says: correct matches, errors of an estimated pose, overlap of two views."""
+"""Ground truth from the true pose: correct matches, pose errors, overlap of two views."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When does a pair count as registered? The criteria in use, by name.
+"""Criteria by which a pair counts as registered, by name.
 
 | name | registered when | who judges so |
 |---|---|---|

@@ -1,4 +1,4 @@
-"""Radii: their defaults in pr, and where the unit comes from."""
+"""Default radii in pr, and the resolution they refer to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Open3D computes; it comes with the extra ``cgroup[open3d]``."""
+"""Descriptors by Open3D, from the extra ``cgroup[open3d]``."""
 
 from __future__ import annotations
 

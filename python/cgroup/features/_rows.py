@@ -1,4 +1,4 @@
-"""Checks tables of descriptors."""
+"""Checks of descriptor tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A cloud that is made ready once, and its resolution."""
+"""A cloud indexed once, and its resolution."""
 
 from __future__ import annotations
 

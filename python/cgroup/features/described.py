@@ -1,4 +1,4 @@
-"""A cloud's keypoints with their frames and descriptors."""
+"""Keypoints of a cloud with their frames and descriptors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keypoint detectors, and the support that keypoints need."""
+"""Keypoint detectors, and the check of each keypoint's support."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nearest descriptors."""
+"""Matching of nearest descriptors."""
 
 from __future__ import annotations
 

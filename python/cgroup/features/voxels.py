@@ -1,4 +1,4 @@
-"""Clouds thinned out to one point per cell of a grid."""
+"""Thin a cloud to one point per grid cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all files have in common: reading, writing, and errors that name the file."""
+"""Reading and writing files, with errors that name the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""NPY and NPZ: what they declare is checked against their size, and only what is asked for is unpacked."""
+"""NPY and NPZ: declared sizes are checked first, and only requested arrays are unpacked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers that stand for poses: matrices, rows of them, and translations with quaternions."""
+"""Poses in numbers: matrices, rows of matrices, translations with quaternions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where results go: looked at before work starts, made when there is something to write."""
+"""Result folders: checked before work starts, made at the first output."""
 
 from __future__ import annotations
 

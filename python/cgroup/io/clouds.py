@@ -1,4 +1,4 @@
-"""Files of point clouds, keypoints and descriptors."""
+"""Read and write point clouds, keypoints and descriptors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of correspondences, and of the groups among them."""
+"""Read and write correspondences and groups."""
 
 from __future__ import annotations
 

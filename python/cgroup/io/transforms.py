@@ -1,4 +1,4 @@
-"""Files of rigid transforms."""
+"""Read and write rigid transforms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The grouping methods, one file each: typed signatures and what they mean.
+"""The grouping methods, one typed signature per file.
 
 References are to J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation of Correspondence
 Grouping Methods for 3D Rigid Data Matching*, TPAMI 2019 ("the paper").

@@ -1,4 +1,4 @@
-"""From the arguments of a method to its group."""
+"""The way from a method's arguments to its group."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One HTML file with charts in it, which fetches nothing: plotly's script lies in the page, compressed.
+"""One self-contained HTML page with charts: plotly's script is compressed inside the page.
 
 A page is put together from pieces of HTML: `chart_html` makes one chart, to be placed anywhere; `page_html`
 the page around a body. Names that come from outside, such as those of files, are escaped by whoever writes

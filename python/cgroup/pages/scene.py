@@ -1,4 +1,4 @@
-"""Two clouds and lines between them in three dimensions, as plotly draws them."""
+"""Two clouds and lines between them in 3D, drawn by plotly."""
 
 from __future__ import annotations
 

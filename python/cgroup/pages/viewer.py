@@ -1,4 +1,4 @@
-"""A page with two clouds to turn around, and lines of what methods kept and dropped."""
+"""A page with two clouds to turn around, and the matches that methods kept and dropped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures, one function each. They are returned, never shown: save them with `Figure.savefig`.
+"""Figures, one function each. Functions return figures and show none: save them with `Figure.savefig`.
 
 They need matplotlib, which comes with the extra ``cgroup[scans]``.
 """

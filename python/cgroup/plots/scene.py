@@ -1,4 +1,4 @@
-"""Two clouds in one plane and lines between them: what figures of matches are made of."""
+"""Two clouds in one plane and lines between them, the basis of match figures."""
 
 # Parts of matplotlib's methods are untyped.
 # pyright: reportUnknownMemberType=false

@@ -1,4 +1,4 @@
-"""Is a pose right? Poses judged and refined on the two surfaces, wherever the poses come from.
+"""Verify poses: judge and refine poses from any source on the two surfaces.
 
 =============  ==========================================================================================
 `Surface`      points and normals made ready once, and kept for all poses and partners

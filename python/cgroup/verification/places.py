@@ -1,4 +1,4 @@
-"""Where each point of a surface comes to lie under a pose."""
+"""Nearest places on a surface under a pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From many poses to few: coarse scores of all, finer ones of the best, refined in between."""
+"""From many poses to few: coarse scores of all, finer scores of the best, with refinements between."""
 
 from __future__ import annotations
 

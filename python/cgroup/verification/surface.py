@@ -1,4 +1,4 @@
-"""Surfaces that poses are judged on."""
+"""Surfaces on which poses are judged."""
 
 from __future__ import annotations
 

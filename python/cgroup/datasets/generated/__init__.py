@@ -1,1 +1,1 @@
-"""Data made by the program itself: shapes, a range scanner in software, and pairs of what it sees."""
+"""Generated data: shapes, a simulated range scanner, and pairs of scans."""

@@ -1,4 +1,4 @@
-"""A pair of range scans that needs no download: two views of a generated stone.
+"""A pair of range scans without a download: two views of a generated stone.
 
 Each view is what a range scanner sees of it: one point per pixel, none where the surface hides itself or is
 seen too obliquely, noise along the line of sight.

@@ -1,4 +1,4 @@
-"""A range scanner in software: what it sees of triangle meshes, one point per pixel.
+"""A simulated range scanner: visible points of triangle meshes, one per pixel.
 
 The scanner is at the origin and looks along -z, y up. Pixels are spaced evenly on the plane z = -1.
 """

@@ -1,4 +1,4 @@
-"""Generated shapes, and where they are put.
+"""Generated shapes and their placement.
 
 A stone is a ball cut by planes, with bumps and dents at two scales, all strewn at random: rich in local
 detail and without symmetry.

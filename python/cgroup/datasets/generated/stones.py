@@ -1,4 +1,4 @@
-"""Data sets that need no download: generated stones in the three roles of the paper's data sets.
+"""Data sets without a download: generated stones in the three roles of the paper's data sets.
 
 The stones are those of `standin_pair`: closed, rich in detail, without symmetry. Every pair is made from its
 name alone, so the same name is the same pair on every machine.
