@@ -12,8 +12,8 @@ from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealAr
 from cgroup._checks.arrays import as_faces, as_points
 from cgroup._checks.fields import OPTIONAL_FIELDS, check_fields
 from cgroup._checks.foreign import cloud_parts
-from cgroup._show import views
 from cgroup._show.drawing import plot
+from cgroup._show.hooks import call_hook
 from cgroup._show.notebook import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.rigid import apply, check_rigid
@@ -360,7 +360,7 @@ class Grouping:
         Match 0 was dropped: its score of 0.2 (rank 3 of 3) lies below the cut at
         0.5. It would have been kept with a score above 0.5.
         """
-        return views.explain(self, index)
+        return call_hook("explanation", self, index)
 
     def plot(
         self,

@@ -9,7 +9,8 @@ import numpy as np
 
 from cgroup._checks.arrays import real_points
 from cgroup._checks.values import as_flag, refusal
-from cgroup._show import views
+from cgroup._show.hooks import call_hook
+from cgroup.errors import InputError
 from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
@@ -94,7 +95,12 @@ def plot(
         title=title,
         is_placed=is_placed,
     )
-    return views.draw(drawing, interactive=as_flag("interactive", interactive))
+    hook = "chart" if as_flag("interactive", interactive) else "figure"
+    try:
+        return call_hook(hook, drawing)
+    except ModuleNotFoundError as missing:
+        message = f"drawing needs {missing.name}; pip install 'cgroup[scans]'"
+        raise InputError(message) from missing
 
 
 def as_points(name: str, cloud: Any) -> FloatArray:  # noqa: ANN401 - a cloud of any kind
