@@ -72,7 +72,7 @@ def _draw_interactive(drawing: _Drawing) -> _Any:  # noqa: ANN401 - plotly's Fig
     return figure_of(drawing)
 
 
-_fill_hooks({"explanation": _explain, "figure": _draw, "chart": _draw_interactive})
+_fill_hooks(explanation=_explain, figure=_draw, chart=_draw_interactive)
 
 if _core.DEBUG_BUILD:
     _warnings.warn(

@@ -20,7 +20,7 @@ from cgroup import Correspondences
 from cgroup._runtime.interrupts import INTERRUPTED
 from cgroup.cli import main
 from cgroup.cli.benchmark import DAMAGED
-from cgroup.cli.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
+from cgroup.cli.show.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences
 
@@ -304,12 +304,12 @@ def test_an_interrupt_changes_nothing_of_a_command_that_is_done(folder: Path) ->
 BROKEN = """
 import sys
 from cgroup import cli
-from cgroup.cli import matches
+from cgroup.cli.commands import group
 
 def fail(*_, **__):
     raise {error}
 
-matches.group = fail
+group.group = fail
 cli.main(["group", "matches.npz"])
 """
 

@@ -306,7 +306,7 @@ def test_without_html_there_is_no_page(files: Path) -> None:
 def test_without_plotly_html_is_refused_before_any_work(
     files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("cgroup.cli.pages.find_spec", lambda _name: None)
+    monkeypatch.setattr("cgroup.cli.options.find_spec", lambda _name: None)
     assert run("register", "a&b.ply", "target.ply", "--html") == 2
     assert "--html: needs plotly; pip install 'cgroup[scans]'" in capsys.readouterr().err
     assert not (files / "out").exists()

@@ -6,21 +6,19 @@ the hooks in, with functions that load a room when they are called.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-Hook = Literal["explanation", "figure", "chart"]
-
 _hooks: dict[str, Callable[..., Any]] = {}
 
 
-def fill_hooks(functions: dict[Hook, Callable[..., Any]]) -> None:
+def fill_hooks(**functions: Callable[..., Any]) -> None:
     """Set the function behind each hook."""
     _hooks.update(functions)
 
 
-def call_hook(name: Hook, *arguments: Any) -> Any:  # noqa: ANN401 - whatever the higher room takes and makes
+def call_hook(name: str, *arguments: Any) -> Any:  # noqa: ANN401 - whatever the higher room takes and makes
     """Call the function behind a hook."""
     return _hooks[name](*arguments)

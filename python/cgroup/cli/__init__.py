@@ -10,11 +10,21 @@ from typing import TYPE_CHECKING, Annotated
 try:
     import typer
 
-    from cgroup.cli import benchmark, cloud, compare, matches, pair, recognize, results
+    from cgroup.cli import benchmark
+    from cgroup.cli.commands import (
+        compare,
+        demo,
+        describe,
+        detect,
+        group,
+        recognize,
+        register,
+        results,
+    )
     from cgroup.cli.failures import print_failure
     from cgroup.cli.help import examples, make_app
+    from cgroup.cli.show.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN, print_line
     from cgroup.cli.streams import OutputError, guarded_output, write_error
-    from cgroup.cli.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN, print_line
 except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
     raise SystemExit(2) from None
@@ -45,7 +55,7 @@ app = make_app(
     ),
     add_completion=True,
 )
-for commands in (pair, recognize, compare, matches, cloud):
+for commands in (register, recognize, compare, demo, group, detect, describe):
     app.add_typer(commands.app)
 app.add_typer(results.app, name="results")
 app.add_typer(benchmark.app, name="benchmark")

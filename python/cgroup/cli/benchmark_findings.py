@@ -15,10 +15,10 @@ from cgroup.cli.benchmark_options import (
 )
 from cgroup.cli.benchmark_output import print_claims, print_tables
 from cgroup.cli.help import Command, examples, make_app
-from cgroup.cli.json_output import make_document, print_document
 from cgroup.cli.options import JsonOption, WideOption
 from cgroup.cli.output import Ending
-from cgroup.cli.terminal import print_line, print_text, show_stages
+from cgroup.cli.show.json import make_document, print_document
+from cgroup.cli.show.terminal import print_line, print_text, show_stages
 from cgroup.errors import InputError
 from cgroup.io._results import check_folder
 

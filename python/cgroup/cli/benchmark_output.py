@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cgroup.cli.colors import paint
-from cgroup.cli.output import print_files
-from cgroup.cli.tables import Column, print_table
-from cgroup.cli.terminal import print_line, print_prose, print_text
+from cgroup.cli.show.colors import paint
+from cgroup.cli.show.tables import Column, print_table
+from cgroup.cli.show.terminal import print_files, print_line, print_prose, print_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from cgroup.benchmark.report.cells import Table
-    from cgroup.cli.json_output import Document
+    from cgroup.cli.show.json import Document
 
 DONE = {
     "correspond": "cases matched",

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from cgroup.cli.benchmark_output import DONE
+from cgroup.cli.show.terminal import print_line, show_bar
 from cgroup.cli.signals import StoppedError, stop_on_signals
-from cgroup.cli.terminal import print_line, show_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator

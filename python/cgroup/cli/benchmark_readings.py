@@ -12,9 +12,9 @@ from cgroup.cli.benchmark_output import print_readings
 from cgroup.cli.benchmark_progress import run_resumably
 from cgroup.cli.completion import complete_presets
 from cgroup.cli.help import Command, examples, make_app
-from cgroup.cli.json_output import make_document
 from cgroup.cli.options import JsonOption, WideOption
 from cgroup.cli.output import Ending
+from cgroup.cli.show.json import make_document
 from cgroup.io._results import check_folder
 
 if TYPE_CHECKING:

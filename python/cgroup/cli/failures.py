@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cgroup.cli.json_output import Document, make_error, print_document
-from cgroup.cli.pair import registration_results
+from cgroup.cli.commands.register import registration_results
+from cgroup.cli.show.json import Document, make_error, print_document
 from cgroup.cli.streams import OutputError
 from cgroup.errors import CgroupError, NoConsensusError
 

@@ -1,32 +1,32 @@
-"""Clouds as commands read them, and what is said of them."""
+"""Clouds that commands read, and what documents say of them."""
 
 from __future__ import annotations
 
-import hashlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cgroup import io
-from cgroup.cli.terminal import print_facts, show_stages
+from cgroup.cli.show.terminal import show_stages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable
+    from pathlib import Path
 
     from cgroup.types import PointCloud
 
-Facts = dict[str, Any]
+
+def read_cloud(file: Path, begin: Callable[[str], object]) -> PointCloud:
+    """Read a cloud, and say so."""
+    begin(f"reading {file.name}")
+    return io.read_cloud(file)
 
 
 def read_both(source: Path, target: Path) -> tuple[PointCloud, PointCloud]:
     """Read two clouds."""
     with show_stages() as begin:
-        begin(f"reading {source.name}")
-        first = io.read_cloud(source)
-        begin(f"reading {target.name}")
-        return first, io.read_cloud(target)
+        return read_cloud(source, begin), read_cloud(target, begin)
 
 
-def describe_cloud(role: str, file: Path, cloud: PointCloud) -> Facts:
+def describe_cloud(role: str, file: Path, cloud: PointCloud) -> dict[str, Any]:
     """List what a document says of a cloud."""
     return {
         "role": role,
@@ -37,23 +37,7 @@ def describe_cloud(role: str, file: Path, cloud: PointCloud) -> Facts:
     }
 
 
-def describe_pair(files: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud]) -> list[Facts]:
+def describe_pair(files: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud]) -> list[dict[str, Any]]:
     """List what a document says of source and target."""
     roles = ("source", "target")
     return [describe_cloud(*one) for one in zip(roles, files, clouds, strict=True)]
-
-
-def print_clouds(inputs: Iterable[Mapping[str, Any]]) -> None:
-    """Print how many points each cloud of a document has."""
-    for cloud in inputs:
-        dropped = cloud["dropped"]
-        left_out = f", {dropped} more without finite coordinates left out" if dropped else ""
-        print_facts((cloud["role"], f"{cloud['file']}: {cloud['points']} points{left_out}"))
-
-
-def digest(file: str) -> str | None:
-    """Return the SHA-256 of a file, None where it isn't there any more."""
-    try:
-        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
-    except (OSError, ValueError):
-        return None

@@ -2,36 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cgroup.cli.json_output import print_document
 from cgroup.cli.saved_runs import check_run, save_run
-from cgroup.cli.terminal import print_line, print_written
+from cgroup.cli.show.json import print_document
+from cgroup.cli.show.terminal import print_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
-    from cgroup.cli.json_output import Document
+    from cgroup.cli.show.json import Document
 
-_NOT_OPTIONS = (
-    "source",
-    "target",
-    "correspondences",
-    "models",
-    "cloud",
-    "out",
-    "html",
-    "as_json",
-    "save",
-    "wide",
-)
-"""Parameters that say nothing of how a result is computed."""
+_INPUTS = ("source", "target", "correspondences", "models", "cloud")
+_OUTPUTS = ("out", "html", "as_json", "save", "wide")
 
 
 def options_of(context: Any) -> dict[str, Any]:  # noqa: ANN401 - typer's
-    """List the options that a command was given, defaults included."""
-    return {name: value for name, value in context.params.items() if name not in _NOT_OPTIONS}
+    """List the options that shape a command's result, defaults included."""
+    return {name: value for name, value in context.params.items() if name not in {*_INPUTS, *_OUTPUTS}}
 
 
 def files_in(folder: Path, names: tuple[str, ...]) -> list[str]:
@@ -39,14 +28,8 @@ def files_in(folder: Path, names: tuple[str, ...]) -> list[str]:
     return [str(folder / name) for name in names]
 
 
-def print_files(document: Document) -> None:
-    """Print which files a command has written, all in one folder."""
-    files = [Path(file) for file in document["files"]]
-    print_written(files[0].parent, *(file.name for file in files))
-
-
 class Ending:
-    """Where a result goes, besides its files; looked at before work starts.
+    """Where a result goes besides its files; looked at before work starts.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -12,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from cgroup._checks.quoting import show
-from cgroup.cli.inputs import digest
-from cgroup.cli.json_output import SCHEMA_VERSION, Document, as_text
+from cgroup.cli.show.json import SCHEMA_VERSION, Document, as_text
 from cgroup.errors import InputError
 from cgroup.io._files import read_content
 from cgroup.io._results import check_folder, make_folder
@@ -98,7 +98,7 @@ def save_run(path: Path, document: Document) -> None:
     InputError
         If the file can't be written.
     """
-    inputs = [{**one, "sha256": digest(one["file"])} for one in document["inputs"]]
+    inputs = [{**one, "sha256": _digest(one["file"])} for one in document["inputs"]]
     saved = {
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
@@ -156,6 +156,14 @@ def _check(path: Path, document: object) -> Document:
     else:
         message = f"{path}: not a saved run of cgroup; --save writes them"
     raise InputError(message)
+
+
+def _digest(file: str) -> str | None:
+    """Return the SHA-256 of a file, None where it isn't there any more."""
+    try:
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except (OSError, ValueError):
+        return None
 
 
 def _replace(path: Path, content: bytes) -> None:

@@ -100,12 +100,13 @@ def _options_of(context: Any) -> dict[str, str]:  # noqa: ANN401
         param.name: param.opts[0] for param in context.command.params if param.param_type_name == "option"
     }
     for name, general in _SET_BY.items():
-        if general in options and _is_given(context, general) and not _is_given(context, name):
+        if general in options and is_given(context, general) and not is_given(context, name):
             options[name] = options[general]
     options["T_target_source"] = options.get("truth", "pose")
     return options
 
 
-def _is_given(context: Any, name: str) -> bool:  # noqa: ANN401
+def is_given(context: Any, name: str) -> bool:  # noqa: ANN401
+    """Tell whether a parameter was given on the command line."""
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"

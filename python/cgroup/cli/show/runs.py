@@ -1,4 +1,4 @@
-"""Saved runs side by side: what was asked, what came out, and by how much poses differ."""
+"""Saved runs side by side: their options, their results, and by how much their poses differ."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup.cli.json_output import Document
-from cgroup.cli.numbers import UNKNOWN, show_date, show_value
-from cgroup.cli.tables import Column, print_table
-from cgroup.cli.terminal import print_prose, print_text
+from cgroup.cli.show.json import Document
+from cgroup.cli.show.numbers import UNKNOWN, show_date, show_value
+from cgroup.cli.show.tables import Column, print_table
+from cgroup.cli.show.terminal import print_prose, print_text
 from cgroup.errors import InputError
 from cgroup.registry import label_of
 from cgroup.rigid import apply, check_rigid, rotation_error

@@ -7,8 +7,8 @@ from io import StringIO
 from typing import TYPE_CHECKING
 
 from cgroup._checks.quoting import escape
-from cgroup.cli.colors import wants_colors
-from cgroup.cli.terminal import print_line, print_prose, print_text, terminal_width
+from cgroup.cli.show.colors import wants_colors
+from cgroup.cli.show.terminal import print_line, print_prose, print_text, terminal_width
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence

@@ -1,4 +1,4 @@
-"""What the commands share: lines and tables on the terminal, progress and pictures."""
+"""Lines and facts on the terminal, progress, and pictures."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import sys
 import textwrap
 from contextlib import contextmanager
 from io import BytesIO
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from cgroup import io
 from cgroup._checks.quoting import escape
 from cgroup._runtime.progress import ignore_progress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterable, Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 
     from matplotlib.figure import Figure
     from rich.progress import Progress, ProgressColumn
@@ -59,9 +59,18 @@ def print_pose(pose: Iterable[Sequence[float]]) -> None:
         print_line("  " + " ".join(f"{number:12.6g}" for number in row))
 
 
-def print_written(folder: Path, *names: str) -> None:
-    """Print which files are in a folder now."""
-    print_prose(f"wrote {', '.join(names)} to {folder}/", "  ")
+def print_clouds(inputs: Iterable[Mapping[str, Any]]) -> None:
+    """Print how many points each cloud of a document has."""
+    for cloud in inputs:
+        dropped = cloud["dropped"]
+        left_out = f", {dropped} more without finite coordinates left out" if dropped else ""
+        print_facts((cloud["role"], f"{cloud['file']}: {cloud['points']} points{left_out}"))
+
+
+def print_files(document: Mapping[str, Any]) -> None:
+    """Print which files a command has written, all in one folder."""
+    files = [Path(file) for file in document["files"]]
+    print_prose(f"wrote {', '.join(file.name for file in files)} to {files[0].parent}/", "  ")
 
 
 def terminal_width() -> int:

@@ -7,41 +7,22 @@ from typing import TYPE_CHECKING
 import typer
 
 from cgroup import io
+from cgroup.cli import options
 from cgroup.cli.help import Command, examples, make_app
-from cgroup.cli.inputs import describe_pair, print_clouds, read_both
-from cgroup.cli.json_output import Document, make_document
-from cgroup.cli.options import (
-    DEFAULT_OUT,
-    AxisOption,
-    DescriptorOption,
-    DetectorOption,
-    EffortOption,
-    FrontOption,
-    JsonOption,
-    KeypointsOption,
-    NmsRadiusOption,
-    NormalsOption,
-    OutOption,
-    ProposingMethodOption,
-    ResolutionOption,
-    SaveOption,
-    SourceArgument,
-    SourceViewpointOption,
-    SupportOption,
-    TargetArgument,
-    TargetViewpointOption,
-    ViewpointOption,
-    VoxelOption,
-)
-from cgroup.cli.output import Ending, files_in, options_of, print_files
-from cgroup.cli.pages import REGISTRATION_PAGE, HtmlOption, page_of_refused, write_registration_page
-from cgroup.cli.terminal import (
+from cgroup.cli.inputs import describe_pair, read_both
+from cgroup.cli.output import Ending, files_in, options_of
+from cgroup.cli.show.json import Document, make_document
+from cgroup.cli.show.pages import REGISTRATION_PAGE, page_of_refused, write_registration_page
+from cgroup.cli.show.terminal import (
+    print_clouds,
     print_facts,
+    print_files,
     print_pose,
     show_stages,
     shown_name,
     write_figure,
 )
+from cgroup.cli.wording import is_given
 from cgroup.errors import InputError
 from cgroup.group import check_method
 from cgroup.io._results import check_folder, make_folder
@@ -49,51 +30,56 @@ from cgroup.registration import DenseFront, PaperFront, Registration, register
 from cgroup.registration.prepared import VOXELS
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from pathlib import Path
 
     from cgroup.types import PointCloud
 
-_PAPER_OPTIONS = ("detector", "descriptor", "normals", "keypoints", "nms_radius", "resolution")
-_DENSE_OPTIONS = ("support",)
+_OF_FRONT = {
+    "paper": ("detector", "descriptor", "normals", "keypoints", "nms_radius", "resolution"),
+    "dense": ("support",),
+}
 _FILES = ("transform.txt", "aligned.ply", "correspondences.npz", "registration.png")
-_EXAMPLES = examples(
-    "cgroup register source.ply target.ply",
-    "",
-    "# two LiDAR scans, each from its own origin, in metres",
-    "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
-    "",
-    "# the paper's front end, for a script, and kept to be compared later",
-    "cgroup register a.ply b.ply --front paper --method gtm --json --save gtm",
-)
 
 app = make_app()
 
 
-@app.command("register", cls=Command, epilog=_EXAMPLES)
+@app.command(
+    "register",
+    cls=Command,
+    epilog=examples(
+        "cgroup register source.ply target.ply",
+        "",
+        "# two LiDAR scans, each from its own origin, in metres",
+        "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
+        "",
+        "# the paper's front end, for a script, and kept to be compared later",
+        "cgroup register a.ply b.ply --front paper --method gtm --json --save gtm",
+    ),
+)
 def register_command(
     context: typer.Context,
-    source: SourceArgument,
-    target: TargetArgument,
+    source: options.SourceArgument,
+    target: options.TargetArgument,
     *,
-    voxel: VoxelOption = None,
-    viewpoint: ViewpointOption = None,
-    source_viewpoint: SourceViewpointOption = None,
-    target_viewpoint: TargetViewpointOption = None,
-    axis: AxisOption = None,
-    effort: EffortOption = "normal",
-    front: FrontOption = "dense",
-    method: ProposingMethodOption = None,
-    support: SupportOption = DenseFront.support,
-    detector: DetectorOption = "h3d",
-    descriptor: DescriptorOption = "shot",
-    normals: NormalsOption = "pca",
-    keypoints: KeypointsOption = None,
-    nms_radius: NmsRadiusOption = None,
-    resolution: ResolutionOption = None,
-    out: OutOption = DEFAULT_OUT,
-    html: HtmlOption = False,
-    save: SaveOption = None,
-    as_json: JsonOption = False,
+    voxel: options.VoxelOption = None,
+    viewpoint: options.ViewpointOption = None,
+    source_viewpoint: options.SourceViewpointOption = None,
+    target_viewpoint: options.TargetViewpointOption = None,
+    axis: options.AxisOption = None,
+    effort: options.EffortOption = "normal",
+    front: options.FrontOption = "dense",
+    method: options.ProposingMethodOption = None,
+    support: options.SupportOption = DenseFront.support,
+    detector: options.DetectorOption = "h3d",
+    descriptor: options.DescriptorOption = "shot",
+    normals: options.NormalsOption = "pca",
+    keypoints: options.KeypointsOption = None,
+    nms_radius: options.NmsRadiusOption = None,
+    resolution: options.ResolutionOption = None,
+    out: options.OutOption = options.DEFAULT_OUT,
+    html: options.HtmlOption = False,
+    save: options.SaveOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Place one scan on another, or say that no pose can be trusted (exit status 3).
 
@@ -122,11 +108,7 @@ def register_command(
         )
         begin("figures")
         folder = make_folder(out)
-        figure = _draw_registration(clouds, done, f"{shown_name(source)} on {shown_name(target)}")
-        io.write_transform(folder / "transform.txt", done.T_target_source)
-        io.write_cloud(folder / "aligned.ply", clouds[0].transformed(done.T_target_source))
-        io.write_correspondences(folder / "correspondences.npz", done.correspondences)
-        write_figure(folder / "registration.png", figure)
+        _write_files(folder, clouds, done, f"{shown_name(source)} on {shown_name(target)}")
         if html:
             write_registration_page(folder, clouds, done, title)
     document = make_document(
@@ -139,22 +121,20 @@ def register_command(
     ending.finish(document, print_registration)
 
 
-def _refuse_options_of_the_other_front(context: typer.Context, front: str) -> None:
+def _refuse_options_of_the_other_front(context: typer.Context, front: options.Front) -> None:
     """Raise `InputError` for an option that would be ignored."""
-    others = _DENSE_OPTIONS if front == "paper" else _PAPER_OPTIONS
-    for name in others:
-        given = context.get_parameter_source(name)
-        if given is not None and given.name == "COMMANDLINE":
+    other = "dense" if front == "paper" else "paper"
+    for name in _OF_FRONT[other]:
+        if is_given(context, name):
             option = "--" + name.replace("_", "-")
-            other = "dense" if front == "paper" else "paper"
             message = f"{option}: belongs to --front {other}, but the front is {front!r}"
             raise InputError(message)
 
 
-def _draw_registration(clouds: tuple[PointCloud, PointCloud], done: Registration, title: str) -> Figure:
+def _write_files(folder: Path, clouds: tuple[PointCloud, PointCloud], done: Registration, title: str) -> None:
     from cgroup.plots import registration_figure  # noqa: PLC0415 - slow to load
 
-    return registration_figure(
+    figure = registration_figure(
         clouds[0].points,
         clouds[1].points,
         done.correspondences,
@@ -162,10 +142,18 @@ def _draw_registration(clouds: tuple[PointCloud, PointCloud], done: Registration
         T_target_source=done.T_target_source,
         title=title,
     )
+    io.write_transform(folder / "transform.txt", done.T_target_source)
+    io.write_cloud(folder / "aligned.ply", clouds[0].transformed(done.T_target_source))
+    io.write_correspondences(folder / "correspondences.npz", done.correspondences)
+    write_figure(folder / "registration.png", figure)
 
 
 def registration_results(done: Registration) -> Document:
     """List what a document says of a registration."""
+    seconds: dict[str, float] = {}  # by stage, source and target together
+    for name, value in done.seconds.items():
+        stage = name.removeprefix("source ").removeprefix("target ")
+        seconds[stage] = seconds.get(stage, 0.0) + value
     return {
         "ok": done.ok,
         "T_target_source": done.T_target_source,
@@ -180,7 +168,7 @@ def registration_results(done: Registration) -> Document:
         "open_motion": done.open_motion,
         "alternatives": done.alternatives,
         "notes": done.notes,
-        "seconds": _by_stage(done),
+        "seconds": seconds,
     }
 
 
@@ -201,12 +189,3 @@ def print_registration(document: Document) -> None:
     )
     print_pose(done["T_target_source"])
     print_files(document)
-
-
-def _by_stage(done: Registration) -> dict[str, float]:
-    """Add up the times of source and target."""
-    totals: dict[str, float] = {}
-    for name, seconds in done.seconds.items():
-        stage = name.removeprefix("source ").removeprefix("target ")
-        totals[stage] = totals.get(stage, 0.0) + seconds
-    return totals

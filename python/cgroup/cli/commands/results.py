@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from cgroup.cli.compare_runs import compare_runs, print_differences
-from cgroup.cli.comparison_output import print_comparison
-from cgroup.cli.completion import complete_runs
+from cgroup.cli import options
+from cgroup.cli.commands.group import print_group
+from cgroup.cli.commands.register import print_registration
 from cgroup.cli.help import Command, examples, make_app
-from cgroup.cli.json_output import Document, make_document
-from cgroup.cli.matches import print_group
-from cgroup.cli.numbers import UNKNOWN, show_date
-from cgroup.cli.options import JsonOption, WideOption
 from cgroup.cli.output import Ending
-from cgroup.cli.pair import print_registration
 from cgroup.cli.saved_runs import folder_of_runs, load_run, names_of_runs, remove_runs
-from cgroup.cli.tables import Column, print_table
-from cgroup.cli.terminal import print_facts, print_line, print_prose
+from cgroup.cli.show.comparison import print_comparison
+from cgroup.cli.show.json import Document, make_document
+from cgroup.cli.show.numbers import UNKNOWN, show_date
+from cgroup.cli.show.runs import compare_runs, print_differences
+from cgroup.cli.show.tables import Column, print_table
+from cgroup.cli.show.terminal import print_facts, print_line, print_prose
 from cgroup.errors import InputError
 from cgroup.registry import label_of
 
@@ -44,25 +44,6 @@ app = make_app(
     ),
 )
 
-RunsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="NAME",
-        help="Names of saved runs, or files.",
-        show_default=False,
-        autocompletion=complete_runs,
-    ),
-]
-RunArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="NAME",
-        help="Name of a saved run, or a file.",
-        show_default=False,
-        autocompletion=complete_runs,
-    ),
-]
-
 
 @app.callback(invoke_without_command=True)
 def _without_command(context: typer.Context) -> None:
@@ -71,21 +52,23 @@ def _without_command(context: typer.Context) -> None:
 
 
 @app.command("list", cls=Command, epilog=examples("cgroup results list"))
-def list_command(*, as_json: JsonOption = False, wide: WideOption = False) -> None:
+def list_command(*, as_json: options.JsonOption = False, wide: options.WideOption = False) -> None:
     """List saved runs: in $CGROUP_RESULTS, or else the folder for data of the user."""
     folder = folder_of_runs()
     runs = [_summary(name) for name in names_of_runs()]
     document = make_document("results list", results={"folder": folder, "runs": runs})
-    Ending(as_json=as_json).finish(document, lambda document: _print_list(document, wide=wide))
+    Ending(as_json=as_json).finish(document, partial(_print_list, wide=wide))
 
 
 @app.command(
     "show", cls=Command, epilog=examples("cgroup results show gtm", "cgroup results show gtm --json")
 )
-def show_command(run: RunArgument, *, as_json: JsonOption = False, wide: WideOption = False) -> None:
+def show_command(
+    run: options.RunArgument, *, as_json: options.JsonOption = False, wide: options.WideOption = False
+) -> None:
     """Show a saved run as it was shown when it ended."""
     with _readable(run):
-        Ending(as_json=as_json).finish(load_run(run), lambda document: _print_run(document, wide=wide))
+        Ending(as_json=as_json).finish(load_run(run), partial(_print_run, wide=wide))
 
 
 @app.command(
@@ -95,7 +78,9 @@ def show_command(run: RunArgument, *, as_json: JsonOption = False, wide: WideOpt
         "cgroup results compare shot rcs", "cgroup results compare before.json after.json --wide"
     ),
 )
-def compare_command(runs: RunsArgument, *, as_json: JsonOption = False, wide: WideOption = False) -> None:
+def compare_command(
+    runs: options.RunsArgument, *, as_json: options.JsonOption = False, wide: options.WideOption = False
+) -> None:
     """Show saved runs of one command side by side: results, and by what the poses differ."""
     if len(runs) < 2:
         message = f"NAME: got {len(runs)} run; give two or more to be compared"
@@ -103,11 +88,11 @@ def compare_command(runs: RunsArgument, *, as_json: JsonOption = False, wide: Wi
     documents = [load_run(run) for run in runs]
     with _readable(", ".join(runs)):
         compared = make_document("results compare", results=compare_runs(runs, documents))
-        Ending(as_json=as_json).finish(compared, lambda document: print_differences(document, wide=wide))
+        Ending(as_json=as_json).finish(compared, partial(print_differences, wide=wide))
 
 
 @app.command("remove", cls=Command, epilog=examples("cgroup results remove gtm lc"))
-def remove_command(runs: RunsArgument, *, as_json: JsonOption = False) -> None:
+def remove_command(runs: options.RunsArgument, *, as_json: options.JsonOption = False) -> None:
     """Delete saved runs."""
     files = remove_runs(runs)
     document = make_document("results remove", files=files)
@@ -143,14 +128,8 @@ def _summary(name: str) -> Document:
                 "error": None,
             }
     except InputError as error:
-        return {
-            "name": name,
-            "command": None,
-            "date": None,
-            "inputs": [],
-            "result": None,
-            "error": str(error),
-        }
+        unknown = dict.fromkeys(("command", "date", "result"))
+        return {"name": name, **unknown, "inputs": [], "error": str(error)}
 
 
 def _say_result(run: Document) -> str:

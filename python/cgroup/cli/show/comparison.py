@@ -1,4 +1,4 @@
-"""What ``cgroup compare`` and ``cgroup demo`` say: as a document, and as text."""
+"""Methods compared on one pair: as a document, and as text."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup.cli.inputs import print_clouds
-from cgroup.cli.json_output import Document
-from cgroup.cli.numbers import milliseconds, show_value
-from cgroup.cli.output import print_files
-from cgroup.cli.tables import Column, print_table
-from cgroup.cli.terminal import print_facts, print_prose
+from cgroup.cli.show.json import Document
+from cgroup.cli.show.numbers import milliseconds, show_value
+from cgroup.cli.show.tables import Column, print_table
+from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, print_prose
 from cgroup.comparison import table
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.registry import label_of
@@ -45,6 +43,7 @@ def comparison_results(
     *,
     T_target_source: FloatArray,
     inverse_correct: int | None,
+    limits: tuple[float, float],
 ) -> Document:
     """List what a document says of methods compared on one pair."""
     pr = matches.resolution or np.nan
@@ -59,6 +58,7 @@ def comparison_results(
         "correct_under_inverse": inverse_correct,
         "T_target_source": T_target_source,
         "methods": rows,
+        "limits": {"max_rotation_deg": limits[0], "max_displacement_pr": limits[1]},
     }
 
 
@@ -68,11 +68,9 @@ def print_comparison(document: Document, *, wide: bool = False) -> None:
     limits = results["limits"]
     print_clouds(document["inputs"])
     counted = say_correct(results["matches"], results["correct"])
+    pr = show_value(results["resolution"], ".4g")
     print_facts(
-        (
-            "resolution",
-            f"{show_value(results['resolution'], '.4g')} (mean point spacing, in the files' unit; 1 pr)",
-        ),
+        ("resolution", f"{pr} (mean point spacing, in the files' unit; 1 pr)"),
         ("matching", f"{counted}, that is within {CORRECT_WITHIN:g} pr of the true place"),
     )
     rows = sorted(results["methods"], key=lambda row: (-row["f_score"], row["milliseconds"]))
@@ -88,11 +86,6 @@ def print_comparison(document: Document, *, wide: bool = False) -> None:
             "truth; it has to map the source into the target's frame."
         )
     print_files(document)
-
-
-def count_correct(correct: BoolArray) -> str:
-    """Say how many matches are correct."""
-    return say_correct(len(correct), int(np.count_nonzero(correct)))
 
 
 def say_correct(matches: int, correct: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,100 +13,98 @@ import typer
 
 from cgroup import io
 from cgroup._checks.values import as_length
+from cgroup.cli import options
 from cgroup.cli.help import Command, examples, make_app
-from cgroup.cli.json_output import Document, make_document
-from cgroup.cli.options import GROUPING, OUTPUT, JsonOption, MatchesArgument, MethodOption, SaveOption
 from cgroup.cli.output import Ending, options_of
-from cgroup.cli.terminal import print_facts, print_line, print_pose, show_stages
+from cgroup.cli.show.json import Document, make_document
+from cgroup.cli.show.terminal import print_facts, print_line, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import check_method, group
 from cgroup.io._results import check_file
 from cgroup.registry import METHODS, label_of
-from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
-    from cgroup.types import Grouping
+    from cgroup.types import Correspondences, Grouping
 
-_EXAMPLES = examples(
-    "# six columns, x y z of the source and of the target; 1 pr is 2 cm",
-    "cgroup group matches.txt --method gc --resolution 0.02",
-    "",
-    "# the method that says how sure it is; one 0 or 1 per line",
-    "cgroup group matches.npz --method lc --out mask.txt",
-    "",
-    "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json",
-)
 _WITHOUT_TOLERANCE = ("gtm",)
 """Methods whose tolerance belongs to an option that the command line lacks."""
 
 app = make_app()
 
 
-@app.command("group", cls=Command, epilog=_EXAMPLES)
+@app.command(
+    "group",
+    cls=Command,
+    epilog=examples(
+        "# six columns, x y z of the source and of the target; 1 pr is 2 cm",
+        "cgroup group matches.txt --method gc --resolution 0.02",
+        "",
+        "# the method that says how sure it is; one 0 or 1 per line",
+        "cgroup group matches.npz --method lc --out mask.txt",
+        "",
+        "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json",
+    ),
+)
 def group_command(
     context: typer.Context,
-    correspondences: MatchesArgument,
+    correspondences: options.MatchesArgument,
     *,
-    method: MethodOption = "gtm",
+    method: options.MethodOption = "gtm",
     resolution: Annotated[
         float | None,
-        typer.Option(
-            metavar="LENGTH",
-            help="Mean point spacing of the clouds, 1 pr, in the file's unit.",
-            show_default="as in the file",
-            rich_help_panel=GROUPING,
+        options.option(
+            "LENGTH",
+            "Mean point spacing of the clouds, 1 pr, in the file's unit.",
+            options.GROUPING,
+            "as in the file",
         ),
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(
-            metavar="LENGTH",
-            help="Tolerance of methods that have one, in the file's unit.",
-            show_default="the method's",
-            rich_help_panel=GROUPING,
+        options.option(
+            "LENGTH",
+            "Tolerance of methods that have one, in the file's unit.",
+            options.GROUPING,
+            "the method's",
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Mask to write: .npy, or text with 0 or 1 per line.",
-            show_default="NAME_METHOD.npy",
-            rich_help_panel=OUTPUT,
+        options.option(
+            "FILE", "Mask to write: .npy, or text with 0 or 1 per line.", options.OUTPUT, "NAME_METHOD.npy"
         ),
     ] = None,
-    save: SaveOption = None,
-    as_json: JsonOption = False,
+    save: options.SaveOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Group correspondences of your own: which are selected, what pose they fix, how sure that is."""
     method = check_method(method)
-    options = _method_options(method, tolerance)
+    method_options = _method_options(method, tolerance)
     path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     check_file(path)
     spacing = None if resolution is None else as_length("resolution", resolution)
     ending = Ending(as_json=as_json, save=save)
     given = io.read_correspondences(correspondences)
     if spacing is not None:
-        given = _with_resolution(given, spacing)
+        given = replace(given, resolution=spacing)
     elif given.resolution is not None:
         as_length(f"{correspondences}: resolution", given.resolution)
     start = time.perf_counter()
     with show_stages() as begin:
         begin(f"grouping by {label_of(method)}")
-        grouping = group(given, method, **options)
+        grouping = group(given, method, **method_options)
     seconds = time.perf_counter() - start
     io.write_mask(path, grouping.mask)
+    matches = {
+        "role": "matches",
+        "file": correspondences,
+        "matches": len(given),
+        "centroid": given.source.mean(axis=0, dtype=np.float64) if len(given) else None,
+    }
     document = make_document(
         "group",
-        inputs=[
-            {
-                "role": "matches",
-                "file": correspondences,
-                "matches": len(given),
-                "centroid": given.source.mean(axis=0, dtype=np.float64) if len(given) else None,
-            }
-        ],
+        inputs=[matches],
         options={**options_of(context), "method": method, "resolution": given.resolution},
         results={**_results(given, grouping), "seconds": seconds},
         files=[path],
@@ -185,9 +184,3 @@ def _say_how_sure(found: Document, label: str) -> str:
     by_chance = "countless" if expected is None else f"{expected:.2g}"
     chance = f"{by_chance} such groups are to be expected where no match is right"
     return f"{'yes' if found['ok'] else 'no, it may be chance'}: {chance}"
-
-
-def _with_resolution(correspondences: Correspondences, resolution: float) -> Correspondences:
-    fields = {name: getattr(correspondences, name) for name in OPTIONAL_FIELDS}
-    fields["resolution"] = resolution
-    return Correspondences(correspondences.source, correspondences.target, **fields)

@@ -3,34 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cgroup import io
+from cgroup.cli import options
 from cgroup.cli.help import Command, examples, make_app
-from cgroup.cli.inputs import describe_cloud, print_clouds
-from cgroup.cli.json_output import Document, make_document
-from cgroup.cli.options import (
-    CLOUDS,
-    DEFAULT_OUT,
-    JsonOption,
-    ModelsArgument,
-    OutOption,
-    SceneViewpointOption,
-    WideOption,
-)
-from cgroup.cli.output import Ending, files_in, options_of, print_files
-from cgroup.cli.tables import Column, print_table
-from cgroup.cli.terminal import print_facts, show_stages
+from cgroup.cli.inputs import describe_cloud, read_cloud
+from cgroup.cli.output import Ending, files_in, options_of
+from cgroup.cli.show.json import Document, make_document
+from cgroup.cli.show.tables import Column, print_table
+from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import recognize
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from cgroup.registration import Recognized
     from cgroup.types import PointCloud
 
@@ -41,43 +32,49 @@ _COLUMNS = (
     Column("visible %"),
     Column("residual"),
 )
-_EXAMPLES = examples(
-    "cgroup recognize chef.ply T-rex.ply --scene scan.ply --viewpoint 0 0 0",
-    "",
-    "# how many bolts, and where",
-    "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --json",
-)
 
 app = make_app()
 
 
-@app.command("recognize", cls=Command, epilog=_EXAMPLES)
+@app.command(
+    "recognize",
+    cls=Command,
+    epilog=examples(
+        "cgroup recognize chef.ply T-rex.ply --scene scan.ply --viewpoint 0 0 0",
+        "",
+        "# how many bolts, and where",
+        "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --json",
+    ),
+)
 def recognize_command(
     context: typer.Context,
-    models: ModelsArgument,
+    models: options.ModelsArgument,
     *,
-    scene: Annotated[
-        Path, typer.Option(metavar="CLOUD", help="What they are looked for in.", rich_help_panel=CLOUDS)
-    ],
+    scene: Annotated[Path, options.option("CLOUD", "What they are looked for in.", options.CLOUDS)],
     voxel: Annotated[
         float | None,
-        typer.Option(
-            metavar="LENGTH",
-            help="Edge length of the voxels, in the files' unit.",
-            show_default="leaves about 10,000 voxels",
-            rich_help_panel=CLOUDS,
+        options.option(
+            "LENGTH",
+            "Edge length of the voxels, in the files' unit.",
+            options.CLOUDS,
+            "leaves about 10,000 voxels",
         ),
     ] = None,
-    viewpoint: SceneViewpointOption = None,
+    viewpoint: Annotated[
+        tuple[float, float, float] | None,
+        options.option(
+            "X Y Z",
+            "Where the scanner stood, if the scene is one single scan: tells far more.",
+            options.CLOUDS,
+        ),
+    ] = None,
     most: Annotated[
         int | None,
-        typer.Option(
-            min=1, metavar="COUNT", help="Copies of each model to look for.", show_default="any number"
-        ),
+        options.option("COUNT", "Copies of each model to look for.", options.SEARCH, "any number", min=1),
     ] = None,
-    out: OutOption = DEFAULT_OUT,
-    as_json: JsonOption = False,
-    wide: WideOption = False,
+    out: options.OutOption = options.DEFAULT_OUT,
+    as_json: options.JsonOption = False,
+    wide: options.WideOption = False,
 ) -> None:
     """Say which models are in a scene, and where (exit status 3 if none is).
 
@@ -86,8 +83,8 @@ def recognize_command(
     """
     files, folder = _by_name(models), check_folder(out)
     with show_stages() as begin:
-        clouds = {name: _read(file, begin) for name, file in files.items()}
-        target = _read(scene, begin)
+        clouds = {name: read_cloud(file, begin) for name, file in files.items()}
+        target = read_cloud(scene, begin)
         found = recognize(clouds, target, voxel=voxel, viewpoint=viewpoint, most=most, progress=begin)
     document = make_document(
         "recognize",
@@ -97,12 +94,12 @@ def recognize_command(
         ],
         options=options_of(context),
         results=_results(list(clouds), found),
-        files=files_in(folder, tuple(_name_files(found))),
+        files=files_in(folder, tuple(stem + end for stem in _list_stems(found) for end in (".txt", ".ply"))),
     )
     if found:
         _write(make_folder(folder), clouds, found)
     if found or not as_json:  # errors are objects of their own
-        Ending(as_json=as_json).finish(document, lambda document: _print_models(document, wide=wide))
+        Ending(as_json=as_json).finish(document, partial(_print_models, wide=wide))
     if not found:
         hint = (
             "" if viewpoint else "; if the scene is one single scan, say where the scanner stood: --viewpoint"
@@ -120,26 +117,22 @@ def _by_name(models: list[Path]) -> dict[str, Path]:
     return files
 
 
-def _read(file: Path, begin: Callable[[str], object]) -> PointCloud:
-    begin(f"reading {file.name}")
-    return io.read_cloud(file)
-
-
 def _results(names: list[str], found: list[Recognized]) -> Document:
     """List what a document says of the models in a scene."""
     stems = _list_stems(found)
+    poses = [
+        {
+            "model": name,
+            "file": f"{stem}.txt",
+            "T_target_source": one.T_target_source,
+            "probability": one.probability,
+            "fitness": one.fitness,
+            "inlier_rmse": one.inlier_rmse,
+        }
+        for stem, (name, one) in zip(stems, found, strict=True)
+    ]
     return {
-        "found": [
-            {
-                "model": name,
-                "file": f"{stem}.txt",
-                "T_target_source": one.T_target_source,
-                "probability": one.probability,
-                "fitness": one.fitness,
-                "inlier_rmse": one.inlier_rmse,
-            }
-            for stem, (name, one) in zip(stems, found, strict=True)
-        ],
+        "found": poses,
         "not_found": [name for name in names if name not in {other for other, _ in found}],
         "voxel": found[0].registration.voxel if found else None,
         "seconds": sum(found[0].registration.seconds.values()) if found else None,
@@ -182,10 +175,6 @@ def _list_stems(found: list[Recognized]) -> list[str]:
         copies[name] += 1
         stems.append(name if copies[name] == 1 else f"{name}-{copies[name]}")
     return stems
-
-
-def _name_files(found: list[Recognized]) -> list[str]:
-    return [stem + suffix for stem in _list_stems(found) for suffix in (".txt", ".ply")]
 
 
 def _write(folder: Path, clouds: dict[str, PointCloud], found: list[Recognized]) -> None:

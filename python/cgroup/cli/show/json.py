@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup import __version__
-from cgroup.cli.terminal import print_text
+from cgroup.cli.show.terminal import print_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
