@@ -20,7 +20,7 @@ from cgroup import Correspondences
 from cgroup._runtime.interrupts import INTERRUPTED
 from cgroup.cli import main
 from cgroup.cli.benchmark import DAMAGED
-from cgroup.cli.show.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
+from cgroup.cli.failures import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences
 

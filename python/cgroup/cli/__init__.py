@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import traceback
 from typing import TYPE_CHECKING, Annotated
 
 try:
     import typer
 
     from cgroup.cli import benchmark
-    from cgroup.cli.commands import (
-        compare,
-        demo,
-        describe,
-        detect,
-        group,
-        recognize,
-        register,
-        results,
-    )
-    from cgroup.cli.failures import print_failure
+    from cgroup.cli.commands import compare, demo, describe, detect, group, recognize, register, results
+    from cgroup.cli.failures import TRACEBACK, explain, print_failure
     from cgroup.cli.help import examples, make_app
-    from cgroup.cli.show.terminal import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN, print_line
-    from cgroup.cli.streams import OutputError, guarded_output, write_error
+    from cgroup.cli.show.terminal import print_line
+    from cgroup.cli.streams import guarded_output, write_error
 except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
     raise SystemExit(2) from None
@@ -33,13 +22,9 @@ from cgroup import __version__
 from cgroup._checks.quoting import escape
 from cgroup._runtime import interrupts
 from cgroup._runtime.interrupts import INTERRUPTED
-from cgroup.errors import CgroupError, NoConsensusError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-TRACEBACK = "CGROUP_TRACEBACK"
-"""Environment variable that asks for the traceback of errors that nobody foresaw."""
 
 app = make_app(
     name="cgroup",
@@ -92,42 +77,12 @@ def _run(arguments: Sequence[str] | None) -> tuple[int, str]:
             except Exception as error:
                 if interrupts.was_interrupted():
                     raise KeyboardInterrupt from error
-                print_failure(given, error, *_explain(error))
+                print_failure(given, error, *explain(error))
                 raise
     except Exception as error:  # noqa: BLE001 - a user can do nothing with a traceback
-        return _explain(error)
+        return explain(error)
     finally:
         interrupts.leave_when_interrupted()
-
-
-def _explain(error: Exception) -> tuple[int, str]:
-    """Return the exit status of an error, and a sentence."""
-    status, message = INPUT_ERROR, str(error)
-    match error:
-        case OutputError(is_closed=True):
-            status, message = OUTPUT_CLOSED, ""
-        case typer.TyperException():
-            message = " ".join(error.format_message().split())
-        case NoConsensusError():
-            status = NO_CONSENSUS
-        case CgroupError() | OutputError():
-            pass
-        case MemoryError():
-            message = f"not enough memory ({message or 'the system says no more'}); give less data"
-        case OSError():
-            message = f"{error.filename or 'the system'}: {error.strerror or message}"
-        case _:
-            status, message = UNFORESEEN, _ask_for_report(error)
-    return status, message
-
-
-def _ask_for_report(error: Exception) -> str:
-    how = f"with what {TRACEBACK}=1 in the environment shows"
-    if os.environ.get(TRACEBACK):
-        write_error("".join(traceback.format_exception(error)).rstrip())
-        how = "with the lines above"
-    what = f"unforeseen {type(error).__name__} ({' '.join(str(error).split())})"
-    return f"{what}; this is an error of cgroup: please report it {how}"
 
 
 @app.callback(invoke_without_command=True)

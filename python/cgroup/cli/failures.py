@@ -1,48 +1,71 @@
-"""Errors of commands that were asked for JSON: an object in place of the result, besides the line of text."""
+"""How commands fail: an exit status, a line of text, and with ``--json`` an object in place of the result."""
 
 from __future__ import annotations
 
+import os
+import traceback
 from typing import TYPE_CHECKING
 
+import typer
+
 from cgroup.cli.commands.register import registration_results
-from cgroup.cli.show.json import Document, make_error, print_document
-from cgroup.cli.streams import OutputError
+from cgroup.cli.show.json import make_error, print_document
+from cgroup.cli.streams import OutputError, write_error
 from cgroup.errors import CgroupError, NoConsensusError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-_ASKED = "--json"
+INPUT_ERROR = 2
+NO_CONSENSUS = 3
+UNFORESEEN = 70
+OUTPUT_CLOSED = 141
+"""Exit statuses, besides that of an interrupt, `cgroup._runtime.interrupts.INTERRUPTED`."""
+
+TRACEBACK = "CGROUP_TRACEBACK"
+"""Environment variable that asks for the traceback of errors that nobody foresaw."""
+
+_NESTED = ("benchmark", "results")
+
+
+def explain(error: Exception) -> tuple[int, str]:
+    """Return the exit status of an error, and a sentence."""
+    status, message = INPUT_ERROR, str(error)
+    match error:
+        case OutputError(is_closed=True):
+            status, message = OUTPUT_CLOSED, ""
+        case typer.TyperException():
+            message = " ".join(error.format_message().split())
+        case NoConsensusError():
+            status = NO_CONSENSUS
+        case CgroupError() | OutputError():
+            pass
+        case MemoryError():
+            message = f"not enough memory ({message or 'the system says no more'}); give less data"
+        case OSError():
+            message = f"{error.filename or 'the system'}: {error.strerror or message}"
+        case _:
+            status, message = UNFORESEEN, _ask_for_report(error)
+    return status, message
+
+
+def _ask_for_report(error: Exception) -> str:
+    how = f"with what {TRACEBACK}=1 in the environment shows"
+    if os.environ.get(TRACEBACK):
+        write_error("".join(traceback.format_exception(error)).rstrip())
+        how = "with the lines above"
+    what = f"unforeseen {type(error).__name__} ({' '.join(str(error).split())})"
+    return f"{what}; this is an error of cgroup: please report it {how}"
 
 
 def print_failure(arguments: Sequence[str], error: Exception, status: int, message: str) -> None:
-    """Print the object of an error, if the arguments ask for JSON and the output can still be written.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Of the command line.
-    error : Exception
-        What ended the command.
-    status, message
-        What it ends with, and what is said of it.
-    """
-    if _ASKED not in arguments or isinstance(error, OutputError):
+    """Print the object of an error, if the arguments ask for JSON and the output can still be written."""
+    if "--json" not in arguments or isinstance(error, OutputError):
         return
     known = isinstance(error, CgroupError)
-    kind = type(error).__name__ if known else "UsageError" if status == 2 else "UnforeseenError"
-    guess: Document = {}
-    if isinstance(error, NoConsensusError) and error.registration is not None:
-        guess = {"guess": registration_results(error.registration)}
-    print_document(make_error(_command(arguments), kind, message, status, **guess))
-
-
-def _command(arguments: Sequence[str]) -> str:
-    """Return the words before the first option: the command, and what it was told first."""
-    words: list[str] = []
-    for word in arguments:
-        if word.startswith("-"):
-            break
-        words.append(word)
-    nested = words[:1] in (["benchmark"], ["results"])
-    return " ".join(words[: 2 if nested else 1])
+    kind = type(error).__name__ if known else "UsageError" if status == INPUT_ERROR else "UnforeseenError"
+    words = list(arguments[: next(at for at, word in enumerate(arguments) if word.startswith("-"))])
+    command = " ".join(words[: 2 if words[:1] and words[0] in _NESTED else 1])
+    guess = error.registration if isinstance(error, NoConsensusError) else None
+    extra = {} if guess is None else {"guess": registration_results(guess)}
+    print_document(make_error(command, kind, message, status, **extra))

@@ -29,15 +29,7 @@ def files_in(folder: Path, names: tuple[str, ...]) -> list[str]:
 
 
 class Ending:
-    """Where a result goes besides its files; looked at before work starts.
-
-    Parameters
-    ----------
-    as_json : bool
-        Whether the document is printed in place of text.
-    save : str or None
-        Name or file to save it by.
-    """
+    """Where a result goes besides its files; a name or file to save it by is looked at before work starts."""
 
     def __init__(self, *, as_json: bool, save: str | None = None) -> None:
         self._as_json = as_json

@@ -30,23 +30,7 @@ _KEYS = {"command": str, "inputs": list, "options": dict, "results": dict, "save
 
 
 def check_run(name: str) -> Path:
-    """Return the file of a run that is to be saved, having seen that it can be made.
-
-    Parameters
-    ----------
-    name : str
-        A name, or a file: with a folder, or with the suffix ``.json``.
-
-    Returns
-    -------
-    Path
-        A file that isn't there yet.
-
-    Raises
-    ------
-    InputError
-        For something else, a run that is there already, or a folder that can't be written.
-    """
+    """Return the file of a run that is to be saved, having seen that it isn't there yet and can be made."""
     path = file_of(name)
     if path.suffix != _SUFFIX or not path.stem:
         message = f"--save: got {show(name)}; give a name of letters, digits and . _ + -, or a .json file"
@@ -60,7 +44,7 @@ def check_run(name: str) -> Path:
 
 
 def file_of(name: str) -> Path:
-    """Return the file that a name or a file's name stands for, whether or not it is there."""
+    """Return the file of a run: of a name, or the file itself with a folder or the suffix ``.json``."""
     if name.endswith(_SUFFIX) or Path(name).name != name:
         return Path(name)
     if not _NAME.fullmatch(name):
@@ -91,13 +75,7 @@ def names_of_runs() -> list[str]:
 
 
 def save_run(path: Path, document: Document) -> None:
-    """Write a document, with when and where it came about; nothing half-written is ever left.
-
-    Raises
-    ------
-    InputError
-        If the file can't be written.
-    """
+    """Write a document, with when and where it came about; nothing half-written is ever left."""
     inputs = [{**one, "sha256": _digest(one["file"])} for one in document["inputs"]]
     saved = {
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
@@ -109,13 +87,7 @@ def save_run(path: Path, document: Document) -> None:
 
 
 def load_run(name: str) -> Document:
-    """Read a saved run.
-
-    Raises
-    ------
-    InputError
-        If there is none, or the file is something else.
-    """
+    """Read a saved run."""
     path = file_of(name)
     if not path.exists():
         known = names_of_runs()

@@ -17,13 +17,7 @@ _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows lacks the last
 
 
 class StoppedError(KeyboardInterrupt):
-    """The process was told to end.
-
-    Attributes
-    ----------
-    status : int
-        Exit status that says by which signal.
-    """
+    """The process was told to end; its exit status says by which signal."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)

@@ -13,13 +13,7 @@ if TYPE_CHECKING:
 
 
 class OutputError(Exception):
-    """Standard output can't be written.
-
-    Attributes
-    ----------
-    is_closed : bool
-        Whether its reader has gone, as ``head`` does.
-    """
+    """Standard output can't be written; `is_closed` where its reader has gone, as ``head`` does."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(f"standard output: can't be written ({error.strerror or error})")

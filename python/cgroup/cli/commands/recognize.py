@@ -23,7 +23,6 @@ from cgroup.registration import recognize
 
 if TYPE_CHECKING:
     from cgroup.registration import Recognized
-    from cgroup.types import PointCloud
 
 _COLUMNS = (
     Column("model", is_text=True),
@@ -86,6 +85,7 @@ def recognize_command(
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
         found = recognize(clouds, target, voxel=voxel, viewpoint=viewpoint, most=most, progress=begin)
+    named = _name_copies(found)
     document = make_document(
         "recognize",
         inputs=[
@@ -93,18 +93,19 @@ def recognize_command(
             *(describe_cloud("model", file, clouds[name]) for name, file in files.items()),
         ],
         options=options_of(context),
-        results=_results(list(clouds), found),
-        files=files_in(folder, tuple(stem + end for stem in _list_stems(found) for end in (".txt", ".ply"))),
+        results=_results(list(clouds), named),
+        files=files_in(folder, tuple(stem + suffix for stem in named for suffix in (".txt", ".ply"))),
     )
     if found:
-        _write(make_folder(folder), clouds, found)
+        make_folder(folder)
+    for stem, (name, one) in named.items():
+        io.write_transform(folder / f"{stem}.txt", one.T_target_source)
+        io.write_cloud(folder / f"{stem}.ply", clouds[name].transformed(one.T_target_source))
     if found or not as_json:  # errors are objects of their own
         Ending(as_json=as_json).finish(document, partial(_print_models, wide=wide))
     if not found:
-        hint = (
-            "" if viewpoint else "; if the scene is one single scan, say where the scanner stood: --viewpoint"
-        )
-        message = f"none of the models was found in {scene.name}{hint}"
+        hint = "; if the scene is one single scan, say where the scanner stood: --viewpoint"
+        message = f"none of the models was found in {scene.name}{'' if viewpoint else hint}"
         raise NoConsensusError(message)
 
 
@@ -117,9 +118,19 @@ def _by_name(models: list[Path]) -> dict[str, Path]:
     return files
 
 
-def _results(names: list[str], found: list[Recognized]) -> Document:
+def _name_copies(found: list[Recognized]) -> dict[str, Recognized]:
+    """Name the files of each copy of a model: NAME, NAME-2 and so on."""
+    copies: Counter[str] = Counter()
+    named: dict[str, Recognized] = {}
+    for one in found:
+        name = one[0]
+        copies[name] += 1
+        named[name if copies[name] == 1 else f"{name}-{copies[name]}"] = one
+    return named
+
+
+def _results(names: list[str], found: dict[str, Recognized]) -> Document:
     """List what a document says of the models in a scene."""
-    stems = _list_stems(found)
     poses = [
         {
             "model": name,
@@ -129,13 +140,14 @@ def _results(names: list[str], found: list[Recognized]) -> Document:
             "fitness": one.fitness,
             "inlier_rmse": one.inlier_rmse,
         }
-        for stem, (name, one) in zip(stems, found, strict=True)
+        for stem, (name, one) in found.items()
     ]
+    first = next((one for _, one in found.values()), None)
     return {
         "found": poses,
-        "not_found": [name for name in names if name not in {other for other, _ in found}],
-        "voxel": found[0].registration.voxel if found else None,
-        "seconds": sum(found[0].registration.seconds.values()) if found else None,
+        "not_found": [name for name in names if name not in {name for name, _ in found.values()}],
+        "voxel": None if first is None else first.voxel,
+        "seconds": None if first is None else sum(first.seconds.values()),
     }
 
 
@@ -165,20 +177,3 @@ def _cells(name: str, place: int, copies: list[Document]) -> tuple[str, ...]:
         f"{100 * one['fitness']:.0f}",
         f"{one['inlier_rmse']:.3g}",
     )
-
-
-def _list_stems(found: list[Recognized]) -> list[str]:
-    """Name the files of each copy of a model."""
-    copies: Counter[str] = Counter()
-    stems: list[str] = []
-    for name, _ in found:
-        copies[name] += 1
-        stems.append(name if copies[name] == 1 else f"{name}-{copies[name]}")
-    return stems
-
-
-def _write(folder: Path, clouds: dict[str, PointCloud], found: list[Recognized]) -> None:
-    """Write poses and posed models."""
-    for stem, (name, registration) in zip(_list_stems(found), found, strict=True):
-        io.write_transform(folder / f"{stem}.txt", registration.T_target_source)
-        io.write_cloud(folder / f"{stem}.ply", clouds[name].transformed(registration.T_target_source))

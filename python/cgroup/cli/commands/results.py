@@ -128,8 +128,8 @@ def _summary(name: str) -> Document:
                 "error": None,
             }
     except InputError as error:
-        unknown = dict.fromkeys(("command", "date", "result"))
-        return {"name": name, **unknown, "inputs": [], "error": str(error)}
+        unknown = {"command": None, "date": None, "inputs": [], "result": None}
+        return {"name": name, **unknown, "error": str(error)}
 
 
 def _say_result(run: Document) -> str:

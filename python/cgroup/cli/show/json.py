@@ -25,15 +25,7 @@ Document = dict[str, Any]
 
 
 def make_document(command: str, **parts: Any) -> Document:  # noqa: ANN401 - plain values and arrays
-    """Put a document together; arrays become lists, numbers that aren't finite None, paths text.
-
-    Parameters
-    ----------
-    command : str
-        Whose result it is, as it is typed.
-    **parts
-        What else the document holds.
-    """
+    """Put a document together; arrays become lists, numbers that aren't finite None, paths text."""
     head = {"schema_version": SCHEMA_VERSION, "cgroup_version": __version__, "command": command}
     return {**head, **_plain(parts)}
 

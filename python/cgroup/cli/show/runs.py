@@ -46,43 +46,25 @@ _NAMES = {
 
 
 def compare_runs(names: Sequence[str], documents: Sequence[Document]) -> Document:
-    """Put runs of one kind side by side.
-
-    Parameters
-    ----------
-    names : sequence of str
-        As the user calls them.
-    documents : sequence of dict
-        The saved runs.
-
-    Returns
-    -------
-    dict
-        What the runs are, in which options and inputs they differ, and their results: lists with one item
-        per run.
-
-    Raises
-    ------
-    InputError
-        If the runs are of different kinds.
-    """
+    """Put runs of one kind side by side: where they differ, and lists of results with one item per run."""
     kinds = [_KINDS.get(document["command"], "other") for document in documents]
     if len(set(kinds)) > 1 or kinds[0] == "other":
         pairs = zip(names, documents, strict=True)
         commands = ", ".join(f"{name} of {document['command']}" for name, document in pairs)
         message = f"{commands}: give runs of the same command"
         raise InputError(message)
+    runs = [
+        {
+            "name": name,
+            "command": document["command"],
+            "cgroup_version": document["cgroup_version"],
+            **document["saved"],
+        }
+        for name, document in zip(names, documents, strict=True)
+    ]
     compared: Document = {
         "kind": kinds[0],
-        "runs": [
-            {
-                "name": name,
-                "command": document["command"],
-                "cgroup_version": document["cgroup_version"],
-                **document["saved"],
-            }
-            for name, document in zip(names, documents, strict=True)
-        ],
+        "runs": runs,
         "differing_options": _find_differing([document["options"] for document in documents]),
         "differing_inputs": _find_differing([_digests(document) for document in documents]),
     }
@@ -90,7 +72,8 @@ def compare_runs(names: Sequence[str], documents: Sequence[Document]) -> Documen
     if kinds[0] == "methods":
         return {**compared, "methods": _collect_methods(found)}
     results = {name: [one[name] for one in found] for name in _QUANTITIES[kinds[0]]}
-    results["seconds"] = [_seconds(one) for one in found]
+    seconds = [one["seconds"] for one in found]
+    results["seconds"] = [float(sum(one.values()) if isinstance(one, dict) else one) for one in seconds]
     return {**compared, "results": {**results, **_pose_differences(documents)}}
 
 
@@ -104,7 +87,8 @@ def print_differences(document: Document, *, wide: bool) -> None:
     if compared["kind"] == "methods":
         _print_methods(compared, wide=wide)
         return
-    columns = [Column("", is_text=True), *_columns_of(compared)]
+    runs = [Column(run["name"], priority=place) for place, run in enumerate(compared["runs"])]
+    columns = [Column("", is_text=True), *runs]
     rows = [
         [str(_NAMES.get(name, name)), *map(show_value, values)]
         for name, values in compared["results"].items()
@@ -152,10 +136,6 @@ def _print_methods(compared: Document, *, wide: bool) -> None:
     print_prose("P, R, F: precision, recall, their harmonic mean; reg.: registered; off: of the pose.")
 
 
-def _columns_of(compared: Document) -> list[Column]:
-    return [Column(run["name"], priority=place) for place, run in enumerate(compared["runs"])]
-
-
 def _find_differing(options: Sequence[dict[str, Any]]) -> dict[str, list[Any]]:
     """Return what all have and isn't the same, with the values of each."""
     names = [name for name in options[0] if all(name in one for one in options)]
@@ -170,18 +150,11 @@ def _digests(document: Document) -> dict[str, str]:
 def _collect_methods(found: Sequence[Document]) -> list[dict[str, Any]]:
     by_name = [{row["method"]: row for row in one["methods"]} for one in found]
     names = dict.fromkeys(name for rows in by_name for name in rows)
-    return [
-        {
-            "method": name,
-            **{score: [rows.get(name, {}).get(score) for rows in by_name] for _, score, _, _ in _SCORES},
-        }
-        for name in names
-    ]
 
+    def collect(name: str, score: str) -> list[Any]:
+        return [rows.get(name, {}).get(score) for rows in by_name]
 
-def _seconds(results: Document) -> float:
-    seconds = results["seconds"]
-    return float(sum(seconds.values()) if isinstance(seconds, dict) else seconds)
+    return [{"method": name, **{score: collect(name, score) for _, score, _, _ in _SCORES}} for name in names]
 
 
 def _pose_differences(documents: Sequence[Document]) -> dict[str, list[float | None]]:
@@ -190,16 +163,12 @@ def _pose_differences(documents: Sequence[Document]) -> dict[str, list[float | N
     matrices = [None if pose is None else check_rigid(pose) for pose in poses]
     center = np.asarray(documents[0]["inputs"][0]["centroid"], dtype=np.float64).reshape(1, 3)
     first = matrices[0]
-    turned: list[float | None] = []
-    moved: list[float | None] = []
-    for pose in matrices:
-        if first is None or pose is None:
-            turned.append(None)
-            moved.append(None)
-            continue
-        turned.append(rotation_error(pose, first))
-        moved.append(float(np.linalg.norm(apply(pose, center) - apply(first, center))))
-    return {"rotated_deg": turned, "displaced": moved}
+    known = [None if first is None or pose is None else (pose, first) for pose in matrices]
+    ways = [None if pair is None else apply(pair[0], center) - apply(pair[1], center) for pair in known]
+    return {
+        "rotated_deg": [None if pair is None else rotation_error(*pair) for pair in known],
+        "displaced": [None if way is None else float(np.linalg.norm(way)) for way in ways],
+    }
 
 
 def _show_change(before: float | None, after: float | None) -> str:

@@ -21,12 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.progress import Progress, ProgressColumn
 
-INPUT_ERROR = 2
-NO_CONSENSUS = 3
-UNFORESEEN = 70
-OUTPUT_CLOSED = 141
-"""Exit statuses, besides that of an interrupt, `cgroup._runtime.interrupts.INTERRUPTED`."""
-
 _NAMES_WIDTH = 12  # of the names that facts begin with
 
 
@@ -117,13 +111,11 @@ def show_stages() -> Generator[Callable[[str], None], None, None]:
     if not _can_overwrite():
         yield ignore_progress
         return
-    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415 - slow to load
+    from rich.console import Console  # noqa: PLC0415 - slow to load
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
-    with show_bar(*columns) as progress:
-        if progress is None:
-            yield ignore_progress
-            return
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=None)
         yield lambda stage: progress.update(task, description=escape(stage))
 
