@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -12,6 +13,8 @@ from cgroup.cli.wording import reworded_errors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _LAST = ("Output", "Options")
 _WIDEST_NAME = 34
@@ -75,6 +78,11 @@ def make_app(**options: Any) -> typer.Typer:  # noqa: ANN401 - those of typer
 def examples(*lines: str) -> str:
     """Return the end of a help text: commands as they are typed, comments above them."""
     return "\n".join(["Examples:", *(f"  {line}".rstrip() for line in lines)])
+
+
+def command(app: typer.Typer, name: str, *lines: str) -> Callable[[_Function], _Function]:
+    """Make a function a command, with these examples in its help text."""
+    return app.command(name, cls=Command, epilog=examples(*lines))
 
 
 def _list_commands(group: TyperGroup, ctx: Any) -> Iterator[tuple[str, str]]:  # noqa: ANN401

@@ -12,7 +12,7 @@ import typer
 from cgroup import io
 from cgroup._checks.values import refusal
 from cgroup.cli import options
-from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.help import command, make_app
 from cgroup.cli.inputs import describe_pair, read_both
 from cgroup.cli.output import Ending, files_in, options_of
 from cgroup.cli.show.comparison import comparison_results, print_comparison, say_correct
@@ -34,16 +34,14 @@ _FILES = ("comparison.csv", "comparison.png", "precision_recall.png", "correspon
 app = make_app()
 
 
-@app.command(
+@command(
+    app,
     "compare",
-    cls=Command,
-    epilog=examples(
-        "cgroup compare source.ply target.ply --truth pose.txt",
-        "",
-        "# other descriptors, and what became of it beside a run that was saved before",
-        "cgroup compare a.ply b.ply --truth pose.txt --descriptor rcs --save rcs",
-        "cgroup results compare shot rcs",
-    ),
+    "cgroup compare source.ply target.ply --truth pose.txt",
+    "",
+    "# other descriptors, and what became of it beside a run that was saved before",
+    "cgroup compare a.ply b.ply --truth pose.txt --descriptor rcs --save rcs",
+    "cgroup results compare shot rcs",
 )
 def compare_command(
     context: typer.Context,

@@ -10,7 +10,7 @@ import typer
 from cgroup import io
 from cgroup.cli import options
 from cgroup.cli.commands.compare import compare_methods
-from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.help import command, make_app
 from cgroup.cli.output import Ending
 from cgroup.cli.show.comparison import print_comparison
 from cgroup.cli.show.terminal import show_stages
@@ -21,14 +21,12 @@ _SCANS = ("source.ply", "target.ply", "truth.txt")
 app = make_app()
 
 
-@app.command(
+@command(
+    app,
     "demo",
-    cls=Command,
-    epilog=examples(
-        "cgroup demo",
-        "cgroup demo --seed 3 --out third --wide",
-        "cgroup compare out/source.ply out/target.ply --truth out/truth.txt",
-    ),
+    "cgroup demo",
+    "cgroup demo --seed 3 --out third --wide",
+    "cgroup compare out/source.ply out/target.ply --truth out/truth.txt",
 )
 def demo_command(
     context: typer.Context,

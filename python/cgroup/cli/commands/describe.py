@@ -7,7 +7,7 @@ import typer
 from cgroup import io
 from cgroup.cli import options
 from cgroup.cli.commands.detect import DETECTOR_NAMES, PICTURES, count_keypoints, write_pictures
-from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.help import command, make_app
 from cgroup.cli.inputs import describe_cloud, read_cloud
 from cgroup.cli.output import Ending, files_in, options_of
 from cgroup.cli.show.json import Document, make_document
@@ -18,15 +18,13 @@ from cgroup.registration import describe
 app = make_app()
 
 
-@app.command(
+@command(
+    app,
     "describe",
-    cls=Command,
-    epilog=examples(
-        "cgroup describe scan.ply --descriptor rcs",
-        "",
-        "# a whole model, whose faces tell the outside",
-        "cgroup describe model.ply --normals mesh --resolution 0.5 --out model",
-    ),
+    "cgroup describe scan.ply --descriptor rcs",
+    "",
+    "# a whole model, whose faces tell the outside",
+    "cgroup describe model.ply --normals mesh --resolution 0.5 --out model",
 )
 def describe_command(
     context: typer.Context,

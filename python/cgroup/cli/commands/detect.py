@@ -9,7 +9,7 @@ import typer
 
 from cgroup import io
 from cgroup.cli import options
-from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.help import command, make_app
 from cgroup.cli.inputs import describe_cloud, read_cloud
 from cgroup.cli.output import Ending, files_in, options_of
 from cgroup.cli.show.json import Document, make_document
@@ -33,13 +33,11 @@ PICTURES = ("keypoints.ply", "keypoints.png")
 app = make_app()
 
 
-@app.command(
+@command(
+    app,
     "detect",
-    cls=Command,
-    epilog=examples(
-        "cgroup detect scan.ply",
-        "cgroup detect scan.ply --detector iss --keypoints 500 --out keypoints",
-    ),
+    "cgroup detect scan.ply",
+    "cgroup detect scan.ply --detector iss --keypoints 500 --out keypoints",
 )
 def detect_command(
     context: typer.Context,

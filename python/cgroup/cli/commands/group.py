@@ -14,7 +14,7 @@ import typer
 from cgroup import io
 from cgroup._checks.values import as_length
 from cgroup.cli import options
-from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.help import command, make_app
 from cgroup.cli.output import Ending, options_of
 from cgroup.cli.show.json import Document, make_document
 from cgroup.cli.show.terminal import print_facts, print_line, print_pose, show_stages
@@ -33,18 +33,16 @@ _WITHOUT_TOLERANCE = ("gtm",)
 app = make_app()
 
 
-@app.command(
+@command(
+    app,
     "group",
-    cls=Command,
-    epilog=examples(
-        "# six columns, x y z of the source and of the target; 1 pr is 2 cm",
-        "cgroup group matches.txt --method gc --resolution 0.02",
-        "",
-        "# the method that says how sure it is; one 0 or 1 per line",
-        "cgroup group matches.npz --method lc --out mask.txt",
-        "",
-        "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json",
-    ),
+    "# six columns, x y z of the source and of the target; 1 pr is 2 cm",
+    "cgroup group matches.txt --method gc --resolution 0.02",
+    "",
+    "# the method that says how sure it is; one 0 or 1 per line",
+    "cgroup group matches.npz --method lc --out mask.txt",
+    "",
+    "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json",
 )
 def group_command(
     context: typer.Context,

@@ -11,7 +11,7 @@ import typer
 
 from cgroup import io
 from cgroup.cli import options
-from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.help import command, make_app
 from cgroup.cli.inputs import describe_cloud, read_cloud
 from cgroup.cli.output import Ending, files_in, options_of
 from cgroup.cli.show.json import Document, make_document
@@ -35,15 +35,13 @@ _COLUMNS = (
 app = make_app()
 
 
-@app.command(
+@command(
+    app,
     "recognize",
-    cls=Command,
-    epilog=examples(
-        "cgroup recognize chef.ply T-rex.ply --scene scan.ply --viewpoint 0 0 0",
-        "",
-        "# how many bolts, and where",
-        "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --json",
-    ),
+    "cgroup recognize chef.ply T-rex.ply --scene scan.ply --viewpoint 0 0 0",
+    "",
+    "# how many bolts, and where",
+    "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --json",
 )
 def recognize_command(
     context: typer.Context,

@@ -8,7 +8,7 @@ import typer
 
 from cgroup import io
 from cgroup.cli import options
-from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.help import command, make_app
 from cgroup.cli.inputs import describe_pair, read_both
 from cgroup.cli.output import Ending, files_in, options_of
 from cgroup.cli.show.json import Document, make_document
@@ -43,18 +43,16 @@ _FILES = ("transform.txt", "aligned.ply", "correspondences.npz", "registration.p
 app = make_app()
 
 
-@app.command(
+@command(
+    app,
     "register",
-    cls=Command,
-    epilog=examples(
-        "cgroup register source.ply target.ply",
-        "",
-        "# two LiDAR scans, each from its own origin, in metres",
-        "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
-        "",
-        "# the paper's front end, for a script, and kept to be compared later",
-        "cgroup register a.ply b.ply --front paper --method gtm --json --save gtm",
-    ),
+    "cgroup register source.ply target.ply",
+    "",
+    "# two LiDAR scans, each from its own origin, in metres",
+    "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
+    "",
+    "# the paper's front end, for a script, and kept to be compared later",
+    "cgroup register a.ply b.ply --front paper --method gtm --json --save gtm",
 )
 def register_command(
     context: typer.Context,

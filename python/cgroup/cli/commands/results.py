@@ -12,7 +12,7 @@ import typer
 from cgroup.cli import options
 from cgroup.cli.commands.group import print_group
 from cgroup.cli.commands.register import print_registration
-from cgroup.cli.help import Command, examples, make_app
+from cgroup.cli.help import command, examples, make_app
 from cgroup.cli.output import Ending
 from cgroup.cli.saved_runs import folder_of_runs, load_run, names_of_runs, remove_runs
 from cgroup.cli.show.comparison import print_comparison
@@ -51,7 +51,7 @@ def _without_command(context: typer.Context) -> None:
         list_command(as_json=False, wide=False)
 
 
-@app.command("list", cls=Command, epilog=examples("cgroup results list"))
+@command(app, "list", "cgroup results list")
 def list_command(*, as_json: options.JsonOption = False, wide: options.WideOption = False) -> None:
     """List saved runs: in $CGROUP_RESULTS, or else the folder for data of the user."""
     folder = folder_of_runs()
@@ -60,9 +60,7 @@ def list_command(*, as_json: options.JsonOption = False, wide: options.WideOptio
     Ending(as_json=as_json).finish(document, partial(_print_list, wide=wide))
 
 
-@app.command(
-    "show", cls=Command, epilog=examples("cgroup results show gtm", "cgroup results show gtm --json")
-)
+@command(app, "show", "cgroup results show gtm", "cgroup results show gtm --json")
 def show_command(
     run: options.RunArgument, *, as_json: options.JsonOption = False, wide: options.WideOption = False
 ) -> None:
@@ -71,12 +69,8 @@ def show_command(
         Ending(as_json=as_json).finish(load_run(run), partial(_print_run, wide=wide))
 
 
-@app.command(
-    "compare",
-    cls=Command,
-    epilog=examples(
-        "cgroup results compare shot rcs", "cgroup results compare before.json after.json --wide"
-    ),
+@command(
+    app, "compare", "cgroup results compare shot rcs", "cgroup results compare before.json after.json --wide"
 )
 def compare_command(
     runs: options.RunsArgument, *, as_json: options.JsonOption = False, wide: options.WideOption = False
@@ -91,7 +85,7 @@ def compare_command(
         Ending(as_json=as_json).finish(compared, partial(print_differences, wide=wide))
 
 
-@app.command("remove", cls=Command, epilog=examples("cgroup results remove gtm lc"))
+@command(app, "remove", "cgroup results remove gtm lc")
 def remove_command(runs: options.RunsArgument, *, as_json: options.JsonOption = False) -> None:
     """Delete saved runs."""
     files = remove_runs(runs)
