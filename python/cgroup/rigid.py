@@ -38,7 +38,7 @@ def apply(transform: FloatArray, points: RealArray) -> FloatArray:
     Parameters
     ----------
     transform : (4,4) array of float64
-        Taken as it is: whether it is rigid is not looked at.
+        Used unchecked: it need not be rigid.
     points : (N,3) array of float32 or float64
         Points in any unit; left as they are.
 
@@ -54,7 +54,7 @@ def apply(transform: FloatArray, points: RealArray) -> FloatArray:
 
     See Also
     --------
-    check_rigid : Says whether a matrix is a rigid transform.
+    check_rigid : Validates a rigid transform.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def invert(transform: FloatArray) -> FloatArray:
     Parameters
     ----------
     transform : (4,4) array of float64
-        The matrix is inverted as it is, so that few digits in its rotation don't matter.
+        Inverted as a general matrix, so that few digits in its rotation don't matter.
 
     Returns
     -------
@@ -106,14 +106,14 @@ def invert(transform: FloatArray) -> FloatArray:
 
 
 def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
-    """Accept a 4x4 rigid transform of column vectors, or its first three rows.
+    """Validate a 4x4 rigid transform of column vectors, or its first three rows.
 
     Parameters
     ----------
     transform : (4,4) or (3,4) array_like of float
         Rotation and translation.
     name : str
-        What to call it in an error.
+        Name of the transform in error messages.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The command line: reads, calls the library, prints, writes. Nothing is computed here."""
+"""The command line: it reads files, calls the library, prints and writes; it computes nothing itself."""
 
 from __future__ import annotations
 

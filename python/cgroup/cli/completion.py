@@ -1,4 +1,4 @@
-"""What the shell offers where a word is being typed."""
+"""Complete words in the shell: methods, presets and saved runs."""
 
 from __future__ import annotations
 

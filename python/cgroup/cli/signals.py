@@ -1,4 +1,4 @@
-"""Signals that end a long computation in good order."""
+"""Stop a long computation in good order on SIGINT, SIGTERM and SIGHUP."""
 
 from __future__ import annotations
 

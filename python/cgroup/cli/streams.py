@@ -1,4 +1,4 @@
-"""Standard output and error as the command line finds them: closed, full, or unable to show every letter."""
+"""Guard standard output and error, which may be closed, full, or unable to encode every character."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The commands, each in the file of its name: a parser, and what it calls."""
+"""The commands, one file each, named as they are typed."""

@@ -1,4 +1,4 @@
-"""``cgroup compare``: all methods on one pair whose pose is known."""
+"""``cgroup compare``: run all methods on a pair whose pose is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``cgroup demo``: all methods on a generated pair."""
+"""``cgroup demo``: run all methods on a generated pair."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``cgroup describe``: the keypoints of one cloud, with frames and descriptors."""
+"""``cgroup describe``: find keypoints of a cloud, with frames and descriptors."""
 
 from __future__ import annotations
 

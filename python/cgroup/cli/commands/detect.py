@@ -1,4 +1,4 @@
-"""``cgroup detect``: the keypoints of one cloud."""
+"""``cgroup detect``: find the keypoints of a cloud."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``cgroup group``: grouping of correspondences from a file."""
+"""``cgroup group``: group the correspondences of a file."""
 
 from __future__ import annotations
 

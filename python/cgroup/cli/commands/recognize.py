@@ -1,4 +1,4 @@
-"""``cgroup recognize``: which models are in a scan, and where."""
+"""``cgroup recognize``: find models in a scene."""
 
 from __future__ import annotations
 

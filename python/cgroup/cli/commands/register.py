@@ -1,4 +1,4 @@
-"""``cgroup register``: one cloud placed on another."""
+"""``cgroup register``: find the pose of one cloud on another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``cgroup results``: runs that were saved, side by side."""
+"""``cgroup results``: list, show, compare and remove saved runs."""
 
 from __future__ import annotations
 

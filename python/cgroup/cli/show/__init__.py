@@ -1,1 +1,1 @@
-"""How results are shown: as tables, text, JSON, pages and pictures."""
+"""Show results: tables, text, JSON, pages and pictures."""

@@ -1,4 +1,4 @@
-"""Colours, where the output is a terminal that shows them and nobody asked for none."""
+"""Colour text on terminals that support colours, unless NO_COLOR is set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values as tables show them."""
+"""Format values for tables."""
 
 from __future__ import annotations
 

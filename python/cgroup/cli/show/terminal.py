@@ -1,4 +1,4 @@
-"""Lines and facts on the terminal, progress, and pictures."""
+"""Print lines, facts and poses; show progress; write pictures."""
 
 from __future__ import annotations
 
