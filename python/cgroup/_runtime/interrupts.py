@@ -1,7 +1,8 @@
 """Ctrl-C while modules load and while Python exits.
 
 An interrupt then ends the command in one line with its exit status. Loading the command line takes some
-tenths of a second, before `cgroup.cli` can catch anything. A library import and worker processes keep Python's handling.
+tenths of a second, before `cgroup.cli` can catch anything. A library import and worker processes keep
+Python's handling.
 """
 
 from __future__ import annotations
