@@ -367,10 +367,7 @@ CASES: dict[str, MethodCase] = {
             Trial({"convergence_tolerance": 1e-3}, {**INFECTION, "iterations": 1000}),
             Trial({"convergence_tolerance": 0.1}, INFECTION),
             Trial({"threshold": 0.02}, INFECTION),
-            Trial(
-                {"one_to_one": True},
-                {**INFECTION, "payoff": "distance_difference", "tolerance": Pr(5.0)},
-            ),
+            Trial({"one_to_one": True}, {**INFECTION, "payoff": "distance_difference", "tolerance": Pr(5.0)}),
             Trial({"otsu": "exact"}, shows=False),
             Trial({"otsu": "covis"}),
             Trial({"otsu": "legacy"}),

@@ -98,10 +98,7 @@ def score_margin(method: str, expected: ReferenceGrouping, options: Options) -> 
         with np.errstate(divide="ignore"):
             angle_error = np.degrees(
                 sum(
-                    np.minimum(
-                        COSINE_ERROR / np.abs(np.sin(np.radians(angle))),
-                        np.sqrt(2.0 * COSINE_ERROR),
-                    )
+                    np.minimum(COSINE_ERROR / np.abs(np.sin(np.radians(angle))), np.sqrt(2.0 * COSINE_ERROR))
                     for angle in (d["angle_source"], d["angle_target"])
                 )
             )
@@ -129,10 +126,7 @@ def ambiguous_scores(
 
 
 def ambiguous_rows(
-    method: str,
-    expected: ReferenceGrouping,
-    nudged: list[ReferenceGrouping],
-    shaky: BoolArray,
+    method: str, expected: ReferenceGrouping, nudged: list[ReferenceGrouping], shaky: BoolArray
 ) -> BoolArray:
     """(n,) True where rounding may decide whether the row is selected."""
     ambiguous = np.full(len(expected.mask), bool(expected.details.get("unsettled", False)))
@@ -262,11 +256,7 @@ def same_motions(found: Any, reference: ReferenceGrouping, problem: Problem) -> 
 
 
 def assert_mask_follows_scores(
-    method: str,
-    rust: Any,
-    reference: ReferenceGrouping,
-    nudged: list[ReferenceGrouping],
-    options: Options,
+    method: str, rust: Any, reference: ReferenceGrouping, nudged: list[ReferenceGrouping], options: Options
 ) -> None:
     """Repeat the last step of the method on the scores that cgroup returned."""
     if method == "gtm" and not (reference.details["payoff"] > 0.0).any():
@@ -417,10 +407,7 @@ def collinear(points: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("shape", [coincident, collinear], ids=["point", "line"])
 @pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
 def test_degenerate_shapes(
-    oracle: OracleReport,
-    method: str,
-    options: Options,
-    shape: Callable[[FloatArray], FloatArray],
+    oracle: OracleReport, method: str, options: Options, shape: Callable[[FloatArray], FloatArray]
 ) -> None:
     problem = make_problem(np.random.default_rng(0), 12, missing_frames=0.2)
     one_side = replace(problem, target=shape(problem.target))

@@ -283,10 +283,7 @@ class TestRigidMotion:
                 features.lfsh(points, normals, keypoints, radius=radius),
                 features.lfsh(moved, moved_normals, keypoints, radius=radius),
             ),
-            (
-                features.rcs(points, keypoints, radius=radius),
-                features.rcs(moved, keypoints, radius=radius),
-            ),
+            (features.rcs(points, keypoints, radius=radius), features.rcs(moved, keypoints, radius=radius)),
         ):
             np.testing.assert_allclose(before, after, atol=1e-5)
         for frames in (features.shot_lrf, features.toldi_lrf):

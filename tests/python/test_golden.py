@@ -150,11 +150,7 @@ def test_gc_clique(matches):
 def test_hough3d_pcl(matches):
     frames = {name: matches[name] for name in ("source_lrf", "target_lrf")}
     ours = cgroup.hough3d(
-        matches["source"],
-        matches["target"],
-        **frames,
-        bin_size=float(matches["hough_bin"]),
-        variant="pcl",
+        matches["source"], matches["target"], **frames, bin_size=float(matches["hough_bin"]), variant="pcl"
     )
     np.testing.assert_array_equal(ours.indices, matches["hough"])
     assert len(matches["hough"]) >= 30

@@ -253,10 +253,7 @@ def test_correspondences_from_text(tmp_path: Path) -> None:
         ({"src": np.zeros((2, 3))}, "has no array 'source'; it holds src"),
         ({}, "holds nothing"),
         ({"source": np.zeros((2, 3)), "target": np.zeros((2, 4))}, r"c\.npz: target"),
-        (
-            {"source": np.zeros((2, 3)), "target": np.zeros((2, 3)), "resolution": np.ones(2)},
-            "single number",
-        ),
+        ({"source": np.zeros((2, 3)), "target": np.zeros((2, 3)), "resolution": np.ones(2)}, "single number"),
     ],
 )
 def test_wrong_npz(arrays: dict[str, np.ndarray], says: str, tmp_path: Path) -> None:

@@ -17,16 +17,7 @@ import numpy as np
 import pytest
 
 import cgroup
-from cgroup import (
-    METHODS,
-    PRESETS,
-    Correspondences,
-    InputError,
-    NoConsensusError,
-    _core,
-    group,
-    group_many,
-)
+from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusError, _core, group, group_many
 from cgroup._checks.fields import FIELDS, check_scores
 from cgroup._checks.run_options import run_options
 from cgroup.registry import METHOD_INFO

@@ -65,8 +65,7 @@ def test_registered_is_strict() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mask", "correct"),
-    [([True], [True, False]), ([1, 0], [True, False]), ([[True]], [[True]])],
+    ("mask", "correct"), [([True], [True, False]), ([1, 0], [True, False]), ([[True]], [[True]])]
 )
 def test_scores_need_two_masks(mask: object, correct: object) -> None:
     with pytest.raises(InputError):

@@ -41,12 +41,7 @@ def quick(method: str, problem: Problem) -> ReferenceGrouping:
 def noiseless(n: int, seed: int = 0) -> Problem:
     """Only exact inliers, with exact frames and ratios below 0.8."""
     problem = make_problem(
-        np.random.default_rng(seed),
-        n,
-        inlier_ratio=1.0,
-        noise=0.0,
-        frame_error=0.0,
-        random_frames=0.0,
+        np.random.default_rng(seed), n, inlier_ratio=1.0, noise=0.0, frame_error=0.0, random_frames=0.0
     )
     problem.ratio[:] *= 0.79
     return problem
@@ -104,11 +99,7 @@ def test_otsu_legacy_by_hand() -> None:
     assert mask.all()
 
 
-@given(
-    seed=hst.integers(0, 2**32 - 1),
-    n=hst.integers(2, 200),
-    mode=hst.sampled_from(["minmax", "exact"]),
-)
+@given(seed=hst.integers(0, 2**32 - 1), n=hst.integers(2, 200), mode=hst.sampled_from(["minmax", "exact"]))
 @settings(max_examples=40)
 def test_otsu_invariances(seed: int, n: int, mode: Any) -> None:
     rng = np.random.default_rng(seed)
@@ -183,12 +174,7 @@ def philox4x64(counter: int, key: int) -> list[int]:
     k = [key & low, (key >> 64) & low]
     for _ in range(10):
         high = [0xD2E7470EE14C6C93 * x[0], 0xCA5A826395121157 * x[2]]
-        x = [
-            (high[1] >> 64) ^ x[1] ^ k[0],
-            high[1] & low,
-            (high[0] >> 64) ^ x[3] ^ k[1],
-            high[0] & low,
-        ]
+        x = [(high[1] >> 64) ^ x[1] ^ k[0], high[1] & low, (high[0] >> 64) ^ x[3] ^ k[1], high[0] & low]
         k = [(k[0] + 0x9E3779B97F4A7C15) & low, (k[1] + 0xBB67AE8584CAA73B) & low]
     return x
 
@@ -214,11 +200,7 @@ def test_samples_follow_their_definition() -> None:
 
 
 def test_first_samples_are_pinned() -> None:
-    assert sample_triples(100, 0, 3, 0).tolist() == [
-        [1, 24, 11],
-        [50, 27, 94],
-        [25, 19, 71],
-    ]
+    assert sample_triples(100, 0, 3, 0).tolist() == [[1, 24, 11], [50, 27, 94], [25, 19, 71]]
 
 
 # --- Individual methods, by hand ----------------------------------------------------
@@ -229,10 +211,7 @@ def test_ss_ignores_zero_descriptors() -> None:
     group = reference.ss(similarity)
     assert group.threshold == 0.5
     assert np.flatnonzero(group.mask).tolist() == [2, 4]
-    assert np.flatnonzero(reference.ss(similarity, threshold=0.9).mask).tolist() == [
-        2,
-        4,
-    ]
+    assert np.flatnonzero(reference.ss(similarity, threshold=0.9).mask).tolist() == [2, 4]
     assert not reference.ss(np.full(3, -np.inf)).mask.any()
     assert not reference.ss(np.full(3, -np.inf), threshold=-np.inf).mask.any()
 
@@ -282,11 +261,7 @@ def test_cv_by_hand() -> None:
     target = np.array([[0.0, 0.0, 0.0], [30.0, 0.0, 0.0]])
     angle = np.radians(10.0)
     turn = np.array(
-        [
-            [np.cos(angle), -np.sin(angle), 0.0],
-            [np.sin(angle), np.cos(angle), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
+        [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
     )
     given_data = {
         "source": source,
@@ -396,24 +371,13 @@ def test_gc_clique_takes_the_largest_filtered_set() -> None:
     target = source.copy()
     target[8:] = source[8:] + np.array([0.0, 0.0, 50.0])
     group = reference.gc(source, target, tolerance=1e-3, variant="clique", iterations=50)
-    assert [members.tolist() for members in group.details["sets"]] == [
-        list(range(8)),
-        list(range(8, 12)),
-    ]
+    assert [members.tolist() for members in group.details["sets"]] == [list(range(8)), list(range(8, 12))]
     assert np.flatnonzero(group.mask).tolist() == list(range(8))
     similarity = (np.arange(12) >= 8).astype(float)
     group = reference.gc(
-        source,
-        target,
-        tolerance=1e-3,
-        variant="clique",
-        iterations=50,
-        similarity=similarity,
+        source, target, tolerance=1e-3, variant="clique", iterations=50, similarity=similarity
     )
-    assert [members.tolist() for members in group.details["sets"]] == [
-        list(range(8, 12)),
-        list(range(8)),
-    ]
+    assert [members.tolist() for members in group.details["sets"]] == [list(range(8, 12)), list(range(8))]
     assert not reference.gc(source, target, tolerance=1e-3, variant="clique", min_cluster_size=8).mask.any()
 
 
@@ -448,10 +412,7 @@ def test_hough_grid_by_hand() -> None:
 def test_hough_votes_undo_the_frames() -> None:
     problem = noiseless(20)
     group = reference.hough3d(
-        problem.source,
-        problem.target,
-        source_centroid=problem.source_centroid,
-        **frames(problem),
+        problem.source, problem.target, source_centroid=problem.source_centroid, **frames(problem)
     )
     transform = problem.T_target_source
     moved = transform[:3, :3] @ problem.source_centroid + transform[:3, 3]
@@ -532,11 +493,7 @@ def test_gtm_payoffs() -> None:
     target[1] = target[0]
     for one_to_one, expected in ((False, 1.0), (True, 0.0)):
         pi = reference.gtm(
-            source,
-            target,
-            payoff="distance_difference",
-            tolerance=1.0,
-            one_to_one=one_to_one,
+            source, target, payoff="distance_difference", tolerance=1.0, one_to_one=one_to_one
         ).details["payoff"]
         assert pi[0, 1] == expected
 
@@ -548,10 +505,7 @@ def test_infection_immunisation_finds_the_equilibrium() -> None:
     assert group.mask.tolist() == [True, True, False]
     problem = make_problem(np.random.default_rng(2), 60, inlier_ratio=0.5, noise=1.0)
     group = reference.gtm(
-        problem.source,
-        problem.target,
-        dynamics="infection_immunisation",
-        iterations=20_000,
+        problem.source, problem.target, dynamics="infection_immunisation", iterations=20_000
     )
     x, pi = group.scores, group.details["payoff"]
     mean = x @ pi @ x
@@ -604,10 +558,7 @@ def test_correct_border_is_inside() -> None:
 def test_correct_count_grows_with_the_tolerance(problem: Problem) -> None:
     counts = [
         reference.correct_correspondences(
-            problem.source,
-            problem.target,
-            problem.T_target_source,
-            factor * problem.resolution,
+            problem.source, problem.target, problem.T_target_source, factor * problem.resolution
         ).sum()
         for factor in (1.0, 2.0, 5.0, 10.0)
     ]
@@ -665,12 +616,7 @@ def test_cv_is_symmetric_in_the_sides() -> None:
     p = make_problem(np.random.default_rng(4), 50, missing_frames=0.2)
     forth = reference.cv(p.source, p.target, ratio=p.ratio, resolution=1.0, **frames(p))
     back = reference.cv(
-        p.target,
-        p.source,
-        ratio=p.ratio,
-        resolution=1.0,
-        source_lrf=p.target_lrf,
-        target_lrf=p.source_lrf,
+        p.target, p.source, ratio=p.ratio, resolution=1.0, source_lrf=p.target_lrf, target_lrf=p.source_lrf
     )
     assert back.scores == pytest.approx(forth.scores, rel=1e-12)
 
@@ -756,13 +702,7 @@ def test_problems_are_what_they_promise(problem: Problem) -> None:
 def large() -> dict[float, Problem]:
     """Return a problem of 1000 correspondences for each inlier ratio of the table."""
     return {
-        share: make_problem(
-            np.random.default_rng(0),
-            1000,
-            inlier_ratio=share,
-            noise=1.75,
-            clutter=clutter,
-        )
+        share: make_problem(np.random.default_rng(0), 1000, inlier_ratio=share, noise=1.75, clutter=clutter)
         for share, clutter in ((0.5, 0.0), (0.23, 0.0), (0.08, 0.0), (0.03, 0.7))
     }
 

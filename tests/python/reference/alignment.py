@@ -153,12 +153,7 @@ def rotation_of(vector: FloatArray) -> FloatArray:
 
 
 def _alignment(
-    source: FineSurface,
-    target: FineSurface,
-    rotation: FloatArray,
-    shift: FloatArray,
-    *,
-    settled: bool,
+    source: FineSurface, target: FineSurface, rotation: FloatArray, shift: FloatArray, *, settled: bool
 ) -> Alignment:
     unit, pairs = target.spacing, pair(source, target, rotation, shift, FIRST_REACH)
     pose = np.eye(4)

@@ -15,15 +15,7 @@ import numpy as np
 
 from .otsu import OtsuMode, select_above
 from .pairwise import distance_difference
-from .result import (
-    FloatArray,
-    ReferenceGrouping,
-    as_frames,
-    as_points,
-    as_vector,
-    has_frame,
-    length,
-)
+from .result import FloatArray, ReferenceGrouping, as_frames, as_points, as_vector, has_frame, length
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

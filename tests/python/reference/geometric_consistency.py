@@ -22,15 +22,7 @@ import numpy as np
 
 from .pairwise import distance_difference
 from .ransac import ransac
-from .result import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    ReferenceGrouping,
-    as_points,
-    as_vector,
-    length,
-)
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, as_vector, length
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

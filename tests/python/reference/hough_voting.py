@@ -94,13 +94,7 @@ def hough3d(
     if len(rows):
         space = accumulate(rows, votes, weights, bin_size, interpolation=interpolation)
         for voters in maxima(space, vote_threshold):
-            kept = ransac(
-                p[voters],
-                q[voters],
-                tolerance=bin_size,
-                iterations=iterations,
-                seed=seed,
-            ).mask
+            kept = ransac(p[voters], q[voters], tolerance=bin_size, iterations=iterations, seed=seed).mask
             if kept.sum() > mask.sum():
                 mask[:] = False
                 mask[voters[kept]] = True
@@ -161,12 +155,7 @@ def vote_weights(n: int, similarity: ArrayLike | None) -> FloatArray:
 
 
 def accumulate(
-    rows: IntArray,
-    votes: FloatArray,
-    weights: FloatArray,
-    bin_size: float,
-    *,
-    interpolation: bool,
+    rows: IntArray, votes: FloatArray, weights: FloatArray, bin_size: float, *, interpolation: bool
 ) -> dict[Bin, dict[int, float]]:
     """Hough space: bin -> {row: weight} for every bin that received weight > 0."""
     lo, extent = votes[rows].min(axis=0), np.ptp(votes[rows], axis=0)

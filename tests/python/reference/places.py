@@ -8,17 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reference.verification import (
-    ALONG,
-    COSINE,
-    DOUBT,
-    FACING,
-    IN_FRONT,
-    TOLERANCE,
-    Surface,
-    look,
-    nearest,
-)
+from reference.verification import ALONG, COSINE, DOUBT, FACING, IN_FRONT, TOLERANCE, Surface, look, nearest
 
 FloatArray = NDArray[np.float64]
 

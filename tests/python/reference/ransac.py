@@ -26,14 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pairwise import bounding_box_diagonal, centred
-from .result import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    ReferenceGrouping,
-    as_points,
-    length,
-)
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
 from .rigid import apply, determines_rotation, homogeneous, kabsch
 
 if TYPE_CHECKING:
@@ -78,11 +71,7 @@ def ransac(
             if confidence is not None and enough(spent, best_count / n, confidence):
                 break
 
-    details = {
-        "iterations": spent,
-        "best_count": best_count,
-        "best_iteration": best_iteration,
-    }
+    details = {"iterations": spent, "best_count": best_count, "best_iteration": best_iteration}
     if best_count == 0:
         return ReferenceGrouping(np.zeros(n, dtype=bool), None, None, {**details, "transform": None})
     rotation, translation = best  # T*

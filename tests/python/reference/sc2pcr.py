@@ -88,10 +88,7 @@ def sc2pcr(
         others = np.array(candidates, dtype=np.float64) - q_raw.mean(axis=0)
         best = best_by_candidates(poses, p, q, others, t, limit)
     pose = None if best is None else refine(best, p, q, t)
-    details = {
-        "hypotheses": len(poses),
-        "transform": None if pose is None else in_data(pose, p_raw, q_raw),
-    }
+    details = {"hypotheses": len(poses), "transform": None if pose is None else in_data(pose, p_raw, q_raw)}
     return ReferenceGrouping(inliers_of(pose, p, q, t), confidence, None, details)
 
 

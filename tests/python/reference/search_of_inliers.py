@@ -91,10 +91,7 @@ def nearest_others(points: FloatArray, count: int) -> BoolArray:
 
 
 def transfer_error(
-    source: FloatArray,
-    target: FloatArray,
-    source_lrf: FloatArray,
-    target_lrf: FloatArray,
+    source: FloatArray, target: FloatArray, source_lrf: FloatArray, target_lrf: FloatArray
 ) -> FloatArray:
     """(n,n) v_G(c_i, c_j) = |T(c_i) p_j - p'_j|, Eq. 4; inf where i has no frame."""
     p, q = centred(source), centred(target)

@@ -72,10 +72,7 @@ def st(
 
 
 def affinity_matrix(
-    source: FloatArray,
-    target: FloatArray,
-    min_distance_ratio: float,
-    affinity: Affinity,
+    source: FloatArray, target: FloatArray, min_distance_ratio: float, affinity: Affinity
 ) -> FloatArray:
     """(n,n) off-diagonal entries of M; the diagonal is still 0 or meaningless."""
     rho = distance_ratio(source, target)
@@ -100,10 +97,7 @@ def diagonal_values(n: int, diagonal: Diagonal, similarity: ArrayLike | None) ->
 
 
 def conflict_matrix(
-    source: FloatArray,
-    target: FloatArray,
-    min_distance_ratio: float,
-    conflict: Conflict,
+    source: FloatArray, target: FloatArray, min_distance_ratio: float, conflict: Conflict
 ) -> BoolArray:
     """(n,n) True where two correspondences must not be selected together."""
     not_rigid = distance_ratio(source, target) < min_distance_ratio
@@ -147,10 +141,7 @@ def greedy(v: FloatArray, conflicts: BoolArray) -> BoolArray:
 
 def greedy_recomputed(matrix: FloatArray, conflicts: BoolArray, eigensolver: Eigensolver) -> BoolArray:
     """Like `greedy`, with the eigenvector of what is alive in every round."""
-    alive, selected = (
-        np.ones(len(matrix), dtype=bool),
-        np.zeros(len(matrix), dtype=bool),
-    )
+    alive, selected = (np.ones(len(matrix), dtype=bool), np.zeros(len(matrix), dtype=bool))
     while alive.any():
         rows = np.flatnonzero(alive)
         v = principal_eigenvector(matrix[np.ix_(rows, rows)], eigensolver)
