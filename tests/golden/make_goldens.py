@@ -7,8 +7,6 @@
 The inputs are stored with the outputs, so that the tests don't depend on how shapes are generated.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

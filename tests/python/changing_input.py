@@ -3,16 +3,14 @@
 Prints how many calls returned something and how many raised an error of the package. Any other exception ends it.
 """
 
-from __future__ import annotations
-
 import inspect
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +19,7 @@ from cgroup import features, verification
 from cgroup.datasets import make_problem
 from cgroup.errors import CgroupError
 from cgroup.registry import METHOD_INFO
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 WRITER = """
 import os, sys, time

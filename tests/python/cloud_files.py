@@ -1,7 +1,5 @@
 """Small files of a tetrahedron in every format, written by hand."""
 
-from __future__ import annotations
-
 import io
 import struct
 

@@ -6,8 +6,6 @@ reads COUNT changed files in a process of at most so much memory, and prints a t
 is printed with what makes it again.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

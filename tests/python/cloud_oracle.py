@@ -1,25 +1,20 @@
 """Clouds as trimesh and pypcd4 read them: what the package's own readers are held against."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import re
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import pypcd4
+from numpy.typing import ArrayLike, NDArray
 from trimesh.exchange.obj import load_obj
 from trimesh.exchange.off import load_off
 from trimesh.exchange.ply import load_ply
 from trimesh.exchange.stl import load_stl
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 
 class CloudContent(NamedTuple):

@@ -1,7 +1,5 @@
 """How far apart colours look, also to people who are colour-blind."""
 
-from __future__ import annotations
-
 import numpy as np
 
 # Machado, Oliveira, Fernandes: A physiologically-based model for simulation of color vision deficiency (2009),

@@ -1,8 +1,6 @@
 """Command lines run within the tests' own process, and small files for them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +10,6 @@ from cgroup import Correspondences
 from cgroup.cli import app, main
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences, write_transform
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:

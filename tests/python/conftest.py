@@ -3,19 +3,14 @@
 HYPOTHESIS_PROFILE=thorough pytest ... runs many more examples.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 TOO_MUCH = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("default", max_examples=60, deadline=None, suppress_health_check=TOO_MUCH)

@@ -3,8 +3,6 @@
 Prints a line of JSON for every failure that it tried.
 """
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import io
@@ -12,16 +10,13 @@ import json
 import shutil
 import sqlite3
 import sys
+from collections.abc import Callable
 from contextlib import closing, redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from benchmark_runs import contents
 from cgroup.benchmark.records.reading import RECORDS
 from cgroup.cli import main
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 FOREVER = 10**9
 DISK = ctypes.CDLL(None)

@@ -1,15 +1,11 @@
 """Clouds and arrays as other libraries have them: stand-ins with the same attributes, and the real ones."""
 
-from __future__ import annotations
-
 import importlib
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 class Vector:
@@ -37,13 +33,13 @@ class Tensor:
     def __len__(self) -> int:
         return len(self.values)
 
-    def cpu(self) -> Tensor:
+    def cpu(self) -> "Tensor":
         return Tensor(self.values, "cpu", self.dtype, grad=self.grad)
 
-    def detach(self) -> Tensor:
+    def detach(self) -> "Tensor":
         return Tensor(self.values, self.device, self.dtype)
 
-    def float(self) -> Tensor:
+    def float(self) -> "Tensor":
         return Tensor(self.values.astype(np.float32), self.device, "torch.float32", grad=self.grad)
 
     def numpy(self) -> np.ndarray:

@@ -4,15 +4,14 @@
 end of the program with a status that its help names; any other error is a finding.
 """
 
-from __future__ import annotations
-
 import contextlib
 import inspect
 import io
 import sys
 import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +19,6 @@ import cgroup
 import cgroup.cli
 from cgroup import features
 from cgroup.datasets import make_problem
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 # Statuses that `cgroup --help` and the documentation name.
 STATUSES = {0, 2, 3}

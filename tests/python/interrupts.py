@@ -1,7 +1,5 @@
 """Ctrl-C, sent to a program once it computes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

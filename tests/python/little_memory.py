@@ -3,20 +3,15 @@
 What ends the process, or is another exception, fails.
 """
 
-from __future__ import annotations
-
 import resource
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import cgroup
 from cgroup import features, registration, verification
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 ROOMS = (1, 4, 16, 60, 250)
 """MiB beyond what the process has."""

@@ -4,11 +4,10 @@ The tests of options run both sides of a trial and compare them with each other;
 compare what cgroup and the reference make of its options.
 """
 
-from __future__ import annotations
-
 import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,18 +21,14 @@ from reference.likelihood_consensus import lc
 from reference.mac import mac
 from reference.nearest_neighbor_ratio import nnsr
 from reference.ransac import ransac
+from reference.result import ReferenceGrouping
 from reference.sc2pcr import sc2pcr
 from reference.search_of_inliers import si
 from reference.similarity_score import ss
 from reference.spectral import st
 from reference.teaser import teaser
 from reference.turboreg import turboreg
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from reference.result import ReferenceGrouping
-    from strategies import FloatArray, Problem
+from strategies import FloatArray, Problem
 
 Options = dict[str, Any]
 

@@ -1,11 +1,11 @@
 """Every public function and class that takes arguments of the user's, and arguments with which it works."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
+from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,6 @@ from cgroup import features, registration, verification
 from cgroup.datasets import standin_pair
 from cgroup.datasets.matching_problems import make_problem
 from cgroup.io import write_cloud, write_correspondences, write_descriptors, write_transform
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 MODULES = ("features", "registration", "verification", "evaluation", "nuisances", "rigid", "io")
 

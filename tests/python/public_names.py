@@ -3,15 +3,11 @@
 `python tests/python/public_names.py` lists it, and says what has an example.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
+from collections.abc import Iterator
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 MODULES = (
     "cgroup",

@@ -1,7 +1,5 @@
 """Changes of records, to see what a claim makes of them: which number, to what, in which rows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """Clouds to be registered, drawn from shapes whose symmetries are known."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

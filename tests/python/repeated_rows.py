@@ -1,14 +1,9 @@
 """Records of which every pair is another, and what draws of pairs are, the slow way: rows repeated."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 
-if TYPE_CHECKING:
-    from cgroup.benchmark.resampling import PairDraws
+from cgroup.benchmark.resampling import PairDraws
 
 
 def uneven(frame: pd.DataFrame) -> pd.DataFrame:

@@ -1,19 +1,12 @@
 """Generated scenes for recognition: stones on a floor, seen by the scanner in software."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from cgroup.datasets.generated.scanner import Mesh, merge, range_image
 from cgroup.datasets.generated.shapes import RADIUS, random_pose, stone
-from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray, PointCloud
 
 _DISTANCE = 20 * RADIUS
 _STEP = 1.2e-3

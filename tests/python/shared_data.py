@@ -1,7 +1,5 @@
 """Where the real data is that some tests use; it isn't part of the repository."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

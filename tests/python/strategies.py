@@ -1,7 +1,5 @@
 """Hypothesis' way to draw matching problems: a failure shrinks towards few matches, no noise, no nuisances."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

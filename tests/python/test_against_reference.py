@@ -12,28 +12,22 @@ Where a method cuts its scores, the cut is also repeated on the scores that cgro
 returned; nothing is ambiguous then and the masks must be equal without exception.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
+from conftest import OracleReport
 from hypothesis import given, settings
 from hypothesis import strategies as hst
 from method_cases import CASES, OPTION_SETS, Options, Pr, call_cgroup, call_reference, name_of
+from numpy.typing import NDArray
 
 from reference.otsu import select_above
+from reference.result import ReferenceGrouping
 from reference.spectral import greedy
 from strategies import BoolArray, FloatArray, Problem, make_problem, problems
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from conftest import OracleReport
-    from numpy.typing import NDArray
-
-    from reference.result import ReferenceGrouping
 
 NUDGE = 1e-12
 NEAR_THRESHOLD = 1e-7

@@ -1,13 +1,12 @@
 """The last refinement of a pose: against the reference, under motions, on planes, and on bad input."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from cgroup import InputError, features
 from cgroup.datasets import standin_pair
@@ -17,10 +16,7 @@ from interrupts import interrupt, posix_only
 from reference import alignment as reference
 from strategies import random_motion
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 PAIR = standin_pair(pixels=80)
 TRUTH = PAIR.T_target_source

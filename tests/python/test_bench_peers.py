@@ -1,7 +1,5 @@
 """The comparison with other libraries: seeded cases, honest records, runs that go on, a report of what is there."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

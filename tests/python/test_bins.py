@@ -1,7 +1,5 @@
 """Levels of clutter, occlusion and overlap."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, binned

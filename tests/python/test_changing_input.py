@@ -1,7 +1,5 @@
 """Arrays that another process writes to while they are read: each call ends, in a result or an error of the package."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

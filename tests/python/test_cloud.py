@@ -1,26 +1,21 @@
 """A cloud that is made ready once gives what its array gives, in any order, thread and process."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from cgroup import InputError, _core, features
 from cgroup.datasets import standin_pair
 from cgroup.io import PointCloud
 from cgroup.registration import correspond, describe, detect
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
 POINTS = standin_pair(pixels=80).source.points
 PR = features.resolution(POINTS)

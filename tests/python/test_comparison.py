@@ -1,9 +1,7 @@
 """Several methods on the same correspondences."""
 
-from __future__ import annotations
-
 import csv
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +10,6 @@ from cgroup import METHODS, Correspondences
 from cgroup.comparison import compare, find_correct, table, write_table
 from cgroup.errors import InputError
 from cgroup.evaluation import score_group
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 POSE = np.eye(4)
 POSE[:3, 3] = (1, 2, 3)

@@ -1,13 +1,11 @@
 """Data sets: small folders in their owners' layouts, the generated ones, and the real ones where they are."""
 
-from __future__ import annotations
-
 import functools
 import json
 import shutil
 import sys
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,9 +40,6 @@ from cgroup.io import read_cloud, read_transform, write_cloud
 from cgroup.registration import correspond
 from cgroup.rigid import apply, check_rigid, invert
 from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 STANDINS = ["standin-full", "standin-clutter", "standin-views"]
 REAL = [name for name in DATASETS if name not in [*STANDINS, "generated-matches"]]

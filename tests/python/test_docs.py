@@ -1,7 +1,5 @@
 """The pages of documentation hold together: links, commands, and a reference that lacks nothing."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import shlex

@@ -1,15 +1,14 @@
 """Every public name says what it takes, returns and raises, and shows one example, which runs."""
 
-from __future__ import annotations
-
 import dataclasses
 import doctest
 import importlib
 import inspect
 import pkgutil
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from numpydoc.docscrape import ClassDoc, FunctionDoc, NumpyDocString
@@ -20,9 +19,6 @@ from wrong_calls import WRONG_CALLS
 
 import cgroup
 from cgroup.errors import CgroupError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 NAMES = public_names()
 EVERY = pytest.mark.parametrize("public", NAMES.values(), ids=NAMES)

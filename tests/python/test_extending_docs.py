@@ -1,7 +1,5 @@
 """What the pages say of extensions and configurations is true: all of it runs as it is written."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

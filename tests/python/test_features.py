@@ -1,7 +1,5 @@
 """The front end against the NumPy reference, under rigid motions, and on input that is hardly any."""
 
-from __future__ import annotations
-
 import sys
 from fractions import Fraction
 from itertools import pairwise

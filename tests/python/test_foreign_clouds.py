@@ -1,7 +1,5 @@
 """Clouds of other libraries go in wherever arrays of points do, with their normals and faces."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock, Mock

@@ -1,7 +1,5 @@
 """Many threads at once, on interpreters without a global lock above all: same results, no lock, no harm."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import sysconfig

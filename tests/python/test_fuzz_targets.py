@@ -1,7 +1,5 @@
 """The Python fuzz targets on seeded bytes: `make fuzz` looks farther."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -4,8 +4,6 @@ The small ones lie in ``tests/golden`` beside the script that made them. The rea
 not part of this repository: CGROUP_SHARED names their folder, by default the sibling `shared` of the checkout.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

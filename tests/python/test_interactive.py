@@ -1,10 +1,9 @@
 """Results as tables, figures and pages: what they show is what was found."""
 
-from __future__ import annotations
-
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,13 +17,8 @@ from cgroup.pages import comparison_page, log_to_rerun, registration_page, write
 from cgroup.pages.recording import between
 from cgroup.pages.scene import MAX_POINTS, line_vertices, scene_of
 from cgroup.pages.viewer import MAX_MATCHES
-from cgroup.registration import correspond, register
+from cgroup.registration import Registration, correspond, register
 from cgroup.rigid import apply
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cgroup.registration import Registration
 
 pytest.importorskip("plotly", reason="needs the extra cgroup[scans]")
 

@@ -3,8 +3,6 @@
 What is measured is the processor's time and not the clock's, which depends on what else the machine does.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

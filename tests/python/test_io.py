@@ -1,8 +1,6 @@
 """Reading and writing: every format, and every way in which a file can be wrong."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,9 +23,6 @@ from cgroup.io import (
 )
 from cgroup.registration import DescribedCloud
 from cgroup.types import Correspondences
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TURN = np.array([[0.0, -1, 0, 5], [1, 0, 0, -6], [0, 0, 1, 7], [0, 0, 0, 1]])
 

@@ -1,7 +1,5 @@
 """Files that are made to hurt: they end in one sentence, soon, and in little memory."""
 
-from __future__ import annotations
-
 import io
 import os
 import socket
@@ -9,7 +7,8 @@ import subprocess
 import sys
 import threading
 import zipfile
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,10 +17,6 @@ from cloud_files import CLOUDS, TETRAHEDRON, npy, npz
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_correspondences, read_descriptors, read_transform
 from interrupts import interrupt, posix_only
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 READERS = [read_cloud, read_correspondences, read_descriptors, read_transform]
 

@@ -1,7 +1,5 @@
 """Changed files in a process of little memory."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

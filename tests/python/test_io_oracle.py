@@ -1,11 +1,10 @@
 """Our readers beside trimesh and pypcd4, on what these write and on published files, bit by bit."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import warnings
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,11 +19,7 @@ from shared_data import shared_file
 
 from cgroup.io import PointCloud, read_cloud, write_cloud
 from cgroup.io.cloud_formats import PARSERS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 
 @contextlib.contextmanager

@@ -1,7 +1,5 @@
 """Steps in a process that may take hardly more memory: a MemoryError or the result, and the process lives on."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

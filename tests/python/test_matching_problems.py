@@ -1,7 +1,5 @@
 """The generator of matching problems draws what it says; `matching_problems.rs` asserts the same of Rust's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The default bound on the memory of pairwise matrices."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Methods in a process that the system gives little memory: an error or a group, and the interpreter goes on."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

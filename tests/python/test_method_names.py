@@ -1,7 +1,5 @@
 """Methods go by their name, their label and the name of their function, in any case."""
 
-from __future__ import annotations
-
 import doctest
 
 import numpy as np

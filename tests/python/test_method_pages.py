@@ -1,7 +1,5 @@
 """Every method has its page with all of its options, and the pages tell what was measured."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

@@ -1,7 +1,5 @@
 """The public face of the methods: what it accepts, what it refuses, and what it promises."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

@@ -1,7 +1,5 @@
 """Criteria against cases worked out by hand, and against brute force."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,9 +1,7 @@
 """Noise, decimation, and what takes away from the shape in common."""
 
-from __future__ import annotations
-
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,9 +15,6 @@ from cgroup.evaluation import overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.io import PointCloud
 from cgroup.nuisances import NUISANCES, add_noise, apply_nuisance, decimate
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 POSE = np.array([[0.0, -1, 0, 30], [1, 0, 0, -20], [0, 0, 1, 200], [0, 0, 0, 1]])
 

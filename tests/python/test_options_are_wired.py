@@ -4,10 +4,9 @@ The trials of method_cases.py run on cgroup and on the reference. The second pro
 right: the change is there to be seen.
 """
 
-from __future__ import annotations
-
 import inspect
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,10 +16,7 @@ import cgroup
 from cgroup.registry import METHOD_INFO
 from strategies import Problem, make_problem
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    Call = Callable[[str, Problem, Options], Any]
+Call = Callable[[str, Problem, Options], Any]
 
 # How a run is controlled, as opposed to what it computes.
 CONTROL = {"threads", "max_memory", "progress", "max_seconds"}

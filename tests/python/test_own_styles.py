@@ -1,15 +1,14 @@
 """Methods from outside look like none of the package's, nor like each other, also to colour-blind readers."""
 
-from __future__ import annotations
-
 import doctest
+from collections.abc import Callable
 from io import BytesIO
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import pytest
 from color_vision import VISIONS, ciede2000, lab
+from matplotlib.figure import Figure
 from matplotlib.markers import MarkerStyle
 
 from cgroup import METHODS
@@ -25,11 +24,6 @@ from cgroup.plots import (
     trials_figure,
 )
 from cgroup.plots.style import METHOD_STYLES, OWN_COLORS, OWN_MARKERS, method_style, method_styles
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from matplotlib.figure import Figure
 
 OWN = [f"Own method {number}" for number in range(8)]
 AWKWARD = ["_hidden", "50 % of $n$", r"$\foo$", "ÄÖ", "gtm 2"]

@@ -1,7 +1,5 @@
 """What is built and uploaded: versions agree, gaps are seen, and without Rust there is one sentence."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

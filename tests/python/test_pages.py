@@ -1,7 +1,5 @@
 """Pages hold what they show, and nothing that is shown can break out of its place."""
 
-from __future__ import annotations
-
 import base64
 import builtins
 import gzip

@@ -1,8 +1,6 @@
 """A data set of which some files are missing offers the pairs whose files are there, and says which are not."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +9,6 @@ from shared_data import data_folder
 from cgroup.datasets import open_dataset
 from cgroup.errors import InputError
 from cgroup.io import PointCloud, write_cloud
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 POINTS = np.random.default_rng(0).normal(size=(30, 3))
 MATRIX = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"

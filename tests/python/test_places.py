@@ -1,7 +1,5 @@
 """Where points come to lie: against the reference, in plain cases, and on bad input."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

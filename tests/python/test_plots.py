@@ -1,15 +1,13 @@
 """Figures are drawn without a display, show what they should, and survive degenerate input."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from io import BytesIO
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from cgroup import METHODS, Correspondences
 from cgroup.evaluation import score_group
@@ -17,9 +15,6 @@ from cgroup.plots import comparison_figure, keypoints_figure, precision_recall_f
 from cgroup.plots.shading import face_broadside, overlay, shade
 from cgroup.plots.style import CORRECT, METHOD_STYLES, WRONG, method_style
 from cgroup.registry import METHOD_INFO
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 POSE = np.array([[0.0, -1, 0, 5], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 

@@ -1,10 +1,9 @@
 """Poses are read in every notation that people have them in; what could be misread is refused."""
 
-from __future__ import annotations
-
 import doctest
 import json
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +11,6 @@ import pytest
 from cgroup.errors import InputError
 from cgroup.io import read_transform, read_transforms, transforms
 from cgroup.rigid import apply, check_rigid, rotation_error
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 HALF = np.deg2rad(35) / 2
 AXIS = np.array([2.0, -1.0, 2.0]) / 3

@@ -1,7 +1,5 @@
 """Registration criteria, at and around their limits."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

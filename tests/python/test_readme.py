@@ -1,7 +1,5 @@
 """The README says what is true: its examples run, its commands exist."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 """The reference itself: hand-computed cases and the properties of each method."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +12,9 @@ import reference
 from reference.otsu import otsu_split
 from reference.pairwise import distance_difference, distance_ratio
 from reference.ransac import enough, sample_triples
+from reference.result import ReferenceGrouping
 from reference.rigid import apply, determines_rotation, kabsch
 from strategies import Problem, make_problem, problems, random_motion, random_rotations
-
-if TYPE_CHECKING:
-    from reference.result import ReferenceGrouping
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -1,7 +1,5 @@
 """The node of docs/howto/ros2.md does what it says, on stand-ins for the classes of ROS 2."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """ST where the matrix is extreme: its scale, its eigenvalues' distance, its size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

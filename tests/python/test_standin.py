@@ -1,7 +1,5 @@
 """The generated pair: reproducible, partial, noisy, and posed as it says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

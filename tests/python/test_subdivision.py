@@ -1,7 +1,5 @@
 """Meshes made finer along their curvature: on a sphere, on a plane, at borders and without normals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,7 @@
 """U3OR sampled densely: two stones in its layout, and the real models and scan where they are."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,10 +19,6 @@ from cgroup.io import read_cloud, write_cloud
 from cgroup.registration.scan import usable_normals
 from cgroup.rigid import apply
 from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 PLACES = {"chef": ("cheff.ply", -40.0), "T-rex": ("T-rex_high.ply", 60.0)}
 

@@ -1,13 +1,12 @@
 """Poses judged on surfaces: against the reference, under motions, on generated scans, and on bad input."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from cgroup import Correspondences, InputError, features
 from cgroup.datasets import standin_pair
@@ -17,10 +16,7 @@ from interrupts import interrupt, posix_only
 from reference import verification as reference
 from strategies import random_motion, random_rotations
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 PAIR = standin_pair(pixels=70)
 PR = features.resolution(PAIR.source.points)

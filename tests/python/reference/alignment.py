@@ -4,17 +4,12 @@ All lengths are in spacings. Clouds of more than 1,000 places, of which not all 
 covered: which are drawn is tested elsewhere.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .neighborhood import FloatArray
 from .voxels import voxel_downsample
-
-if TYPE_CHECKING:
-    from .neighborhood import FloatArray
 
 PLANE_RADIUS, LEAST_POINTS, LEAST_WIDTH = 2.4, 6, 0.01
 FIRST_REACH, LAST_REACH, FIRST_STEPS, LAST_STEPS = 3.0, 1.5, 5, 7

@@ -24,19 +24,15 @@ Decisions where the sources are open
   of a core number of m at least.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .maximum_clique import color_classes, cores, greedy_clique
 from .pairwise import centred, distance_difference, edge_lengths
 from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
 from .rigid import homogeneous, kabsch, spreads
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 ZERO = 1e-9
 NUDGES = (1e-13, 1e-11, 1e-9, 1e-7)

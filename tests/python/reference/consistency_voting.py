@@ -7,18 +7,14 @@ Decisions where the paper is open
   does the vote of a frameless voter for itself.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .otsu import OtsuMode, select_above
 from .pairwise import distance_difference
 from .result import FloatArray, ReferenceGrouping, as_frames, as_points, as_vector, has_frame, length
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 def cv(

@@ -1,15 +1,10 @@
 """FPFH-33: histograms of three angles between oriented points, weighted by inverse squared distance."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import numpy as np
 
 from .neighborhood import FloatArray, ball
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 BINS = 11
 

@@ -26,18 +26,14 @@ Decisions where the paper is open
   threshold is given; `otsu` is not used.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .otsu import OtsuMode, select_above
 from .pairwise import distance_difference, distance_ratio, shares_an_endpoint
 from .result import FloatArray, ReferenceGrouping, as_points, length
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 NO_PAYOFF = 1e-300
 TIE = 1e-12

@@ -14,18 +14,14 @@ Decisions where the paper is open
 * The scores are |G_i| for star and None for clique; the threshold is None.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .pairwise import distance_difference
 from .ransac import ransac
 from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, as_vector, length
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 def gc(

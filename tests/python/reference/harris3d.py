@@ -6,8 +6,6 @@ Decisions
 * A ball without normals has response 0.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .neighborhood import FloatArray, ball, local_maxima

@@ -22,12 +22,11 @@ Decisions where the paper is open
 * Neither scores nor a threshold are reported.
 """
 
-from __future__ import annotations
-
 from itertools import product
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .pairwise import bounding_box_diagonal, centred
 from .ransac import ransac
@@ -41,9 +40,6 @@ from .result import (
     as_vector,
     has_frame,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 FLAT = 1e-9
 Bin = tuple[int, int, int]

@@ -1,7 +1,5 @@
 """ISS keypoints: maxima of the smallest eigenvalue of the scatter, where eigenvalues differ enough."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .neighborhood import FloatArray, ball, local_maxima

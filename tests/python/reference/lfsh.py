@@ -1,7 +1,5 @@
 """LFSH-30: histograms of depth, horizontal radius and deviation angle."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .neighborhood import FloatArray, ball

@@ -54,11 +54,10 @@ Decisions where the description is open
   the lower index.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import poisson
 
 from .pairwise import centred, distance_difference, edge_lengths
@@ -74,9 +73,6 @@ from .result import (
     length,
 )
 from .rigid import Pose, apply, fixes_rotation, homogeneous, nearest_rotation, weighted_kabsch
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 EDGES = 1000
 VERTICES = 2500
@@ -132,7 +128,7 @@ class Model(NamedTuple):
         terms = np.where(self.positive(pose), self.log_odds(pose), 0.0)
         return terms if self.weight is None else self.weight * terms
 
-    def subset(self, rows: BoolArray) -> Model:
+    def subset(self, rows: BoolArray) -> "Model":
         """Return the given matches alone."""
         weight = None if self.weight is None else self.weight[rows]
         turns = None if self.turns is None else self.turns[rows]

@@ -26,12 +26,12 @@ Decisions where the paper is open
 * A clique on a line on either side proposes nothing. Choice and refinement: see `refinement`.
 """
 
-from __future__ import annotations
-
 import itertools
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .otsu import otsu_split
 from .pairwise import centred, distance_difference
@@ -39,11 +39,6 @@ from .refinement import best_pose, residuals
 from .refinement import refine as refine_pose
 from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
 from .rigid import fixes_rotation, weighted_kabsch
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import ArrayLike
 
 LEAST_VERTICES = 50
 BLOCK = 32

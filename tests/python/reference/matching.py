@@ -1,13 +1,8 @@
 """Nearest descriptors by a full table of distances."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from .neighborhood import FloatArray
+from .neighborhood import FloatArray
 
 
 def match(

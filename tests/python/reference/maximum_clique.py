@@ -9,14 +9,9 @@ Decisions where the sources are open
 * A graph without vertices has an empty clique, which is as large as any.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from .result import BoolArray, IntArray
+from .result import BoolArray, IntArray
 
 
 def cores(joined: BoolArray) -> tuple[IntArray, list[int]]:

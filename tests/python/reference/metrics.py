@@ -5,17 +5,12 @@ Decisions where the paper is open
 * Empty group: precision 0. No correct correspondence at all: recall 0. Both 0: F = 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .result import BoolArray, as_points
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 REGISTERED = 0.1
 

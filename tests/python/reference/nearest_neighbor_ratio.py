@@ -8,14 +8,9 @@ Decisions where the paper is open
 * A NaN ratio is never selected.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from numpy.typing import ArrayLike
 
 from .result import ReferenceGrouping, as_vector
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8) -> ReferenceGrouping:

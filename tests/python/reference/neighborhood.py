@@ -1,7 +1,5 @@
 """Neighbourhoods by brute force: all points nearer than a radius, or the k nearest."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,15 +1,9 @@
 """Plane-fit normals: smallest eigenvector of the neighbourhood's covariance, towards a viewpoint."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from .neighborhood import FloatArray, ball, nearest
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 def plane(points: FloatArray) -> tuple[FloatArray, float]:

@@ -18,14 +18,11 @@ Decisions where the paper is open
 * Every mode selects s > threshold.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .result import BoolArray, FloatArray, IntArray
+from .result import BoolArray, FloatArray, IntArray
 
 OtsuMode = Literal["minmax", "exact", "covis", "legacy"]
 

@@ -11,14 +11,9 @@ Decisions where the paper is open
 * Each side is centred on its own mean before anything else.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from .result import BoolArray, FloatArray
+from .result import BoolArray, FloatArray
 
 ZERO_EDGE = 1e-12
 

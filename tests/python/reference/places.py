@@ -3,8 +3,6 @@
 0 unknown, 1 on the other surface, 2 near it, 3 in front of what its scanner saw, 4 before its background.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

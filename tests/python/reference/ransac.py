@@ -19,18 +19,12 @@ Decisions where the paper is open
   group and is given in the caller's coordinates otherwise.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .pairwise import bounding_box_diagonal, centred
 from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
 from .rigid import apply, determines_rotation, homogeneous, kabsch
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 SAMPLE_SIZE = 3
 BLOCK = 256

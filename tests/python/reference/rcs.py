@@ -1,7 +1,5 @@
 """RCS-72: outlines of the local surface, seen from six sides."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .neighborhood import FloatArray, ball

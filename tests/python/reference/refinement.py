@@ -11,16 +11,10 @@ Decisions where the sources are open
 * Refinement ends after 20 rounds, or where the inliers do not determine a rotation.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from .result import BoolArray, FloatArray
 from .rigid import Pose, apply, fixes_rotation, homogeneous, kabsch, spreads, weighted_kabsch
-
-if TYPE_CHECKING:
-    from .result import BoolArray, FloatArray
 
 ROUNDS = 20
 

@@ -1,7 +1,5 @@
 """What every reference method returns, and the two argument rules they share."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

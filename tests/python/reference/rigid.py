@@ -6,14 +6,11 @@ Decisions where the paper is open
   1e-9 times the first. Collinear or coincident points fail this test.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .result import BoolArray, FloatArray
+from .result import BoolArray, FloatArray
 
 RANK_TOLERANCE = 1e-9
 FLAT = 1e-7

@@ -30,19 +30,13 @@ Decisions where the source is open
 * The group has the inliers of the refined pose; the scores are the confidences.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .pairwise import centred, distance_difference, edge_lengths
 from .refinement import best_pose, in_data, inliers_of, refine, residuals
 from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
 from .rigid import Pose, apply, fixes_rotation, weighted_kabsch
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 POWER_STEPS = 10
 TIE = 1e-9

@@ -12,11 +12,10 @@ Decisions where the paper is open
 * global_rank="local_score" sorts by descending local score, ties by index.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .otsu import OtsuMode, select_above
 from .pairwise import centred, distance_ratio, edge_lengths
@@ -30,9 +29,6 @@ from .result import (
     has_frame,
     length,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 def si(

@@ -4,8 +4,6 @@ Written per dimension: the centre of a neighbour's own bin, its distance from th
 the side it leans to. A neighbour gives its own bin one minus each distance, and the other bin the distance.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .neighborhood import FloatArray, ball

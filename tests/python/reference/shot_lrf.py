@@ -1,7 +1,5 @@
 """SHOT's local reference frame, and TOLDI's with the variant that RCS uses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .neighborhood import FloatArray, ball

@@ -8,17 +8,13 @@ Decisions where the paper is open
   `otsu_split`, s > threshold; for the midpoint thresholds both readings are the same.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .otsu import OtsuMode, otsu_split
 from .result import ReferenceGrouping, as_vector
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 def ss(

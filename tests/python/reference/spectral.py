@@ -19,17 +19,13 @@ Decisions where the paper is open
   stop v_a <= 1e-12 max v cannot occur because a is the maximum of its own round.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .pairwise import distance_ratio, shares_an_endpoint
 from .result import BoolArray, FloatArray, ReferenceGrouping, as_points, as_vector
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 Affinity = Literal["raw", "threshold", "binary"]
 Diagonal = Literal["zero", "one", "score"]

@@ -23,21 +23,13 @@ Decisions where the source is open
   values of k spread evenly.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .maximum_clique import cores, maximum_clique
 from .pairwise import bounding_box_diagonal, centred, distance_difference, edge_lengths
-from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
 from .rigid import homogeneous, spreads
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from .result import BoolArray
 
 MOST_RATIOS = 1_000_000
 SAME_COST = 1e-9

@@ -17,18 +17,12 @@ Decisions where the source is open
 * Triangles on a line on either side have no pose.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .pairwise import centred, distance_difference, edge_lengths
 from .refinement import best_pose, in_data, inliers_of, refine, triangle_poses
 from .result import BoolArray, FloatArray, ReferenceGrouping, as_points, length
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 def turboreg(

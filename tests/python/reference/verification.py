@@ -5,8 +5,6 @@ least coordinates less 5 units) within 4 units of the centre. Places so close to
 nearest point that single precision may decide otherwise are counted: they bound how far two scores may differ.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

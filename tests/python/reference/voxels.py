@@ -1,13 +1,8 @@
 """Voxel down-sampling by a dictionary of cells."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from .neighborhood import FloatArray
+from .neighborhood import FloatArray
 
 
 def voxel_downsample(
