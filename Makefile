@@ -64,7 +64,7 @@ test-rust: | check-tools ## run the Rust tests
 	cargo test --release --locked
 
 test-python: $(VENV)/.ready-dev ## run the Python tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-checked: | check-tools ## run the Rust tests with overflow checks and debug assertions
 	cargo test --profile checked --locked --lib --tests

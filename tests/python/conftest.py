@@ -8,6 +8,7 @@ import signal
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -33,6 +34,13 @@ class Tally:
     unequal_masks: int = 0
     score_difference: float = 0.0
 
+    def add(self, other: "Tally") -> None:
+        """Add further comparisons."""
+        greatest = max(self.score_difference, other.score_difference)
+        for name, value in vars(other).items():
+            setattr(self, name, getattr(self, name) + value)
+        self.score_difference = greatest
+
 
 @dataclass
 class OracleReport:
@@ -40,24 +48,9 @@ class OracleReport:
 
     tallies: defaultdict[str, Tally] = field(default_factory=lambda: defaultdict(Tally))
 
-    def record(
-        self,
-        method: str,
-        *,
-        rows: int,
-        selected: int,
-        ambiguous_rows: int,
-        masks_equal: bool,
-        score_difference: float,
-    ) -> None:
+    def record(self, method: str, **compared: float) -> None:
         """Add one comparison."""
-        tally = self.tallies[method]
-        tally.examples += 1
-        tally.rows += rows
-        tally.selected += selected
-        tally.ambiguous_rows += ambiguous_rows
-        tally.unequal_masks += not masks_equal
-        tally.score_difference = max(tally.score_difference, score_difference)
+        self.tallies[method].add(Tally(1, **compared))
 
     def lines(self) -> Iterator[str]:
         """Yield the table, one method per line."""
@@ -79,6 +72,20 @@ REPORT = pytest.StashKey[OracleReport]()
 def pytest_configure(config: pytest.Config) -> None:
     """Start an empty report."""
     config.stash[REPORT] = OracleReport()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Hand the tallies of a process of pytest-xdist to the one that prints them."""
+    if hasattr(session.config, "workeroutput"):
+        tallies = session.config.stash[REPORT].tallies
+        session.config.workeroutput["tallies"] = {method: vars(tally) for method, tally in tallies.items()}
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Add what a process of pytest-xdist compared."""
+    for method, tally in getattr(node, "workeroutput", {}).get("tallies", {}).items():
+        node.config.stash[REPORT].tallies[method].add(Tally(**tally))
 
 
 @pytest.fixture(scope="session")

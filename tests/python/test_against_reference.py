@@ -56,7 +56,7 @@ def compare(oracle: OracleReport, method: str, problem: Problem, options: Option
         rows=len(problem),
         selected=int(expected.mask.sum()),
         ambiguous_rows=int(ambiguous.sum()),
-        masks_equal=masks_equal,
+        unequal_masks=not masks_equal,
         score_difference=difference,
     )
 

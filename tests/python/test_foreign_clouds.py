@@ -160,7 +160,6 @@ def test_files_nuisances_and_figures_take_them(tmp_path) -> None:
         (Mock(), "got a Mock on"),
         (MagicMock(), "cloud"),
     ],
-    ids=str,
 )  # fmt: skip
 def test_what_holds_no_points_is_refused_in_one_sentence(value: Any, reason: str) -> None:
     with pytest.raises(InputError, match=reason) as caught:
