@@ -8,6 +8,7 @@ import signal
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,6 +22,15 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     # Started in the background: the processes that tests interrupt would inherit the deafness.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Run command lines in an empty folder, of 80 columns; `saved` in it holds the saved runs."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CGROUP_RESULTS", str(tmp_path / "saved"))
+    monkeypatch.delenv("COLUMNS", raising=False)
+    return tmp_path
 
 
 @dataclass

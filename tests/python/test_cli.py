@@ -32,6 +32,8 @@ from cgroup.registry import label_of
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 
 @pytest.fixture(scope="module")
 def pair() -> MatchingPair:
@@ -60,11 +62,6 @@ def folder(pair: MatchingPair, tmp_path_factory: pytest.TempPathFactory) -> Path
     (path / "cut.ply").write_bytes((path / "source.ply").read_bytes()[:5000])
     (path / "scaled.txt").write_text("2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n")
     return path
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def test_register(
@@ -332,11 +329,3 @@ def test_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
     running.send_signal(signal.SIGINT)
     _, err = running.communicate(timeout=20)
     assert (running.returncode, err) == (130, "cgroup: interrupted\n")
-
-
-def test_starts_without_loading_what_it_may_not_need() -> None:
-    code = (
-        "import sys; from cgroup import cli; "
-        "sys.exit(bool({'matplotlib', 'trimesh', 'pypcd4', 'laspy', 'scipy'} & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

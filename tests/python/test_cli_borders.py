@@ -12,13 +12,13 @@ import time
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+import command_lines
 import numpy as np
 import pytest
 
 import cgroup
 from cgroup import Correspondences
 from cgroup._runtime.interrupts import INTERRUPTED
-from cgroup.cli import main
 from cgroup.cli.benchmark import DAMAGED
 from cgroup.cli.failures import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
 from cgroup.datasets import standin_pair
@@ -48,12 +48,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def run(
     *arguments: str | bytes | Path,
     cwd: Path,
@@ -68,14 +62,6 @@ def run(
     return done.returncode, *(
         (text or b"").decode("utf-8", "surrogateescape") for text in (done.stdout, done.stderr)
     )
-
-
-def run_here(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    """Run the command line within this process; return its exit status and what it printed."""
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    assert isinstance(ended.value.code, int)
-    return ended.value.code, *capsys.readouterr()
 
 
 def command(*arguments: str | bytes | Path) -> Sequence[Any]:
@@ -136,7 +122,7 @@ def test_control_characters_in_names_are_shown_escaped(
     assert (status, err) == (0, "")
     assert out.endswith(f"\nwrote {NAMES[name]}_gtm.npy\n")
     monkeypatch.chdir(folder)
-    status, out, err = run_here(capsys, "group", "no " + os.fsdecode(name))
+    status, out, err = command_lines.run(capsys, "group", "no " + os.fsdecode(name))
     assert (status, out, err) == (2, "", f"cgroup: no {NAMES[name]}.txt: no such file\n")
 
 
@@ -149,7 +135,7 @@ def test_names_in_figures_are_no_formulas(folder: Path) -> None:
 
 
 def test_a_name_that_is_too_long(capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, err = run_here(capsys, "detect", "z" * 300 + ".ply")
+    status, out, err = command_lines.run(capsys, "detect", "z" * 300 + ".ply")
     assert (status, out) == (2, "")
     assert "File name too long" in err
     assert err.count("\n") == 1
@@ -176,7 +162,7 @@ def test_where_results_go_is_looked_at_before_work_starts(
 ) -> None:
     """The input isn't even there."""
     (elsewhere / "cloud.ply").touch()
-    status, printed, err = run_here(capsys, *line.format(*3 * ["missing.ply"]).split(), "--out", out)
+    status, printed, err = command_lines.run(capsys, *line.format(*3 * ["missing.ply"]).split(), "--out", out)
     assert (status, printed) == (2, "")
     assert err.startswith(f"cgroup: {out}: ")
     assert err.count("\n") == 1
@@ -184,7 +170,7 @@ def test_where_results_go_is_looked_at_before_work_starts(
 
 def test_a_folder_that_cannot_be_written(capsys: pytest.CaptureFixture[str]) -> None:
     """Also to those who may do anything: nothing can be made in /proc."""
-    status, _, err = run_here(capsys, "detect", "missing.ply", "--out", "/proc")
+    status, _, err = command_lines.run(capsys, "detect", "missing.ply", "--out", "/proc")
     assert status == 2
     assert err.startswith("cgroup: /proc: can't be made a folder for the results (")
 

@@ -30,6 +30,8 @@ from cgroup.io import read_transform, write_cloud
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 BOXES = re.compile("[\u2500-\u257f\x1b]")
 
 
@@ -52,13 +54,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_inputs(path)
     write_cloud(path / "other.ply", standin_pair(seed=5, pixels=60).target)
     return path
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("CGROUP_RESULTS", str(tmp_path / "saved"))
-    monkeypatch.delenv("COLUMNS", raising=False)
 
 
 # --- help ----------------------------------------------------------------------------------------
@@ -391,11 +386,12 @@ def test_completion_scripts_are_printed(shell: str) -> None:
     assert "_CGROUP_COMPLETE=complete_" + shell in done.stdout
 
 
-def test_help_loads_no_library_for_results() -> None:
-    code = (
-        "import sys; from cgroup import cli; "
-        "sys.exit(', '.join({'rich', 'matplotlib', 'pandas', 'pydantic', 'platformdirs'} & set(sys.modules)) or 0)"
-    )
+SLOW = "rich matplotlib plotly pandas pydantic platformdirs scipy trimesh pypcd4 laspy"
+
+
+@pytest.mark.parametrize(("loaded", "slow"), [("cgroup", f"{SLOW} typer"), ("cgroup.cli", SLOW)])
+def test_starts_without_loading_what_it_may_not_need(loaded: str, slow: str) -> None:
+    code = f"import sys, {loaded}; sys.exit(', '.join(set('{slow}'.split()) & set(sys.modules)) or 0)"
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
 

@@ -36,10 +36,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("CGROUP_RESULTS", str(tmp_path / "saved"))
-    return tmp_path / "saved"
+def saved(elsewhere: Path) -> Path:
+    return elsewhere / "saved"
 
 
 def save_groups(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

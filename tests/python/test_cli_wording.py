@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 OPTIONS = {
     "voxel": "--voxel",
     "nms_radius": "--nms-radius",
@@ -80,12 +82,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     np.savez(path / "large.npz", source=1e200 * points, target=points)
     named = {file.stem: file for file in path.iterdir() if file.suffix != ".npz" or file.stem != "matches"}
     return {**named, "matches": path / "matches.txt", "folder": path}
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("CGROUP_RESULTS", str(tmp_path / "saved"))
 
 
 def list_lines() -> Iterator[str]:
