@@ -12,6 +12,7 @@ from cgroup.errors import InputError
 from cgroup.features import normals
 from cgroup.pages.page import NEEDS_PLOTLY, chart_text
 from cgroup.plots import style
+from cgroup.plots.scene import spread
 from cgroup.plots.shading import face_broadside
 from cgroup.rigid import apply
 
@@ -232,13 +233,6 @@ def _line_trace(
         "hovertext": [text for text in texts for _ in range(len(_STOPS) + 1)],
         "visible": True if shown else "legendonly",
     }
-
-
-def spread(rows: IndexArray, most: int) -> IndexArray:
-    """Return at most so many of the rows, evenly spread."""
-    if len(rows) <= most:
-        return rows
-    return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
 def _hover_text(drawing: Drawing, row: int) -> str:

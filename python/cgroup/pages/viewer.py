@@ -11,8 +11,9 @@ import numpy as np
 from cgroup._explain import explain_matches
 from cgroup.pages.page import chart_html, data_html, page_html
 from cgroup.pages.page import part as part_of
-from cgroup.pages.scene import bare_axes, camera_of, cloud_trace, scene_of, spread
+from cgroup.pages.scene import bare_axes, camera_of, cloud_trace, scene_of
 from cgroup.plots import style
+from cgroup.plots.scene import spread
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _COLUMNS = 3
 _WIDTH = 12  # inches
+_JUDGED = {"correct": style.CORRECT, "wrong": style.WRONG}
 
 
 def registration_figure(
@@ -91,11 +92,8 @@ def registration_figure(
     scene.draw_overlay(right)
     _caption(right, "Source placed on target", "")
     figure.suptitle(title, color=style.TEXT)
-    handles = [
-        Line2D([], [], marker="o", linestyle="", color=tint, label=name)
-        for name, tint in (("source", style.SOURCE_TINT), ("target", style.TARGET_TINT))
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    tints = {"source": style.SOURCE_TINT, "target": style.TARGET_TINT}
+    _legend(figure, tints, marker="o", linestyle="")
     return figure
 
 
@@ -173,11 +171,7 @@ def comparison_figure(
     for axes in panels[len(masks) :]:
         axes.set_axis_off()
     figure.suptitle(title, color=style.TEXT)
-    handles = [
-        Line2D([], [], color=color, label=name)
-        for name, color in (("correct", style.CORRECT), ("wrong", style.WRONG))
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    _legend(figure, _JUDGED)
     return figure
 
 
@@ -239,14 +233,16 @@ def matches_figure(
     scene.draw_clouds(axes)
     if correct is None:
         drawn = scene.draw_lines(axes, correspondences, np.flatnonzero(mask), style.GROUPED)
-        legend = {"selected": style.GROUPED}
     else:
         drawn = scene.draw_selection(axes, correspondences, mask, correct)
-        legend = {"correct": style.CORRECT, "wrong": style.WRONG}
     _caption(axes, title, _format_count(drawn, int(mask.sum())))
-    handles = [Line2D([], [], color=color, label=name) for name, color in legend.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    _legend(figure, {"selected": style.GROUPED} if correct is None else _JUDGED)
     return figure
+
+
+def _legend(figure: Figure, colors: Mapping[str, Any], **line: Any) -> None:  # noqa: ANN401 - of a `Line2D`
+    handles = [Line2D([], [], color=color, label=name, **line) for name, color in colors.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
 
 
 def _caption(axes: Axes, name: str, numbers: str) -> None:

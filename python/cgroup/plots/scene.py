@@ -123,8 +123,7 @@ class Scene:
         limit: int = MAX_LINES,
     ) -> int:
         """Draw at most `limit` of the rows; returns how many."""
-        if len(rows) > limit:
-            rows = rows[np.linspace(0, len(rows) - 1, limit).astype(np.int64)]
+        rows = spread(rows, limit)
         source = apply(self.pose, correspondences.source[rows])
         start = source @ self.to_plane.T
         end = correspondences.target[rows] @ self.to_plane.T + self.shift
@@ -133,6 +132,13 @@ class Scene:
         ends = lines.reshape(-1, 2)
         axes.scatter(ends[:, 0], ends[:, 1], s=2.5, color=color, linewidths=0, zorder=3)
         return len(rows)
+
+
+def spread(rows: IndexArray, most: int) -> IndexArray:
+    """Return at most so many of the rows, evenly spread."""
+    if len(rows) <= most:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
 def _show(axes: Axes, picture: Picture, extent: tuple[float, float, float, float]) -> None:
