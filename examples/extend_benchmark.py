@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from matplotlib.figure import Figure
 
-from cgroup.benchmark import records
+from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.run import run
 from cgroup.datasets import Dataset, MatchingPair, standin_pair
@@ -95,8 +95,8 @@ levels = [0, 5, 10]
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         run(parse_config(CONFIG), Path(folder), workers=2)
-        frame = records.load(Path(folder))
-    means = records.aggregate(frame, ["level", "method"])
+        frame = tables.load(Path(folder))
+    means = tables.aggregate(frame, ["level", "method"])
     figure = draw(means)
     figure.savefig("holes.png")
     print(

@@ -112,16 +112,10 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.benchmark.config": {
         "Reading": "read_config parse_config preset_names replace_methods METHOD_SETS",
-        "What a configuration holds": "Config MethodEntry ExperimentEntry FrontEntry TimingEntry TrialsEntry "
-        "TrialSetEntry PairSetEntry GridEntry RegistrationEntry PipelineEntry",
+        "What a configuration holds": "Config FrontEntry",
     },
     "cgroup.benchmark.run": {"Running": "run Summary"},
-    "cgroup.benchmark.records": {
-        "Scores and groups": "load aggregate load_groups load_counts exponents",
-        "Times": "load_timing load_timing_skips",
-        "Rankings and pipelines": "load_trials load_registrations",
-        "The run itself": "load_config load_datasets load_machines load_missing load_failures check",
-    },
+    "cgroup.benchmark.tables": {"Results": "load load_groups", "Means": "aggregate exponents FITTED_FROM"},
     "cgroup.benchmark.report": {"Report": "write_report"},
     "cgroup.benchmark.overall": {
         "Ranking over all pairs": "rank_overall Overall Standing name_units",
@@ -131,10 +125,10 @@ GROUPS: dict[str, dict[str, str]] = {
         "Ranking": "rank_methods Rank",
         "Statistics": "bootstrap Interval comparable mcnemar signed_rank holm LEVEL RESAMPLES",
     },
-    "cgroup.benchmark.candidates": {"Methods of one's own": "candidate Candidate IN_RESOLUTIONS"},
-    "cgroup.benchmark.pipelines": {
-        "Ways to register": "PIPELINES Pipeline make_pipeline Problem Answer",
+    "cgroup.benchmark.solver": {
+        "Methods and ways to register": "Solver candidate make_pipeline IN_RESOLUTIONS",
     },
+    "cgroup.benchmark.pipelines": {"Ways to register": "PIPELINES Clouds Answer"},
     "cgroup.benchmark.claims": {
         "The paper's claims": "check_claims check_evidence CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
         "How sure verdicts are": "bootstrap_verdicts Stability RESAMPLES",

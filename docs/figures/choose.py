@@ -15,7 +15,7 @@ from pathlib import Path
 
 import cgroup
 from cgroup.benchmark.config import read_config
-from cgroup.benchmark.records.trial_tables import load_trials
+from cgroup.benchmark.tables import load
 from cgroup.benchmark.run import run
 from method_figures.measure_options import COLUMNS, measure_all
 from method_figures.measured import METHODS_CSV, OPTIONS_CSV
@@ -31,7 +31,7 @@ def measure_methods(folder: Path | None = None) -> None:
         where = folder or Path(made)
         if folder is None:
             run(read_config(CONFIG), where, workers=1)
-        trials = load_trials(where)
+        trials = load(where, "matches")
     # As they were asked for; views have as many as they have.
     for column, asked in (("n", "size"), ("inliers", "inliers"), ("noise", "noise")):
         trials[column] = trials[asked].fillna(0)

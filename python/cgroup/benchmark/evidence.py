@@ -1,8 +1,5 @@
 """The records of each experiment of the paper, by the data set of the paper that they speak for."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false
-
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -13,8 +10,8 @@ import numpy as np
 
 from cgroup.benchmark.pair_sums import PairSums
 from cgroup.benchmark.paper import EXPERIMENTS, PAPER_EPSILON, PLACES, VARIANTS, Experiment
-from cgroup.benchmark.records import exponents
 from cgroup.benchmark.sample import Sample
+from cgroup.benchmark.tables import exponents
 from cgroup.evaluation.bins import binned
 from cgroup.registry import PAPER_METHODS
 

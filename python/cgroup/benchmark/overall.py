@@ -10,9 +10,6 @@ together, as they have scans in common: `object/pair` is how such pairs are name
 data set as there are.
 """
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false, reportIndexIssue=false
-
 from __future__ import annotations
 
 import itertools

@@ -1,8 +1,5 @@
 """Sums of scores by level, method and pair, of which means over any draw of the pairs are one product."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from functools import cached_property

@@ -8,9 +8,6 @@ of a column are adjusted by Holm (1979). A method that was given up on a problem
 there and hasn't registered it.
 """
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false
-
 from __future__ import annotations
 
 from functools import lru_cache
@@ -19,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import stats
 
-from cgroup.benchmark.cases import keyed_rng
+from cgroup.benchmark.problem import keyed_rng
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Sequence
@@ -167,7 +164,7 @@ def comparable(trials: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     trials : DataFrame
-        Rows of `cgroup.benchmark.records.load_trials`.
+        Rows of `cgroup.benchmark.tables.load`.
 
     Returns
     -------

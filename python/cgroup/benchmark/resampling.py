@@ -1,8 +1,5 @@
 """Evidence as it would be on other draws of the same pairs (bootstrap: Efron, Annals of Statistics 1979)."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -11,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cgroup.benchmark.cases import keyed_rng
 from cgroup.benchmark.evidence import Evidence
+from cgroup.benchmark.problem import keyed_rng
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -1,8 +1,5 @@
 """The records of one experiment on one data set, and means over its pairs."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace

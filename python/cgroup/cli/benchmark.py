@@ -9,7 +9,7 @@ import typer
 
 from cgroup.cli import benchmark_findings, benchmark_readings
 from cgroup.cli.benchmark_options import DEFAULT_OUT, DataOption, OutOption, RetryOption, needs_extra
-from cgroup.cli.benchmark_output import print_health, print_presets, print_status, print_summary
+from cgroup.cli.benchmark_output import print_presets, print_status, print_summary
 from cgroup.cli.benchmark_progress import run_resumably
 from cgroup.cli.completion import complete_presets
 from cgroup.cli.help import Command, examples, make_app
@@ -21,10 +21,7 @@ from cgroup.io._results import check_folder
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cgroup.benchmark.records.progress import Counts
-
-DAMAGED = 1
-"""Exit status of ``check`` where something is amiss."""
+    from cgroup.benchmark.store import Counts
 
 app = make_app(
     help="Run the paper's evaluation, draw its figures and check its claims.",
@@ -135,35 +132,17 @@ def run_command(
 def status_command(out: OutOption = DEFAULT_OUT, *, as_json: JsonOption = False) -> None:
     """Show how far a run is, and what failed."""
     with needs_extra():
-        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
     failures = [
-        dict(zip(("method", "error", "times"), row, strict=True)) for row in records.load_failures(out)
+        dict(zip(("method", "error", "times"), row, strict=True)) for row in tables.load_failures(out)
     ]
     results = {
-        "counts": _list_counts(records.load_counts(out)),
-        "left_out": records.load_missing(out),
+        "counts": _list_counts(tables.load_counts(out)),
+        "left_out": tables.load_missing(out),
         "failures": failures,
     }
     document = make_document("benchmark status", options={"out": out}, results=results)
     Ending(as_json=as_json).finish(document, print_status)
-
-
-@app.command("check", cls=Command, epilog=examples("cgroup benchmark check --out smoke"))
-def check_command(out: OutOption = DEFAULT_OUT, *, as_json: JsonOption = False) -> None:
-    """Read all records, and say whether they are what was written; exit status 1 if some aren't."""
-    with needs_extra():
-        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
-    health = records.check(out)
-    results = {
-        "sound": health.sound,
-        "whole": health.whole,
-        "damaged": [damaged.name for damaged in health.damaged],
-        "faults": health.faults,
-    }
-    document = make_document("benchmark check", options={"out": out}, results=results)
-    Ending(as_json=as_json).finish(document, print_health)
-    if not health.sound:
-        raise typer.Exit(DAMAGED)
 
 
 @app.command("presets", cls=Command, epilog=examples("cgroup benchmark presets"))
@@ -174,10 +153,9 @@ def presets_command(*, as_json: JsonOption = False) -> None:
     presets: list[dict[str, Any]] = []
     for name in preset_names():
         preset = read_config(name)
-        sets = preset.registration.sets if preset.registration else ()
-        trials = preset.trials.sets if preset.trials else ()
-        entries = (*preset.experiment, *sets, *trials)
-        data = dict.fromkeys(name for entry in entries for name in entry.dataset or ("generated matches",))
+        data = dict.fromkeys(
+            name for entry in preset.sets for name in entry.dataset or ("generated matches",)
+        )
         presets.append({"name": name, "title": preset.title, "data": list(data)})
     Ending(as_json=as_json).finish(
         make_document("benchmark presets", results={"presets": presets}), print_presets

@@ -65,10 +65,10 @@ def claims_command(
 ) -> None:
     """Check the paper's statements against the records."""
     with needs_extra(), show_stages() as begin:
-        from cgroup.benchmark import claims, records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark import claims, tables  # noqa: PLC0415 - slow to load
 
         begin("reading records")
-        frame, timing = records.load(out), records.load_timing(out)
+        frame, timing = tables.load(out), tables.load(out, "timing")
         begin(f"checking claims on {resamples} resamples" if resamples else "checking claims")
         verdicts = claims.check_claims(frame, timing, resamples=resamples)
     if format == "markdown" and not as_json:
@@ -101,12 +101,12 @@ def rankings_command(
 ) -> None:
     """Print how grouping methods rank on matches."""
     with needs_extra():
-        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
         from cgroup.benchmark.rankings import rank_methods  # noqa: PLC0415
         from cgroup.benchmark.report.trial_tables import overview_table, with_fewest_threads  # noqa: PLC0415
         from cgroup.benchmark.report.trials import as_markdown, make_trial_sections  # noqa: PLC0415
 
-        trials = records.load_trials(out)
+        trials = tables.load(out, "matches")
     if trials.empty:
         message = f"{out}: no trials there; make some with: cgroup benchmark run matches --out {out}"
         raise InputError(message)
@@ -117,7 +117,7 @@ def rankings_command(
         }
         print_document(make_document("benchmark rankings", options={"out": out}, results={"sets": sets}))
         return
-    overview, sections = overview_table(trials), make_trial_sections(trials, records.load_machines(out), None)
+    overview, sections = overview_table(trials), make_trial_sections(trials, tables.load_machines(out), None)
     if format == "markdown":
         print_text(as_markdown(overview, sections).rstrip())
         return

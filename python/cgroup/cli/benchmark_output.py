@@ -77,24 +77,6 @@ def print_status(document: Document) -> None:
         print_line(f"and {len(failures) - _FAILURES_SHOWN} other errors")
 
 
-def print_health(document: Document) -> None:
-    """Print whether records are what was written."""
-    found = document["results"]
-    for table, count in found["whole"].items():
-        if count:
-            print_line(f"{table:<20} {count} whole")
-    for name in found["damaged"]:
-        print_line(f"damaged: {name}")
-    for fault in found["faults"]:
-        print_line(f"fault of the file: {fault}")
-    if not found["sound"]:
-        print_line("the next run sets aside what is damaged, keeps the old file, and computes it anew")
-    else:
-        print_line(
-            "all records are whole" if found["whole"] else "the file is whole; its layout has no checksums"
-        )
-
-
 def print_presets(document: Document) -> None:
     """Print the configurations that come with the package."""
     for preset in document["results"]["presets"]:

@@ -70,7 +70,7 @@ def readings_command(
     Stopped and started again, it continues.
     """
     with needs_extra():
-        from cgroup.benchmark import records  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
         from cgroup.benchmark.claims import counts_line  # noqa: PLC0415
         from cgroup.benchmark.config import read_config  # noqa: PLC0415
         from cgroup.benchmark.readings import (  # noqa: PLC0415
@@ -86,7 +86,7 @@ def readings_command(
     check_folder(out)
     with run_resumably(out, quiet=as_json) as report:
         summary = run(wanted, out, root=data, workers=workers, retry_failed=retry_failed, progress=report)
-        loaded = records.load(out), records.load_timing(out)
+        loaded = tables.load(out), tables.load(out, "timing")
         outcomes = judge_readings(*loaded, readings, root=data, resamples=resamples, progress=report)
     files = write_readings(out, outcomes)
     results = {

@@ -1,8 +1,5 @@
 """Clutter and occlusion: section 5.1, item 3."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

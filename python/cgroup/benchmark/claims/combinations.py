@@ -1,8 +1,5 @@
 """Combinations of detector and descriptor: section 5.1, item 7, and the summary of 5.1."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from itertools import combinations

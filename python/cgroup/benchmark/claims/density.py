@@ -1,8 +1,5 @@
 """Point density: section 5.1, item 2."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

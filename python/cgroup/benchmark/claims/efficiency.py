@@ -1,8 +1,5 @@
 """Time: section 5.3."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -13,7 +10,7 @@ from cgroup.benchmark.claims.base import TIME_TIE, Comparison, Finding, NotTesta
 from cgroup.benchmark.claims.claim import claim
 from cgroup.benchmark.claims.measures import expect_at_most, expect_higher, expect_in_top, show_time
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
-from cgroup.benchmark.records.growth import FITTED_FROM
+from cgroup.benchmark.tables import FITTED_FROM
 
 if TYPE_CHECKING:
     from cgroup.benchmark.claims.base import ClaimEvidence

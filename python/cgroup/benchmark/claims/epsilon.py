@@ -1,8 +1,5 @@
 """The threshold that decides what a correct match is: section 5.1, item 5."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,5 @@
 """How many of the initial matches are correct: end of section 4.3."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,5 @@
 """Rigid registration under each nuisance: section 5.2, items 1 to 3."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

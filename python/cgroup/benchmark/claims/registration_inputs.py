@@ -1,8 +1,5 @@
 """Rigid registration by threshold, number of matches, detector and descriptor: section 5.2, items 4 and 5."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

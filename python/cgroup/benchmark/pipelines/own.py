@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 from cgroup import features
-from cgroup.benchmark.pipelines.problem import Answer
+from cgroup.benchmark.pipelines.answer import Answer
 from cgroup.errors import NoConsensusError
 from cgroup.group import group
 from cgroup.registration import PaperFront, correspond, register
@@ -13,7 +13,7 @@ from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
     from cgroup._runtime.progress import StageClock
-    from cgroup.benchmark.pipelines.problem import Problem
+    from cgroup.benchmark.pipelines.answer import Clouds
     from cgroup.features import Viewpoint
     from cgroup.registration.search import Effort
     from cgroup.types import FloatArray, RealArray
@@ -28,33 +28,29 @@ FPFH_RADIUS = 5.0
 """Radius in voxels of the support of a descriptor."""
 
 
-def dense(
-    problem: Problem, clock: StageClock, *, viewpoints: bool = True, effort: Effort = "normal"
-) -> Answer:
+def dense(clouds: Clouds, clock: StageClock, *, viewpoints: bool = True, effort: Effort = "normal") -> Answer:
     """Run `register` with its dense front end; `viewpoints` says whether it is told those that are known."""
-    return _register(problem, clock, viewpoints=viewpoints, effort=effort)
+    return _register(clouds, clock, viewpoints=viewpoints, effort=effort)
 
 
-def paper(
-    problem: Problem, clock: StageClock, *, method: str = "gtm", keypoints: int | None = None
-) -> Answer:
+def paper(clouds: Clouds, clock: StageClock, *, method: str = "gtm", keypoints: int | None = None) -> Answer:
     """Run `register` with the keypoints of the paper's evaluation."""
-    return _register(problem, clock, front=PaperFront(keypoints=keypoints), method=method)
+    return _register(clouds, clock, front=PaperFront(keypoints=keypoints), method=method)
 
 
 def _register(
-    problem: Problem,
+    clouds: Clouds,
     clock: StageClock,
     *,
     viewpoints: bool = True,
     **options: Any,  # noqa: ANN401 - of `register`
 ) -> Answer:
     if viewpoints:
-        options["source_viewpoint"] = problem.source_viewpoint
-        options["target_viewpoint"] = problem.target_viewpoint
-    clouds, voxel, threads = (problem.source, problem.target), problem.voxel, problem.threads
+        options["source_viewpoint"] = clouds.source_viewpoint
+        options["target_viewpoint"] = clouds.target_viewpoint
+    options |= {"voxel": clouds.voxel, "threads": clouds.threads, "progress": clock.start}
     try:
-        found = register(*clouds, voxel=voxel, threads=threads, progress=clock.start, **options)
+        found = register(clouds.source, clouds.target, **options)
     except NoConsensusError as error:
         if error.registration is None:
             return Answer(None, ok=False)
@@ -63,7 +59,7 @@ def _register(
 
 
 def matches(
-    problem: Problem,
+    clouds: Clouds,
     clock: StageClock,
     *,
     front: Literal["dense", "paper"] = "dense",
@@ -74,45 +70,43 @@ def matches(
 
     They are mutual matches of a dense front end, or those of the paper's evaluation.
     """
-    correspondences = _match_voxels(problem, clock) if front == "dense" else _match_keypoints(problem, clock)
+    correspondences = _match_voxels(clouds, clock) if front == "dense" else _match_keypoints(clouds, clock)
     clock.start("grouping")
     try:
-        grouping = group(correspondences, method, threads=problem.threads, **options)
+        grouping = group(correspondences, method, threads=clouds.threads, **options)
         return Answer(grouping.transform(), ok=True)
     except NoConsensusError:
         return Answer(None, ok=False)
 
 
-def _match_keypoints(problem: Problem, clock: StageClock) -> Correspondences:
+def _match_keypoints(clouds: Clouds, clock: StageClock) -> Correspondences:
     return correspond(
-        problem.source,
-        problem.target,
-        source_viewpoint=problem.source_viewpoint or features.ORIGIN,
-        target_viewpoint=problem.target_viewpoint or features.ORIGIN,
-        threads=problem.threads,
+        clouds.source,
+        clouds.target,
+        source_viewpoint=clouds.source_viewpoint or features.ORIGIN,
+        target_viewpoint=clouds.target_viewpoint or features.ORIGIN,
+        threads=clouds.threads,
         progress=clock.start,
     )
 
 
-def _match_voxels(problem: Problem, clock: StageClock) -> Correspondences:
+def _match_voxels(clouds: Clouds, clock: StageClock) -> Correspondences:
     clock.start("features")
-    source = _describe(problem.source, problem.source_viewpoint, problem)
-    target = _describe(problem.target, problem.target_viewpoint, problem)
+    source = _describe(clouds.source, clouds.source_viewpoint, clouds)
+    target = _describe(clouds.target, clouds.target_viewpoint, clouds)
     clock.start("matching")
-    found = features.match(source[1], target[1], mutual=True, threads=problem.threads)
+    found = features.match(source[1], target[1], mutual=True, threads=clouds.threads)
     return Correspondences(
         source[0][found.source_indices],
         target[0][found.target_indices],
         ratio=found.ratio,
-        resolution=MATCH_RESOLUTION * problem.voxel,
+        resolution=MATCH_RESOLUTION * clouds.voxel,
     )
 
 
-def _describe(
-    points: FloatArray, viewpoint: Viewpoint | None, problem: Problem
-) -> tuple[RealArray, RealArray]:
+def _describe(points: FloatArray, viewpoint: Viewpoint | None, clouds: Clouds) -> tuple[RealArray, RealArray]:
     """Find the voxels of a cloud and their descriptors."""
-    threads, voxel = problem.threads, problem.voxel
+    threads, voxel = clouds.threads, clouds.voxel
     cloud = features.Cloud(features.voxel_downsample(points, voxel, threads=threads).points)
     normals = features.normals(
         cloud,

@@ -112,13 +112,13 @@ def _expand(config: Config, readings: Iterable[Reading]) -> list[dict[str, Any]]
 def _share_labels(config: Config, readings: Sequence[Reading]) -> Config:
     """Give methods that are the same as a variant its label: records know both by one label only."""
     methods = [method for entry in config.experiment for method in entry.methods or config.methods]
-    known = {method.candidate().label for method in methods}
+    known = {method.solver().label for method in methods}
     varied = (MethodEntry(**method) for entry in _expand(config, readings) for method in entry["methods"])
-    labels = {method.candidate().key: method.label for method in varied if method.label not in known}
+    labels = {method.solver().key: method.label for method in varied if method.label not in known}
 
     def relabel(given: tuple[MethodEntry, ...] | None) -> tuple[MethodEntry, ...] | None:
         return given and tuple(
-            method.model_copy(update={"label": labels.get(method.candidate().key, method.label)})
+            method.model_copy(update={"label": labels.get(method.solver().key, method.label)})
             for method in given
         )
 
@@ -156,9 +156,9 @@ def _change(
     anew = bool(front or epsilons) or (nuisance, other) != (base.nuisance, dataset)
     only = _list_only(changes)
     chosen = [
-        _vary(method, options.get(method.candidate().label, {}))
+        _vary(method, options.get(method.solver().label, {}))
         for method in methods
-        if method.candidate().label in options or (anew and (not only or method.candidate().label in only))
+        if method.solver().label in options or (anew and (not only or method.solver().label in only))
     ]
     if not chosen:
         return None
@@ -173,7 +173,7 @@ def _change(
 
 def _vary(method: MethodEntry, options: Mapping[str, Any]) -> dict[str, Any]:
     changed = {name: value for name, value in options.items() if method.options.get(name) != value}
-    label = variant_label(method.candidate().label, changed)
+    label = variant_label(method.solver().label, changed)
     return {"name": method.name, "label": label, "options": {**method.options, **changed}}
 
 

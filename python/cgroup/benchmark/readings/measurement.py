@@ -1,8 +1,5 @@
 """Facts about pairs, measured again with the bounds of a reading."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

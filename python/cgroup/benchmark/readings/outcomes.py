@@ -143,7 +143,7 @@ def judge_readings(
     Examples
     --------
     >>> from pathlib import Path
-    >>> from cgroup.benchmark import records
+    >>> from cgroup.benchmark import tables
     >>> from cgroup.benchmark.config import Config
     >>> from cgroup.benchmark.readings import (
     ...     add_readings,
@@ -156,7 +156,7 @@ def judge_readings(
     >>> readings = list_readings(["gtm-20"])
     >>> _ = run(add_readings(base, readings), Path("results"), backend="threading")
     >>> frame, timing = (
-    ...     load(Path("results")) for load in (records.load, records.load_timing)
+    ...     tables.load(Path("results"), kind) for kind in ("experiment", "timing")
     ... )
     >>> [
     ...     outcome.name

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from cgroup.benchmark.config.table import Table
+from cgroup.benchmark.config import Table
 from cgroup.benchmark.readings.reading import Reading
 from cgroup.errors import InputError
 

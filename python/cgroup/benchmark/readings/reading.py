@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from cgroup.benchmark.averages import Average
-from cgroup.benchmark.config.table import Positive, Table, as_list
+from cgroup.benchmark.config import Positive, Table, as_list
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_list)]
 

@@ -1,8 +1,5 @@
 """The records as one reading has them."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,5 @@
 """What each method selected on a few pairs of a run, drawn between their clouds."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -10,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark import records
+from cgroup.benchmark import tables
 from cgroup.benchmark.paper import PAPER_EPSILON
 from cgroup.datasets import CorrespondencePair, open_dataset
 from cgroup.errors import InputError
@@ -95,7 +92,7 @@ def draw_example(out: Path, example: Example, methods: Sequence[str], root: Path
     if isinstance(pair, CorrespondencePair):
         message = f"{example.dataset}: has no clouds to draw"
         raise InputError(message)
-    matches, pose, masks = records.load_groups(out, example.case)
+    matches, pose, masks = tables.load_groups(out, example.case)
     tolerance = PAPER_EPSILON * (matches.resolution or np.nan)
     correct = correct_matches(matches.source, matches.target, pose, tolerance=tolerance)
     share = f"{int(correct.sum())} of {len(matches)} matches correct"

@@ -1,8 +1,5 @@
 """One self-contained page with what a run has found: figures, tables, and the claims of the paper."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import cgroup
 from cgroup._runtime.progress import ignore_progress
-from cgroup.benchmark import records
+from cgroup.benchmark import tables
 from cgroup.benchmark.claims import CRITERIA, RESAMPLES, as_markdown, check_evidence, count_verdicts
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
@@ -80,15 +77,15 @@ class ReportData:
     def load(cls, out: Path) -> ReportData:
         """Read the records of a run; raises `InputError` if there are none."""
         return cls(
-            records.load(out),
-            records.load_timing(out),
-            records.load_timing_skips(out),
-            records.load_machines(out),
-            records.load_datasets(out),
-            records.load_config(out),
-            records.load_missing(out),
-            records.load_registrations(out),
-            records.load_trials(out),
+            tables.load(out),
+            tables.load(out, "timing"),
+            tables.load_skips(out),
+            tables.load_machines(out),
+            tables.load_datasets(out),
+            tables.load_config(out),
+            tables.load_missing(out),
+            tables.load(out, "registration"),
+            tables.load(out, "matches"),
         )
 
 

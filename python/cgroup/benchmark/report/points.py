@@ -1,8 +1,5 @@
 """Charts beside those over levels: times, pairs one by one, and how often over how fast."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false
-
 from __future__ import annotations
 
 import itertools

@@ -1,8 +1,5 @@
 """What the page shows of ways to register: a figure, and tables of answers, of trust, of errors and times."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,8 +1,5 @@
 """What the page shows of each experiment: a chart with a text for those who don't see it, and a ranking."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
 import json
@@ -11,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from cgroup.benchmark.evidence import mean_times
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
-from cgroup.benchmark.records.growth import exponents
 from cgroup.benchmark.report.curves import scores_chart
 from cgroup.benchmark.report.examples import choose_examples, draw_example
 from cgroup.benchmark.report.points import pairs_chart, times_chart
 from cgroup.benchmark.report.tables import ranking_table, timing_table
+from cgroup.benchmark.tables import exponents
 from cgroup.errors import CgroupError
 from cgroup.plots import (
     inliers_figure,

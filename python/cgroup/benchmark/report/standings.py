@@ -1,8 +1,5 @@
 """What the page shows at its top: methods ranked over all pairs, and who is better than whom."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
-
 from __future__ import annotations
 
 from dataclasses import dataclass

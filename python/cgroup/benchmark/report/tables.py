@@ -1,17 +1,14 @@
 """The report's tables."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false
-
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING, Literal
 
-from cgroup.benchmark import records
 from cgroup.benchmark.claims.base import TIE
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, number, words
+from cgroup.benchmark.tables import aggregate
 from cgroup.evaluation.protocols import PROTOCOL_PREFIX
 from cgroup.plots.levels import protocol_title
 from cgroup.plots.style import method_style
@@ -66,7 +63,7 @@ def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "medi
     Table
         One row per experiment, data set and method.
     """
-    tables = [(sample, records.aggregate(sample.rows, by=["method"], how=how)) for sample in samples]
+    tables = [(sample, aggregate(sample.rows, by=["method"], how=how)) for sample in samples]
     columns = {name for _, table in tables for name in table.columns}
     protocols = sorted(name for name in columns if name.startswith(PROTOCOL_PREFIX))
     rows = [

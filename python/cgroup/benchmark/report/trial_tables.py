@@ -1,8 +1,5 @@
 """Tables of grouping methods on matches of any kind: rankings, levels, costs, and failures."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportReturnType=false
-
 from __future__ import annotations
 
 import itertools

@@ -1,14 +1,11 @@
 """What the page shows of grouping methods on matches of any kind: per set a ranking, costs, and failures."""
 
-# pandas ships no types, and what is guessed from its source is often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false, reportReturnType=false
-
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.cases import COMBINATIONS
+from cgroup.benchmark.problem import COMBINATIONS
 from cgroup.benchmark.rankings import comparable
 from cgroup.benchmark.report.cells import Table, method_cell
 from cgroup.benchmark.report.points import trials_chart

@@ -1,0 +1,611 @@
+"""What is to be run, read from TOML: sets of problems, and what solves them."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from cgroup.benchmark.problem import COMBINATIONS, DENSE_MATCHES, Task
+from cgroup.benchmark.solver import Solver, candidate, make_pipeline
+from cgroup.datasets.generated_matches import Recipe, read_recipe
+from cgroup.errors import InputError
+from cgroup.evaluation.protocols import PROTOCOLS
+from cgroup.io._files import load_text
+from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = [
+    "METHOD_SETS",
+    "Config",
+    "FrontEntry",
+    "parse_config",
+    "preset_names",
+    "read_config",
+    "replace_methods",
+]
+
+METHOD_SETS = {"paper": PAPER_METHODS, "all": tuple(METHODS)}
+"""What a configuration may write in place of names: the nine that the paper compares, and all that exist."""
+
+FEWEST = 4
+"""Generated problems with fewer right matches, but not none, are left out: hardly anything fixes a pose."""
+
+_PRESETS = resources.files("cgroup.benchmark") / "presets"
+
+
+class Table(BaseModel):
+    """A table of a configuration: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+
+def as_list(value: object) -> object:
+    """Accept one in place of a list of one."""
+    return [value] if isinstance(value, (str, int, float)) else value
+
+
+def _expand_method_sets(value: object) -> object:
+    """Replace the names of sets by those of their methods; anything else is validated later."""
+    entries = [value] if isinstance(value, str) else value
+    if not isinstance(entries, list):
+        return entries
+    known = (METHOD_SETS.get(each.strip().casefold()) if isinstance(each, str) else None for each in entries)
+    return [name for entry, names in zip(entries, known, strict=True) for name in names or (entry,)]
+
+
+_AS_LIST, _SOME = BeforeValidator(as_list), Field(min_length=1)
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0)]
+AtLeastOne = Annotated[int, Field(ge=1)]
+Counts = Annotated[tuple[Count, ...], _AS_LIST, _SOME]
+Lengths = Annotated[tuple[Positive, ...], _AS_LIST, _SOME]
+Names = Annotated[tuple[str, ...], _AS_LIST, _SOME]
+
+
+class MethodEntry(Table):
+    """A grouping method, its options, and the label that tells it from its variants."""
+
+    name: str
+    label: str = ""
+    options: dict[str, Any] = Field(default_factory=dict[str, Any])
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, value: object) -> object:
+        return {"name": value} if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _exists(self) -> MethodEntry:
+        self.solver()
+        return self
+
+    def solver(self) -> Solver:
+        """Make what the runner runs; the name stands in for a missing label."""
+        return candidate(self.label, self.name, self.options)
+
+
+class PipelineEntry(MethodEntry):
+    """A way to register, its options, and the label that tells it from its variants."""
+
+    refined: bool = False
+
+    def solver(self) -> Solver:
+        """Make what the runner runs; the name stands in for a missing label."""
+        return make_pipeline(self.label, self.name, self.options, refined=self.refined)
+
+
+Methods = Annotated[tuple[MethodEntry, ...], BeforeValidator(_expand_method_sets), Field(min_length=1)]
+
+
+class FrontEntry(Table):
+    """Changes of an experiment to the paper's front end, which matches clouds.
+
+    Attributes
+    ----------
+    matching : {"nearest", "mutual"}
+        Every source keypoint with the target keypoint of nearest descriptor; or only matches whose keypoints
+        are each other's nearest.
+    normals : {"mesh", "pca"}, optional
+        Vertex normals of the mesh, or normals of fitted planes; the data set's own choice by default. A cloud
+        without faces gets "pca".
+    frames : {"shot", "toldi"}
+        Local reference frames that the methods are given; descriptors stay as they are.
+    harris_radius : float, optional
+        Of Harris 3D in pr, for its normals, its response and its non-maximum suppression; 2.7 by default.
+    iss_radii : (float, float), optional
+        Of ISS in pr: of the scatter and of the non-maximum suppression; 2.7 and 1.8 by default.
+    resolution : {"pair", "undisturbed", "source", "target"}
+        The unit pr of all lengths: mean of both clouds' resolutions as they are matched, or before the
+        nuisance; or that of one cloud.
+    similarity : {"unit", "raw"}
+        Whether the similarity of two descriptors is taken after scaling them to unit length.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key, or a value of another type or out of range.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import FrontEntry
+    >>> front = FrontEntry(matching="mutual")
+    >>> front.matching, front.resolution
+    ('mutual', 'pair')
+    """
+
+    matching: Literal["nearest", "mutual"] = "nearest"
+    normals: Literal["mesh", "pca"] | None = None
+    frames: Literal["shot", "toldi"] = "shot"
+    harris_radius: Positive | None = None
+    iss_radii: tuple[Positive, Positive] | None = None
+    resolution: Literal["pair", "undisturbed", "source", "target"] = "pair"
+    similarity: Literal["unit", "raw"] = "unit"
+
+    def changes(self, detector: str, nuisance: str) -> str:
+        """Return the differences from the default where a detector and a nuisance are used.
+
+        Radii of another detector change nothing, nor does the resolution before a nuisance where there is
+        none: such problems are those of the default.
+
+        Parameters
+        ----------
+        detector : {"h3d", "iss"}
+            The detector in use.
+        nuisance : str
+            The nuisance in use; empty for none.
+
+        Returns
+        -------
+        str
+            JSON object with sorted keys; empty without a difference.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.config import FrontEntry
+        >>> front = FrontEntry(harris_radius=3, matching="mutual")
+        >>> front.changes("h3d", "noise")
+        '{"harris_radius": 3.0, "matching": "mutual"}'
+        >>> front.changes("iss", "noise")
+        '{"matching": "mutual"}'
+        """
+        without = {"iss_radii" if detector == "h3d" else "harris_radius"}
+        if not nuisance and self.resolution == "undisturbed":
+            without.add("resolution")
+        changed = self.model_dump(mode="json", exclude=without, exclude_defaults=True)
+        return json.dumps(changed, sort_keys=True) if changed else ""
+
+
+class SetEntry(Table):
+    """A set of problems; the tables of the three tasks add to it."""
+
+    task: ClassVar[Task]
+    id: str
+    dataset: Names
+    pairs: AtLeastOne | tuple[str, ...] | None = None
+
+
+class ExperimentEntry(SetEntry):
+    """Pairs of data sets at every level and combination, for grouping methods; entries may share an id."""
+
+    task: ClassVar[Task] = "experiment"
+    nuisance: str = ""
+    levels: tuple[float, ...] = ()
+    sweep: Literal["nms_radius"] | None = None
+    combinations: Annotated[tuple[str, ...], Field(min_length=1)] = ("C1",)
+    front: FrontEntry = FrontEntry()
+    epsilons: Lengths = (5.0,)
+    methods: Methods | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> ExperimentEntry:
+        if self.nuisance and self.sweep:
+            message = "nuisance, sweep: the levels can belong to one of them only"
+            raise InputError(message)
+        if bool(self.levels) != bool(self.nuisance or self.sweep):
+            message = "levels: needed with a nuisance or a sweep, and only there"
+            raise InputError(message)
+        for name in self.combinations:
+            if name not in COMBINATIONS:
+                message = f"combinations: got {name!r}; choose from {', '.join(COMBINATIONS)}"
+                raise InputError(message)
+        if self.sweep and min(self.levels) <= 0:
+            message = f"levels: got {min(self.levels)}; a radius is greater than 0"
+            raise InputError(message)
+        return self
+
+
+class PairSetEntry(SetEntry):
+    """Pairs of clouds to be registered: a column of the comparison."""
+
+    task: ClassVar[Task] = "registration"
+    loose: str
+    strict: str
+    mirrored: Count = 0
+    mixed: Count = 0
+    voxel: Positive | None = None
+    split_overlap: Annotated[float, Field(gt=0, lt=1)] | None = None
+    without: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _fits(self) -> PairSetEntry:
+        known = _list_rotating()
+        for name in (self.loose, self.strict):
+            if name not in known:
+                message = f"loose, strict: got {name!r}; choose a limit of the rotation: {', '.join(known)}"
+                raise InputError(message)
+        return self
+
+
+class GridEntry(Table):
+    """Generated matches: every combination of the values."""
+
+    n: Counts = (1000,)
+    inliers: Annotated[tuple[Annotated[float, Field(ge=0, le=1)], ...], _AS_LIST, _SOME] = (0.1,)
+    noise: Annotated[tuple[Annotated[float, Field(ge=0, allow_inf_nan=False)], ...], _AS_LIST, _SOME] = (1.5,)
+    scene: Names = ("uniform",)
+    frames: Names = ("good",)
+    repeats: AtLeastOne = 1
+
+    @model_validator(mode="after")
+    def _fits(self) -> GridEntry:
+        for recipe in self.recipes():
+            read_recipe(recipe.name)
+        return self
+
+    def recipes(self) -> list[Recipe]:
+        """List all combinations that have enough right matches or none, small ones first."""
+        kinds = itertools.product(
+            sorted(self.n), self.inliers, self.noise, self.scene, self.frames, range(self.repeats)
+        )
+        made = (Recipe(scene, n, share, noise, frames, i) for n, share, noise, scene, frames, i in kinds)
+        return [each for each in made if each.inliers == 0 or round(each.inliers * each.n) >= FEWEST]
+
+
+class TrialSetEntry(SetEntry):
+    """Matches of any kind to be grouped: a ranking of its own."""
+
+    task: ClassVar[Task] = "matches"
+    dataset: Annotated[tuple[str, ...], _AS_LIST] = ()
+    grid: GridEntry | None = None
+    matches: str = ""
+    voxel: Positive | None = None
+    epsilon: Positive = 5.0
+    loose: str = "5deg+5pr"
+    strict: str = "2deg+2pr"
+    preset: str = "paper"
+    whole: AtLeastOne | None = None
+    mirrored: Count = 0
+    mixed: Count = 0
+    methods: Methods | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> TrialSetEntry:
+        if bool(self.dataset) == bool(self.grid):
+            message = "dataset, grid: give one of the two"
+            raise InputError(message)
+        rotating = _list_rotating()
+        known = {
+            "matches": ("", *COMBINATIONS, *DENSE_MATCHES),
+            "preset": tuple(PRESETS),
+            "loose": rotating,
+            "strict": rotating,
+        }
+        for name, choices in known.items():
+            if (given := getattr(self, name)) not in choices:
+                message = f"{name}: got {given!r}; choose one of {', '.join(filter(None, choices))}"
+                raise InputError(message)
+        if self.voxel is not None and self.matches not in DENSE_MATCHES:
+            message = f"voxel: only for dense matches: {', '.join(DENSE_MATCHES)}"
+            raise InputError(message)
+        return self
+
+
+class TimingEntry(Table):
+    """The paper's timing experiment: each method alone on matches of growing number from one pair."""
+
+    dataset: Names
+    pair: str | None = None
+    sizes: tuple[Annotated[int, Field(ge=3)], ...] = (500, 1000, 2000, 3000, 5000, 10_000, 20_000)
+    repeats: AtLeastOne = 10
+    threads: Annotated[tuple[Count, ...], _AS_LIST] = (1, 0)
+    budget: Positive = 60.0
+    methods: Methods | None = None
+
+
+class RegistrationEntry(Table):
+    """Ways to register two clouds, each run alone on every pair."""
+
+    threads: AtLeastOne = 2
+    pipelines: Annotated[tuple[PipelineEntry, ...], Field(min_length=1)]
+    sets: Annotated[tuple[PairSetEntry, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _fits(self) -> RegistrationEntry:
+        _check_ids(self.sets)
+        labels = [entry.solver().label for entry in self.pipelines]
+        if len(set(labels)) < len(labels):
+            message = f"pipelines: {', '.join(labels)}; give each variant a label of its own"
+            raise InputError(message)
+        unknown = [label for each in self.sets for label in each.without if label not in labels]
+        if unknown:
+            message = f"sets: without {unknown[0]!r}, but the pipelines are {', '.join(labels)}"
+            raise InputError(message)
+        return self
+
+
+class TrialsEntry(Table):
+    """Grouping methods, each run alone on every set of matches."""
+
+    threads: Counts = (1,)
+    limit: Positive = 60.0
+    methods: Methods | None = None
+    sets: Annotated[tuple[TrialSetEntry, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _fits(self) -> TrialsEntry:
+        _check_ids(self.sets)
+        return self
+
+
+class Config(Table):
+    """Everything that one run computes.
+
+    The keys of all tables are listed in the documentation of the benchmark.
+
+    Attributes
+    ----------
+    name, title : str
+        Of the run, for the records and the report.
+    seed : int
+        Key of all random numbers.
+    methods : tuple of MethodEntry
+        Methods of every set that names none; all that exist by default. ``"paper"`` stands for the nine that
+        the paper compares, and ``"all"`` for all that exist.
+    experiment : tuple of ExperimentEntry
+        The paper's experiments, and one's own.
+    timing : TimingEntry, optional
+        Runs after the experiments, alone.
+    registration : RegistrationEntry, optional
+        Ways to register, compared; runs alone.
+    trials : TrialsEntry, optional
+        Grouping methods on matches of any kind, compared; runs last, alone.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For an unknown key or method, a value of another type or out of range, two methods of one label, two
+        fronts for one experiment, data set and combination, or nothing to be run.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import Config
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
+    >>> [method.name for method in config.methods], config.experiment[0].pairs
+    (['gc', 'gtm'], 2)
+    """
+
+    name: str
+    title: str = ""
+    seed: Count = 0
+    methods: Methods = tuple(MethodEntry(name=name) for name in METHODS)
+    experiment: tuple[ExperimentEntry, ...] = ()
+    timing: TimingEntry | None = None
+    registration: RegistrationEntry | None = None
+    trials: TrialsEntry | None = None
+
+    @property
+    def sets(self) -> tuple[SetEntry, ...]:
+        """All sets of problems, in the order of their tasks.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.config import read_config
+        >>> {entry.task for entry in read_config("smoke").sets}
+        {'experiment'}
+        """
+        registration = self.registration.sets if self.registration else ()
+        return (*self.experiment, *registration, *(self.trials.sets if self.trials else ()))
+
+    @model_validator(mode="after")
+    def _fits(self) -> Config:
+        if not self.sets:
+            message = (
+                "experiment, registration, trials: none is there; give [[experiment]], [registration] or "
+                "[trials]"
+            )
+            raise InputError(message)
+        fronts: dict[tuple[str, str, str], FrontEntry] = {}
+        for entry in self.experiment:
+            for at in itertools.product([entry.id], entry.dataset, entry.combinations):
+                if fronts.setdefault(at, entry.front) != entry.front:
+                    message = f"experiment: {entry.id!r} is there with two fronts; give each an id of its own"
+                    raise InputError(message)
+        of_trials = () if self.trials is None else (self.trials, *self.trials.sets)
+        entries = (*self.experiment, *of_trials, *((self.timing,) if self.timing else ()))
+        tables = [self.methods, *(entry.methods for entry in entries if entry.methods)]
+        meant: dict[str, Solver] = {}
+        for method in (entry.solver() for table in tables for entry in table):
+            if meant.setdefault(method.label, method) != method:
+                message = f"methods: two are called {method.label!r}; give each variant a label of its own"
+                raise InputError(message)
+        return self
+
+
+def preset_names() -> list[str]:
+    """Name the configurations that come with the package.
+
+    Returns
+    -------
+    list of str
+        Names that `read_config` takes besides files.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import preset_names
+    >>> "smoke" in preset_names()
+    True
+    """
+    return sorted(
+        file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")
+    )
+
+
+def read_config(source: str | Path) -> Config:
+    """Read a configuration.
+
+    Parameters
+    ----------
+    source : str or path
+        Name of a preset, or a TOML file.
+
+    Returns
+    -------
+    Config
+        What is to be run, with defaults filled in.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or preset, or for the first thing that is wrong in it, with the key's path.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import read_config
+    >>> config = read_config("smoke")
+    >>> config.name, len(config.methods)
+    ('smoke', 9)
+    """
+    if str(source) in preset_names():
+        return parse_config(_PRESETS.joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
+    path = Path(source)
+    try:
+        text = load_text(path)
+    except InputError as error:
+        message = f"{source}: no configuration that can be read, nor one of {', '.join(preset_names())}"
+        raise InputError(message) from error
+    return parse_config(text, path.name)
+
+
+def replace_methods(config: Config, methods: list[str]) -> Config:
+    """Return a configuration that runs other methods.
+
+    Sets that name their own methods keep these.
+
+    Parameters
+    ----------
+    config : Config
+        Left as it is.
+    methods : list of str
+        Names, or ``"paper"`` and ``"all"``.
+
+    Returns
+    -------
+    Config
+        The same otherwise.
+
+    Raises
+    ------
+    InputError
+        If there is no such method.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import read_config, replace_methods
+    >>> config = replace_methods(read_config("smoke"), ["gtm", "lc"])
+    >>> [method.name for method in config.methods]
+    ['gtm', 'lc']
+    """
+    try:
+        return Config.model_validate({**config.model_dump(exclude_defaults=True), "methods": methods})
+    except ValidationError as error:
+        raise InputError(_first_reason(error)) from error
+
+
+def parse_config(text: str, name: str = "configuration") -> Config:
+    """Read a configuration from TOML text.
+
+    Parameters
+    ----------
+    text : str
+        TOML; its keys are the attributes of `Config`.
+    name : str
+        Name of the text in errors.
+
+    Returns
+    -------
+    Config
+        What is to be run, with defaults filled in.
+
+    Raises
+    ------
+    InputError
+        If it is no TOML, or for the first thing that is wrong in it, with the key's path.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import parse_config
+    >>> config = parse_config(
+    ...     '''
+    ...     name = "mine"
+    ...     methods = ["gtm", { name = "gc", label = "GC, 2 pr", options = { tolerance_pr = 2 } }]
+    ...
+    ...     [[experiment]]
+    ...     id = "noise"
+    ...     dataset = "standin-full"
+    ...     nuisance = "noise"
+    ...     levels = [0.1, 0.3]
+    ...     '''
+    ... )
+    >>> [method.label or method.name for method in config.methods]
+    ['gtm', 'GC, 2 pr']
+    """
+    try:
+        return Config.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        message = f"{name}: not TOML: {error}"
+        raise InputError(message) from error
+    except ValidationError as error:
+        message = f"{name}: {_key_path(error.errors()[0]['loc'])}{_first_reason(error)}"
+        raise InputError(message) from error
+
+
+def _first_reason(error: ValidationError) -> str:
+    return error.errors()[0]["msg"].removeprefix("Value error, ")
+
+
+def _key_path(location: tuple[int | str, ...]) -> str:
+    path = ""
+    for part in location:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part.isidentifier():
+            path += f".{part}" if path else part
+        # The rest are pydantic's names of types in a choice of several.
+    return f"{path}: " if path else ""
+
+
+def _list_rotating() -> tuple[str, ...]:
+    """Names of the protocols that limit the rotation."""
+    return tuple(each.name for each in PROTOCOLS.values() if each.max_rotation is not None)
+
+
+def _check_ids(sets: Iterable[SetEntry]) -> None:
+    """Refuse two sets of one id."""
+    ids = [each.id for each in sets]
+    if len(set(ids)) < len(ids):
+        message = f"sets: {', '.join(ids)}; give each an id of its own"
+        raise InputError(message)

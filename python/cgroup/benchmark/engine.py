@@ -1,0 +1,355 @@
+"""Work spread over processes or threads of this machine, or over a Dask cluster."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+import logging
+import os
+import pickle
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from cgroup.benchmark.worker import ALL_CORES, START, end_group, read_message, write_message
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+BACKENDS = ("processes", "dask", "threading")
+
+SCHEDULER = "DASK_SCHEDULER_ADDRESS"
+"""Environment variable that Dask, too, takes the scheduler's address from."""
+
+TaskArguments: TypeAlias = tuple[Any, ...]
+CallUnordered: TypeAlias = Callable[
+    [Callable[..., Any], Iterable[TaskArguments]], Iterator[tuple[TaskArguments, Any]]
+]
+"""Calls a function with each of many tuples of arguments, and yields tuple and result as they are ready.
+
+Tuples are drawn as workers become free, so that they needn't all be in memory. The result of a task that
+killed its workers is None.
+"""
+
+_TRIES = 3  # so that a process ended from outside isn't blamed on the call
+_PER_THREAD = 2  # tasks handed out per thread of a cluster: one to work on, one to go on with
+_LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
+_THREAD_VARIABLES = (
+    *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"),
+    *("VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS"),
+)
+
+
+class ProcessDiedError(Exception):
+    """The process died of the call."""
+
+
+class OutOfTimeError(Exception):
+    """The call took longer than its limit, and the process was ended."""
+
+
+class Worker:
+    """A process that calls functions, started again after it died; it ends with this one, in any case.
+
+    Parameters
+    ----------
+    threads : int
+        Told to its libraries before any loads; `ALL_CORES` for all.
+    cores : int
+        Where the system allows the process is kept to so many, for libraries that can't be told.
+    """
+
+    def __init__(self, threads: int, cores: int = ALL_CORES) -> None:
+        self._threads = threads
+        self._cores = cores
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._closed = False
+
+    def call(self, function: Callable[..., Any], *arguments: object, limit: float | None = None) -> Any:  # noqa: ANN401 - whatever it returns
+        """Call a function there; again in a new process, twice at most, if it dies.
+
+        Parameters
+        ----------
+        function : callable
+            Importable by its name; it must not raise.
+        *arguments
+            Its arguments.
+        limit : float, optional
+            Seconds after which the process is ended.
+
+        Returns
+        -------
+        object
+            The function's result.
+
+        Raises
+        ------
+        ProcessDiedError
+            If the process dies of it, or is closed meanwhile.
+        OutOfTimeError
+            If it takes longer than the limit.
+        InputError
+            If the system starts no process.
+        """
+        for _ in range(_TRIES):
+            with suppress(EOFError, OSError):
+                return self._call_once(function, arguments, limit)
+        raise ProcessDiedError
+
+    def _call_once(
+        self, function: Callable[..., Any], arguments: tuple[object, ...], limit: float | None
+    ) -> Any:  # noqa: ANN401 - as above
+        process = self._start()
+        out_of_time = threading.Event()
+
+        def stop() -> None:
+            out_of_time.set()
+            self._kill(process)
+
+        assert process.stdin is not None  # noqa: S101 - both are pipes
+        assert process.stdout is not None  # noqa: S101
+        timer = threading.Timer(limit or 0, stop)
+        try:
+            if limit is not None:
+                timer.start()
+            write_message(process.stdin.write, (function, arguments))
+            return pickle.loads(read_message(process.stdout.read))  # noqa: S301 - from a process of one's own
+        except (EOFError, OSError) as error:
+            self._forget(process)
+            if out_of_time.is_set():
+                raise OutOfTimeError from error
+            raise
+        finally:
+            timer.cancel()
+
+    def close(self) -> None:
+        """End the process for good; a call that is under way in another thread ends with it."""
+        with self._lock:
+            self._closed = True
+            process = self._process
+        if process is not None:
+            self._forget(process)
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        with self._lock:
+            if self._closed:
+                raise EOFError
+            if self._process is None:
+                self._process = self._open()
+            return self._process
+
+    def _open(self) -> subprocess.Popen[bytes]:
+        environment = dict(os.environ)
+        if self._threads != ALL_CORES:
+            environment |= dict.fromkeys(_THREAD_VARIABLES, str(self._threads))
+        try:
+            return subprocess.Popen(  # noqa: S603 - this very interpreter
+                [sys.executable, "-c", START, json.dumps(sys.path), str(self._cores)],
+                bufsize=0,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=environment,
+                start_new_session=True,  # out of reach of the terminal's signals
+            )
+        except OSError as error:
+            message = f"workers: the system starts no process ({error.strerror or error}); try fewer workers"
+            raise InputError(message) from error
+
+    def _kill(self, process: subprocess.Popen[bytes]) -> None:
+        with self._lock:
+            if process.returncode is None:  # else its id may be another's by now
+                with suppress(ProcessLookupError, PermissionError):
+                    end_group(process.pid)
+                process.kill()
+
+    def _forget(self, process: subprocess.Popen[bytes]) -> None:
+        """End a process that is of no use any more."""
+        self._kill(process)
+        with self._lock:
+            process.wait()
+            if self._process is process:
+                self._process = None
+                for pipe in (process.stdin, process.stdout):
+                    if pipe is not None:
+                        pipe.close()
+
+
+@contextmanager
+def open_workers(
+    backend: str, count: int | None, scheduler: str | None = None
+) -> Generator[CallUnordered, None, None]:
+    """Start or reach workers.
+
+    Parameters
+    ----------
+    backend : str
+        One of `BACKENDS`: processes of this machine, a Dask cluster, or threads of this process.
+    count : int, optional
+        How many; one per core by default. A cluster has its own number.
+    scheduler : str, optional
+        Address of a Dask scheduler; the environment says by default.
+
+    Yields
+    ------
+    CallUnordered
+        Puts them to work. Raises `InputError` if the scheduler is lost.
+
+    Raises
+    ------
+    InputError
+        If the backend is unknown or not installed, or no scheduler can be reached.
+    """
+    if backend not in BACKENDS:
+        message = f"backend: got {backend!r}; choose one of {', '.join(BACKENDS)}"
+        raise InputError(message)
+    count = count or os.cpu_count() or 1
+    if backend == "dask":
+        opened = _open_cluster(scheduler)
+    elif backend == "processes":
+        opened = _open_processes(count)
+    else:
+        opened = _open_threads(count, lambda function, *arguments: function(*arguments))
+    with opened as call:
+        yield call
+
+
+@contextmanager
+def _open_processes(count: int) -> Generator[CallUnordered, None, None]:
+    workers = [Worker(threads=1) for _ in range(count)]
+    idle: queue.SimpleQueue[Worker] = queue.SimpleQueue()
+    for worker in workers:
+        idle.put(worker)
+
+    def call(function: Callable[..., Any], *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
+        worker = idle.get()
+        try:
+            return worker.call(function, *arguments)
+        except ProcessDiedError:
+            return None
+        finally:
+            idle.put(worker)
+
+    with _open_threads(count, call) as call_unordered:
+        try:
+            yield call_unordered
+        finally:
+            for worker in workers:
+                worker.close()
+
+
+@contextmanager
+def _open_threads(count: int, call: Callable[..., Any]) -> Generator[CallUnordered, None, None]:
+    pool = ThreadPoolExecutor(count)
+
+    def call_unordered(
+        function: Callable[..., Any], tasks: Iterable[TaskArguments]
+    ) -> Iterator[tuple[TaskArguments, Any]]:
+        waiting = iter(tasks)
+        under_way: dict[Future[Any], TaskArguments] = {}
+        while True:
+            # One more is under way than there are threads, so that none waits for the next.
+            for task in itertools.islice(waiting, count + 1 - len(under_way)):
+                under_way[pool.submit(call, function, *task)] = task
+            if not under_way:
+                return
+            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield under_way.pop(future), future.result()
+
+    try:
+        yield call_unordered
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+# --- Dask ------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _open_cluster(scheduler: str | None) -> Generator[CallUnordered, None, None]:
+    """Reach a cluster, whose workers may come and go.
+
+    Arguments travel with their task through the scheduler, so that a lost worker takes none with it.
+    """
+    try:
+        from distributed import Client  # noqa: PLC0415 - optional
+    except ModuleNotFoundError as error:
+        message = "backend: dask isn't installed; pip install 'dask[distributed]'"
+        raise InputError(message) from error
+    address = scheduler or os.environ.get(SCHEDULER)
+    if not address:
+        message = f"scheduler: needed by the dask backend; give its address, or set {SCHEDULER}"
+        raise InputError(message)
+    with _hold_back_logs():
+        try:
+            client = Client(address, set_as_default=False)
+        except (OSError, ValueError) as error:
+            message = f"scheduler: {address} can't be reached: {error}"
+            raise InputError(message) from error
+        with client:
+            yield functools.partial(_call_on_cluster, client)
+
+
+@contextmanager
+def _hold_back_logs() -> Generator[None, None, None]:
+    """Keep Dask from printing tracebacks of errors that are reported here."""
+    loggers = [logging.getLogger(name) for name in _LOGGERS]
+    before = [(logger, logger.handlers[:], logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers[:] = [logging.NullHandler()]
+        logger.propagate = False
+    try:
+        yield
+    finally:
+        for logger, handlers, propagate in before:
+            logger.handlers[:] = handlers
+            logger.propagate = propagate
+
+
+def _call_on_cluster(
+    client: Any,  # noqa: ANN401 - of Dask, which may not be installed
+    function: Callable[..., Any],
+    tasks: Iterable[TaskArguments],
+) -> Iterator[tuple[TaskArguments, Any]]:
+    from distributed import KilledWorker, as_completed  # noqa: PLC0415 - optional
+
+    waiting = iter(tasks)
+    under_way: dict[object, tuple[Any, TaskArguments]] = {}
+    done = as_completed(loop=client.loop, raise_errors=False)
+    try:
+        while True:
+            with _report_lost_scheduler():
+                # As many tasks as the workers that are there now can take.
+                threads = max(sum(client.nthreads().values()), 1)
+                for task in itertools.islice(waiting, max(0, _PER_THREAD * threads - len(under_way))):
+                    future = client.submit(function, *task, pure=False)
+                    under_way[future.key] = future, task
+                    done.add(future)
+                if not under_way:
+                    return
+                future, task = under_way.pop(next(done).key)
+                try:
+                    result = future.result()
+                except KilledWorker:  # one worker after the other
+                    result = None
+            yield task, result
+    finally:
+        with suppress(OSError, CancelledError):
+            client.cancel([future for future, _ in under_way.values()])
+
+
+@contextmanager
+def _report_lost_scheduler() -> Generator[None, None, None]:
+    try:
+        yield
+    except (OSError, CancelledError) as error:
+        message = f"scheduler: the connection is lost ({error}); run the same command again to continue"
+        raise InputError(message) from error

@@ -1,0 +1,344 @@
+"""Clouds of a problem become matches: by the paper's front end, one that an experiment changes, or voxels."""
+
+from __future__ import annotations
+
+import functools
+import json
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup import features
+from cgroup._runtime.progress import StageClock
+from cgroup.benchmark.config import FrontEntry
+from cgroup.benchmark.pipelines.own import FPFH_RADIUS, MATCH_RESOLUTION, NORMAL_NEIGHBORS, NORMAL_RADIUS
+from cgroup.benchmark.problem import COMBINATIONS, known_resolution, load_pair, open_once
+from cgroup.benchmark.results import Matched, describe_error, floats_as_bytes, pack, rounded_json
+from cgroup.datasets import MatchingPair
+from cgroup.evaluation import match_errors
+from cgroup.features import ORIGIN, SUPPORT_RADIUS
+from cgroup.nuisances import apply_nuisance
+from cgroup.registration import DescribedCloud, correspond, surface_normals
+from cgroup.registration.correspond import common_resolution
+from cgroup.registration.front_end import FrontEnd
+from cgroup.registration.matching import as_correspondences, match_both_ways, take_matches
+from cgroup.registration.scan import as_scan, usable_normals
+from cgroup.rigid import check_rigid
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from cgroup.benchmark.problem import LoadedProblem, Problem
+    from cgroup.datasets import UnrelatedPair
+    from cgroup.features import Viewpoint
+    from cgroup.registration import Normals
+    from cgroup.registration.scan import Scan
+    from cgroup.types import BoolArray, Correspondences, FloatArray, PointCloud, RealArray
+
+FRAME_RADIUS = 8.0
+"""Radius in voxels of the support of a frame of dense matches."""
+
+_THREADS = 1  # workers compute on one
+
+
+# --- experiments -----------------------------------------------------------------------------------
+
+
+def match_problems(problems: Sequence[Problem], root: str | None) -> list[Matched]:
+    """Load pairs of an experiment, disturb them and match them; an error becomes part of the record.
+
+    Problems of the same pair after each other load it once.
+    """
+    return [_try_to_match(problem, root) for problem in problems]
+
+
+def forget_pairs() -> None:
+    """Let go of what was loaded: it may have changed since."""
+    for kept in (open_once, load_pair, _load_with_normals):
+        kept.cache_clear()
+
+
+def _try_to_match(problem: Problem, root: str | None) -> Matched:
+    try:
+        loaded = problem.load(root)
+        pair = loaded.pair
+        if not isinstance(pair, MatchingPair):
+            return _record(problem, loaded, pair.correspondences, StageClock(), "{}")
+        if problem.task == "timing":
+            return _record(problem, loaded, _match_many(problem, pair), StageClock(), "{}")
+        return _match_pair(problem, loaded, pair, root)
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
+        return Matched(problem.key, error=describe_error(error))
+
+
+def _match_pair(problem: Problem, loaded: LoadedProblem, pair: MatchingPair, root: str | None) -> Matched:
+    """Disturb a pair and match its clouds, which bring their normals."""
+    normals = read_front(problem).normals or pair.normals
+    disturbed = pair
+    if problem.nuisance:
+        assert problem.level is not None  # noqa: S101 - the configuration has been checked
+        rng = problem.rng("nuisance")
+        disturbed = apply_nuisance(problem.nuisance, pair, problem.level, rng)
+        clouds = add_normals(disturbed, normals)
+        loaded = replace(loaded, pair=disturbed, clouds=disturbed, truth=disturbed.T_target_source)
+    else:
+        clouds = _load_with_normals(problem.dataset, problem.pair, normals, root)
+    front: dict[str, Any] = {
+        "detector": problem.detector,
+        "descriptor": problem.descriptor,
+        "nms_radius": problem.nms_radius,
+    }
+    parameters = front | {
+        "normals": normals,
+        "source_viewpoint": disturbed.source_viewpoint,
+        "target_viewpoint": disturbed.target_viewpoint,
+    }
+    clock = StageClock()
+    if problem.front:
+        parameters["front"] = json.loads(problem.front)
+        matches = match_by_front(problem, clouds, pair, clock.start)
+    else:
+        matches = correspond(*clouds, threads=_THREADS, normals="given", progress=clock.start, **front)
+    return _record(problem, loaded, matches, clock, json.dumps(parameters))
+
+
+def _match_many(problem: Problem, pair: MatchingPair) -> Correspondences:
+    """Match a pair at as many keypoints as the timing aims at."""
+    return correspond(
+        pair.source,
+        pair.target,
+        keypoints=problem.size,
+        normals=pair.normals,
+        source_viewpoint=pair.source_viewpoint,
+        target_viewpoint=pair.target_viewpoint,
+    )
+
+
+def _record(
+    problem: Problem, loaded: LoadedProblem, matches: Correspondences, clock: StageClock, parameters: str
+) -> Matched:
+    clock.start("overlap")
+    pr = known_resolution(matches.resolution)
+    sample = loaded.draw_sample(pr, problem.rng("sample"))
+    seconds = clock.stop()
+    assert loaded.truth is not None  # noqa: S101 - pairs of experiments are related
+    return Matched(
+        problem.key,
+        pack(matches),
+        floats_as_bytes(check_rigid(loaded.truth)),
+        floats_as_bytes(sample),
+        len(matches),
+        pr,
+        json.dumps(dict(loaded.pair.facts)),
+        rounded_json(seconds),
+        parameters,
+    )
+
+
+@functools.lru_cache(maxsize=4)  # problems of a pair may differ in their normals
+def _load_with_normals(
+    dataset: str, name: str, normals: Normals, root: str | None
+) -> tuple[PointCloud, PointCloud]:
+    """Find the normals of a pair once for all its problems."""
+    pair = load_pair(dataset, name, root)
+    assert isinstance(pair, MatchingPair)  # noqa: S101 - ready-made correspondences have no clouds
+    return add_normals(pair, normals)
+
+
+def add_normals(pair: MatchingPair, normals: Normals) -> tuple[PointCloud, PointCloud]:
+    """Give both clouds of a pair their normals."""
+    return (
+        _with_normals(pair.source, normals, pair.source_viewpoint),
+        _with_normals(pair.target, normals, pair.target_viewpoint),
+    )
+
+
+def _with_normals(cloud: PointCloud, normals: Normals, viewpoint: Viewpoint) -> PointCloud:
+    usable = usable_normals(normals, cloud)
+    found = surface_normals(cloud, normals=usable, viewpoint=viewpoint, threads=_THREADS)
+    return replace(cloud, normals=found)
+
+
+# --- a front end that an experiment changes --------------------------------------------------------
+
+
+def read_front(problem: Problem) -> FrontEntry:
+    """Read what a problem changes of the front end."""
+    return FrontEntry.model_validate_json(problem.front or "{}")
+
+
+def match_by_front(
+    problem: Problem,
+    clouds: tuple[PointCloud, PointCloud],
+    undisturbed: MatchingPair,
+    begin: Callable[[str], Any],
+) -> Correspondences:
+    """Match two clouds by the steps of `correspond`, with what a problem changes.
+
+    Parameters
+    ----------
+    problem : Problem
+        Names the changes.
+    clouds : (PointCloud, PointCloud)
+        Source and target as they are to be matched, with the normals that the front asks for.
+    undisturbed : MatchingPair
+        The pair before the nuisance.
+    begin : callable
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    Correspondences
+        With every field that a method may need.
+    """
+    front = read_front(problem)
+    detector, descriptor = COMBINATIONS[problem.matches]
+    begin("resolution")
+    scans = as_scan("source", clouds[0]), as_scan("target", clouds[1])
+    pr = _find_unit(front, scans, undisturbed)
+    front_end = FrontEnd(detector, None, problem.nms_radius, _THREADS, front.harris_radius, front.iss_radii)
+    described: list[DescribedCloud] = []
+    for scan in scans:
+
+        def begin_step(step: str, role: str = scan.name) -> None:
+            begin(f"{role} {step}")
+
+        found = front_end.describe(scan, pr, descriptor, "given", ORIGIN, begin_step)
+        if front.frames == "toldi":
+            begin_step("frames")
+            found = _with_toldi_frames(found, scan)
+        described.append(found)
+    begin("matching")
+    source, target = described
+    mutual = front.matching == "mutual"
+    matches = features.match(source.descriptors, target.descriptors, mutual=mutual, threads=_THREADS)
+    if front.similarity == "raw":
+        matches = replace(matches, similarity=1 - matches.distance)
+    return as_correspondences(source, target, matches)
+
+
+def _find_unit(front: FrontEntry, scans: tuple[Scan, Scan], undisturbed: MatchingPair) -> float:
+    """Find the unit pr of all lengths."""
+    source, target = scans
+    match front.resolution:
+        case "pair":
+            return common_resolution(source, target, _THREADS)
+        case "undisturbed":
+            before = undisturbed.source.points, undisturbed.target.points
+            return common_resolution(as_scan("source", before[0]), as_scan("target", before[1]), _THREADS)
+        case "source":
+            return source.resolution(_THREADS)
+        case "target":
+            return target.resolution(_THREADS)
+
+
+def _with_toldi_frames(described: DescribedCloud, scan: Scan) -> DescribedCloud:
+    """Give keypoints the frames of TOLDI in place of SHOT's."""
+    radius = SUPPORT_RADIUS * described.resolution
+    frames = features.toldi_lrf(scan.cloud, described.indices, radius=radius, threads=_THREADS)
+    return replace(described, lrf=frames)
+
+
+# --- matches of any kind ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedMatches:
+    """Matches, and the truth about them.
+
+    Attributes
+    ----------
+    matches : Correspondences
+        With every field that there is.
+    correct : (n,) array of bool
+        Whether each is within epsilon of its true place.
+    truth : (4,4) array of float64 or None
+        True pose; None where there is none.
+    sample : (m,3) array of float
+        Source points in the overlap.
+    resolution, pr : float
+        Unit of the matches, and mean distance of neighbours in the clouds, in the data's unit.
+    overlap : float or None
+        Share that the clouds have in common, where it is known.
+    """
+
+    matches: Correspondences
+    correct: BoolArray
+    truth: FloatArray | None
+    sample: RealArray
+    resolution: float
+    pr: float
+    overlap: float | None = None
+
+
+def try_to_prepare(problem: Problem, root: str | None) -> PreparedMatches | str:
+    """Load a pair, and match its clouds unless it comes as matches; return the error where there is one."""
+    try:
+        return _prepare(problem, problem.load(root))
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem alone
+        return describe_error(error)
+
+
+def _prepare(problem: Problem, loaded: LoadedProblem) -> PreparedMatches:
+    pr, truth = loaded.measure_pr(), loaded.truth
+    if isinstance(loaded.pair, MatchingPair):
+        assert loaded.clouds is not None  # noqa: S101 - such pairs have clouds
+        matches = _match_clouds(problem, loaded.pair, loaded.clouds)
+    else:
+        matches = loaded.pair.correspondences
+    resolution = known_resolution(matches.resolution)
+    correct = np.zeros(len(matches), dtype=bool)
+    if truth is not None:
+        correct = match_errors(matches.source, matches.target, truth) <= problem.epsilon * resolution
+    sample = loaded.draw_sample(pr, problem.rng("sample"))
+    return PreparedMatches(matches, correct, truth, sample, resolution, pr, loaded.overlap)
+
+
+def _match_clouds(
+    problem: Problem, pair: MatchingPair, clouds: MatchingPair | UnrelatedPair
+) -> Correspondences:
+    if problem.matches not in COMBINATIONS:
+        return _match_voxels(problem, clouds)
+    detector, descriptor = COMBINATIONS[problem.matches]
+    return correspond(
+        clouds.source,
+        clouds.target,
+        detector=detector,
+        descriptor=descriptor,
+        # Mixed and mirrored clouds may have lost their faces or normals.
+        normals=usable_normals(pair.normals, clouds.source, clouds.target),
+        source_viewpoint=clouds.source_viewpoint,
+        target_viewpoint=clouds.target_viewpoint,
+    )
+
+
+def _match_voxels(problem: Problem, clouds: MatchingPair | UnrelatedPair) -> Correspondences:
+    voxel = problem.voxel or features.choose_voxel(clouds.source.points, clouds.target.points)
+    unit_length = problem.matches == "nearest, unit length"
+    source = _describe_voxels(clouds.source, clouds.source_viewpoint, voxel, unit_length=unit_length)
+    target = _describe_voxels(clouds.target, clouds.target_viewpoint, voxel, unit_length=unit_length)
+    nearest = 3 if problem.matches == "three nearest" else 1
+    matches, mutual = match_both_ways(source, target, nearest, None)
+    return take_matches(matches, mutual) if problem.matches == "mutual" else matches
+
+
+def _describe_voxels(
+    cloud: PointCloud, viewpoint: Viewpoint, voxel: float, *, unit_length: bool
+) -> DescribedCloud:
+    """Describe every voxel of a cloud by FPFH; normals are on the side of the cloud's own, if it has some."""
+    voxels = features.voxel_downsample(cloud.points, voxel, normals=cloud.normals)
+    thinned = features.Cloud(voxels.points)
+    normals = features.normals(
+        thinned, radius=NORMAL_RADIUS * voxel, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint
+    )
+    if voxels.normals is not None:
+        normals *= np.where(np.einsum("ij,ij->i", normals, voxels.normals) < 0, -1.0, 1.0)[:, None]
+    values = features.fpfh(thinned, normals, radius=FPFH_RADIUS * voxel)
+    frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=FRAME_RADIUS * voxel)
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
+    chosen = values[rows]
+    if unit_length:
+        chosen = chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
+    center = cloud.points.mean(axis=0)
+    return DescribedCloud(rows, voxels.points[rows], frames[rows], chosen, MATCH_RESOLUTION * voxel, center)

@@ -1,0 +1,352 @@
+"""The solvers that take part: grouping methods and ways to register, the package's own and others."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib
+import inspect
+import json
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup._checks.values import guess_word, refuse_word
+from cgroup._runtime.plugins import load_plugin
+from cgroup._runtime.progress import StageClock
+from cgroup.benchmark.pipelines import PIPELINES
+from cgroup.benchmark.pipelines.libraries import refine
+from cgroup.errors import InputError
+from cgroup.group import group
+from cgroup.registry import find_method
+from cgroup.types import OPTIONAL_FIELDS, Correspondences, Grouping
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from cgroup.benchmark.pipelines import Answer, Clouds
+    from cgroup.types import RealArray
+
+__all__ = [
+    "IN_RESOLUTIONS",
+    "Solver",
+    "candidate",
+    "make_pipeline",
+]
+
+IN_RESOLUTIONS = "_pr"
+"""An option whose name ends so is a length in pr; the method gets it without that, in the data's unit."""
+
+REFINED_BY = "small_gicp"
+"""The library that refines poses."""
+
+_FIELDS = ("source", "target", *OPTIONAL_FIELDS)
+_OTHERWISE = ", or give module:function"
+_PACKAGES = {"kiss_matcher": "kiss-matcher", "small_gicp": "small-gicp"}
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A grouping method or a way to register with its options, under the name that tables and figures show.
+
+    `candidate` and `make_pipeline` make one that is sure to exist.
+
+    Attributes
+    ----------
+    label : str
+        Name in records.
+    name : str
+        One of `METHODS`, spelt as there; one of `PIPELINES`; or ``module:function``.
+    options : str
+        JSON object with sorted keys; a method's option ending in ``_pr`` is a length in pr.
+    refined : bool, optional
+        Whether small_gicp refines the pose of a way to register; None for a grouping method.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.solver import candidate
+    >>> candidate("GC, 2 pr", "gc", {"tolerance_pr": 2})
+    Solver(label='GC, 2 pr', name='gc', options='{"tolerance_pr": 2}', refined=None)
+    """
+
+    label: str
+    name: str
+    options: str = "{}"
+    refined: bool | None = None
+
+    @property
+    def key(self) -> str:
+        """Hash of what is computed, whatever the label.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.solver import candidate
+        >>> candidate("mine", "gc", {}).key == candidate("yours", "gc", {}).key
+        True
+        """
+        parts = [self.name, self.options, *([] if self.refined is None else [self.refined])]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+
+    def group(self, matches: Correspondences, *, seed: int = 0, threads: int | None = 1) -> Grouping:
+        """Group matches by a method.
+
+        Parameters
+        ----------
+        matches : Correspondences
+            The problem.
+        seed : int
+            Passed on where the method takes a seed and the options set none.
+        threads : int, optional
+            Passed on where the method takes a number of threads; None for all cores.
+
+        Returns
+        -------
+        Grouping
+            Aligned with the matches.
+
+        Raises
+        ------
+        InputError
+            If the matches lack a field that the method needs, or a function from outside returns no mask.
+            Errors of such a function are passed on.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.benchmark.solver import candidate
+        >>> from cgroup.datasets import make_problem
+        >>> problem = make_problem(np.random.default_rng(0), 200)
+        >>> candidate("GC, 2 pr", "gc", {"tolerance_pr": 2}).group(
+        ...     problem.correspondences()
+        ... )
+        Grouping(86 of 200 selected)
+        """
+        options = self.parameters(seed, matches.resolution)
+        if "threads" in _method_options(self.name):
+            options["threads"] = threads
+        if ":" not in self.name:
+            return group(matches, self.name, **options)
+        return _as_grouping(self.name, _find_method(self.name)(matches, **options), matches)
+
+    def parameters(self, seed: int, resolution: float | None) -> dict[str, Any]:
+        """Return the options as the method gets them, threads aside.
+
+        Parameters
+        ----------
+        seed : int
+            Passed on where the method takes a seed and the options set none.
+        resolution : float or None
+            Length of one pr, by which options that end in ``_pr`` are multiplied.
+
+        Returns
+        -------
+        dict
+            Keyword arguments by name.
+
+        Raises
+        ------
+        InputError
+            For a length in pr where the resolution is None.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.solver import candidate
+        >>> candidate("", "ransac", {"tolerance_pr": 2}).parameters(seed=7, resolution=0.5)
+        {'seed': 7, 'tolerance': 1.0}
+        """
+        given: dict[str, Any] = {}
+        for name, value in json.loads(self.options).items():
+            bare = name.removesuffix(IN_RESOLUTIONS)
+            if bare != name and resolution is None:
+                message = f"{name}: a length in pr, but no resolution is known; give {bare}"
+                raise InputError(message)
+            given[bare] = value if bare == name else value * resolution
+        return {"seed": seed, **given} if "seed" in _method_options(self.name) else given
+
+    def register(self, clouds: Clouds) -> tuple[Answer, dict[str, float]]:
+        """Register two clouds.
+
+        Parameters
+        ----------
+        clouds : Clouds
+            Both clouds, and what is known of them.
+
+        Returns
+        -------
+        answer : Answer
+            The pose, and whether the pipeline trusts it.
+        seconds : dict of str to float
+            Wall time of each stage, in order.
+
+        Raises
+        ------
+        InputError
+            If clouds or options can't be worked with, or the function can't be imported. Errors of other
+            libraries and of functions from outside are passed on.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.pipelines import Clouds
+        >>> from cgroup.benchmark.solver import make_pipeline
+        >>> from cgroup.datasets import standin_pair
+        >>> pair = standin_pair(pixels=60)
+        >>> clouds = Clouds(
+        ...     pair.source.points, pair.target.points, (0, 0, 0), (0, 0, 0), voxel=6.0
+        ... )
+        >>> answer, seconds = make_pipeline("", "cgroup", {}).register(clouds)
+        >>> answer.ok, "matching" in seconds
+        (True, True)
+        """
+        clock = StageClock()
+        answer = _find_pipeline(self.name)(clouds, clock, **json.loads(self.options))
+        if self.refined and answer.T_target_source is not None:
+            clock.start("refinement")
+            answer = replace(answer, T_target_source=refine(clouds, answer.T_target_source))
+        return answer, clock.stop()
+
+    def why_missing(self) -> str:
+        """Name the library that isn't installed.
+
+        Returns
+        -------
+        str
+            The library, the reason, and how to install it; empty if all are there.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.solver import make_pipeline
+        >>> make_pipeline("", "cgroup", {}).why_missing()
+        ''
+        """
+        needed = [PIPELINES[self.name].needs] if self.refined is not None and self.name in PIPELINES else []
+        needed += [REFINED_BY] if self.refined else []
+        for module in filter(None, needed):
+            try:
+                importlib.import_module(module)
+            except (ImportError, OSError) as error:  # noqa: PERF203 - two at most
+                return f"{module} can't be imported ({error}); pip install {_PACKAGES.get(module, module)}"
+        return ""
+
+
+def candidate(label: str, name: str, options: Mapping[str, Any]) -> Solver:
+    """Make a solver of a grouping method.
+
+    Parameters
+    ----------
+    label : str
+        Name in records; the method's if empty.
+    name : str
+        One of `METHODS` in any spelling, or ``module:function`` for a function that takes correspondences and
+        returns a `Grouping` or a (n,) mask of bool.
+    options : mapping
+        Keyword arguments that JSON can hold; a name ending in ``_pr`` is a length in pr.
+
+    Returns
+    -------
+    Solver
+        The method with its options and label; two of the same key compute the same.
+
+    Raises
+    ------
+    InputError
+        For an unknown method or option, or a function that can't be imported.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.benchmark.solver import candidate
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 200)
+    >>> tuned = candidate("GTM, longer", "gtm", {"iterations": 500})
+    >>> tuned.label, tuned.group(problem.correspondences()).mask.shape
+    ('GTM, longer', (200,))
+    """
+    name = name if ":" in name else find_method(name, _OTHERWISE).name
+    known = [option for option in _method_options(name) if option not in _FIELDS]
+    _refuse_unknown(name, _find_method(name), known, [each.removesuffix(IN_RESOLUTIONS) for each in options])
+    return Solver(label or name, name, json.dumps(dict(options), sort_keys=True))
+
+
+def make_pipeline(label: str, name: str, options: Mapping[str, Any], *, refined: bool = False) -> Solver:
+    """Make a solver of a way to register.
+
+    Parameters
+    ----------
+    label : str
+        Name in records; the pipeline's if empty.
+    name : str
+        One of `PIPELINES`, or ``module:function`` for a function that takes a `Clouds`, a clock (call its
+        `start` with the name of each stage) and options, and returns an `Answer`.
+    options : mapping
+        Keyword arguments that JSON can hold.
+    refined : bool
+        Whether small_gicp refines its pose.
+
+    Returns
+    -------
+    Solver
+        The way to register with its options and label.
+
+    Raises
+    ------
+    InputError
+        For an unknown pipeline or option, or a function that can't be imported.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.solver import make_pipeline
+    >>> make_pipeline("ours, quick", "cgroup", {"effort": "low"}).label
+    'ours, quick'
+    """
+    function = _find_pipeline(name)
+    _refuse_unknown(name, function, list(inspect.signature(function).parameters)[2:], list(options))
+    return Solver(label or name, name, json.dumps(dict(options), sort_keys=True), refined)
+
+
+def _refuse_unknown(name: str, function: Callable[..., Any], known: list[str], given: list[str]) -> None:
+    """Refuse an option that a function doesn't take."""
+    unknown = [option for option in given if option not in known]
+    parameters = inspect.signature(function).parameters.values()
+    if unknown and not any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters):
+        message = f"option: {name} has no {unknown[0]!r}; it takes {', '.join(known) or 'none'}"
+        raise InputError(message)
+
+
+@functools.cache
+def _method_options(name: str) -> tuple[str, ...]:
+    parameters = tuple(inspect.signature(_find_method(name)).parameters)
+    return parameters[1:] if ":" in name else parameters  # without the correspondences
+
+
+def _find_method(name: str) -> Callable[..., Any]:
+    return _load_function("method", name) if ":" in name else find_method(name, _OTHERWISE).function
+
+
+def _find_pipeline(name: str) -> Callable[..., Answer]:
+    if ":" in name:
+        return _load_function("pipeline", name)
+    if name not in PIPELINES:
+        refuse_word("pipeline", name, PIPELINES, guess_word(name, PIPELINES), _OTHERWISE)
+    return PIPELINES[name].run
+
+
+def _load_function(what: str, name: str) -> Callable[..., Any]:
+    function = load_plugin(what, name)
+    if not callable(function):
+        message = f"{what}: {name} is a {type(function).__name__}; name a function"
+        raise InputError(message)
+    return function
+
+
+def _as_grouping(name: str, result: object, matches: Correspondences) -> Grouping:
+    found = result if isinstance(result, Grouping) else Grouping(np.asarray(result), None, None, None, {})
+    mask = found.mask
+    if mask.dtype != bool or mask.shape != (len(matches),):
+        message = (
+            f"{name}: returned {mask.dtype} of shape {mask.shape}; "
+            f"return a Grouping or a mask of {len(matches)} bool"
+        )
+        raise InputError(message)
+    positions: tuple[RealArray, RealArray] = (matches.source, matches.target)
+    return replace(found, _positions=positions)

@@ -1,0 +1,370 @@
+"""Solvers at work on one problem, and their answers judged; most of it runs in other processes.
+
+Functions that workers call turn errors of one problem and solver into a result of its own.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import json
+import time
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup import features
+from cgroup.benchmark.pipelines import Clouds
+from cgroup.benchmark.problem import known_resolution, open_once
+from cgroup.benchmark.results import (
+    Provenance,
+    Result,
+    Score,
+    describe_error,
+    floats_as_bytes,
+    floats_from_bytes,
+    none_unless_finite,
+    pack_mask,
+    unpack,
+    unpack_mask,
+)
+from cgroup.errors import NoConsensusError
+from cgroup.evaluation import match_errors, rotation_error, score_group, translation_error
+from cgroup.evaluation.protocols import PROTOCOLS
+from cgroup.registration.poses import group_poses
+from cgroup.registry import METHOD_INFO
+from cgroup.rigid import apply
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cgroup.benchmark.matching import PreparedMatches
+    from cgroup.benchmark.problem import Problem
+    from cgroup.benchmark.solver import Solver
+    from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, RealArray
+
+REPEATS, REPEATED_FOR = 3, 0.1
+"""A call on matches is repeated so often at most, and only while all together take fewer seconds."""
+
+ERRORS = ("rotation_error", "translation_error", "rmse_pr")
+"""Errors of a pose: in degrees, in the data's unit, and the mean displacement over the overlap in pr."""
+
+_STATUS, _CLEAR_REFS = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+_RESET_PEAK = "5"
+_MMAP_THRESHOLD, _LARGE_BLOCK = -3, 1 << 17  # glibc's name of the option; bytes
+
+
+def measure_pose(
+    pose: FloatArray, truth: FloatArray, sample: RealArray, pr: float
+) -> tuple[float, float, float]:
+    """Measure the errors of a pose.
+
+    Parameters
+    ----------
+    pose, truth : (4,4) array of float64
+        Estimated and true pose.
+    sample : (m,3) array of float
+        Source points in the overlap.
+    pr : float
+        Resolution.
+
+    Returns
+    -------
+    rotation, translation, displacement : float
+        In degrees, in the data's unit, and the mean over the sample in pr; the last is NaN without a sample.
+    """
+    gap = np.linalg.norm(apply(pose, sample) - apply(truth, sample), axis=1)
+    rmse = float(gap.mean() / pr) if len(gap) else float("nan")
+    return rotation_error(pose, truth), translation_error(pose, truth), rmse
+
+
+# --- experiments: group, then score ----------------------------------------------------------------
+
+
+def group_problem(problem: str, seed: int, content: bytes, methods: Sequence[Solver]) -> list[Result]:
+    """Run methods on one thread on the packed matches of a problem; return nothing if they can't be read."""
+    try:
+        matches = unpack(content)
+    except Exception:  # noqa: BLE001 - whatever became of the bytes, they can be made again
+        return []
+    return [_group(problem, seed, matches, method) for method in methods]
+
+
+def _group(problem: str, seed: int, matches: Correspondences, method: Solver) -> Result:
+    try:
+        parameters = {"method": method.name, "options": method.parameters(seed, matches.resolution)}
+        start = time.perf_counter()
+        grouping = method.group(matches, seed=seed)
+        seconds = time.perf_counter() - start
+        numbers = {
+            "threshold": grouping.threshold,
+            "diagnostics": dict(grouping.diagnostics),
+            "parameters": parameters,
+        }
+        return Result(
+            problem,
+            method.key,
+            seconds=seconds,
+            mask=pack_mask(grouping.mask),
+            pose=_find_pose(grouping),
+            numbers=json.dumps(numbers, default=float),
+        )
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem and method alone
+        return Result(problem, method.key, error=describe_error(error))
+
+
+def _find_pose(grouping: Grouping) -> bytes | None:
+    try:
+        return floats_as_bytes(grouping.transform())
+    except NoConsensusError:
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The truth about the matches of one problem.
+
+    Attributes
+    ----------
+    problem : str
+        Key of the problem.
+    pose : (4,4) array of float64
+        True pose.
+    errors : (n,) array of float64
+        Distance of each match from its true place, in pr.
+    sample : (m,3) array of float64
+        Source points in the overlap.
+    pr : float
+        Resolution.
+    protocols : tuple of str
+        Criteria of registration to judge by.
+    """
+
+    problem: str
+    pose: FloatArray
+    errors: FloatArray
+    sample: FloatArray
+    pr: float
+    protocols: tuple[str, ...]
+
+
+def unpack_truth(
+    problem: str, content: bytes, truth: bytes, sample: bytes, protocols: tuple[str, ...]
+) -> Truth | None:
+    """Unpack the arrays of a matched problem; None if they can't be read."""
+    try:
+        matches, pose = unpack(content), floats_from_bytes(truth, (4, 4))
+        pr = known_resolution(matches.resolution)
+        errors = match_errors(matches.source, matches.target, pose) / pr
+        return Truth(problem, pose, errors, floats_from_bytes(sample, (-1, 3)), pr, protocols)
+    except Exception:  # noqa: BLE001 - whatever became of the bytes, they can be made again
+        return None
+
+
+def score_grouping(
+    truth: Truth, solver: str, mask: bytes, pose: bytes | None, epsilons: Sequence[float]
+) -> list[Score]:
+    """Judge a packed group and its pose at thresholds in pr."""
+    group = unpack_mask(mask, len(truth.errors))
+    errors = None
+    if pose is not None:
+        errors = measure_pose(floats_from_bytes(pose, (4, 4)), truth.pose, truth.sample, truth.pr)
+    return [_score(truth, solver, group, errors, epsilon) for epsilon in epsilons]
+
+
+def _score(
+    truth: Truth, solver: str, group: BoolArray, errors: tuple[float, float, float] | None, epsilon: float
+) -> Score:
+    score = score_group(group, truth.errors <= epsilon)
+    # A group that fixes no pose is as far off as can be.
+    judged = (np.inf, np.inf, np.inf) if errors is None else errors
+    verdicts = {name: PROTOCOLS[name].judge(score.precision, *judged) for name in truth.protocols}
+    known = (None, None, None) if errors is None else (*errors[:2], none_unless_finite(errors[2]))
+    counts = (score.correct, score.selected, score.selected_correct)
+    return Score(truth.problem, solver, epsilon, *counts, *known, json.dumps(verdicts))
+
+
+# --- registration ----------------------------------------------------------------------------------
+
+
+def register_pair(
+    problem: Problem, threads: int, pipelines: Sequence[Solver], root: str | None
+) -> list[Result]:
+    """Register two clouds by one pipeline after the other; `root` is the folder with the data."""
+    try:
+        loaded = problem.load(root)
+        source, target = (np.asarray(points, dtype=np.float64) for points in loaded.points)
+        clouds = loaded.clouds
+        assert clouds is not None  # noqa: S101 - loading has seen to that
+        told = open_once(problem.dataset, root).single_views
+        given = Clouds(
+            source,
+            target,
+            clouds.source_viewpoint if told else None,
+            clouds.target_viewpoint if told else None,
+            problem.voxel or features.choose_voxel(source, target),
+            threads,
+            problem.seed,
+        )
+        pr = loaded.measure_pr()
+        sample = loaded.draw_sample(pr, problem.rng("sample"))
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
+        message = describe_error(error)
+        return [Result(problem.key, each.key, threads, error=message) for each in pipelines]
+    known = {"voxel": given.voxel, "pr": pr, "overlap": loaded.overlap}
+    judge = _PoseJudge(loaded.truth, sample, pr)
+    return [
+        _register(Result(problem.key, each.key, threads), each, given, known, judge) for each in pipelines
+    ]
+
+
+def _register(
+    result: Result, pipeline: Solver, clouds: Clouds, known: dict[str, Any], judge: _PoseJudge
+) -> Result:
+    try:
+        answer, seconds = pipeline.register(clouds)
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair and pipeline alone
+        return _finish(result, numbers=json.dumps(known), error=describe_error(error))
+    pose = answer.T_target_source
+    stages = {stage: round(value, 6) for stage, value in seconds.items()}
+    numbers = (
+        known
+        | judge.measure(pose)
+        | {
+            "ok": bool(answer.ok) and pose is not None,
+            "probability": none_unless_finite(answer.probability),
+            "stages": stages,
+        }
+    )
+    return _finish(
+        result,
+        seconds=sum(stages.values()) if stages else None,
+        pose=None if pose is None else floats_as_bytes(pose),
+        numbers=json.dumps(numbers),
+    )
+
+
+def _finish(result: Result, **known: Any) -> Result:  # noqa: ANN401 - fields of a result
+    """Return the result with what is known now; it bears the time of now."""
+    return replace(result, provenance=Provenance(), **known)
+
+
+@dataclass(frozen=True, eq=False)
+class _PoseJudge:
+    """Measures poses against the true one, if there is one."""
+
+    truth: FloatArray | None
+    sample: RealArray
+    pr: float
+
+    def measure(self, pose: FloatArray | None, prefix: str = "") -> dict[str, float | None]:
+        """Errors of a pose by name; none where there is no true pose."""
+        if pose is None or self.truth is None:
+            return {}
+        errors = measure_pose(pose, self.truth, self.sample, self.pr)
+        return {prefix + name: none_unless_finite(error) for name, error in zip(ERRORS, errors, strict=True)}
+
+
+# --- matches, each method alone --------------------------------------------------------------------
+
+
+def make_ready() -> None:
+    """Do nothing: once it is called, the process runs and has imported what methods need."""
+
+
+def try_method(result: Result, method: Solver, seed: int, problem: PreparedMatches) -> Result:
+    """Run a method alone on matches, and fill in the result with all that came of it, or the error."""
+    if lacking := _find_lacking(method, problem.matches):
+        return _finish(result, skipped=f"needs {lacking}, which these matches lack")
+    try:
+        grouping, seconds, mebibytes = _measure(method, problem.matches, seed, result.threads)
+        numbers = json.loads(result.numbers) | _judge(grouping, problem) | {"mebibytes": mebibytes}
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem and method alone
+        return _finish(result, error=describe_error(error))
+    return _finish(result, seconds=seconds, numbers=json.dumps(numbers))
+
+
+def describe_matches(problem: PreparedMatches) -> dict[str, Any]:
+    """Numbers of the matches, which stand beside those of every method."""
+    return {
+        "n": len(problem.matches),
+        "correct": int(problem.correct.sum()),
+        "resolution": problem.resolution,
+        "pr": problem.pr,
+        "overlap": problem.overlap,
+    }
+
+
+def _find_lacking(method: Solver, matches: Correspondences) -> str:
+    """Name a field that a method needs and matches lack; "" where there is none."""
+    info = METHOD_INFO.get(method.name)
+    return next((name for name in info.fields if getattr(matches, name) is None), "") if info else ""
+
+
+def _measure(
+    method: Solver, matches: Correspondences, seed: int, threads: int
+) -> tuple[Grouping, float, float | None]:
+    """Group; return also seconds, without those of the first call if there are others, and peak memory."""
+    cores = None if threads == 0 else threads
+
+    def run() -> tuple[Grouping, float]:
+        start = time.perf_counter()
+        grouping = method.group(matches, seed=seed, threads=cores)
+        return grouping, time.perf_counter() - start
+
+    before = _reset_peak()
+    grouping, first = run()
+    peak = _memory("VmHWM")
+    further: list[float] = []
+    while first + sum(further) < REPEATED_FOR and len(further) < REPEATS - 1:
+        further.append(run()[1])
+    taken = None if before is None or peak is None else max(0.0, peak - before)
+    return grouping, float(np.median(further or [first])), taken
+
+
+def _judge(grouping: Grouping, problem: PreparedMatches) -> dict[str, Any]:
+    score = score_group(grouping.mask, problem.correct)
+    poses = group_poses(grouping)
+    pose = grouping.model if grouping.model is not None else next(iter(poses), None)
+    judge = _PoseJudge(problem.truth, problem.sample, problem.pr)
+    offered = [judge.measure(each, "best_") for each in poses]
+    known = [each for each in offered if each.get("best_rmse_pr") is not None]
+    best = min(known, key=lambda each: each["best_rmse_pr"] or 0.0, default={})
+    return {
+        "selected": score.selected,
+        "selected_correct": score.selected_correct,
+        "posed": pose is not None,
+        "ok": getattr(grouping, "ok", None),
+        "complete": grouping.complete,
+        **judge.measure(pose),
+        **best,
+        "offered": len(poses),
+        "diagnostics": json.dumps(grouping.diagnostics, default=float),
+    }
+
+
+def _reset_peak() -> float | None:
+    """Hand freed memory back, forget the peak so far, and return what is in use, in MiB."""
+    gc.collect()
+    with suppress(OSError, AttributeError):
+        library = ctypes.CDLL(None)
+        # Else glibc keeps larger and larger blocks for the next call, which then seems to take none.
+        library.mallopt(_MMAP_THRESHOLD, _LARGE_BLOCK)
+        library.malloc_trim(0)
+    try:
+        _CLEAR_REFS.write_text(_RESET_PEAK, encoding="ascii")
+    except OSError:
+        return None
+    return _memory("VmRSS")
+
+
+def _memory(field: str) -> float | None:
+    """One of the system's numbers on this process's memory, in MiB; None where it doesn't tell."""
+    with suppress(OSError):
+        for line in _STATUS.read_text(encoding="ascii", errors="replace").splitlines():
+            if line.startswith(f"{field}:"):
+                return int(line.split()[1]) / 1024
+    return None

@@ -1,0 +1,464 @@
+"""Results in one SQLite file: what has been computed, and what the latest configuration asks for.
+
+Computed rows stay for good, under keys made from what they depend on. The plan, that is which problems,
+solvers and thresholds the sets ask for, is replaced by each run; missing results follow from both.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sqlite3
+from contextlib import closing, contextmanager, suppress
+from dataclasses import asdict, astuple, fields
+from typing import TYPE_CHECKING, NamedTuple
+
+from cgroup.benchmark.problem import Problem
+from cgroup.benchmark.solver import Solver
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from cgroup.benchmark.plan import Plan, PlannedSet
+    from cgroup.benchmark.results import Matched, Provenance, Result, Score
+
+RECORDS = "records.sqlite"
+"""Name of the file in a run's folder."""
+
+LAYOUT, _APPLICATION = 1, 0x63677270
+"""Number of the file's layout, which is its `user_version`; its `application_id` is "cgrp"."""
+
+_PROBLEM_FIELDS = ", ".join(field.name for field in fields(Problem))
+
+SCHEMA = f"""
+create table machines (id text primary key, cpu text, cores integer, system text, python text, numpy text);
+create table datasets (name text primary key, title text, role text, origin text, citation text);
+create table solvers (key text primary key, name text, options text, refined integer);
+
+-- The last nine columns are of matching it once for all methods; a null in `error`: not yet.
+create table problems (
+    key text primary key, {_PROBLEM_FIELDS.replace("level", "level real")}, origin text, protocols text,
+    n integer, pr real, facts text, seconds text, parameters text, error text, version text, machine text,
+    created text
+);
+-- Apart, since reading a column behind a large one means reading that too.
+create table arrays (problem text primary key references problems, content blob, truth blob, sample blob);
+create table results (
+    problem text references problems, solver text references solvers, threads integer, only_on text,
+    time_limit real, seconds real, mask blob, pose blob, numbers text, skipped text, error text,
+    version text, machine text, created text, primary key (problem, solver, threads, only_on)
+) without rowid;
+create table scores (
+    problem text, solver text, epsilon real, correct integer, selected integer, selected_correct integer,
+    rotation_error real, translation_error real, rmse real, protocols text,
+    primary key (problem, solver, epsilon)
+) without rowid;
+
+create table plan (config text, missing text);
+create table plan_sets (
+    entry integer primary key, task text, id text, definition text, threads text, epsilons text,
+    time_limit real
+);
+create table plan_problems (entry integer, problem text, place integer, primary key (entry, problem));
+create table plan_solvers (
+    entry integer, solver text, label text, place integer, primary key (entry, solver)
+);
+create view wanted as
+    select problem, solver, t.value as threads, task, min(entry) as entry, min(p.place) as place,
+           min(s.place) as solver_place, min(label) as label, max(time_limit) as time_limit
+    from plan_sets join plan_problems p using (entry) join plan_solvers s using (entry),
+         json_each(plan_sets.threads) t
+    group by problem, solver, t.value;
+create view wanted_scores as
+    select problem, solver, e.value as epsilon, min(label) as label, min(s.place) as place,
+           json_group_array(distinct plan_sets.id) as experiments
+    from plan_sets join plan_problems p using (entry) join plan_solvers s using (entry),
+         json_each(plan_sets.epsilons) e
+    group by problem, solver, e.value;
+create view wanted_matches as
+    select distinct problem, task from plan_sets join plan_problems using (entry)
+    where task in ('experiment', 'timing');
+"""
+
+# Problems of one pair follow each other, so that a worker loads it once.
+_CASE_ORDER = "dataset, pair, nuisance, level, nms_radius, matches"
+_ORDERS = {
+    "experiment": f"{_CASE_ORDER}, w.problem, w.solver",
+    "registration": "dataset, pair, kind, other, w.problem, w.solver",
+    "matches": "w.threads, w.entry, w.place, w.problem, w.solver_place",
+    "timing": "size, w.solver_place, w.threads desc",
+}
+
+_PENDING = """
+select {fields}, w.threads, w.entry, w.time_limit, w.solver
+from wanted w join problems p on p.key = w.problem
+where w.task = ? and (w.task <> 'experiment' or p.error = '') and not exists (
+    select 1 from results r
+    where r.problem = w.problem and r.solver = w.solver and r.threads = w.threads
+        -- Solvers that were given up for want of time are tried again once they are given more.
+        and (r.skipped = '' or r.time_limit >= w.time_limit))
+order by {order}
+"""
+
+_COUNTS = {
+    "correspond": """
+select count(error), coalesce(sum(error <> ''), 0), count(*)
+from wanted_matches join problems on key = problem where wanted_matches.task = 'experiment'
+""",
+    "group": "experiment",
+    "score": """
+select count(s.problem), 0, count(*) from wanted_scores left join scores s using (problem, solver, epsilon)
+""",
+    "register": "registration",
+    "try": "matches",
+}
+"""Statement that counts what is done, failed and wanted, or the task of the results, by stage."""
+
+_COUNT_RESULTS = """
+select count(r.problem), coalesce(sum(coalesce(r.error, '') <> ''), 0), count(*)
+from wanted left join results r using (problem, solver, threads) where wanted.task = ?
+"""
+
+
+class Counts(NamedTuple):
+    """Numbers of done, failed and wanted results of one stage."""
+
+    done: int
+    failed: int
+    wanted: int
+
+
+class Pending(NamedTuple):
+    """A problem that solvers are still to be run on; `entry` numbers the set that wants it."""
+
+    problem: Problem
+    threads: int
+    entry: int
+    limit: float | None
+    solvers: tuple[Solver, ...] = ()
+
+
+class DamagedError(Exception):
+    """SQLite can't read the file, whose structure isn't what it was."""
+
+
+@contextmanager
+def report_failures(path: Path) -> Generator[None, None, None]:
+    """Turn SQLite's errors into `InputError` (full disk, failing device, foreign file) or `DamagedError`."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        if "malformed" in str(error):
+            raise DamagedError(str(error)) from error
+        if "not a database" in str(error):
+            message = f"{path}: not a file of records ({error}); use another folder, or move the file away"
+        else:
+            message = (
+                f"{path}: can't be read or written ({error}); what is finished is kept: once that is mended, "
+                "run the same command again to continue"
+            )
+        raise InputError(message) from error
+
+
+@contextmanager
+def only_writer(folder: Path) -> Generator[None, None, None]:
+    """Keep other runs off a folder; the lock goes with the process, however it ends.
+
+    Raises
+    ------
+    InputError
+        If another run works in the folder, or it can't be written to.
+    """
+    try:
+        lock = sqlite3.connect(folder / "lock.sqlite", isolation_level=None, timeout=0)
+        try:
+            lock.execute("begin exclusive")
+        except BaseException:
+            lock.close()
+            raise
+    except sqlite3.Error as error:
+        if "locked" in str(error):
+            message = f"{folder}: another run is at work there ({error}); wait for it or use another folder"
+        else:
+            message = f"{folder}: can't be written to ({error}); make room there, or use another folder"
+        raise InputError(message) from error
+    with closing(lock):
+        yield
+
+
+def check_layout(connection: sqlite3.Connection, path: Path) -> None:
+    """Raise `InputError` for a file of another layout, or none of records."""
+    version, application = (
+        connection.execute(f"pragma {name}").fetchone()[0] for name in ("user_version", "application_id")
+    )
+    if (version, application) != (LAYOUT, _APPLICATION):
+        message = (
+            f"{path}: not a file of records of this version of cgroup; use the version that made it, or "
+            "another folder"
+        )
+        raise InputError(message)
+
+
+def is_empty(connection: sqlite3.Connection) -> bool:
+    """Tell whether there is nothing in a file."""
+    return connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
+
+
+def set_aside(path: Path) -> Path:
+    """Move a file that can't be read, so that a run can start anew; return its new path.
+
+    Raises
+    ------
+    InputError
+        If the system doesn't let it be moved.
+    """
+    names = (path.with_name(f"{path.stem}.damaged-{number}{path.suffix}") for number in itertools.count(1))
+    kept = next(name for name in names if not name.exists())
+    try:
+        path.replace(kept)
+        for suffix in ("-wal", "-shm"):  # they would be taken for those of the new file
+            with suppress(FileNotFoundError):
+                path.with_name(path.name + suffix).replace(kept.with_name(kept.name + suffix))
+    except OSError as error:
+        message = f"{path}: damaged, and can't be set aside ({error.strerror or error}); move it away"
+        raise InputError(message) from error
+    return kept
+
+
+def count_results(connection: sqlite3.Connection) -> dict[str, Counts]:
+    """Count what is done, failed and wanted of each stage."""
+    counts: dict[str, Counts] = {}
+    for stage, what in _COUNTS.items():
+        results = (_COUNT_RESULTS, (what,)) if " " not in what else (what, ())
+        done, failed, wanted = connection.execute(*results).fetchone()
+        counts[stage] = Counts(done - failed, failed, wanted)
+    return counts
+
+
+class Store:
+    """The results of one folder. One process writes; any number may read.
+
+    Parameters
+    ----------
+    path : path
+        The SQLite file; made if it doesn't exist.
+
+    Raises
+    ------
+    InputError
+        If the file isn't one of this layout, or can't be written.
+    DamagedError
+        If SQLite can't read it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        with report_failures(path):
+            self.connection = sqlite3.connect(path, isolation_level=None, timeout=30)
+            try:
+                with self.transaction() as connection:
+                    if is_empty(connection):
+                        for statement in SCHEMA.split(";\n"):
+                            connection.execute(statement)
+                        connection.execute(f"pragma application_id = {_APPLICATION}")
+                        connection.execute(f"pragma user_version = {LAYOUT}")
+                    check_layout(connection, path)
+                self.connection.execute("pragma journal_mode = wal")
+                self.connection.execute("pragma synchronous = normal")
+            except BaseException:
+                self.connection.close()
+                raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self.connection.close()
+
+    @contextmanager
+    def transaction(self) -> Generator[sqlite3.Connection, None, None]:
+        """Write all that follows, or, after an error, none of it."""
+        self.connection.execute("begin immediate")
+        try:
+            yield self.connection
+            self.connection.execute("commit")
+        except BaseException:
+            if self.connection.in_transaction:  # not where SQLite has rolled back of itself
+                self.connection.execute("rollback")
+            raise
+
+    # --- plan ------------------------------------------------------------------------------------
+
+    def replace_plan(self, plan: Plan) -> None:
+        """Replace the stored plan."""
+        with self.transaction():
+            for table in ("plan", "plan_sets", "plan_problems", "plan_solvers"):
+                self.connection.execute(f"delete from {table}")
+            self._insert("plan", plan.config.model_dump_json(), json.dumps(plan.missing))
+            for facts in plan.datasets:
+                row = (facts.name, facts.title, facts.role, facts.origin, facts.citation)
+                self._insert("datasets", *row, known="replace")
+            pairs = {facts.name: facts.pairs for facts in plan.datasets}
+            for entry, planned in enumerate(plan.sets):
+                self._insert_set(entry, planned, pairs)
+
+    def _insert_set(
+        self, entry: int, planned: PlannedSet, pairs: dict[str, dict[str, tuple[str, tuple[str, ...]]]]
+    ) -> None:
+        lists = json.dumps(planned.threads), json.dumps(planned.epsilons)
+        name = getattr(planned.entry, "id", "")
+        definition = planned.entry.model_dump_json()
+        self._insert("plan_sets", entry, planned.task, name, definition, *lists, planned.limit)
+        for place, problem in enumerate(planned.problems):
+            origin, protocols = pairs.get(problem.dataset, {}).get(problem.pair, ("", ()))
+            row = (problem.key, *astuple(problem), origin, json.dumps(protocols))
+            self.connection.execute(
+                f"insert into problems (key, {_PROBLEM_FIELDS}, origin, protocols) values ({_marks(row)}) "
+                "on conflict (key) do update set origin = excluded.origin, protocols = excluded.protocols",
+                row,
+            )
+            self._insert("plan_problems", entry, problem.key, place)
+        for place, solver in enumerate(planned.solvers):
+            self._insert("solvers", solver.key, solver.name, solver.options, solver.refined, known="ignore")
+            self._insert("plan_solvers", entry, solver.key, solver.label, place, known="ignore")
+
+    def forget_failures(self) -> None:
+        """Drop what failed, so that it is tried again."""
+        with self.transaction():
+            self.connection.execute("delete from results where error <> ''")
+            self.connection.execute("update problems set error = null where error <> ''")
+
+    def forget_matches(self, problem: str) -> None:
+        """Drop all that was made from the matches of a problem, so that it is computed anew."""
+        with self.transaction():
+            for table in ("arrays", "results", "scores"):
+                self.connection.execute(f"delete from {table} where problem = ?", (problem,))
+            self.connection.execute("update problems set error = null where key = ?", (problem,))
+
+    # --- what is missing -------------------------------------------------------------------------
+
+    def unmatched(self, at_most: int) -> list[tuple[Problem, ...]]:
+        """Problems of experiments to be matched, in parts of the same pair that are not too large."""
+        fields = ", ".join(f"p.{name}" for name in _PROBLEM_FIELDS.split(", "))
+        rows = self.connection.execute(
+            f"select {fields} from wanted_matches w join problems p on p.key = w.problem "
+            f"where p.error is null and w.task = 'experiment' order by {_CASE_ORDER}"
+        )
+        parts: list[tuple[Problem, ...]] = []
+        for _, same_pair in itertools.groupby((Problem(*row) for row in rows), lambda p: (p.dataset, p.pair)):
+            problems = iter(same_pair)
+            while part := tuple(itertools.islice(problems, at_most)):
+                parts.append(part)
+        return parts
+
+    def pending(self, task: str) -> list[Pending]:
+        """Problems of a task whose matches are there, with the solvers that lack a result."""
+        fields = ", ".join(f"p.{name}" for name in _PROBLEM_FIELDS.split(", "))
+        rows = self.connection.execute(_PENDING.format(fields=fields, order=_ORDERS[task]), (task,))
+        solvers = self._solvers()
+        found: dict[Pending, list[Solver]] = {}
+        for *problem, threads, entry, limit, key in rows:
+            by = Pending(Problem(*problem), threads, 0 if task == "experiment" else entry, limit)
+            found.setdefault(by, []).append(solvers[key])
+        return [each._replace(solvers=tuple(missing)) for each, missing in found.items()]
+
+    def unscored(self) -> dict[str, dict[str, list[float]]]:
+        """Thresholds at which groups are to be scored, by problem and solver."""
+        query = """
+        select w.problem, w.solver, w.epsilon from wanted_scores w
+            join results r on r.problem = w.problem and r.solver = w.solver and r.error = ''
+        where not exists (
+            select 1 from scores s
+            where s.problem = w.problem and s.solver = w.solver and s.epsilon = w.epsilon)
+        """
+        found: dict[str, dict[str, list[float]]] = {}
+        for problem, solver, epsilon in self.connection.execute(query):
+            found.setdefault(problem, {}).setdefault(solver, []).append(epsilon)
+        return found
+
+    def _solvers(self) -> dict[str, Solver]:
+        """Every solver that was ever asked for, by key."""
+        rows = self.connection.execute("select key, name, options, refined from solvers")
+        return {
+            key: Solver(name, name, options, None if refined is None else bool(refined))
+            for key, name, options, refined in rows
+        }
+
+    def counts(self) -> dict[str, Counts]:
+        """How far the stages are with the plan."""
+        return count_results(self.connection)
+
+    # --- results ---------------------------------------------------------------------------------
+
+    def content(self, problem: str) -> bytes | None:
+        """Packed matches of a problem; None before it is matched."""
+        row = self.connection.execute("select content from arrays where problem = ?", (problem,)).fetchone()
+        return None if row is None else row[0]
+
+    def truth(self, problem: str) -> tuple[bytes, bytes, bytes, tuple[str, ...]]:
+        """Packed matches, true pose and overlap sample of a problem (empty if lost), and its protocols."""
+        query = """
+        select coalesce(content, ''), truth, sample, protocols
+        from problems left join arrays on problem = key where key = ?
+        """
+        content, truth, sample, protocols = self.connection.execute(query, (problem,)).fetchone()
+        return content, truth, sample, tuple(json.loads(protocols))
+
+    def groups(self, problem: str) -> Iterator[tuple[str, bytes, bytes | None]]:
+        """Read solver, mask and pose of every group of a problem that went well."""
+        query = "select solver, mask, pose from results where problem = ? and error = '' and mask is not null"
+        yield from self.connection.execute(query, (problem,))
+
+    def times(self, problem: str, solver: str, threads: int, machine: str) -> list[float]:
+        """Read the seconds of a solver in the timing on a machine; none if they weren't taken."""
+        query = """
+        select numbers from results
+        where problem = ? and solver = ? and threads = ? and only_on = ? and skipped = ''
+        """
+        row = self.connection.execute(query, (problem, solver, threads, machine)).fetchone()
+        return [] if row is None else json.loads(row[0])["repeats"]
+
+    def add_matched(self, records: Iterable[Matched]) -> None:
+        """Store matched problems, all or none."""
+        with self.transaction():
+            for each in records:
+                origin = self._insert_origin(each.provenance)
+                self.connection.execute(
+                    "update problems set n = ?, pr = ?, facts = ?, seconds = ?, parameters = ?, error = ?, "
+                    "version = ?, machine = ?, created = ? where key = ?",
+                    (
+                        *(each.n, each.pr, each.facts, each.seconds, each.parameters, each.error),
+                        *(*origin, each.problem),
+                    ),
+                )
+                if not each.error:
+                    arrays = (each.content, each.truth, each.sample)
+                    self._insert("arrays", each.problem, *arrays, known="replace")
+
+    def add_results(self, results: Iterable[Result]) -> None:
+        """Store results, all or none, in place of those of solvers that were given up."""
+        with self.transaction():
+            for each in results:
+                what = (each.problem, each.solver, each.threads, each.machine, each.limit)
+                outcome = (each.seconds, each.mask, each.pose, each.numbers, each.skipped, each.error)
+                origin = self._insert_origin(each.provenance)
+                self._insert("results", *what, *outcome, *origin, known="replace")
+
+    def add_scores(self, scores: Sequence[Score]) -> None:
+        """Store scores, all or none."""
+        with self.transaction():
+            for each in scores:
+                self._insert("scores", *astuple(each))
+
+    def _insert_origin(self, provenance: Provenance) -> tuple[str, str, str]:
+        """Store the machine unless it is there; return version, machine and time, the last of a row."""
+        machine = provenance.machine
+        self._insert("machines", machine.id, *asdict(machine).values(), known="ignore")
+        return provenance.version, machine.id, provenance.created
+
+    def _insert(self, table: str, *row: object, known: str = "abort") -> None:
+        """Add a row; `known` says what to do where its key is taken: abort, ignore or replace."""
+        self.connection.execute(f"insert or {known} into {table} values ({_marks(row)})", row)
+
+
+def _marks(row: Sequence[object]) -> str:
+    return ", ".join("?" * len(row))

@@ -1,0 +1,95 @@
+"""The program of a worker process: it calls functions, and ends with the process that has started it.
+
+Tasks come through its standard input and results go out through its former standard output, each as the
+length of a pickle and the pickle. Functions print to standard error.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import signal
+import struct
+import sys
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+ALL_CORES = 0
+"""A number of threads."""
+
+START = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from cgroup.benchmark.worker import work; work(int(sys.argv[2]))"
+)
+"""Program of the process: it finds the same modules as its parent, and is told a number of cores."""
+
+_LENGTH = struct.Struct("<Q")
+
+
+def work(cores: int) -> None:
+    """Call what comes in until the parent closes the pipe or is gone, on so many cores or `ALL_CORES`."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
+    if cores != ALL_CORES and hasattr(os, "sched_setaffinity"):  # on Linux; TBB goes by it
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:cores])
+    tasks, results = _take_pipes()
+    waiting: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_read_tasks, args=(tasks, waiting), daemon=True).start()
+    with suppress(OSError):  # where the parent is gone
+        while True:
+            function, arguments = pickle.loads(waiting.get())  # noqa: S301 - from the parent
+            write_message(lambda part: os.write(results, part), function(*arguments))
+
+
+def write_message(write: Callable[[memoryview], int | None], value: object) -> None:
+    """Pickle a value, and write it part by part."""
+    content = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+    rest = memoryview(_LENGTH.pack(len(content)) + content)
+    while rest:
+        rest = rest[write(rest) :]
+
+
+def read_message(read: Callable[[int], bytes | None]) -> bytes:
+    """Read the next pickle; raise `EOFError` if the other side is gone."""
+    [length] = _LENGTH.unpack(_read_exactly(read, _LENGTH.size))
+    return _read_exactly(read, length)
+
+
+def _read_exactly(read: Callable[[int], bytes | None], length: int) -> bytes:
+    parts: list[bytes] = []
+    while length:
+        part = read(length)
+        if not part:
+            raise EOFError
+        parts.append(part)
+        length -= len(part)
+    return b"".join(parts)
+
+
+def _take_pipes() -> tuple[int, int]:
+    """Keep both pipes from code that reads the standard input or prints."""
+    tasks, results = os.dup(0), os.dup(1)
+    with open(os.devnull, "rb") as nothing:  # noqa: PTH123 - its number is needed
+        os.dup2(nothing.fileno(), 0)
+    os.dup2(2, 1)
+    return tasks, results
+
+
+def _read_tasks(tasks: int, waiting: queue.SimpleQueue[Any]) -> None:
+    """Pass tasks on; end the process when the pipe is closed, even in the midst of a task."""
+    try:
+        while True:
+            waiting.put(read_message(lambda length: os.read(tasks, length)))
+    except (EOFError, OSError):
+        end_group(os.getpid())
+        os._exit(1)
+
+
+def end_group(leader: int) -> None:
+    """End a worker with all processes that it has started."""
+    if sys.platform != "win32":
+        os.killpg(leader, signal.SIGKILL)
