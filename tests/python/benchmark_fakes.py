@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import Correspondences, Grouping, group
-from cgroup.benchmark.pipelines import Answer, Problem
+from cgroup.benchmark import pipelines
+from cgroup.benchmark.pipelines import Answer
 from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
 from cgroup.datasets.generated.shapes import stone
 from cgroup.errors import InputError
@@ -226,27 +227,27 @@ def _shift(length: float) -> np.ndarray:
     return pose
 
 
-def shifting(problem: Problem, clock: StageClock, *, by: float = 0.0, ok: bool = True) -> Answer:
+def shifting(clouds: pipelines.Clouds, clock: StageClock, *, by: float = 0.0, ok: bool = True) -> Answer:
     """Always answer the pose of `Clouds`, or one that is off."""
-    log(f"shifting {by} {len(problem.source)}")
+    log(f"shifting {by} {len(clouds.source)}")
     clock.start("source features")
     clock.start("target features")
     clock.start("pose")
     return Answer(_shift(by), ok, 0.75 if ok else 0.25)
 
 
-def poseless(_problem: Problem, _clock: StageClock) -> Answer:
+def poseless(_clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
     return Answer(None, ok=True)
 
 
-def raising(_problem: Problem, _clock: StageClock) -> Answer:
+def raising(_clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
     message = "can't do\nthis"
     raise ArithmeticError(message)
 
 
-def lethal(problem: Problem, _clock: StageClock) -> Answer:
+def lethal(clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
     """Kill the process unless the target is mirrored."""
-    if problem.target[:, 0].mean() > 0:
+    if clouds.target[:, 0].mean() > 0:
         os._exit(9)
     return Answer(np.eye(4), ok=False)
 

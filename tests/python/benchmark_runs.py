@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from cgroup.benchmark.config import parse_config
-from cgroup.benchmark.records.reading import RECORDS
-from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.run import Summary, run
+from cgroup.benchmark.store import RECORDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,21 +51,35 @@ def serial(text: str, out: Path, **options: object) -> Summary:
 
 def contents(out: Path) -> list[tuple[object, ...]]:
     """Everything that a run computed, apart from times, versions and machines."""
-    store = Store(out / RECORDS)
     tables = {
-        "correspondences": "case_key, n, pr, facts, parameters, error",
-        "arrays": "case_key, content, truth, sample",
-        "groupings": "case_key, method_key, mask, threshold, pose, diagnostics, parameters, error",
+        "problems": "key, n, pr, facts, parameters, error",
+        "arrays": "problem, content, truth, sample",
+        "results": "problem, solver, threads, mask, pose, numbers, skipped, error",
         "scores": "*",
-        "plan_cases": "*",
+        "plan_problems": "*",
     }
-    rows = [
-        (table, *row)
-        for table, columns in tables.items()
-        for row in store.connection.execute(f"select {columns} from {table}")
-    ]
-    store.close()
+    with closing(sqlite3.connect(out / RECORDS)) as connection:
+        rows = [
+            (table, *row)
+            for table, columns in tables.items()
+            for row in connection.execute(f"select {columns} from {table}")
+        ]
     return sorted(rows, key=repr)
+
+
+def count(out: Path, table: str) -> int:
+    """Rows of a table that have been computed: of `problems`, those that have been matched."""
+    try:
+        with closing(sqlite3.connect(f"file:{out / RECORDS}?mode=ro", uri=True)) as connection:
+            return connection.execute(f"select count(error) from {table}").fetchone()[0]
+    except sqlite3.OperationalError:  # not there yet
+        return 0
+
+
+def is_sound(out: Path) -> bool:
+    """Whether SQLite finds the file in order."""
+    with closing(sqlite3.connect(out / RECORDS)) as connection:
+        return connection.execute("pragma integrity_check").fetchall() == [("ok",)]
 
 
 def make_environment(**more: str) -> dict[str, str]:

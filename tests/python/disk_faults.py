@@ -15,7 +15,7 @@ from contextlib import closing, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from benchmark_runs import contents
-from cgroup.benchmark.records.reading import RECORDS
+from cgroup.benchmark.store import RECORDS
 from cgroup.cli import main
 
 FOREVER = 10**9
@@ -44,10 +44,12 @@ def run_failing(config: Path, out: Path, first: int, last: int, reason: int) -> 
 
 
 def damage(whole: Path, out: Path) -> None:
-    """Make a folder with a record that has to be set aside."""
+    """Make a folder with a file that has to be set aside."""
     shutil.copytree(whole, out)
     with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
-        connection.execute("update arrays set content = zeroblob(7)")
+        connection.execute("pragma wal_checkpoint(truncate)")
+    content = (out / RECORDS).read_bytes()
+    (out / RECORDS).write_bytes(content[:4096] + bytes(len(content) - 4096))
 
 
 def try_all(name: str, config: Path, folder: Path, step: int, prepare: Callable[[Path], object]) -> None:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sqlite3
-import time
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,17 +12,17 @@ import pandas as pd
 import pytest
 
 import benchmark_fakes
-from cgroup.benchmark import records
+from cgroup.benchmark import solving, tables, timing
 from cgroup.benchmark.config import parse_config
-from cgroup.benchmark.records.lock import only_writer
-from cgroup.benchmark.records.reading import RECORDS
-from cgroup.benchmark.run import run, scoring, stages, timing
+from cgroup.benchmark.results import KILLED
+from cgroup.benchmark.run import run
+from cgroup.benchmark.store import only_writer
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
-    from cgroup.benchmark.records.types import ScoreRecord
+    from cgroup.benchmark.results import Score
 
-from benchmark_runs import CLOUDS, MATCHES, contents, serial, start_benchmark
+from benchmark_runs import CLOUDS, MATCHES, contents, count, serial, start_benchmark, wait_until
 
 HERE = Path(__file__).parent
 
@@ -65,12 +62,12 @@ def test_each_stage_uses_what_the_ones_before_have_stored(
 ) -> None:
     scored: list[tuple[float, ...]] = []
 
-    def score(*arguments: object) -> list[ScoreRecord]:
+    def score(*arguments: object) -> list[Score]:
         scored.append(tuple(arguments[-1]))  # pyright: ignore[reportArgumentType]
         return judge(*arguments)  # pyright: ignore[reportArgumentType]
 
-    judge = scoring.score_grouping
-    monkeypatch.setattr(scoring, "score_grouping", score)
+    judge = solving.score_grouping
+    monkeypatch.setattr(solving, "score_grouping", score)
     text = CLOUDS.replace('"ss", "gc"', '"benchmark_fakes:first"')
     serial(text, tmp_path / "out")
     assert scored == [(5.0,)] * 4
@@ -83,18 +80,18 @@ def test_each_stage_uses_what_the_ones_before_have_stored(
     serial(text.replace('"benchmark_fakes:first"', '"benchmark_fakes:first", "gc"'), tmp_path / "out")
     assert lines(log) == []
     assert scored == [(5.0,)] * 4
-    assert set(records.load(tmp_path / "out")["method"]) == {"benchmark_fakes:first", "gc"}
+    assert set(tables.load(tmp_path / "out")["method"]) == {"benchmark_fakes:first", "gc"}
     serial(text.replace("levels = [0.1, 0.2]", "levels = [0.1, 0.3]"), tmp_path / "out")
     assert lines(log).count("noise a 0.3") == 1
     assert not any("0.1" in line for line in lines(log))
-    assert set(records.load(tmp_path / "out")["level"]) == {0.1, 0.3}
+    assert set(tables.load(tmp_path / "out")["level"]) == {0.1, 0.3}
 
 
 def test_experiments_share_cases(tmp_path: Path, log: Path) -> None:
     other = CLOUDS.partition("[[experiment]]")[2].replace('"noise"', '"again"', 1)
     serial(f"{CLOUDS}\n[[experiment]]{other}\nepsilons = [1, 5]", tmp_path / "out")
     assert len([line for line in lines(log) if line.startswith("noise")]) == 4
-    frame = records.load(tmp_path / "out")
+    frame = tables.load(tmp_path / "out")
     assert set(frame[frame["epsilon"] == 5]["experiments"]) == {("noise", "again")}
     assert set(frame[frame["epsilon"] == 1]["experiments"]) == {("again",)}
 
@@ -106,7 +103,7 @@ def test_a_failed_pair_or_method_is_recorded_and_stops_nothing(tmp_path: Path) -
     text = CLOUDS.replace('["a", "b"]', '["a", "broken"]').replace('"gc"', '"benchmark_fakes:failing"')
     summary = serial(text, tmp_path)
     assert summary.counts["correspond"] == (2, 2, 4)
-    frame = records.load(tmp_path)
+    frame = tables.load(tmp_path)
     broken = frame[frame["pair"] == "broken"]
     assert len(broken) == 4
     assert set(broken["error"]) == {"OSError: this pair is broken"}
@@ -115,7 +112,7 @@ def test_a_failed_pair_or_method_is_recorded_and_stops_nothing(tmp_path: Path) -
     good = frame[(frame["pair"] == "a") & (frame["method"] == "ss")]
     assert len(good) == 2
     assert set(good["error"]) == {""}
-    assert records.aggregate(frame, ["pair"])["pair"].tolist() == ["a"]
+    assert tables.aggregate(frame, ["pair"])["pair"].tolist() == ["a"]
 
 
 def test_failures_are_tried_again_on_demand_only(tmp_path: Path, log: Path) -> None:
@@ -132,14 +129,14 @@ def test_failures_are_tried_again_on_demand_only(tmp_path: Path, log: Path) -> N
 def test_a_worker_that_dies_costs_its_task_only(tmp_path: Path) -> None:
     text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:deadly"')
     run(parse_config(text), tmp_path, workers=2)
-    frame = records.load(tmp_path).set_index("pair")
+    frame = tables.load(tmp_path).set_index("pair")
     corners = {
         f"m{i}": benchmark_fakes.Matches().load(f"m{i}").correspondences.source[0, 0] for i in range(8)
     }
     deadly = {name for name, corner in corners.items() if corner > 90}
     assert 0 < len(deadly) < 8
     assert set(frame[frame["error"] != ""].index) == deadly
-    assert set(frame.loc[sorted(deadly)]["error"]) == {stages.KILLED}
+    assert set(frame.loc[sorted(deadly)]["error"]) == {KILLED}
 
 
 def test_two_runs_keep_out_of_each_others_way(tmp_path: Path) -> None:
@@ -166,21 +163,8 @@ def test_records_do_not_depend_on_the_backend(
     assert contents(tmp_path) == expected
 
 
-def wait_for_records(out: Path, table: str, count: int) -> None:
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline:
-        try:
-            with closing(sqlite3.connect(f"file:{out / RECORDS}?mode=ro", uri=True)) as connection:
-                if connection.execute(f"select count(*) from {table}").fetchone()[0] >= count:
-                    return
-        except sqlite3.OperationalError:  # not there yet
-            pass
-        time.sleep(0.02)
-    pytest.fail(f"no {count} rows in {table}")
-
-
 @pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
-@pytest.mark.parametrize("table", ["correspondences", "groupings"])
+@pytest.mark.parametrize("table", ["problems", "results"])
 def test_killed_and_started_again_nothing_is_lost_or_done_twice(
     table: str, tmp_path: Path, log: Path
 ) -> None:
@@ -196,16 +180,13 @@ def test_killed_and_started_again_nothing_is_lost_or_done_twice(
         tmp_path / "out",
         "--workers",
         2,
-        FAKES_HOLD="load" if table == "correspondences" else "first",
+        FAKES_HOLD="load" if table == "problems" else "first",
     )
-    wait_for_records(tmp_path / "out", table, 3)
+    wait_until(lambda: count(tmp_path / "out", table) >= 3, f"no 3 rows in {table}")
     os.killpg(slow.pid, signal.SIGKILL)
     slow.communicate()
-    stored = {
-        name: len([row for row in contents(tmp_path / "out") if row[0] == name])
-        for name in ("correspondences", "groupings")
-    }
-    assert 3 <= stored[table] < (8 if table == "correspondences" else 16)
+    stored = {name: count(tmp_path / "out", name) for name in ("problems", "results")}
+    assert 3 <= stored[table] < (8 if table == "problems" else 16)
     log.write_text("")
     again = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
     out, err = again.communicate(timeout=60)
@@ -213,8 +194,8 @@ def test_killed_and_started_again_nothing_is_lost_or_done_twice(
     assert "groupings      16 of 16" in out
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
     # What had been stored wasn't computed again.
-    assert len([line for line in lines(log) if line.startswith("load")]) == 8 - stored["correspondences"]
-    assert len([line for line in lines(log) if line.startswith("first")]) == 8 - stored["groupings"] // 2
+    assert len([line for line in lines(log) if line.startswith("load")]) == 8 - stored["problems"]
+    assert len([line for line in lines(log) if line.startswith("first")]) == 8 - stored["results"] // 2
 
 
 @pytest.mark.skipif(os.name == "nt", reason="interrupts are sent differently there")
@@ -223,13 +204,13 @@ def test_interrupt_keeps_what_is_finished(tmp_path: Path) -> None:
     config = tmp_path / "tiny.toml"
     config.write_text(MATCHES)
     slow = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2, FAKES_HOLD="load")
-    wait_for_records(tmp_path / "out", "correspondences", 2)
+    wait_until(lambda: count(tmp_path / "out", "problems") >= 2, "no 2 problems")
     os.killpg(slow.pid, signal.SIGINT)
     out, err = slow.communicate(timeout=30)
     assert (slow.returncode, err) == (130, "cgroup: interrupted\n")
     assert "run the same command again to continue" in out
     serial(MATCHES, tmp_path / "out")
-    assert len(records.load(tmp_path / "out")) == 16
+    assert len(tables.load(tmp_path / "out")) == 16
 
 
 @pytest.mark.parametrize(
@@ -266,7 +247,7 @@ def test_times_are_taken_once(tmp_path: Path, log: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(timing, "SHORTEST", 1e-9)
     text = MATCHES + "pairs = 1" + TIMING
     serial(text, tmp_path / "out")
-    times = records.load_timing(tmp_path / "out")
+    times = tables.load(tmp_path / "out", "timing")
     assert list(times.columns) == [
         *("method", "n", "threads", "repeat", "seconds", "dataset", "pair", "machine", "version")
     ]
@@ -274,12 +255,12 @@ def test_times_are_taken_once(tmp_path: Path, log: Path, monkeypatch: pytest.Mon
     assert times["seconds"].min() > 0
     assert len(set(times["n"])) == 2
     assert lines(log).count("first 20") == 2 * 3  # and one to warm up
-    skips = records.load_timing_skips(tmp_path / "out")
+    skips = tables.load_skips(tmp_path / "out")
     assert set(skips["method"]) == {"benchmark_fakes:wrong_length"}
     log.write_text("")
     serial(text, tmp_path / "out")
     assert lines(log) == []
-    assert records.load_timing(tmp_path / "out").equals(times)
+    assert tables.load(tmp_path / "out", "timing").equals(times)
 
 
 def test_what_would_take_too_long_is_skipped_with_a_reason(
@@ -287,9 +268,9 @@ def test_what_would_take_too_long_is_skipped_with_a_reason(
 ) -> None:
     monkeypatch.setattr(timing, "measure", lambda _call, repeats: [6.0] * repeats)
     serial(MATCHES + "pairs = 1" + TIMING + "budget = 7", tmp_path)
-    times = records.load_timing(tmp_path)
+    times = tables.load(tmp_path, "timing")
     assert len(set(times["n"])) == 1
-    skips = records.load_timing_skips(tmp_path)
+    skips = tables.load_skips(tmp_path)
     reasons = skips[skips["method"] == "gc"]["reason"].tolist()
     assert len(reasons) == 1
     assert "s per call, more than 7 s" in reasons[0]
@@ -304,7 +285,7 @@ def test_exponents_are_fitted_to_the_large_sets() -> None:
         for threads in (1, 0)
         for scale in ((1.0, 1.0, 99.0) if size > 500 else (1e6,))
     ]
-    fitted = records.exponents(pd.DataFrame(rows))
+    fitted = tables.exponents(pd.DataFrame(rows))
     assert fitted["method"].tolist() == ["gc", "nnsr"]
     np.testing.assert_allclose(fitted["exponent"], [2, 1])
     assert fitted["sizes"].tolist() == [3, 3]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,14 +12,13 @@ import pytest
 import benchmark_fakes
 from benchmark_runs import MATCHES, serial
 from cgroup import METHODS, PAPER_METHODS, group
-from cgroup.benchmark import config, records
-from cgroup.benchmark.candidates import candidate
-from cgroup.benchmark.cases import Case
+from cgroup.benchmark import config, tables
 from cgroup.benchmark.chained import gc_then_ransac, gtm_then_ransac
 from cgroup.benchmark.config import Config, parse_config, preset_names, read_config, replace_methods
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.records.reading import RECORDS
-from cgroup.benchmark.records.store import Store
+from cgroup.benchmark.problem import Problem
+from cgroup.benchmark.solver import candidate
+from cgroup.benchmark.store import RECORDS
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ def test_presets_can_be_read() -> None:
 def test_a_small_draw_of_pairs_is_part_of_a_larger_one() -> None:
     text = MATCHES + "pairs = {}"
     drawn = [
-        {case.pair for case in make_plan(parse_config(text.replace("{}", n)), None).experiments[0].cases}
+        {case.pair for case in make_plan(parse_config(text.replace("{}", n)), None).sets[0].problems}
         for n in ("2", "5", "100")
     ]
     assert [len(pairs) for pairs in drawn] == [2, 5, 8]
@@ -164,7 +165,7 @@ def test_absent_data_is_left_out_and_named(tmp_path: Path) -> None:
     )
     summary = serial(both + "pairs = 2", tmp_path)
     assert summary.missing == {"benchmark_fakes:Absent": "absent: get it from nowhere"}
-    assert records.load_missing(tmp_path) == summary.missing
+    assert tables.load_missing(tmp_path) == summary.missing
     assert summary.counts["correspond"].done == 2
     with pytest.raises(InputError, match="none of the data sets is at hand.*get it from nowhere"):
         serial(MATCHES.replace("Matches", "Absent"), tmp_path)
@@ -184,10 +185,16 @@ def test_what_the_data_set_does_not_have(more: str, says: str, tmp_path: Path) -
 
 
 def test_keys_and_random_numbers_are_the_same_everywhere() -> None:
-    case = Case("b3r", "scene0", "noise", 0.05, "C1", None, 3)
+    case = Problem("experiment", "b3r", "scene0", nuisance="noise", level=0.05, matches="C1", seed=3)
     assert case.key == "e3adb31a82c311d944385598"
-    assert Case("u3or", "rs1-chef", combination="C5", nms_radius=1.5).key == "74d8ec5167dff9ed4a6e534b"
-    assert Case("b3r-clean", "a", "density", 0.3).key == "da4e02b84b481fce07e3238a"
+    assert (
+        Problem("experiment", "u3or", "rs1-chef", matches="C5", nms_radius=1.5).key
+        == "74d8ec5167dff9ed4a6e534b"
+    )
+    assert (
+        Problem("experiment", "b3r-clean", "a", nuisance="density", level=0.3, matches="C1").key
+        == "da4e02b84b481fce07e3238a"
+    )
     assert case.rng("nuisance").integers(1 << 30) == 1056362948
     assert case.rng("nuisance").random() == case.rng("nuisance").random()
     assert case.rng("nuisance").random() != case.rng("sample").random()
@@ -209,16 +216,16 @@ def test_methods_from_outside_get_seed_and_lengths(tmp_path: Path) -> None:
     text = MATCHES.replace('methods = ["ransac", "gtm"]', methods + "\nseed = 7") + "pairs = 3"
     summary = serial(text, tmp_path)
     assert summary.failed == 3
-    frame = records.load(tmp_path).set_index(["method", "pair"])
+    frame = tables.load(tmp_path).set_index(["method", "pair"])
     assert set(frame.loc["first 20"]["precision"]) == {1.0}
     assert set(frame.loc["first 9"]["recall"]) == {9 / 20}
     for pair in set(frame.loc["r"].index):
         assert frame.loc["seeded", pair]["selected"] == frame.loc["r", pair]["selected"]
     [error] = set(frame.loc["benchmark_fakes:wrong_length"]["error"])
     assert "returned bool of shape (3,); return a Grouping or a mask of 60 bool" in error
-    store = Store(tmp_path / RECORDS)
-    parameters = [json.loads(row[0]) for row in store.connection.execute("select parameters from groupings")]
-    store.close()
+    with closing(sqlite3.connect(tmp_path / RECORDS)) as connection:
+        numbers = [json.loads(row[0]) for row in connection.execute("select numbers from results")]
+    parameters = [each["parameters"] for each in numbers if each]
     assert {"method": "ransac", "options": {"seed": 7, "tolerance": 5, "iterations": 50}} in parameters
 
 
@@ -226,7 +233,7 @@ def test_ransac_after_another_method_stays_inside_its_group() -> None:
     matches = benchmark_fakes.Matches().load("m0").correspondences
     for method, chained in (("gc", gc_then_ransac), ("gtm", gtm_then_ransac)):
         before = group(matches, method)
-        after = candidate("", f"cgroup.benchmark.chained:{chained.__name__}", {}).run(matches)
+        after = candidate("", f"cgroup.benchmark.chained:{chained.__name__}", {}).group(matches)
         assert 3 <= after.size <= before.size
         assert not (after.mask & ~before.mask).any()
 
@@ -237,9 +244,9 @@ def test_pairs_that_lack_files_are_left_out_and_named(tmp_path: Path) -> None:
     assert summary.missing == {
         "benchmark_fakes:Partial": "1 of 9 pairs lack files: gone (no nowhere/gone.txt)"
     }
-    assert records.load_missing(tmp_path) == summary.missing
+    assert tables.load_missing(tmp_path) == summary.missing
     assert summary.counts["correspond"].done == 2
     config = parse_config(partial)
-    assert {case.pair for case in make_plan(config, None).experiments[0].cases} == {f"m{n}" for n in range(8)}
+    assert {case.pair for case in make_plan(config, None).sets[0].problems} == {f"m{n}" for n in range(8)}
     with pytest.raises(InputError, match="has no pair 'never'"):
         make_plan(parse_config(partial + 'pairs = ["never"]'), None)

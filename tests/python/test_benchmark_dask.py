@@ -19,13 +19,15 @@ from benchmark_runs import (
     Gate,
     contents,
     finish,
+    is_sound,
     make_environment,
     serial,
     start_benchmark,
 )
-from cgroup.benchmark import records
+from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config
-from cgroup.benchmark.run import run, stages
+from cgroup.benchmark.results import KILLED
+from cgroup.benchmark.run import run
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -102,8 +104,8 @@ def test_a_task_that_kills_dask_workers_is_recorded(
     text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:deadly"') + 'pairs = ["m0", "m4"]'
     assert benchmark_fakes.Matches().load("m4").correspondences.source[0, 0] > 90
     run(parse_config(text), tmp_path / "out", backend="dask", scheduler=cluster[0])
-    errors = records.load(tmp_path / "out").set_index("pair")["error"]
-    assert errors.to_dict() == {"m0": "", "m4": stages.KILLED}
+    errors = tables.load(tmp_path / "out").set_index("pair")["error"]
+    assert errors.to_dict() == {"m0": "", "m4": KILLED}
 
 
 @pytest.mark.filterwarnings("default")
@@ -151,7 +153,7 @@ def test_the_command_line_says_in_one_line_that_the_scheduler_is_lost(
             assert err.startswith("cgroup: --scheduler: the connection is lost (")
         else:
             assert err == ""
-        assert records.check(out).sound
+        assert is_sound(out)
         gate.open_for(100)
         serial(GATED, out)
         serial(GATED, tmp_path / "whole")

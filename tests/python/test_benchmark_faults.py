@@ -104,12 +104,12 @@ def test_a_folder_that_is_read_only(
         status, out, err = command(capsys, *arguments, "--out", read_only)
         assert (status, out, err.count("\n")) == (2, "", 1)
         assert "can't be" in err
-    for name in ("status", "check", "claims"):
+    for name in ("status", "claims"):
         status, out, err = command(capsys, name, "--out", read_only)
         assert (status, err) == (0, "")
     status, out, err = command(capsys, "run", config, "--out", tmp_path / "copy", "--backend", "threading")
     assert (status, err) == (0, "")
-    assert {row for row in before if row[0] == "groupings"} < set(contents(tmp_path / "copy"))
+    assert {row for row in before if row[0] == "results"} < set(contents(tmp_path / "copy"))
 
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

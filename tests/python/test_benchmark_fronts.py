@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,15 +14,14 @@ import pytest
 import benchmark_fakes
 from benchmark_runs import CLOUDS, contents, serial
 from cgroup import Correspondences, features
-from cgroup.benchmark import records
-from cgroup.benchmark.cases import Case
+from cgroup.benchmark import matching, tables
 from cgroup.benchmark.config import ExperimentEntry, FrontEntry, parse_config
 from cgroup.benchmark.evidence import Evidence
+from cgroup.benchmark.matching import match_by_front
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.records.packing import pack, unpack
+from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.report.sections import _describe_front
-from cgroup.benchmark.run import stages
-from cgroup.benchmark.run.front import match_by_front
+from cgroup.benchmark.results import pack, unpack
 from cgroup.features import ORIGIN, SUPPORT_RADIUS
 from cgroup.registration import DescribedCloud, correspond, describe
 from reference import matching as reference_matching
@@ -30,16 +29,21 @@ from reference import matching as reference_matching
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cgroup.benchmark.records.types import MatchingRecord
+    from cgroup.benchmark.results import Matched
 
 CLOUD_DATA, MESH_DATA = "benchmark_fakes:Clouds", "benchmark_fakes:Meshes"
 
 
-def match_case(dataset: str = CLOUD_DATA, front: dict[str, Any] | None = None, **case: Any) -> MatchingRecord:
+def make_case(dataset: str = CLOUD_DATA, combination: str = "C1", **fields: Any) -> Problem:
+    """Pair a in an experiment."""
+    return Problem("experiment", dataset, "a", matches=combination, **fields)
+
+
+def match_case(dataset: str = CLOUD_DATA, front: dict[str, Any] | None = None, **case: Any) -> Matched:
     """Record of the first stage for the pair a, by a front."""
-    asked = Case(dataset, "a", **case)
+    asked = make_case(dataset, **case)
     changes = FrontEntry(**(front or {})).changes(asked.detector, asked.nuisance)
-    [record] = stages.match_cases([Case(dataset, "a", **case, front=changes)], None)
+    [record] = matching.match_problems([replace(asked, front=changes)], None)
     assert record.error == ""
     return record
 
@@ -67,8 +71,8 @@ def load_clouds() -> Any:
 @pytest.mark.parametrize("nms_radius", [None, 1.3])
 def test_the_default_front_is_correspond(combination: str, nms_radius: float | None) -> None:
     pair = load_clouds()
-    case = Case(CLOUD_DATA, "a", combination=combination, nms_radius=nms_radius)
-    [record] = stages.match_cases([case], None)
+    case = make_case(combination=combination, nms_radius=nms_radius)
+    [record] = matching.match_problems([case], None)
     matches = correspond(
         pair.source,
         pair.target,
@@ -80,7 +84,7 @@ def test_the_default_front_is_correspond(combination: str, nms_radius: float | N
     surface = {"normals": "pca", "source_viewpoint": list(ORIGIN), "target_viewpoint": list(ORIGIN)}
     detection = {"detector": case.detector, "descriptor": case.descriptor, "nms_radius": nms_radius}
     assert json.loads(record.parameters) == detection | surface
-    clouds = stages._add_normals(pair, "pca")
+    clouds = matching.add_normals(pair, "pca")
     steps: list[str] = []
     assert pack(match_by_front(case, clouds, pair, steps.append)) == record.content
     assert steps == list(json.loads(record.seconds))[: len(steps)]
@@ -118,7 +122,7 @@ def test_mutual_matches_are_those_of_the_reference() -> None:
 def test_normals(nuisance: dict[str, Any]) -> None:
     pair = benchmark_fakes.Meshes().load("a")
     if nuisance:
-        case = Case(MESH_DATA, "a", **nuisance)
+        case = make_case(MESH_DATA, **nuisance)
         pair = benchmark_fakes.noise(pair, 0.1, case.rng("nuisance"))
     mesh = find_matches(MESH_DATA, **nuisance)
     pca = find_matches(MESH_DATA, {"normals": "pca"}, **nuisance)
@@ -175,7 +179,7 @@ def test_radii_of_detectors(front: dict[str, Any], combination: str, sweep: floa
 def test_resolution() -> None:
     noise = {"nuisance": "benchmark_fakes:noise", "level": 0.8}
     pair = load_clouds()
-    noisy = benchmark_fakes.noise(pair, 0.8, Case(CLOUD_DATA, "a", **noise).rng("nuisance"))
+    noisy = benchmark_fakes.noise(pair, 0.8, make_case(**noise).rng("nuisance"))
     before = [features.resolution(cloud.points) for cloud in (pair.source, pair.target)]
     source, target = (features.resolution(cloud.points) for cloud in (noisy.source, noisy.target))
     expected = {
@@ -196,7 +200,7 @@ def test_raw_similarity(combination: str) -> None:
     usual = find_matches(combination=combination)
     raw = find_matches(front={"similarity": "raw"}, combination=combination)
     assert_equal_but(usual, raw, "similarity")
-    descriptor = Case(CLOUD_DATA, "a", combination=combination).descriptor
+    descriptor = make_case(combination=combination).descriptor
     source, target = describe_pair(usual.resolution, descriptor=descriptor)
     rows = {tuple(point): row for row, point in enumerate(target.points)}
     partners = [rows[tuple(point)] for point in usual.target]
@@ -215,8 +219,8 @@ def test_fields_go_together() -> None:
 
 
 def test_a_front_has_a_key_of_its_own_and_the_same_random_numbers() -> None:
-    default = Case("b3r", "scene0", "noise", 0.05, "C1", None, 3)
-    other = Case("b3r", "scene0", "noise", 0.05, "C1", None, 3, '{"matching": "mutual"}')
+    default = Problem("experiment", "b3r", "scene0", nuisance="noise", level=0.05, matches="C1", seed=3)
+    other = replace(default, front='{"matching": "mutual"}')
     assert default.key == "e3adb31a82c311d944385598"
     assert other.key == "e0f14bcdf2e2f08940cca9d7"
     assert other.rng("nuisance").random() == default.rng("nuisance").random()
@@ -226,8 +230,8 @@ def list_fronts(**entry: Any) -> dict[str, str]:
     """What the cases of an experiment change, by combination."""
     experiment = ExperimentEntry(id="x", dataset=CLOUD_DATA, pairs=1, **entry)  # pyright: ignore[reportArgumentType]
     config = parse_config(CLOUDS).model_copy(update={"experiment": (experiment,)})
-    [planned] = make_plan(config, None).experiments
-    return {case.combination: case.front for case in planned.cases}
+    [planned] = make_plan(config, None).sets
+    return {case.matches: case.front for case in planned.problems}
 
 
 def test_what_changes_nothing_for_a_case_is_left_out() -> None:
@@ -276,7 +280,7 @@ def test_a_run_with_a_front_goes_on_and_keeps_the_default_apart(tmp_path: Path, 
     serial(MUTUAL, out)
     assert log.read_text() == ""
 
-    frame = records.load(out)
+    frame = tables.load(out)
     usual, mutual = (frame[frame["experiments"] == (name,)] for name in ("noise", "noise / mutual"))
     assert (len(usual), len(mutual), len(frame)) == (8, 8, 16)
     assert set(usual["front"]) == {""}
@@ -285,7 +289,7 @@ def test_a_run_with_a_front_goes_on_and_keeps_the_default_apart(tmp_path: Path, 
     assert mutual["inlier_ratio"].mean() > usual["inlier_ratio"].mean()
     for key in ("dataset", "pair", "level", "method"):
         assert mutual[key].tolist() == usual[key].tolist()
-    assert records.load(out).equals(frame)
+    assert tables.load(out).equals(frame)
 
     titles = [_describe_front(sample) for sample in Evidence(frame, pd.DataFrame()).further_samples()]
     assert titles == ["; front end: matching mutual"]
@@ -294,7 +298,7 @@ def test_a_run_with_a_front_goes_on_and_keeps_the_default_apart(tmp_path: Path, 
     serial(MUTUAL, other)
     assert contents(other) == contents(out)
     serial(CLOUDS, out)
-    assert set(records.load(out)["front"]) == {""}
+    assert set(tables.load(out)["front"]) == {""}
 
 
 def test_failed_cases_with_a_front_are_tried_again_with_it(tmp_path: Path, log: Path) -> None:
@@ -303,6 +307,6 @@ def test_failed_cases_with_a_front_are_tried_again_with_it(tmp_path: Path, log: 
     log.write_text("")
     summary = serial(text, tmp_path / "out", retry_failed=True)
     assert (summary.counts["correspond"].failed, log.read_text().count("load broken")) == (4, 4)
-    frame = records.load(tmp_path / "out")
+    frame = tables.load(tmp_path / "out")
     assert set(frame["front"]) == {"", '{"matching": "mutual"}'}
     assert set(frame["error"]) == {"OSError: this pair is broken"}

@@ -20,13 +20,14 @@ from benchmark_runs import (
     Gate,
     cgroup_benchmark,
     contents,
+    is_sound,
     serial,
     start_benchmark,
     wait_until,
 )
-from cgroup.benchmark import records
-from cgroup.benchmark.records.reading import RECORDS
-from cgroup.benchmark.run import stages
+from cgroup.benchmark import tables
+from cgroup.benchmark.results import KILLED
+from cgroup.benchmark.store import RECORDS
 from cgroup.cli import main
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def test_workers_end_with_the_run_even_while_they_compute(
         assert run.returncode == 128 + how
         assert "run the same command again to continue" in out
         assert err == ("cgroup: interrupted\n" if how == signal.SIGINT else "")
-    assert records.check(tmp_path / "out").sound
+    assert is_sound(tmp_path / "out")
     assert serial(config.read_text(), tmp_path / "out").counts["group"] == (8, 0, 8)
 
 
@@ -170,8 +171,8 @@ def test_killed_at_random_the_records_are_those_of_an_undisturbed_run(tmp_path: 
         killed = _disturb(run, log, rng, kills)
         wait_for_end_of_all(tmp_path)
         if (out / RECORDS).exists() and (out / RECORDS).stat().st_size:
-            assert records.check(out).sound
-        if not killed and set(records.load(out)["error"]) == {""}:
+            assert is_sound(out)
+        if not killed and set(tables.load(out)["error"]) == {""}:
             assert contents(out) == expected
             finished += 1
             out = tmp_path / str(finished)
@@ -213,7 +214,7 @@ def test_a_worker_killed_from_outside_is_not_blamed_on_its_task(tmp_path: Path, 
     out, err = run.communicate(timeout=60)
     assert (run.returncode, err) == (0, "")
     assert "failed" not in out
-    assert stages.KILLED not in set(records.load(tmp_path / "out")["error"])
+    assert KILLED not in set(tables.load(tmp_path / "out")["error"])
 
 
 # --- at the same time ----------------------------------------------------------------------------------
@@ -238,9 +239,9 @@ def test_two_runs_at_once_and_readers_beside_them(
     for calls in range(8):
         gate.open_for(1)
         gate.wait_for(min(calls + 2, 8))
-        frame = records.load(out)
+        frame = tables.load(out)
         assert len(frame) >= seen
-        assert records.check(out).sound
+        assert is_sound(out)
         seen = len(frame)
         shutil.copytree(out, tmp_path / f"copy{calls}")
     _, err = run.communicate(timeout=60)
@@ -252,7 +253,7 @@ def test_two_runs_at_once_and_readers_beside_them(
         copy = tmp_path / f"copy{calls}"
         serial(GATED, copy)
         assert contents(copy) == expected
-        assert records.check(copy).sound
+        assert is_sound(copy)
 
 
 def test_a_report_while_a_run_is_at_work(
@@ -263,7 +264,7 @@ def test_a_report_while_a_run_is_at_work(
     run = start_benchmark("run", config, "--out", out, "--workers", 2, **gate.environment)
     gate.open_for(4)
     gate.wait_for(5)
-    for command in ("report", "claims", "status", "check"):
+    for command in ("report", "claims", "status"):
         with pytest.raises(SystemExit, match="^0$"):
             main(["benchmark", command, "--out", str(out)])
     assert capsys.readouterr().err == ""

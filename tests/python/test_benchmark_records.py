@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,13 +14,11 @@ import pytest
 import benchmark_fakes
 from benchmark_runs import CLOUDS, MATCHES, serial
 from cgroup import group
-from cgroup.benchmark import records
-from cgroup.benchmark.candidates import candidate
-from cgroup.benchmark.cases import Case
-from cgroup.benchmark.records.packing import pack, unpack
-from cgroup.benchmark.records.reading import RECORDS
-from cgroup.benchmark.records.store import Store
-from cgroup.benchmark.run import scoring, stages
+from cgroup.benchmark import problem, solving, tables
+from cgroup.benchmark.problem import Problem
+from cgroup.benchmark.results import pack, unpack
+from cgroup.benchmark.solver import candidate
+from cgroup.benchmark.store import RECORDS
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import rotation_error, score_group, translation_error
@@ -36,11 +36,17 @@ def clouds(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_records_say_what_the_methods_did(clouds: Path) -> None:
-    frame = records.load(clouds)
+    frame = tables.load(clouds)
     assert len(frame) == 2 * 2 * 2 * 2  # pairs, levels, methods, thresholds
     assert set(frame["experiments"]) == {("noise",)}
     for row in frame.itertuples():
-        case = Case("benchmark_fakes:Clouds", str(row.pair), str(row.nuisance), float(row.level))
+        case = Problem(
+            "experiment",
+            "benchmark_fakes:Clouds",
+            str(row.pair),
+            nuisance=str(row.nuisance),
+            level=float(row.level),
+        )
         pair = benchmark_fakes.Clouds().load(case.pair)
         pair = benchmark_fakes.noise(pair, float(row.level), case.rng("nuisance"))
         matches = correspond(pair.source, pair.target)
@@ -64,7 +70,7 @@ def test_records_say_what_the_methods_did(clouds: Path) -> None:
 
 
 def test_columns(clouds: Path) -> None:
-    frame = records.load(clouds)
+    frame = tables.load(clouds)
     assert set(frame.columns) == {
         *("dataset", "origin", "pair", "nuisance", "level", "combination", "detector", "descriptor"),
         *(
@@ -88,18 +94,17 @@ def test_columns(clouds: Path) -> None:
     assert (row["detector"], row["descriptor"], row["overlap"]) == ("h3d", "shot", 0.9)
     assert np.isnan(row["clutter"])
     assert frame["seconds"].min() > 0
-    assert records.load_machines(clouds)["id"].tolist() == [row["machine"]]
-    assert records.load_config(clouds)["experiment"][0]["levels"] == [0.1, 0.2]
-    assert records.load_datasets(clouds)["title"].tolist() == ["Clouds"]
+    assert tables.load_machines(clouds)["id"].tolist() == [row["machine"]]
+    assert tables.load_config(clouds)["experiment"][0]["levels"] == [0.1, 0.2]
+    assert tables.load_datasets(clouds)["title"].tolist() == ["Clouds"]
 
 
 def test_registered_is_the_papers_criterion_as_stored(tmp_path: Path) -> None:
     serial(MATCHES + "epsilons = [0.01, 5]", tmp_path)
-    frame = records.load(tmp_path)
-    store = Store(tmp_path / RECORDS)
-    rows = store.connection.execute("select case_key, method_key, epsilon, protocols from scores")
+    frame = tables.load(tmp_path)
+    with closing(sqlite3.connect(tmp_path / RECORDS)) as connection:
+        rows = connection.execute("select problem, solver, epsilon, protocols from scores").fetchall()
     stored = {tuple(key): json.loads(protocols)["precision>0.1"] for *key, protocols in rows}
-    store.close()
     assert len(stored) == len(frame)
     for row in frame.itertuples():
         key = (row.case, candidate("", str(row.method), {}).key, row.epsilon)
@@ -108,16 +113,16 @@ def test_registered_is_the_papers_criterion_as_stored(tmp_path: Path) -> None:
 
 
 def test_groups_of_a_case(clouds: Path) -> None:
-    frame = records.load(clouds)
+    frame = tables.load(clouds)
     row = frame[frame["epsilon"] == 5].iloc[0]
-    matches, pose, masks = records.load_groups(clouds, row["case"])
+    matches, pose, masks = tables.load_groups(clouds, row["case"])
     assert len(matches) == row["n"]
     np.testing.assert_allclose(pose[:3, 3], (1, 2, 3))
     assert list(masks) == ["ss", "gc"]
     for method, mask in masks.items():
         np.testing.assert_array_equal(mask, group(matches, method).mask)
     with pytest.raises(InputError, match="no records of the case nothing"):
-        records.load_groups(clouds, "nothing")
+        tables.load_groups(clouds, "nothing")
 
 
 def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
@@ -125,14 +130,14 @@ def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
     source = rng.uniform(size=(3000, 3))
     truth, pose = np.eye(4), np.eye(4)
     pose[0, 3] = 0.06
-    sample = stages.overlap_sample(source, source[source[:, 0] < 0.5], truth, 0.01, rng)
-    assert len(sample) == stages.OVERLAP_SAMPLE
+    sample = problem.overlap_sample(source, source[source[:, 0] < 0.5], truth, 0.01, rng)
+    assert len(sample) == problem.OVERLAP_SAMPLE
     assert sample[:, 0].max() < 0.5 + 4 * 0.01
-    judged = scoring.Truth("", truth, np.zeros(3), sample, 0.01, ("rmse<=5pr", "precision>0.1"))
-    [score] = scoring.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), pose.tobytes(), [5])
+    judged = solving.Truth("", truth, np.zeros(3), sample, 0.01, ("rmse<=5pr", "precision>0.1"))
+    [score] = solving.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), pose.tobytes(), [5])
     assert score.rmse == pytest.approx(6)
     assert json.loads(score.protocols) == {"rmse<=5pr": False, "precision>0.1": True}
-    [score] = scoring.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), None, [5])
+    [score] = solving.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), None, [5])
     assert (score.rmse, score.rotation_error) == (None, None)
     assert json.loads(score.protocols)["rmse<=5pr"] is False
 
@@ -166,7 +171,7 @@ def test_aggregate() -> None:
         }
     )
     macro, median, pooled = (
-        records.aggregate(frame, ["method"], how) for how in ("macro", "median", "pooled")
+        tables.aggregate(frame, ["method"], how) for how in ("macro", "median", "pooled")
     )
     assert macro["method"].tolist() == ["gc"]
     assert macro["pairs"][0] == 3
@@ -180,14 +185,14 @@ def test_aggregate() -> None:
         assert result["registered"][0] == pytest.approx(2 / 3)
         assert result["ok:rmse"][0] == pytest.approx(1 / 2)
     with pytest.raises(InputError, match="how: got 'mean'"):
-        records.aggregate(frame, ["method"], "mean")  # pyright: ignore[reportArgumentType]
+        tables.aggregate(frame, ["method"], "mean")  # pyright: ignore[reportArgumentType]
 
 
 def test_no_records(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no records; make some with"):
-        records.load(tmp_path)
+        tables.load(tmp_path)
     (tmp_path / RECORDS).write_text("something else\n" * 100)
     with pytest.raises(InputError, match="not a file of records"):
-        records.load(tmp_path)
+        tables.load(tmp_path)
     with pytest.raises(InputError, match="not a file of records"):
         serial(MATCHES, tmp_path)

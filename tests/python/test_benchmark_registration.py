@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import sqlite3
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from benchmark_runs import serial
-from cgroup.benchmark import records
+from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config, read_config
 from cgroup.benchmark.pipelines import PIPELINES
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.records.reading import RECORDS
-from cgroup.benchmark.records.schema import SCHEMA
-from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.report import write_report
 from cgroup.benchmark.report.registration import answer_table, detail_table, trust_table
-from cgroup.benchmark.run.stages import KILLED
+from cgroup.benchmark.results import KILLED
+from cgroup.benchmark.store import RECORDS, Store
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -70,7 +67,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def frame(finished: Path) -> pd.DataFrame:
-    return records.load_registrations(finished)
+    return tables.load(finished, "registration")
 
 
 def test_every_pipeline_registers_every_pair(frame: pd.DataFrame) -> None:
@@ -125,7 +122,7 @@ def test_nothing_is_registered_twice(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_what_fails_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
     summary = serial(BROKEN, tmp_path)
-    found = records.load_registrations(tmp_path).set_index(["pipeline", "pair", "kind"])
+    found = tables.load(tmp_path, "registration").set_index(["pipeline", "pair", "kind"])
     errors = found["error"].to_dict()
     assert errors["raising", "a", "related"] == "ArithmeticError: can't do this"
     assert errors["lethal", "a", "related"] == KILLED
@@ -137,24 +134,9 @@ def test_what_fails_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
         summary.failed == sum(error != "" for error in errors.values()) == summary.counts["register"].failed
     )
     store = Store(tmp_path / RECORDS)
-    assert ("lethal", KILLED) in {failure[:2] for failure in records.load_failures(tmp_path)}
+    assert ("lethal", KILLED) in {failure[:2] for failure in tables.load_failures(tmp_path)}
     store.forget_failures()
     assert store.counts()["register"].failed == 0
-    store.close()
-
-
-def test_records_of_the_version_before_are_kept(tmp_path: Path) -> None:
-    with sqlite3.connect(tmp_path / RECORDS) as old:
-        for statement in SCHEMA.split(";\n"):
-            old.execute(statement)
-        old.execute("insert into methods values ('k', 'gtm', '{}')")
-        old.execute("pragma user_version = 1")
-    old.close()
-    assert records.load_registrations(tmp_path).empty
-    serial(SETS, tmp_path)
-    assert len(records.load_registrations(tmp_path)) == 12
-    store = Store(tmp_path / RECORDS)
-    assert set(store.methods()) == {"k"}
     store.close()
 
 
@@ -162,7 +144,7 @@ def test_a_missing_library_leaves_its_pipelines_out(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(PIPELINES, "open3d-fgr", PIPELINES["open3d-fgr"]._replace(needs="no_such_library"))
     text = SETS.replace('{ name = "benchmark_fakes:poseless", label = "none" }', '"open3d-fgr"')
     plan = make_plan(parse_config(text), None)
-    assert [pipeline.label for pipeline in plan.sets[0].pipelines] == ["right", "rough", "wrong"]
+    assert [pipeline.label for pipeline in plan.sets[0].solvers] == ["right", "rough", "wrong"]
     assert "no_such_library can't be imported" in plan.missing["open3d-fgr"]
 
 
@@ -212,7 +194,7 @@ def test_the_preset_can_be_read() -> None:
 
 def test_a_set_has_its_voxel_and_its_pipelines(tmp_path: Path) -> None:
     serial(SETS + 'voxel = 0.125\npairs = 1\nwithout = ["wrong", "none"]\n', tmp_path)
-    found = records.load_registrations(tmp_path)
+    found = tables.load(tmp_path, "registration")
     assert (found["voxel"] == 0.125).all()
     assert found["pipeline"].tolist() == ["right", "rough"]
 
@@ -238,7 +220,7 @@ def test_what_is_trusted_is_counted(frame: pd.DataFrame) -> None:
 
 def test_sets_are_split_by_overlap(tmp_path: Path) -> None:
     serial(SETS + "split_overlap = 0.95\n", tmp_path)
-    found = records.load_registrations(tmp_path)
+    found = tables.load(tmp_path, "registration")
     assert set(found["column"]) == {"views, overlap < 0.95"}
     assert answer_table(found).headers[1] == "views, overlap < 0.95 (3)"
 

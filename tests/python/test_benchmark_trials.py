@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +10,10 @@ import pandas as pd
 import pytest
 
 from benchmark_runs import serial
-from cgroup.benchmark import records
+from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config, read_config
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.rankings import bootstrap, comparable, holm, mcnemar, rank_methods, signed_rank
-from cgroup.benchmark.records.layout import ADDED
-from cgroup.benchmark.records.store import Store
 from cgroup.benchmark.report import write_report
 from cgroup.benchmark.report.trial_tables import (
     cost_table,
@@ -26,7 +23,7 @@ from cgroup.benchmark.report.trial_tables import (
     ranking,
 )
 from cgroup.benchmark.report.trials import describe_set
-from cgroup.benchmark.run.stages import KILLED
+from cgroup.benchmark.results import KILLED
 from cgroup.cli import main
 from cgroup.errors import InputError
 from cgroup.registry import METHODS, PRESETS
@@ -83,7 +80,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def frame(finished: Path) -> pd.DataFrame:
-    return records.load_trials(finished)
+    return tables.load(finished, "matches")
 
 
 def test_every_method_is_tried_on_every_problem(frame: pd.DataFrame) -> None:
@@ -123,7 +120,7 @@ def test_the_table_of_levels_spreads_one_over_columns(frame: pd.DataFrame) -> No
 
 def test_what_cannot_be_run_is_recorded(tmp_path: Path) -> None:
     summary = serial(MATCHES, tmp_path)
-    found = records.load_trials(tmp_path)
+    found = tables.load(tmp_path, "matches")
     assert summary.counts["try"].wanted == len(found) == 20
     by_method = found.groupby("method")
     assert set(by_method.get_group("ss")["skipped"]) == {"needs similarity, which these matches lack"}
@@ -139,7 +136,7 @@ def test_what_cannot_be_run_is_recorded(tmp_path: Path) -> None:
 
 def test_the_best_offered_pose_is_judged_by_the_truth(tmp_path: Path) -> None:
     serial(MATCHES, tmp_path)
-    rows = records.load_trials(tmp_path)
+    rows = tables.load(tmp_path, "matches")
     several = rows[rows["method"] == "several"]
     assert not several["right"].any()
     assert several["best_right"].all()
@@ -153,7 +150,7 @@ def test_the_best_offered_pose_is_judged_by_the_truth(tmp_path: Path) -> None:
 
 def test_a_part_of_a_test_set_is_named_as_one(tmp_path: Path) -> None:
     serial(MATCHES, tmp_path)
-    label = describe_set(records.load_trials(tmp_path), records.load_machines(tmp_path))
+    label = describe_set(tables.load(tmp_path, "matches"), tables.load_machines(tmp_path))
     assert "4 problems of the 8 of the test set" in label
     assert "within 5 times the resolution (5 in the data's unit)" in label
 
@@ -172,13 +169,13 @@ dataset = "benchmark_fakes:Matches"
 pairs = 4
 """
     serial(text, tmp_path)
-    given_up = records.load_trials(tmp_path)["skipped"].tolist()
+    given_up = tables.load(tmp_path, "matches")["skipped"].tolist()
     assert given_up == ["took longer than 1 s"] * 2 + ["not run: took longer than 1 s on 60 matches"] * 2
     monkeypatch.setenv("FAKES_END", "1")
     assert serial(text, tmp_path).counts["try"].wanted == 4
-    assert records.load_trials(tmp_path)["skipped"].ne("").sum() == 4, "nothing is tried again as it is"
+    assert tables.load(tmp_path, "matches")["skipped"].ne("").sum() == 4, "nothing is tried again as it is"
     serial(text.replace("limit = 1", "limit = 60"), tmp_path)
-    assert records.load_trials(tmp_path)["skipped"].eq("").all()
+    assert tables.load(tmp_path, "matches")["skipped"].eq("").all()
 
 
 def test_nothing_is_tried_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,7 +191,7 @@ def test_nothing_is_tried_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 def test_unrelated_clouds_have_no_right_answer(tmp_path: Path) -> None:
     serial(CLOUDS, tmp_path)
-    rows = records.load_trials(tmp_path)
+    rows = tables.load(tmp_path, "matches")
     counts = rows.groupby("kind").size().to_dict()
     assert counts == {"related": 3, "mirrored": 1, "mixed": 2}
     unrelated = rows[rows["kind"] != "related"]
@@ -231,7 +228,7 @@ def test_rankings_are_printed_as_tables_of_80_columns(
 
 def test_rankings_as_json_are_those_of_python(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = json.loads(print_rankings(finished, capsys, "--json"))["results"]["sets"]["grid"]
-    trials = records.load_trials(finished)
+    trials = tables.load(finished, "matches")
     ranks = rank_methods(trials[trials["threads"] == 1])
     assert [row["method"] for row in found] == [rank.method for rank in ranks]
     assert [row["f_score"]["mean"] for row in found] == [rank.f_score.mean for rank in ranks]
@@ -246,7 +243,7 @@ def test_rankings_are_printed_as_markdown(finished: Path, capsys: pytest.Capture
 
 def test_registered_pairs_are_counted_by_overlap(tmp_path: Path) -> None:
     serial(CLOUDS, tmp_path)
-    table = level_table(comparable(records.load_trials(tmp_path)))
+    table = level_table(comparable(tables.load(tmp_path, "matches")))
     assert table is not None
     assert table.headers == ("method", "0.7 to 1 (3)")
 
@@ -257,19 +254,6 @@ def test_tables_have_a_row_per_method(frame: pd.DataFrame) -> None:
     assert overview_table(frame).headers == ("method", "grid")
     assert cost_table(frame).headers[1:3] == ("median ms, 1 thread", "median ms, all cores")
     assert ranking(one).rows[0][-1].text == "F, registered"
-
-
-def test_files_of_earlier_versions_get_the_tables(tmp_path: Path) -> None:
-    for version in (1, 2):
-        path = tmp_path / f"{version}.sqlite"
-        old = sqlite3.connect(path)
-        for statement in "".join(ADDED[number] for number in range(1, version + 1)).split(";\n"):
-            old.execute(statement)
-        old.execute(f"pragma user_version = {version}")
-        old.close()
-        store = Store(path)
-        assert store.counts()["try"] == (0, 0, 0)
-        store.close()
 
 
 @pytest.mark.parametrize(
@@ -303,8 +287,8 @@ def test_matches_are_made_of_clouds_only(dataset: str, matches: str, message: st
 
 def test_presets_give_methods_their_options() -> None:
     text = GRID.replace("[[trials.sets]]", '[[trials.sets]]\npreset = "legacy_header"')
-    (planned,) = make_plan(parse_config(text), None).trials
-    options = {method.name: method.options for method in planned.methods}
+    (planned,) = make_plan(parse_config(text), None).sets
+    options = {method.name: method.options for method in planned.solvers}
     assert options["ransac"] == '{"iterations": 5000}'
     assert options["gtm"] == "{}"
 

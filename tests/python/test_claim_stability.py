@@ -13,7 +13,6 @@ import pytest
 from benchmark_frames import paper_frame, paper_timing
 from repeated_rows import repeat_rows, uneven
 
-from cgroup.benchmark import records
 from cgroup.benchmark.claims import (
     CLAIMS,
     CRITERIA,
@@ -189,8 +188,8 @@ def test_tables_mark_close_verdicts() -> None:
 
 @pytest.fixture
 def show(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable:
-    monkeypatch.setattr(records, "load", lambda _: make_frame([0.31, 0.71] * 10))
-    monkeypatch.setattr(records, "load_timing", lambda _: NO_TIMES)
+    frames = {"experiment": make_frame([0.31, 0.71] * 10), "timing": NO_TIMES}
+    monkeypatch.setattr(tables, "load", lambda _, kind="experiment": frames[kind])
 
     def run(*arguments: str) -> str:
         with pytest.raises(SystemExit) as ended:

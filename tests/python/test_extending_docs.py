@@ -10,10 +10,10 @@ import pytest
 
 from benchmark_runs import serial
 from cgroup._runtime.progress import StageClock
-from cgroup.benchmark import records
-from cgroup.benchmark.candidates import candidate
+from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config
-from cgroup.benchmark.pipelines import Problem
+from cgroup.benchmark.pipelines import Clouds
+from cgroup.benchmark.solver import candidate
 from cgroup.datasets import MatchingPair, open_dataset, standin_pair
 from cgroup.errors import InputError
 from cgroup.io import write_cloud, write_transform
@@ -67,7 +67,7 @@ def test_a_name_that_the_module_lacks_is_refused() -> None:
 def test_the_method_is_run(mymodule: ModuleType) -> None:
     pair = standin_pair(pixels=60)
     matches = correspond(pair.source, pair.target)
-    found = candidate("closest", "mymodule:closest_descriptors", {"share": 0.1}).run(matches)
+    found = candidate("closest", "mymodule:closest_descriptors", {"share": 0.1}).group(matches)
     assert 0 < found.size < 0.2 * len(matches)
     assert 0 < mymodule.score.precision <= 1
 
@@ -98,7 +98,7 @@ def test_the_nuisance_is_done() -> None:
 
 def test_the_pipeline_registers(mymodule: ModuleType) -> None:
     pair = standin_pair(pixels=100)
-    problem = Problem(pair.source.points, pair.target.points, None, None, voxel=9.5)
+    problem = Clouds(pair.source.points, pair.target.points, None, None, voxel=9.5)
     answer = mymodule.mypipeline(problem, StageClock(lambda _: None), effort=2)
     assert answer.ok
     assert rotation_error(answer.T_target_source, pair.T_target_source) < 5
@@ -108,7 +108,7 @@ def test_the_pipeline_registers(mymodule: ModuleType) -> None:
 def test_the_configuration_of_the_method_runs(tmp_path: Path) -> None:
     text = blocks("extending", "toml")[0] + "pairs = 1\n"
     serial(text, tmp_path)
-    frame = records.load(tmp_path)
+    frame = tables.load(tmp_path)
     assert set(frame["method"]) == {"gtm", "closest"}
     assert not frame["error"].astype(bool).any()
 

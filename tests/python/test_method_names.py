@@ -8,8 +8,8 @@ from public_calls import MATCHES, PAIR, VOXEL
 
 import cgroup
 from cgroup import registry
-from cgroup.benchmark.candidates import candidate
 from cgroup.benchmark.config import parse_config, replace_methods
+from cgroup.benchmark.solver import candidate
 from cgroup.comparison import compare
 from cgroup.errors import InputError
 from cgroup.group import check_method
@@ -88,11 +88,11 @@ id = "a"
 dataset = "standin"
 """
     config = parse_config(text)
-    candidates = [entry.candidate() for entry in config.methods]
+    candidates = [entry.solver() for entry in config.methods]
     assert [(each.name, each.label) for each in candidates] == [("gtm", "gtm"), ("3dhv", "Hough (mine)")]
     assert candidates[0] == candidate("", "gtm", {})
     replaced = replace_methods(config, ["Paper", " SC2-PCR"])
-    assert [entry.candidate().name for entry in replaced.methods] == [*cgroup.PAPER_METHODS, "sc2pcr"]
+    assert [entry.solver().name for entry in replaced.methods] == [*cgroup.PAPER_METHODS, "sc2pcr"]
     with pytest.raises(InputError, match="or give module:function; did you mean 'gtm'"):
         parse_config(text.replace('"GTM"', '"GMT"'))
 

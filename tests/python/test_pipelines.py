@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cgroup.benchmark.pipelines import PIPELINES, Problem, make_pipeline, own
+from cgroup.benchmark.pipelines import PIPELINES, Clouds, own
+from cgroup.benchmark.solver import make_pipeline
 from cgroup.datasets import standin_pair
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import rotation_error, translation_error
@@ -24,10 +25,10 @@ def truth() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
+def problem() -> Clouds:
     pair = standin_pair(pixels=100)
     source, target = pair.source.points, pair.target.points
-    return Problem(source, target, (0, 0, 0), (0, 0, 0), choose_voxel(source, target), threads=1)
+    return Clouds(source, target, (0, 0, 0), (0, 0, 0), choose_voxel(source, target), threads=1)
 
 
 @pytest.mark.parametrize(
@@ -42,9 +43,9 @@ def problem() -> Problem:
     ],
 )
 def test_our_own_find_the_pose(
-    problem: Problem, truth: np.ndarray, name: str, options: dict[str, Any]
+    problem: Clouds, truth: np.ndarray, name: str, options: dict[str, Any]
 ) -> None:
-    answer, seconds = make_pipeline("", name, options).run(problem)
+    answer, seconds = make_pipeline("", name, options).register(problem)
     assert answer.ok
     assert answer.T_target_source is not None
     assert rotation_error(answer.T_target_source, truth) < 3
@@ -54,7 +55,7 @@ def test_our_own_find_the_pose(
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_viewpoints_are_told_or_not(problem: Problem, monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
+def test_viewpoints_are_told_or_not(problem: Clouds, monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
     given: dict[str, Any] = {}
 
     def register(*_clouds: object, **options: object) -> SimpleNamespace:
@@ -62,7 +63,7 @@ def test_viewpoints_are_told_or_not(problem: Problem, monkeypatch: pytest.Monkey
         return SimpleNamespace(T_target_source=POSE, ok=True, probability=0.9)
 
     monkeypatch.setattr(own, "register", register)
-    answer, _ = make_pipeline("", "cgroup", {"viewpoints": told, "effort": "low"}).run(problem)
+    answer, _ = make_pipeline("", "cgroup", {"viewpoints": told, "effort": "low"}).register(problem)
     assert answer.T_target_source is POSE
     assert answer.probability == 0.9
     assert given["voxel"] == problem.voxel
@@ -71,7 +72,7 @@ def test_viewpoints_are_told_or_not(problem: Problem, monkeypatch: pytest.Monkey
     assert ("target_viewpoint" in given) == told
 
 
-def test_the_best_guess_of_a_refusal_is_an_answer(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_best_guess_of_a_refusal_is_an_answer(problem: Clouds, monkeypatch: pytest.MonkeyPatch) -> None:
     refusal = NoConsensusError("nothing fits")
     refusal.registration = SimpleNamespace(T_target_source=POSE, ok=False, probability=0.1)  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -79,21 +80,21 @@ def test_the_best_guess_of_a_refusal_is_an_answer(problem: Problem, monkeypatch:
         raise refusal
 
     monkeypatch.setattr(own, "register", register)
-    answer, _ = make_pipeline("", "cgroup", {}).run(problem)
+    answer, _ = make_pipeline("", "cgroup", {}).register(problem)
     assert answer.T_target_source is POSE
     assert not answer.ok
     refusal.registration = None
-    answer, _ = make_pipeline("", "cgroup", {}).run(problem)
+    answer, _ = make_pipeline("", "cgroup", {}).register(problem)
     assert answer.T_target_source is None
     assert not answer.ok
 
 
-def test_matches_that_fix_no_pose_are_no_answer(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_matches_that_fix_no_pose_are_no_answer(problem: Clouds, monkeypatch: pytest.MonkeyPatch) -> None:
     def group(*_given: object, **_options: object) -> None:
         raise NoConsensusError
 
     monkeypatch.setattr(own, "group", group)
-    answer, _ = make_pipeline("", "cgroup-matches", {}).run(problem)
+    answer, _ = make_pipeline("", "cgroup-matches", {}).register(problem)
     assert answer.T_target_source is None
     assert not answer.ok
 
@@ -125,32 +126,32 @@ class _Kiss:
 
 
 @pytest.fixture
-def pair() -> Problem:
+def pair() -> Clouds:
     points = np.random.default_rng(0).uniform(size=(20, 3))
-    return Problem(points, points + 1, None, None, voxel=2.0, threads=2, seed=7)
+    return Clouds(points, points + 1, None, None, voxel=2.0, threads=2, seed=7)
 
 
 @pytest.mark.parametrize(("inliers", "ok"), [(4, False), (5, True)])
 def test_kiss_matcher_works_at_its_own_scale(
-    pair: Problem, monkeypatch: pytest.MonkeyPatch, inliers: int, ok: bool
+    pair: Clouds, monkeypatch: pytest.MonkeyPatch, inliers: int, ok: bool
 ) -> None:
     monkeypatch.setattr(_Kiss, "inliers", inliers)
     fake = SimpleNamespace(KISSMatcher=_Kiss, KISSMatcherConfig=lambda voxel: voxel)
     monkeypatch.setitem(sys.modules, "kiss_matcher", fake)  # pyright: ignore[reportArgumentType]
-    answer, seconds = make_pipeline("", "kiss-matcher", {}).run(pair)
+    answer, seconds = make_pipeline("", "kiss-matcher", {}).register(pair)
     np.testing.assert_allclose(_Kiss.seen, pair.source * 0.15)
     np.testing.assert_allclose(answer.T_target_source, POSE)
     assert answer.ok == ok
     assert list(seconds) == ["features", "matching", "pose"]
     monkeypatch.setattr(_Kiss, "valid", False)
-    assert make_pipeline("", "kiss-matcher", {}).run(pair)[0].T_target_source is None
+    assert make_pipeline("", "kiss-matcher", {}).register(pair)[0].T_target_source is None
 
 
 # --- small_gicp -----------------------------------------------------------------------------------
 
 
 def test_refinement_starts_from_the_pose_at_its_own_scale(
-    pair: Problem, monkeypatch: pytest.MonkeyPatch
+    pair: Clouds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def align(
         target: np.ndarray, source: np.ndarray, init_T_target_source: np.ndarray, num_threads: int
@@ -165,12 +166,13 @@ def test_refinement_starts_from_the_pose_at_its_own_scale(
 
     monkeypatch.setitem(sys.modules, "small_gicp", SimpleNamespace(align=align))  # pyright: ignore[reportArgumentType]
     refined = make_pipeline("", "benchmark_fakes:shifting", {}, refined=True)
-    answer, seconds = refined.run(pair)
+    answer, seconds = refined.register(pair)
     assert answer.T_target_source is not None
     np.testing.assert_allclose(answer.T_target_source[:3, 3], (2, 2, 3))
     assert list(seconds)[-1] == "refinement"
     assert (
-        make_pipeline("", "benchmark_fakes:poseless", {}, refined=True).run(pair)[0].T_target_source is None
+        make_pipeline("", "benchmark_fakes:poseless", {}, refined=True).register(pair)[0].T_target_source
+        is None
     )
     assert refined.key != make_pipeline("", "benchmark_fakes:shifting", {}).key
 
@@ -231,11 +233,11 @@ def _fake_open3d(fitness: float, seen: dict[str, Any]) -> SimpleNamespace:
 
 @pytest.mark.parametrize(("name", "reach"), [("open3d-ransac", 3.0), ("open3d-fgr", 1.0)])
 def test_open3d_gets_the_parameters_of_its_tutorial(
-    pair: Problem, monkeypatch: pytest.MonkeyPatch, name: str, reach: float
+    pair: Clouds, monkeypatch: pytest.MonkeyPatch, name: str, reach: float
 ) -> None:
     seen: dict[str, Any] = {}
     monkeypatch.setitem(sys.modules, "open3d", _fake_open3d(0.5, seen))  # pyright: ignore[reportArgumentType]
-    answer, seconds = make_pipeline("", name, {}).run(pair)
+    answer, seconds = make_pipeline("", name, {}).register(pair)
     np.testing.assert_array_equal(answer.T_target_source, POSE)
     assert answer.ok
     assert seen["reach"] == reach
@@ -247,12 +249,12 @@ def test_open3d_gets_the_parameters_of_its_tutorial(
 
 
 def test_open3d_is_told_viewpoints_and_may_find_nothing(
-    pair: Problem, monkeypatch: pytest.MonkeyPatch
+    pair: Clouds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: dict[str, Any] = {}
     monkeypatch.setitem(sys.modules, "open3d", _fake_open3d(0.0, seen))  # pyright: ignore[reportArgumentType]
-    known = Problem(pair.source, pair.target, (1, 2, 3), None, voxel=2.0)
-    answer, _ = make_pipeline("", "open3d-ransac", {}).run(known)
+    known = Clouds(pair.source, pair.target, (1, 2, 3), None, voxel=2.0)
+    answer, _ = make_pipeline("", "open3d-ransac", {}).register(known)
     assert answer.T_target_source is None
     assert not answer.ok
     assert ("towards", (1, 2, 3)) in seen["source"].calls

@@ -15,7 +15,7 @@ from benchmark_frames import paper_frame, paper_timing
 from command_lines import run as run_command
 from matplotlib.patches import Rectangle
 
-from cgroup.benchmark import records
+from cgroup.benchmark import tables
 from cgroup.benchmark.claims import CLAIMS
 from cgroup.benchmark.config import Config, ExperimentEntry, parse_config, read_config
 from cgroup.benchmark.readings import (
@@ -32,8 +32,8 @@ from cgroup.benchmark.readings.files import _list_cells
 from cgroup.benchmark.readings.measurement import measure_again
 from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
 from cgroup.benchmark.readings.tables import CLOSE_MARK, as_csv, as_markdown
-from cgroup.benchmark.records.means import add_scores
 from cgroup.benchmark.run import run
+from cgroup.benchmark.tables import add_scores
 from cgroup.datasets import open_dataset
 from cgroup.datasets.generated.stones import StandinViews
 from cgroup.errors import InputError
@@ -66,7 +66,7 @@ def entries(reading: str, preset: str = "readings") -> list[ExperimentEntry]:
 
 
 def labels(entry: ExperimentEntry) -> list[str]:
-    return [method.candidate().label for method in entry.methods or ()]
+    return [method.solver().label for method in entry.methods or ()]
 
 
 # --- The data -----------------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ def test_all_readings_together_are_one_configuration() -> None:
     config = add_readings(read_config("readings"), list_readings())
     assert len({experiment.id for experiment in config.experiment}) > 100
     assert config.timing is not None
-    timed = {method.candidate().label for method in config.timing.methods or ()}
+    timed = {method.solver().label for method in config.timing.methods or ()}
     assert {name for reading in list_readings() for name in reading.times.values()} <= timed
 
 
@@ -171,14 +171,14 @@ def test_front_of_the_default_stays() -> None:
 def test_variants_of_the_default_have_the_labels_of_readings() -> None:
     text = SMALL.replace('"gtm"', '{ name = "gtm", label = "A", options = { iterations = 20 } }, "gtm"')
     config = add_readings(parse_config(text), list_readings(["gtm-20"]))
-    assert [method.candidate().label for method in config.methods] == ["gc", "gtm iterations=20", "gtm", "cv"]
+    assert [method.solver().label for method in config.methods] == ["gc", "gtm iterations=20", "gtm", "cv"]
     assert labels(config.experiment[-1]) == ["gtm iterations=20"]
 
 
 def test_options_that_the_default_has_change_nothing() -> None:
     text = SMALL.replace('"gtm"', '{ name = "gtm", options = { iterations = 20 } }')
     config = add_readings(parse_config(text), list_readings(["gtm-20"]))
-    assert [method.candidate().label for method in config.methods] == ["gc", "gtm", "cv"]
+    assert [method.solver().label for method in config.methods] == ["gc", "gtm", "cv"]
     assert labels(config.experiment[-1]) == ["gtm"]
 
 
@@ -290,7 +290,7 @@ def test_facts_of_the_pairs_are_measured_again(tmp_path: Path) -> None:
         ExperimentEntry(id="noise", dataset="standin-full", pairs=1),
     ]
     run(Config(name="small", methods=["gc"], experiment=entries), tmp_path, backend="threading")
-    before = records.load(tmp_path)
+    before = tables.load(tmp_path)
     [wide] = list_readings(["overlap-8"])
     after = measure_again(before, wide, None)
     plain = (after["dataset"] == "standin-views") & (after["nuisance"] == "")
@@ -463,7 +463,7 @@ def test_readings_of_a_run_and_again(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert status == 0
     names = [reading["name"] for reading in json.loads(out)["results"]["readings"]]
     assert names == ["default", "gc-union", "gtm-20", "mutual"]
-    frame = records.load(tmp_path / "out")
+    frame = tables.load(tmp_path / "out")
     assert set(frame["method"]) == {"gc", "gtm", "cv", "gtm iterations=20", "gc ties=union"}
     again, shown, _ = run_command(capsys, *words[:-1], "gtm-20, mutual, gc-union", "--resamples", 2)
     assert again == 0
@@ -495,7 +495,7 @@ def test_what_failed_is_told_and_tried_again(
 def test_records_of_a_reading_differ_from_those_of_the_default(tmp_path: Path) -> None:
     [reading] = list_readings(["gtm-20"])
     run(add_readings(parse_config(SMALL), [reading]), tmp_path, backend="threading")
-    frame = records.load(tmp_path)
+    frame = tables.load(tmp_path)
     before, after = (
         table.set_index("method") for table in (select_default(frame), select_reading(frame, reading))
     )

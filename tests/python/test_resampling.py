@@ -10,7 +10,7 @@ import pytest
 from benchmark_frames import paper_frame
 from repeated_rows import repeat_rows, uneven
 
-from cgroup.benchmark import records
+from cgroup.benchmark import tables
 from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.resampling import PairDraws, resample_evidence
 
@@ -62,14 +62,14 @@ def test_averages_are_those_of_the_records(average: Average) -> None:
         sample = evidence.sample(experiment, place)
         for column in ("precision", "recall", "f_score", "seconds"):
             wanted = "f_of_means" if (average, column) == ("f_of_means", "f_score") else column
-            by_level = records.aggregate(sample.rows, ["x", "method"], how).pivot_table(
+            by_level = tables.aggregate(sample.rows, ["x", "method"], how).pivot_table(
                 index="x", columns="method", values=wanted
             )
             np.testing.assert_allclose(sample.by_level(column), by_level)
-            overall = records.aggregate(sample.rows, ["method"], how)[wanted]
+            overall = tables.aggregate(sample.rows, ["method"], how)[wanted]
             np.testing.assert_allclose(sample.overall(column), overall)
         pairs = sample.rows.drop_duplicates(["pair", "x", "epsilon"])
-        ratios = records.aggregate(pairs, ["x"], how)["inlier_ratio"]
+        ratios = tables.aggregate(pairs, ["x"], how)["inlier_ratio"]
         np.testing.assert_allclose(sample.matches("inlier_ratio"), ratios)
 
 

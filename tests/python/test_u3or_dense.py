@@ -8,9 +8,8 @@ import pytest
 from shared_data import data_folder
 
 from cgroup import features
-from cgroup.benchmark import paper
-from cgroup.benchmark.cases import Case
-from cgroup.benchmark.run import stages
+from cgroup.benchmark import matching, paper
+from cgroup.benchmark.problem import Problem, load_pair
 from cgroup.datasets import MatchingPair, mirror, open_dataset, u3or_dense
 from cgroup.datasets.generated.shapes import stone
 from cgroup.datasets.u3or_dense import NOISE, SCANNER_SPACING, SPACING, U3ORDense
@@ -28,7 +27,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CGROUP_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
-    stages.forget_pairs()
+    matching.forget_pairs()
 
 
 @pytest.fixture(scope="module")
@@ -149,12 +148,12 @@ def test_scan_in_full_resolution_is_moved_and_thinned(root: Path, dense: U3ORDen
 
 
 def test_benchmark_takes_the_given_normals(root: Path, dense: U3ORDense) -> None:
-    case = Case("u3or-dense", "rs12-chef")
-    (record,) = stages.match_cases([case], str(root))
+    case = Problem("experiment", "u3or-dense", "rs12-chef", matches="C1")
+    (record,) = matching.match_problems([case], str(root))
     assert record.error == ""
-    pair = stages.load_pair("u3or-dense", "rs12-chef", str(root))
+    pair = load_pair("u3or-dense", "rs12-chef", str(root))
     assert isinstance(pair, MatchingPair)
-    model, scene = stages._add_normals(pair, pair.normals)
+    model, scene = matching.add_normals(pair, pair.normals)
     np.testing.assert_array_equal(model.normals, dense.dense_model("chef").normals)
     assert scene.normals is not None
     towards = -np.sum(scene.normals * scene.points, axis=1)

@@ -17,7 +17,7 @@ import pandas as pd
 
 import cgroup
 from cgroup import comparison, datasets, features, pages, plots, registration, registry, types
-from cgroup.benchmark import candidates, claims, config, pipelines, rankings, readings, records, report, run
+from cgroup.benchmark import claims, config, pipelines, rankings, readings, report, run, solver, tables
 from cgroup.benchmark.evidence import Evidence
 from cgroup.pages import page
 
@@ -139,43 +139,32 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     "cgroup.pages.page_html": (find_plotly_missing,),
     "cgroup.pages.registration_page": (lambda: pages.registration_page(CLOUD, CLOUD, 3),),
     "cgroup.pages.write_page": (lambda: pages.write_page(NOWHERE / "page.html", ""),),
-    "cgroup.benchmark.candidates.Candidate.check": (candidates.Candidate("", "nonsense").check,),
-    "cgroup.benchmark.candidates.Candidate.run": (lambda: candidates.candidate("", "lc", {}).run(BARE),),
-    "cgroup.benchmark.candidates.Candidate.parameters": (
-        lambda: candidates.candidate("", "lc", {"tolerance_pr": 1}).parameters(0, None),
+    "cgroup.benchmark.solver.Solver.group": (lambda: solver.candidate("", "lc", {}).group(BARE),),
+    "cgroup.benchmark.solver.Solver.parameters": (
+        lambda: solver.candidate("", "lc", {"tolerance_pr": 1}).parameters(0, None),
     ),
-    "cgroup.benchmark.candidates.candidate": (lambda: candidates.candidate("", "nonsense", {}),),
-    "cgroup.benchmark.pipelines.Pipeline.run": (
-        lambda: pipelines.make_pipeline("", "cgroup", {}).run(
-            pipelines.Problem(PROBLEM.source, PROBLEM.target, None, None, voxel=-1)
+    "cgroup.benchmark.solver.Solver.register": (
+        lambda: solver.make_pipeline("", "cgroup", {}).register(
+            pipelines.Clouds(PROBLEM.source, PROBLEM.target, None, None, voxel=-1)
         ),
     ),
-    "cgroup.benchmark.pipelines.make_pipeline": (lambda: pipelines.make_pipeline("", "nonsense", {}),),
+    "cgroup.benchmark.solver.candidate": (lambda: solver.candidate("", "nonsense", {}),),
+    "cgroup.benchmark.solver.make_pipeline": (lambda: solver.make_pipeline("", "nonsense", {}),),
     **{
         f"cgroup.benchmark.config.{name}": (partial(getattr(config, name), nonsense=1),)
         for name in ("Config", *(name for name in config.__all__ if name.endswith("Entry")))
     },
-    "cgroup.benchmark.config.MethodEntry.candidate": (
-        config.MethodEntry.model_construct(name="nonsense").candidate,
-    ),
-    "cgroup.benchmark.config.PipelineEntry.pipeline": (
-        config.PipelineEntry.model_construct(name="nonsense").pipeline,
-    ),
     "cgroup.benchmark.config.parse_config": (lambda: config.parse_config("nonsense"),),
     "cgroup.benchmark.config.read_config": (lambda: config.read_config("nonsense"),),
     "cgroup.benchmark.config.replace_methods": (lambda: config.replace_methods(GENERATED, ["nonsense"]),),
     "cgroup.benchmark.run.run": (lambda: run.run(GENERATED, NOWHERE, workers=0),),
-    "cgroup.benchmark.records.aggregate": (
-        lambda: records.aggregate(pd.DataFrame(), ["method"], "nonsense"),
-        lambda: records.aggregate(pd.DataFrame(), ["method"]),
+    "cgroup.benchmark.tables.aggregate": (
+        lambda: tables.aggregate(pd.DataFrame(), ["method"], "nonsense"),
+        lambda: tables.aggregate(pd.DataFrame(), ["method"]),
     ),
-    "cgroup.benchmark.records.exponents": (lambda: records.exponents(pd.DataFrame()),),
-    "cgroup.benchmark.records.load_groups": (lambda: records.load_groups(NOWHERE, "nonsense"),),
-    **{
-        f"cgroup.benchmark.records.{name}": (partial(getattr(records, name), NOWHERE),)
-        for name in records.__all__
-        if name not in {"aggregate", "exponents", "load_groups"}
-    },
+    "cgroup.benchmark.tables.exponents": (lambda: tables.exponents(pd.DataFrame()),),
+    "cgroup.benchmark.tables.load_groups": (lambda: tables.load_groups(NOWHERE, "nonsense"),),
+    "cgroup.benchmark.tables.load": (lambda: tables.load(NOWHERE),),
     "cgroup.benchmark.readings.add_readings": (
         lambda: readings.add_readings(config.read_config("matches"), []),
     ),
