@@ -15,8 +15,8 @@ from pathlib import Path
 
 import cgroup
 from cgroup.benchmark.config import read_config
-from cgroup.benchmark.tables import load
 from cgroup.benchmark.run import run
+from cgroup.benchmark.tables import load
 from method_figures.measure_options import COLUMNS, measure_all
 from method_figures.measured import METHODS_CSV, OPTIONS_CSV
 from method_figures.tables import write_tables
