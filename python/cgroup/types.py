@@ -10,7 +10,7 @@ import numpy as np
 from cgroup import _core
 from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup._checks.arrays import as_faces, as_points
-from cgroup._checks.fields import OPTIONAL_FIELDS, check_fields
+from cgroup._checks.fields import OPTIONAL_FIELDS, Fields, check_fields
 from cgroup._checks.foreign import cloud_parts
 from cgroup._show.drawing import plot
 from cgroup._show.hooks import call_hook
@@ -123,8 +123,7 @@ class Correspondences:
             source_centroid=source_centroid,
             candidates=candidates,
         )
-        for name, value in fields._asdict().items():
-            object.__setattr__(self, name, _own(value) if isinstance(value, np.ndarray) else value)
+        _take_fields(self, Fields(*(_copied(value) for value in fields)))
 
     def __len__(self) -> int:
         return len(self.source)
@@ -191,10 +190,23 @@ def _rows_of(matches: Correspondences) -> list[tuple[str, str]]:
     return [("besides the points", ", ".join(given) or "nothing"), ("resolution (pr)", resolution)]
 
 
-def _own(array: RealArray) -> RealArray:
-    copy = array.copy()
-    copy.flags.writeable = False
-    return copy
+def own_correspondences(fields: Fields) -> Correspondences:
+    """Return correspondences of arrays that are checked and that nobody else changes: they aren't copied."""
+    made = object.__new__(Correspondences)
+    _take_fields(made, fields)
+    return made
+
+
+def _take_fields(matches: Correspondences, fields: Fields) -> None:
+    """Set the fields, whose arrays become read-only."""
+    for name, value in fields._asdict().items():
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        object.__setattr__(matches, name, value)
+
+
+def _copied(value: RealArray | float | None) -> Any:  # noqa: ANN401 - of the same kind
+    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,17 +12,15 @@ import numpy as np
 from cgroup import features
 from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.config import FrontEntry
-from cgroup.benchmark.pipelines.own import FPFH_RADIUS, MATCH_RESOLUTION, NORMAL_NEIGHBORS, NORMAL_RADIUS
 from cgroup.benchmark.problem import COMBINATIONS, known_resolution, load_pair, open_once
 from cgroup.benchmark.results import Matched, describe_error, floats_as_bytes, pack, rounded_json
 from cgroup.datasets import MatchingPair
 from cgroup.evaluation import match_errors
-from cgroup.features import ORIGIN, SUPPORT_RADIUS
 from cgroup.nuisances import apply_nuisance
-from cgroup.registration import DescribedCloud, correspond, surface_normals
-from cgroup.registration.correspond import common_resolution
-from cgroup.registration.front_end import FrontEnd
-from cgroup.registration.matching import as_correspondences, match_both_ways, take_matches
+from cgroup.registration import DenseFront, DescribedCloud, PaperFront, correspond, surface_normals
+from cgroup.registration.matching import match_both_ways, take_matches
+from cgroup.registration.paper_front import common_resolution, correspond_by
+from cgroup.registration.prepare import NORMAL_NEIGHBORS, UNIT
 from cgroup.registration.scan import as_scan, usable_normals
 from cgroup.rigid import check_rigid
 
@@ -33,11 +31,7 @@ if TYPE_CHECKING:
     from cgroup.datasets import UnrelatedPair
     from cgroup.features import Viewpoint
     from cgroup.registration import Normals
-    from cgroup.registration.scan import Scan
     from cgroup.types import BoolArray, Correspondences, FloatArray, PointCloud, RealArray
-
-FRAME_RADIUS = 8.0
-"""Radius in voxels of the support of a frame of dense matches."""
 
 _THREADS = 1  # workers compute on one
 
@@ -84,22 +78,18 @@ def _match_pair(problem: Problem, loaded: LoadedProblem, pair: MatchingPair, roo
         loaded = replace(loaded, pair=disturbed, clouds=disturbed, truth=disturbed.T_target_source)
     else:
         clouds = _load_with_normals(problem.dataset, problem.pair, normals, root)
-    front: dict[str, Any] = {
+    parameters: dict[str, Any] = {
         "detector": problem.detector,
         "descriptor": problem.descriptor,
         "nms_radius": problem.nms_radius,
-    }
-    parameters = front | {
         "normals": normals,
         "source_viewpoint": disturbed.source_viewpoint,
         "target_viewpoint": disturbed.target_viewpoint,
     }
-    clock = StageClock()
     if problem.front:
         parameters["front"] = json.loads(problem.front)
-        matches = match_by_front(problem, clouds, pair, clock.start)
-    else:
-        matches = correspond(*clouds, threads=_THREADS, normals="given", progress=clock.start, **front)
+    clock = StageClock()
+    matches = match_by_front(problem, clouds, pair, clock.start)
     return _record(problem, loaded, matches, clock, json.dumps(parameters))
 
 
@@ -174,7 +164,7 @@ def match_by_front(
     undisturbed: MatchingPair,
     begin: Callable[[str], Any],
 ) -> Correspondences:
-    """Match two clouds by the steps of `correspond`, with what a problem changes.
+    """Match two clouds by the paper's front end, with what a problem changes of it.
 
     Parameters
     ----------
@@ -192,52 +182,37 @@ def match_by_front(
     Correspondences
         With every field that a method may need.
     """
-    front = read_front(problem)
+    entry = read_front(problem)
     detector, descriptor = COMBINATIONS[problem.matches]
-    begin("resolution")
-    scans = as_scan("source", clouds[0]), as_scan("target", clouds[1])
-    pr = _find_unit(front, scans, undisturbed)
-    front_end = FrontEnd(detector, None, problem.nms_radius, _THREADS, front.harris_radius, front.iss_radii)
-    described: list[DescribedCloud] = []
-    for scan in scans:
-
-        def begin_step(step: str, role: str = scan.name) -> None:
-            begin(f"{role} {step}")
-
-        found = front_end.describe(scan, pr, descriptor, "given", ORIGIN, begin_step)
-        if front.frames == "toldi":
-            begin_step("frames")
-            found = _with_toldi_frames(found, scan)
-        described.append(found)
-    begin("matching")
-    source, target = described
-    mutual = front.matching == "mutual"
-    matches = features.match(source.descriptors, target.descriptors, mutual=mutual, threads=_THREADS)
-    if front.similarity == "raw":
-        matches = replace(matches, similarity=1 - matches.distance)
-    return as_correspondences(source, target, matches)
+    front = PaperFront(
+        detector,
+        descriptor,
+        nms_radius=problem.nms_radius,
+        normals="given",
+        resolution=_find_unit(entry, clouds, undisturbed),
+        harris_radius=entry.harris_radius,
+        iss_radii=entry.iss_radii,
+        frames=entry.frames,
+        matching=entry.matching,
+        similarity=entry.similarity,
+    )
+    return correspond_by(front, *clouds, threads=_THREADS, begin=begin)
 
 
-def _find_unit(front: FrontEntry, scans: tuple[Scan, Scan], undisturbed: MatchingPair) -> float:
-    """Find the unit pr of all lengths."""
-    source, target = scans
-    match front.resolution:
+def _find_unit(
+    entry: FrontEntry, clouds: tuple[PointCloud, PointCloud], undisturbed: MatchingPair
+) -> float | None:
+    """Find the unit pr of all lengths; None for the mean of both clouds."""
+    match entry.resolution:
         case "pair":
-            return common_resolution(source, target, _THREADS)
+            return None
         case "undisturbed":
-            before = undisturbed.source.points, undisturbed.target.points
-            return common_resolution(as_scan("source", before[0]), as_scan("target", before[1]), _THREADS)
+            before = as_scan("source", undisturbed.source.points), as_scan("target", undisturbed.target.points)
+            return common_resolution(*before, _THREADS)
         case "source":
-            return source.resolution(_THREADS)
+            return as_scan("source", clouds[0]).resolution(_THREADS)
         case "target":
-            return target.resolution(_THREADS)
-
-
-def _with_toldi_frames(described: DescribedCloud, scan: Scan) -> DescribedCloud:
-    """Give keypoints the frames of TOLDI in place of SHOT's."""
-    radius = SUPPORT_RADIUS * described.resolution
-    frames = features.toldi_lrf(scan.cloud, described.indices, radius=radius, threads=_THREADS)
-    return replace(described, lrf=frames)
+            return as_scan("target", clouds[1]).resolution(_THREADS)
 
 
 # --- matches of any kind ---------------------------------------------------------------------------
@@ -327,18 +302,19 @@ def _describe_voxels(
     cloud: PointCloud, viewpoint: Viewpoint, voxel: float, *, unit_length: bool
 ) -> DescribedCloud:
     """Describe every voxel of a cloud by FPFH; normals are on the side of the cloud's own, if it has some."""
+    front = DenseFront()
     voxels = features.voxel_downsample(cloud.points, voxel, normals=cloud.normals)
     thinned = features.Cloud(voxels.points)
     normals = features.normals(
-        thinned, radius=NORMAL_RADIUS * voxel, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint
+        thinned, radius=front.normal_radius * voxel, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint
     )
     if voxels.normals is not None:
         normals *= np.where(np.einsum("ij,ij->i", normals, voxels.normals) < 0, -1.0, 1.0)[:, None]
-    values = features.fpfh(thinned, normals, radius=FPFH_RADIUS * voxel)
-    frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=FRAME_RADIUS * voxel)
+    values = features.fpfh(thinned, normals, radius=front.support * voxel)
+    frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=front.frame_radius * voxel)
     rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
     chosen = values[rows]
     if unit_length:
         chosen = chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
     center = cloud.points.mean(axis=0)
-    return DescribedCloud(rows, voxels.points[rows], frames[rows], chosen, MATCH_RESOLUTION * voxel, center)
+    return DescribedCloud(rows, voxels.points[rows], frames[rows], chosen, UNIT * voxel, center)

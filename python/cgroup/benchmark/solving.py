@@ -34,7 +34,7 @@ from cgroup.benchmark.results import (
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import match_errors, rotation_error, score_group, translation_error
 from cgroup.evaluation.protocols import PROTOCOLS
-from cgroup.registration.poses import group_poses
+from cgroup.registration.matching import group_poses
 from cgroup.registry import METHOD_INFO
 from cgroup.rigid import apply
 

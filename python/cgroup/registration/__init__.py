@@ -1,4 +1,4 @@
-"""The pipeline: two clouds in, a pose that their surfaces confirm out, or an honest no.
+"""Register clouds: two clouds in, a pose that their surfaces confirm out, or an honest no.
 
 `register` thins both clouds to voxels, matches them, lets a grouping method propose poses, verifies these
 on the surfaces, and refines and judges the best. `correspond` is the front end of the paper's evaluation:
@@ -9,15 +9,21 @@ them can be replaced.
 from __future__ import annotations
 
 from cgroup.features import ORIGIN, DescribedCloud, Viewpoint
-from cgroup.registration.correspond import PaperFront, correspond
-from cgroup.registration.description import describe, detect, surface_normals
-from cgroup.registration.front_end import DESCRIPTORS, DETECTORS, Descriptor, Detector
-from cgroup.registration.many import register_many
 from cgroup.registration.matching import match_described
-from cgroup.registration.pipeline import register
-from cgroup.registration.preparation import prepare
-from cgroup.registration.prepared import DenseFront, PreparedScan
-from cgroup.registration.recognition import Recognized, find_instances, recognize
+from cgroup.registration.paper_front import (
+    DESCRIPTORS,
+    DETECTORS,
+    Descriptor,
+    Detector,
+    PaperFront,
+    correspond,
+    describe,
+    detect,
+    surface_normals,
+)
+from cgroup.registration.prepare import DenseFront, PreparedScan, prepare
+from cgroup.registration.recognition.recognize import Recognized, find_instances, recognize
+from cgroup.registration.register import register, register_many
 from cgroup.registration.result import Registration
 from cgroup.registration.scan import NORMALS, Normals
 from cgroup.registration.search import EFFORTS, Effort

@@ -1,17 +1,25 @@
-"""Matches of described clouds."""
+"""Match described clouds, and propose the poses that their matches speak for."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from cgroup import features
+from cgroup._checks.arrays import in_double
+from cgroup._checks.fields import FIELDS, Fields
 from cgroup._checks.values import as_instance
+from cgroup.errors import NoConsensusError
 from cgroup.features import DescribedCloud
-from cgroup.types import Correspondences
+from cgroup.group import group
+from cgroup.types import Correspondences, own_correspondences
 
 if TYPE_CHECKING:
     from cgroup.features.matching import Matches
-    from cgroup.types import BoolArray, RealArray
+    from cgroup.types import BoolArray, FloatArray, Grouping
+
+_OF_THE_CLOUDS = ("resolution", "source_centroid")  # all other fields have a row per match
 
 
 def match_described(
@@ -34,7 +42,7 @@ def match_described(
     Raises
     ------
     InputError
-        If the descriptors are not of the same kind, or what is given is no `DescribedCloud`.
+        If the descriptors are not of the same kind, or an argument is no `DescribedCloud`.
     OutOfMemoryError
         Where the system gives no memory for the computation.
 
@@ -61,7 +69,7 @@ def match_both_ways(
 
 
 def as_correspondences(source: DescribedCloud, target: DescribedCloud, matches: Matches) -> Correspondences:
-    """Return matches of the descriptors of two clouds with all that methods may need."""
+    """Return matches of the descriptors of two clouds, with every field that a method may need."""
     rows, partners = matches.source_indices, matches.target_indices
     return Correspondences(
         source.points[rows],
@@ -75,25 +83,48 @@ def as_correspondences(source: DescribedCloud, target: DescribedCloud, matches: 
     )
 
 
-def without_frames(matches: Correspondences) -> Correspondences:
-    """Return the matches by position: for a method that would use frames, where they are not to be used."""
-    return Correspondences(matches.source, matches.target, ratio=matches.ratio, resolution=matches.resolution)
-
-
 def take_matches(matches: Correspondences, chosen: BoolArray) -> Correspondences:
     """Return some of the matches."""
+    given = {name: value for name in FIELDS if (value := getattr(matches, name)) is not None}
+    rows = {name: value if name in _OF_THE_CLOUDS else value[chosen] for name, value in given.items()}
+    return own_correspondences(Fields(**rows))
 
-    def rows(values: RealArray | None) -> RealArray | None:
-        return None if values is None else values[chosen]
 
-    return Correspondences(
-        matches.source[chosen],
-        matches.target[chosen],
-        similarity=rows(matches.similarity),
-        ratio=rows(matches.ratio),
-        source_lrf=rows(matches.source_lrf),
-        target_lrf=rows(matches.target_lrf),
-        resolution=matches.resolution,
-        source_centroid=matches.source_centroid,
-        candidates=rows(matches.candidates),
+def propose_poses(
+    matches: Correspondences,
+    method: str,
+    threads: int | None,
+    **options: Any,  # noqa: ANN401 - those of the method
+) -> FloatArray:
+    """Group matches, and return the poses of the group; LC groups them by position alone."""
+    if method == "lc":
+        by_position = {name: getattr(matches, name) for name in ("source", "target", "ratio", "resolution")}
+        matches = own_correspondences(Fields(**by_position))
+    return group_poses(group(matches, method, threads=threads, **options))
+
+
+def group_poses(grouping: Grouping) -> FloatArray:
+    """Return the poses that a group stands for: its model and alternatives, or else its least-squares fit."""
+    if grouping.alternatives is not None:
+        return grouping.alternatives
+    if grouping.model is not None:
+        return grouping.model[None]
+    try:
+        return grouping.transform()[None]
+    except NoConsensusError:
+        return np.empty((0, 4, 4))
+
+
+def frame_poses(matches: Correspondences) -> FloatArray:
+    """Return the pose of every match that has frames: ``R_i = L'_i^T L_i``, ``t_i = q_i - R_i p_i``."""
+    if matches.source_lrf is None or matches.target_lrf is None:
+        return np.empty((0, 4, 4))
+    rotations = np.einsum(
+        "nji,njk->nik", in_double(matches.target_lrf), in_double(matches.source_lrf), optimize=True
     )
+    framed = np.isfinite(rotations).all(axis=(1, 2))
+    rotations = rotations[framed]
+    poses = np.tile(np.eye(4), (len(rotations), 1, 1))
+    poses[:, :3, :3] = rotations
+    poses[:, :3, 3] = matches.target[framed] - np.einsum("nij,nj->ni", rotations, matches.source[framed])
+    return poses

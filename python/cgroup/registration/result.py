@@ -1,4 +1,4 @@
-"""What registering two clouds gives."""
+"""Results of a registration."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from cgroup.registration.judge import Found, Judgement
     from cgroup.types import Correspondences, FloatArray, Grouping, PointCloud
 
 
@@ -162,3 +163,23 @@ class Registration:
     def __repr__(self) -> str:
         answer = "ok" if self.ok else "not ok"
         return f"Registration({answer}, probability={self.probability:.3f}, fitness={self.fitness:.2f})"
+
+
+def registration_of(found: Found, judgement: Judgement, seconds: dict[str, float]) -> Registration:
+    """Return the result of a search that has a pose."""
+    refined = found.refined
+    return Registration(
+        T_target_source=refined.T_target_source,
+        ok=judgement.ok,
+        probability=judgement.probability,
+        fitness=found.fitness,
+        inlier_rmse=refined.rmse,
+        information=refined.information,
+        open_motion=refined.open_motion,
+        alternatives=found.alternatives,
+        grouping=found.grouping,
+        correspondences=found.matches,
+        voxel=found.source.voxel,
+        notes=judgement.notes,
+        seconds=seconds,
+    )

@@ -1,28 +1,49 @@
-"""A cloud as the pipeline takes it: checked and indexed once, with the normals or faces it came with."""
+"""Clouds as registration takes them: checked and indexed once, with the normals or faces they came with."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+import numpy as np
+
 from cgroup import features
-from cgroup._checks.arrays import as_faces, as_points, real_points
+from cgroup._checks.arrays import as_faces, as_place, as_points, real_points
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.types import PointCloud, find_cloud
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
+    from cgroup.features import Viewpoint
     from cgroup.types import FloatArray, IndexArray
 
 Normals: TypeAlias = Literal["pca", "mesh", "given"]
 NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")
 
-NORMAL_NEIGHBORS = 20
-
 NEEDED_FOR = {"mesh": "faces", "given": "normals"}
+
+NORMAL_NEIGHBORS = 20
+"""Neighbours of a plane that is fitted to a whole cloud."""
+
+MAX_SIZE_RATIO = 100.0
+"""Clouds that differ more than this are taken to be in different units; no voxel suits both."""
+
+MAX_RANGE = 1000.0
+"""Distance of the viewpoint in diagonals of the cloud, beyond which it can't be meant."""
+
+_MOST_POINTS = 20_000_000
+_USUAL_POINTS = 40_000
+_MESH_SPACING = 0.5  # voxels between points on a large face
+
+
+def viewpoint_name(scan: str) -> str:
+    """Return the name of the parameter that says where a scan's scanner stood."""
+    return f"{scan}_viewpoint" if scan in {"source", "target"} else "viewpoint"
 
 
 def usable_normals(normals: Normals, *clouds: PointCloud) -> Normals:
@@ -34,7 +55,7 @@ def usable_normals(normals: Normals, *clouds: PointCloud) -> Normals:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """A cloud that is ready, and what its file says of the surface.
+    """A checked cloud, with the normals and faces of its file.
 
     Attributes
     ----------
@@ -77,6 +98,20 @@ class Scan:
             raise InputError(message)
         return given
 
+    def viewpoint(self, place: ArrayLike) -> Viewpoint:
+        """Return the scanner's place, if it can be meant."""
+        name = viewpoint_name(self.name)
+        x, y, z = as_place(name, place)
+        with np.errstate(over="ignore"):  # to infinity, which is too far
+            away = float(np.linalg.norm(np.array([x, y, z]) - self.cloud.points[0]))
+        if away > MAX_RANGE * self.cloud.diagonal:
+            message = (
+                f"{name}: got ({x:.4g}, {y:.4g}, {z:.4g}), {away:.3g} from a cloud that is "
+                f"{self.cloud.diagonal:.3g} across; give the scanner's place in the cloud's frame and unit"
+            )
+            raise InputError(message)
+        return x, y, z
+
 
 def as_point_cloud(name: str, cloud: PointCloud | Cloud | ArrayLike) -> PointCloud | Cloud | ArrayLike:
     """Return a cloud of another library as `PointCloud`, with its normals and faces; others as they are."""
@@ -84,8 +119,10 @@ def as_point_cloud(name: str, cloud: PointCloud | Cloud | ArrayLike) -> PointClo
     return cloud if found is None else found
 
 
-def as_scan(name: str, cloud: PointCloud | Cloud | ArrayLike) -> Scan:
-    """Check a cloud, and make it ready."""
+def as_scan(name: str, cloud: Scan | PointCloud | Cloud | ArrayLike) -> Scan:
+    """Check a cloud and index it, unless that is done."""
+    if isinstance(cloud, Scan):
+        return replace(cloud, name=name)
     normals, faces = None, None
     cloud = as_point_cloud(name, cloud)
     if isinstance(cloud, PointCloud):
@@ -114,3 +151,87 @@ def _surface_of(name: str, cloud: PointCloud) -> tuple[FloatArray | None, IndexA
         message = f"{name}.faces: got row {faces.max()}, but there are {count} points"
         raise InputError(message)
     return normals, faces
+
+
+def check_sizes(scans: Sequence[Scan]) -> None:
+    """Refuse clouds in different units."""
+    sizes = [scan.cloud.diagonal for scan in scans]
+    if max(sizes) > MAX_SIZE_RATIO * min(sizes):
+        one, other = (scans[row] for row in sorted([sizes.index(min(sizes)), sizes.index(max(sizes))]))
+        message = (
+            f"{one.name}, {other.name}: {one.cloud.diagonal:.3g} and {other.cloud.diagonal:.3g} across; "
+            "scale them to the same unit, or drop points far from all others"
+        )
+        raise InputError(message)
+
+
+def as_model(name: str, cloud: PointCloud | Cloud | ArrayLike, normals: Normals, voxel: float | None) -> Scan:
+    """Check a whole model, whose normals or faces tell its outside."""
+    cloud = as_point_cloud(name, cloud)
+    if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:
+        message = (
+            f"{name}: got no {NEEDED_FOR[normals]}, which tell the outside of a model; give a `PointCloud` "
+            "with them, or another library's cloud or mesh"
+        )
+        raise InputError(message)
+    if normals == "given":
+        return as_scan(name, cloud)
+    return as_scan(
+        name, _sample_mesh(cloud, None if voxel is None else _MESH_SPACING * as_length("voxel", voxel))
+    )
+
+
+def _sample_mesh(mesh: PointCloud, spacing: float | None) -> PointCloud:
+    """Return the vertices of a mesh, points between them on large faces, and normals outwards.
+
+    Parameters
+    ----------
+    mesh : PointCloud
+        With faces.
+    spacing : float or None
+        Largest distance between neighbouring points of a face, in the unit of the points; None for some
+        40,000 points.
+
+    Returns
+    -------
+    PointCloud
+        Vertices first; normals are NaN for vertices that no face has.
+
+    Raises
+    ------
+    InputError
+        If that were too many points.
+    """
+    assert mesh.faces is not None  # noqa: S101 - the caller looks
+    points, faces = as_points("model", mesh.points), np.asarray(mesh.faces)
+    normals = features.mesh_normals(points, faces)
+    corners = points[faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    if spacing is None:
+        spacing = float(np.sqrt(np.linalg.norm(across, axis=1).sum() / 2 / _USUAL_POINTS))
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    parts = np.maximum(np.ceil(longest / spacing), 1)
+    total = len(points) + float((parts**2).sum()) / 2
+    if total > _MOST_POINTS:
+        message = (
+            f"model: {total:.3g} points would lie {spacing:.3g} apart on its faces; "
+            "give it in the scene's unit, or a larger `voxel`"
+        )
+        raise InputError(message)
+    # An area with a side: that of the normals of its corners.
+    inwards = np.einsum("fx,fx->f", across, np.nansum(normals[faces], axis=1)) < 0
+    outwards = np.where(inwards, -1.0, 1.0)[:, None] * across
+    places, directions = [points], [normals]
+    for count in np.unique(parts[parts > 1]).astype(int):
+        chosen = np.flatnonzero(parts == count)
+        weights = _barycentric_grid(count)
+        places.append(np.einsum("gk,fkx->fgx", weights, corners[chosen]).reshape(-1, 3))
+        directions.append(np.repeat(outwards[chosen], len(weights), axis=0))
+    return PointCloud(np.concatenate(places), np.concatenate(directions))
+
+
+def _barycentric_grid(parts: int) -> FloatArray:
+    """Weights of points on a triangle whose edges are cut into parts, without its corners."""
+    first, second = (steps.reshape(-1) for steps in np.meshgrid(*2 * [np.arange(parts + 1)], indexing="ij"))
+    steps = np.stack([first, second, parts - first - second], axis=1)
+    return steps[(steps >= 0).all(axis=1) & (steps < parts).all(axis=1)] / parts

@@ -1,4 +1,4 @@
-"""From two prepared scans to the pose that their surfaces confirm: propose, verify, refine, judge."""
+"""Search for the pose of two prepared scans: propose, verify on the surfaces, refine, rank."""
 
 from __future__ import annotations
 
@@ -7,21 +7,26 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from cgroup.group import group
-from cgroup.registration.judgement import ACCEPTED, SURE, probability, rank
-from cgroup.registration.matching import match_both_ways, take_matches, without_frames
-from cgroup.registration.poses import frame_poses, group_poses, is_upright, keep_upright
-from cgroup.registration.prepared import fine_surfaces
+from cgroup._checks.arrays import as_place
+from cgroup.errors import InputError
+from cgroup.features import ORIGIN
+from cgroup.registration.judge import Found, is_accepted, is_sure, probability, rank
+from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
+from cgroup.registration.paper_front import correspond_by
+from cgroup.registration.prepare import fine_surfaces
 from cgroup.verification import align, verify
 from cgroup.verification.alignment import align_each
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import ArrayLike
+
     from cgroup._runtime.progress import StageClock
-    from cgroup.registration.prepared import PreparedScan
+    from cgroup.registration.paper_front import PaperFront
+    from cgroup.registration.prepare import PreparedScan
     from cgroup.types import Correspondences, FloatArray
-    from cgroup.verification import Alignment, Verification
+    from cgroup.verification import Verification
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
 EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
@@ -32,40 +37,11 @@ FINALISTS = 8
 FIRST_SAMPLES = 500
 """Samples of either surface that they are refined with; the best one then gets all."""
 
+MAX_TILT = 10.0
+"""Degrees by which a pose may tilt an axis that both clouds share."""
+
 _FINER = 2**-0.5
 _FINER_NEIGHBORS = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """The best pose of a search, and what speaks for it.
-
-    Attributes
-    ----------
-    refined : Alignment
-        The best one, refined on the fine surfaces.
-    poses : (k,4,4) array of float64
-        The finalists, refined too, best first.
-    values : (k,) array of float64
-        What they are ranked by.
-    probability : float
-        That it is right.
-    fitness : float
-        Share of the source's surface that lies on the target's.
-    matches : Correspondences
-        Every match of the search.
-    source, target : PreparedScan
-        The scans, at the voxel where it was found.
-    """
-
-    refined: Alignment
-    poses: FloatArray
-    values: FloatArray
-    probability: float
-    fitness: float
-    matches: Correspondences
-    source: PreparedScan
-    target: PreparedScan
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,23 +54,29 @@ class Search:
     effort: Effort
     threads: int | None
     clock: StageClock
+    front: PaperFront | None = None
 
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
+        if self.front is not None:
+            return self._refine(self._search_keypoints(source, target, self.front))
         best = self._search_voxels(source, target, 1)
-        if self.effort == "high" and (best is None or best.probability < ACCEPTED):
+        if self.effort == "high" and (best is None or not is_accepted(best.probability)):
             finer = source.resized(_FINER, self.clock.start), target.resized(_FINER, self.clock.start)
             best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
         return self._refine(best)
 
-    def confirm(
-        self, source: PreparedScan, target: PreparedScan, matches: Correspondences, poses: FloatArray
+    def _search_keypoints(
+        self, source: PreparedScan, target: PreparedScan, front: PaperFront
     ) -> Found | None:
-        """Search among poses that come from elsewhere, with matches of one's own."""
+        """Search among the poses of a group of the paper's matches."""
+        places = source.viewpoint or ORIGIN, target.viewpoint or ORIGIN
+        matches = correspond_by(front, source.scan, target.scan, places, self.threads, self.clock.start)
+        poses = self._propose(matches)
         self.clock.start("matching")
         voxel_matches, is_mutual = match_both_ways(source.described, target.described, 1, self.threads)
         verified = self._verify(source, target, take_matches(voxel_matches, is_mutual), poses)
-        return self._refine(self._judge(source, target, matches, verified))
+        return self._rank(source, target, matches, verified)
 
     def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
         self.clock.start("matching")
@@ -102,19 +84,18 @@ class Search:
         mutual = take_matches(matches, is_mutual)
         poses = np.concatenate([self._propose(mutual), frame_poses(mutual)])
         verified = self._verify(source, target, mutual, poses)
-        best = self._judge(source, target, matches, verified)
-        if self.effort == "low" or (best is not None and best.probability >= SURE):
+        best = self._rank(source, target, matches, verified)
+        if self.effort == "low" or (best is not None and is_sure(best.probability)):
             return best
         poses = self._propose(matches)
         if verified is not None:
             poses = np.concatenate([verified.poses, poses])
         # Not the more probable of the two: the second has seen the rivals of the first.
-        return self._judge(source, target, matches, self._verify(source, target, mutual, poses)) or best
+        return self._rank(source, target, matches, self._verify(source, target, mutual, poses)) or best
 
     def _propose(self, matches: Correspondences) -> FloatArray:
         self.clock.start("grouping")
-        chosen = without_frames(matches) if self.method == "lc" else matches
-        return group_poses(group(chosen, self.method, threads=self.threads, **self.options))
+        return propose_poses(matches, self.method, self.threads, **self.options)
 
     def _verify(
         self, source: PreparedScan, target: PreparedScan, mutual: Correspondences, poses: FloatArray
@@ -133,7 +114,7 @@ class Search:
             return verified
         return verify(*surfaces, upright, matches=mutual, threads=self.threads)
 
-    def _judge(
+    def _rank(
         self,
         source: PreparedScan,
         target: PreparedScan,
@@ -176,3 +157,27 @@ def _better(one: Found | None, other: Found | None) -> Found | None:
     if one is None or other is None:
         return other if one is None else one
     return other if other.probability > one.probability else one
+
+
+def as_axis(axis: ArrayLike) -> FloatArray:
+    """Return an axis as a unit vector."""
+    direction = np.array(as_place("axis", axis))
+    largest = float(np.abs(direction).max())
+    if largest == 0:
+        message = "axis: got a zero vector; give the direction that both clouds share, such as (0, 0, 1)"
+        raise InputError(message)
+    direction /= largest  # squares of the largest numbers are infinite, of the least zero
+    return direction / np.linalg.norm(direction)
+
+
+def keep_upright(poses: FloatArray, axis: FloatArray | None) -> FloatArray:
+    """Drop the poses that tilt an axis by more than `MAX_TILT` degrees."""
+    if axis is None:
+        return poses
+    cosines = np.einsum("i,nij,j->n", axis, poses[:, :3, :3], axis)
+    return poses[cosines >= np.cos(np.radians(MAX_TILT))]
+
+
+def is_upright(pose: FloatArray, axis: FloatArray | None) -> bool:
+    """Whether a pose tilts an axis by no more than `MAX_TILT` degrees."""
+    return len(keep_upright(pose[None], axis)) == 1

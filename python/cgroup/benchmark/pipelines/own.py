@@ -8,7 +8,8 @@ from cgroup import features
 from cgroup.benchmark.pipelines.answer import Answer
 from cgroup.errors import NoConsensusError
 from cgroup.group import group
-from cgroup.registration import PaperFront, correspond, register
+from cgroup.registration import DenseFront, PaperFront, correspond, register
+from cgroup.registration.prepare import NORMAL_NEIGHBORS, UNIT
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
@@ -17,15 +18,6 @@ if TYPE_CHECKING:
     from cgroup.features import Viewpoint
     from cgroup.registration.search import Effort
     from cgroup.types import FloatArray, RealArray
-
-MATCH_RESOLUTION = 0.4
-"""Unit of the tolerances of grouping, in voxels."""
-
-NORMAL_RADIUS, NORMAL_NEIGHBORS = 2.0, 30
-"""Radius in voxels and most points of a plane that is fitted."""
-
-FPFH_RADIUS = 5.0
-"""Radius in voxels of the support of a descriptor."""
 
 
 def dense(clouds: Clouds, clock: StageClock, *, viewpoints: bool = True, effort: Effort = "normal") -> Answer:
@@ -100,7 +92,7 @@ def _match_voxels(clouds: Clouds, clock: StageClock) -> Correspondences:
         source[0][found.source_indices],
         target[0][found.target_indices],
         ratio=found.ratio,
-        resolution=MATCH_RESOLUTION * clouds.voxel,
+        resolution=UNIT * clouds.voxel,
     )
 
 
@@ -110,10 +102,10 @@ def _describe(points: FloatArray, viewpoint: Viewpoint | None, clouds: Clouds) -
     cloud = features.Cloud(features.voxel_downsample(points, voxel, threads=threads).points)
     normals = features.normals(
         cloud,
-        radius=NORMAL_RADIUS * voxel,
+        radius=DenseFront.normal_radius * voxel,
         neighbors=NORMAL_NEIGHBORS,
         viewpoint=viewpoint or features.ORIGIN,
         threads=threads,
     )
-    values = features.fpfh(cloud, normals, radius=FPFH_RADIUS * voxel, threads=threads)
+    values = features.fpfh(cloud, normals, radius=DenseFront.support * voxel, threads=threads)
     return cloud.points, values

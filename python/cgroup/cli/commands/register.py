@@ -27,7 +27,7 @@ from cgroup.errors import InputError
 from cgroup.group import check_method
 from cgroup.io._results import check_folder, make_folder
 from cgroup.registration import DenseFront, PaperFront, Registration, register
-from cgroup.registration.prepared import VOXELS
+from cgroup.registration.prepare import VOXELS
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,4 +1,4 @@
-"""Which models are in a scene, and where."""
+"""Recognise models in a scene."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from cgroup._checks.quoting import show
 from cgroup._checks.values import as_count, refusal
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup.errors import InputError
-from cgroup.registration.instances import InstanceSearch
-from cgroup.registration.mesh import as_model
-from cgroup.registration.pair import common_voxel
-from cgroup.registration.prepared import PreparedScan, prepare_scan
-from cgroup.registration.scan import Scan, as_point_cloud, as_scan
+from cgroup.registration.prepare import PreparedScan, agree, as_given
+from cgroup.registration.recognition.instances import InstanceSearch
+from cgroup.registration.scan import as_model, as_point_cloud
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
@@ -24,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Cloud, Viewpoint
+    from cgroup.registration.prepare import Given
     from cgroup.registration.result import Registration
 
 _MODEL_VOXELS = 5_000
@@ -203,72 +202,52 @@ def _prepare_all(
     if not models:
         message = "models: got none; give one or more, by name"
         raise InputError(message)
-    target = scene if isinstance(scene, PreparedScan) else as_scan("scene", scene)
-    by_frames = target.by_frames if isinstance(target, PreparedScan) else viewpoint is None
-    sources = {
-        name: _as_ready_or_scan(name, model, None, by_frames=by_frames) for name, model in models.items()
-    }
-    if voxel is None and not any(isinstance(half, PreparedScan) for half in (target, *sources.values())):
-        voxel = _choose_voxel(target, list(sources.values()), threads)
-    size, front = common_voxel([target, *sources.values()], voxel, None, threads)
-
-    def finish(half: PreparedScan | Scan, place: Viewpoint | None) -> PreparedScan:
-        if isinstance(half, PreparedScan):
-            return half.turned_by_frames if by_frames else half
-        begin = clock.start
-        return prepare_scan(
-            half,
-            size,
-            place,
-            front,
-            threads,
-            lambda stage: begin(f"{half.name} {stage}"),
-            by_frames=by_frames,
-        )
-
-    library = {
-        name: finish(_as_ready_or_scan(name, model, size, by_frames=by_frames), None)
-        for name, model in models.items()
-    }
-    return library, finish(target, viewpoint)
+    target = as_given("scene", scene, viewpoint)
+    by_frames = target.by_frames
+    sources = [_as_model(name, model, None, by_frames=by_frames) for name, model in models.items()]
+    if voxel is None and not any(one.is_ready for one in (target, *sources)):
+        voxel = _choose_voxel(target, sources, threads)
+    shared = agree([target, *sources], voxel, None, threads)
+    library: dict[str, PreparedScan] = {}
+    for name, model in models.items():
+        sampled = _as_model(name, model, shared.voxel, by_frames=by_frames)
+        library[name] = shared.finish(sampled, clock.start, by_frames=by_frames)
+    return library, shared.finish(target, clock.start, by_frames=by_frames)
 
 
-def _as_ready_or_scan(
+def _as_model(
     name: str,
     model: PreparedScan | PointCloud | Cloud | ArrayLike,
     voxel: float | None,
     *,
     by_frames: bool,
-) -> PreparedScan | Scan:
-    """Check a model; one that isn't ready gets normals outwards from its faces, or else those it has."""
+) -> Given:
+    """Check a model; unless it is ready, it gets normals outwards from its faces, or else those it has."""
     label = f"model {show(name)}"
     if isinstance(model, PreparedScan):
         if model.by_frames and not by_frames:
             message = f"{label}: prepared without its outside; prepare it with normals='mesh' or 'given'"
             raise InputError(message)
-        return model
+        return as_given(label, model)
     model = as_point_cloud(label, model)
     has_faces = isinstance(model, PointCloud) and model.faces is not None
     has_normals = isinstance(model, PointCloud) and model.normals is not None
     if by_frames and not has_faces:
-        return as_scan(label, model)
+        return as_given(label, model)
     if not has_faces and not has_normals:
         message = (
             f"{label}: got neither faces nor normals, which tell its outside; give a `PointCloud` with them, "
             "or leave out `viewpoint`"
         )
         raise InputError(message)
-    return as_model(label, model, "mesh" if has_faces else "given", voxel)
+    return as_given(label, as_model(label, model, "mesh" if has_faces else "given", voxel))
 
 
-def _choose_voxel(
-    scene: PreparedScan | Scan, models: Sequence[PreparedScan | Scan], threads: int | None
-) -> float:
+def _choose_voxel(scene: Given, models: Sequence[Given], threads: int | None) -> float:
     """Choose the usual voxel of a scene, or a smaller one that its smallest model needs."""
 
-    def voxel(cloud: PreparedScan | Scan, voxels: int) -> float:
-        whole = cloud.scan if isinstance(cloud, PreparedScan) else cloud
-        return features.choose_voxel(whole.cloud, voxels=voxels, threads=threads)
+    def voxel(cloud: Given, voxels: int) -> float:
+        return features.choose_voxel(cloud.whole.cloud, voxels=voxels, threads=threads)
 
     needed = min(voxel(model, _MODEL_VOXELS) for model in models)
     return max(min(needed, voxel(scene, _SCENE_VOXELS)), voxel(scene, _MOST_SCENE_VOXELS))

@@ -1,4 +1,4 @@
-"""Is a model really there? What the surfaces say of its pose in a scene, and a rule for objects.
+"""Compare a model with a scene under a pose, and say how likely it is there.
 
 A model that is right lies on the scene wherever the scanner should have seen it, as closely as noise and
 curvature allow, however little of the scene that is. A wrong one may cover as much of the scene, but stands
@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.registration.prepared import fine_surfaces
+from cgroup.registration.prepare import fine_surfaces
 from cgroup.rigid import invert
 from cgroup.verification import Place, align, places
 
 if TYPE_CHECKING:
-    from cgroup.registration.prepared import PreparedScan
+    from cgroup.registration.prepare import PreparedScan
     from cgroup.types import BoolArray, FloatArray, IndexArray
     from cgroup.verification import Alignment
 

@@ -1,28 +1,25 @@
-"""Models in a scene, one after the other: each takes the part of the scene that it explains."""
+"""Find models in a scene one after the other; each takes the part of the scene that it explains."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cgroup.features import DescribedCloud
-from cgroup.group import group
-from cgroup.registration.checks import LEAST_VOXELS
-from cgroup.registration.judgement import ACCEPTED
-from cgroup.registration.matching import match_both_ways, take_matches, without_frames
-from cgroup.registration.objects import Sighting, look_at
-from cgroup.registration.poses import frame_poses, group_poses
-from cgroup.registration.report import registration_of
-from cgroup.registration.search import Found
+from cgroup.registration.judge import Found, is_accepted, judge
+from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
+from cgroup.registration.prepare import LEAST_VOXELS
+from cgroup.registration.recognition.sighting import Sighting, look_at
+from cgroup.registration.result import registration_of
 from cgroup.verification import verify
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cgroup._runtime.progress import StageClock
-    from cgroup.registration.prepared import PreparedScan
+    from cgroup.registration.prepare import PreparedScan
     from cgroup.registration.result import Registration
     from cgroup.types import BoolArray, Correspondences, FloatArray
 
@@ -63,8 +60,9 @@ class Proposal:
             self.matches,
             sighting.model,
             sighting.scene,
+            is_object=True,
         )
-        return replace(registration_of(found, seconds), ok=True)
+        return registration_of(found, judge(found, sighting.model, sighting.scene), seconds)
 
 
 @dataclass(eq=False)
@@ -129,7 +127,7 @@ class InstanceSearch:
             if not rated:
                 return
             probability, best = max(rated, key=lambda pair: pair[0])
-            if probability < ACCEPTED:
+            if not is_accepted(probability):
                 return
             found.append((best, probability))
             self.free &= ~best.sighting.explained
@@ -143,9 +141,7 @@ class InstanceSearch:
         matches, is_mutual = match_both_ways(model.described, free, 1, self.threads)
         mutual = take_matches(matches, is_mutual)
         self.clock.start("grouping")
-        poses = group_poses(
-            group(without_frames(matches if thoroughly else mutual), "lc", threads=self.threads)
-        )
+        poses = propose_poses(matches if thoroughly else mutual, "lc", self.threads)
         self.clock.start("verification")
         poses = np.concatenate([poses, frame_poses(mutual)])
         return self._verify(name, poses, mutual, matches) if len(poses) else []

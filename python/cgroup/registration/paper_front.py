@@ -1,0 +1,485 @@
+"""The front end of the paper's evaluation: keypoints of a detector, described and matched."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+
+from cgroup import features
+from cgroup._checks.arrays import as_place, in_double
+from cgroup._checks.values import as_choice, as_count, as_length
+from cgroup._runtime.progress import as_stage_function, ignore_progress
+from cgroup.errors import InputError
+from cgroup.features import ORIGIN, SUPPORT_RADIUS, DescribedCloud
+from cgroup.registration.matching import as_correspondences
+from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, as_scan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from cgroup.features import Cloud, Viewpoint
+    from cgroup.registration.scan import Normals, Scan
+    from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
+
+Detector: TypeAlias = Literal["h3d", "iss"]
+Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]
+
+DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
+DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs", "fpfh")
+
+MIN_SUPPORT_POINTS = 10
+"""Points within the support of a keypoint, below which it is dropped."""
+
+MAX_RESOLUTION_RATIO = 20.0
+"""Clouds that differ more than this are taken to be in different units; descriptors would be useless."""
+
+_CHOICES = {
+    "detector": DETECTORS,
+    "descriptor": DESCRIPTORS,
+    "normals": NORMALS,
+    "frames": ("shot", "toldi"),
+    "matching": ("nearest", "mutual"),
+    "similarity": ("unit", "raw"),
+}
+
+
+@dataclass(frozen=True)
+class PaperFront:
+    """Keypoints of a detector, described as in the evaluation of Yang et al. (2019).
+
+    Attributes
+    ----------
+    detector : {"h3d", "iss"}
+        Keypoint detector: Harris 3D or intrinsic shape signatures.
+    descriptor : {"shot", "lfsh", "rcs", "fpfh"}
+        Descriptor of the keypoints.
+    keypoints : int or None
+        How many to aim at in each cloud; None for what the detector finds at its usual radius.
+    nms_radius : float or None
+        Radius of the non-maximum suppression in pr; None for the detector's own.
+    normals : {"pca", "mesh", "given"}
+        Where normals come from: plane fits, the faces of a mesh, or the cloud itself.
+    resolution : float or None
+        The unit pr, in the unit of the points; None for the mean of the two clouds' resolutions.
+    harris_radius : float or None
+        Radius of Harris 3D in pr, for normals, response and non-maximum suppression; None for 2.7.
+    iss_radii : (float, float) or None
+        Radii of ISS in pr: of the scatter and of the non-maximum suppression; None for 2.7 and 1.8.
+    frames : {"shot", "toldi"}
+        Local reference frames of the matches; descriptors stay as they are.
+    matching : {"nearest", "mutual"}
+        Every source keypoint with the target keypoint of nearest descriptor; or only matches whose keypoints
+        are each other's nearest.
+    similarity : {"unit", "raw"}
+        Whether the similarity of two descriptors is taken after scaling them to unit length.
+
+    Raises
+    ------
+    InputError
+        For an unknown word, or a number that is not positive.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import PaperFront, register
+    >>> pair = standin_pair(pixels=60)
+    >>> front = PaperFront("iss", "rcs", keypoints=300)
+    >>> done = register(pair.source, pair.target, front=front)
+    >>> done.ok, len(done.correspondences) < 500
+    (True, True)
+    """
+
+    detector: Detector = "h3d"
+    descriptor: Descriptor = "shot"
+    keypoints: int | None = None
+    nms_radius: float | None = None
+    normals: Normals = "pca"
+    resolution: float | None = None
+    _: KW_ONLY
+    harris_radius: float | None = None
+    iss_radii: tuple[float, float] | None = None
+    frames: Literal["shot", "toldi"] = "shot"
+    matching: Literal["nearest", "mutual"] = "nearest"
+    similarity: Literal["unit", "raw"] = "unit"
+
+    def __post_init__(self) -> None:
+        for name, choices in _CHOICES.items():
+            as_choice(name, getattr(self, name), choices)
+        if self.keypoints is not None:
+            as_count("keypoints", self.keypoints, 1)
+        for name in ("nms_radius", "resolution", "harris_radius"):
+            if getattr(self, name) is not None:
+                as_length(name, getattr(self, name))
+        for radius in self.iss_radii or ():
+            as_length("iss_radii", radius)
+
+
+def correspond(
+    source: PointCloud | Cloud | ArrayLike,
+    target: PointCloud | Cloud | ArrayLike,
+    *,
+    detector: Detector = "h3d",
+    descriptor: Descriptor = "shot",
+    keypoints: int | None = None,
+    nms_radius: float | None = None,
+    normals: Normals = "pca",
+    resolution: float | None = None,
+    source_viewpoint: Viewpoint = ORIGIN,
+    target_viewpoint: Viewpoint = ORIGIN,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> Correspondences:
+    """Match keypoints of two clouds by their descriptors.
+
+    The front end of the evaluation by Yang et al., TPAMI 2019: every source keypoint is matched to the target
+    keypoint with the nearest descriptor, right or wrong. To match one cloud with many, `describe` each once,
+    at the same resolution, and `match_described` them.
+
+    Parameters
+    ----------
+    source, target : PointCloud, Cloud or (N,3) array_like of float
+        Whole clouds, in the same unit.
+    detector : {"h3d", "iss"}
+        Keypoint detector: Harris 3D or intrinsic shape signatures.
+    descriptor : {"shot", "lfsh", "rcs", "fpfh"}
+        Descriptor; the frames are always those of SHOT.
+    keypoints : int, optional
+        How many to aim at in each cloud; by default what the detector finds at its usual radius.
+    nms_radius : float, optional
+        Radius of the non-maximum suppression in pr; the detector's own by default.
+    normals : {"pca", "mesh", "given"}
+        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
+        that has faces; or `PointCloud.normals`. A cloud that lacks faces, or normals, gets "pca" beside one
+        that has them.
+    resolution : float, optional
+        The unit pr; the mean of the two clouds' resolutions by default.
+    source_viewpoint, target_viewpoint : (float, float, float)
+        Where the scanners stood, in their clouds' frames.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    Correspondences
+        With every field that a method may need.
+
+    Raises
+    ------
+    InputError
+        If a cloud is too small or not finite, the clouds are in different units, neither has the faces or
+        normals asked for, or an option is unknown or out of range.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> pair = standin_pair(pixels=60)
+    >>> correspond(pair.source, pair.target)  # doctest: +ELLIPSIS
+    Correspondences(n=..., fields=['source', 'target', 'similarity', ...])
+    """
+    front = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
+    (a, b, c) = as_place("source_viewpoint", source_viewpoint)
+    (x, y, z) = as_place("target_viewpoint", target_viewpoint)
+    return correspond_by(front, source, target, ((a, b, c), (x, y, z)), threads, as_stage_function(progress))
+
+
+def correspond_by(
+    front: PaperFront,
+    source: Scan | PointCloud | Cloud | ArrayLike,
+    target: Scan | PointCloud | Cloud | ArrayLike,
+    viewpoints: tuple[Viewpoint, Viewpoint] = (ORIGIN, ORIGIN),
+    threads: int | None = None,
+    begin: Callable[[str], Any] = ignore_progress,
+) -> Correspondences:
+    """Match keypoints of two clouds; `begin` is told of each stage."""
+    begin("resolution")
+    scans = as_scan("source", source), as_scan("target", target)
+    given, normals = front.resolution, front.normals
+    pr = common_resolution(*scans, threads) if given is None else scans[0].unit(given, threads)
+    if not any(scan.has(normals) for scan in scans):
+        message = f"normals: got {normals!r}, but neither cloud has {NEEDED_FOR[normals]}; choose 'pca'"
+        raise InputError(message)
+    described: list[DescribedCloud] = []
+    for scan, viewpoint in zip(scans, viewpoints, strict=True):
+
+        def begin_step(step: str, role: str = scan.name) -> None:
+            begin(f"{role} {step}")
+
+        usable = front if scan.has(normals) else replace(front, normals="pca")
+        described.append(_describe(usable, scan, pr, viewpoint, threads, begin_step))
+    begin("matching")
+    one, other = (cloud.descriptors for cloud in described)
+    matches = features.match(one, other, mutual=front.matching == "mutual", threads=threads)
+    if front.similarity == "raw":
+        matches = replace(matches, similarity=1 - matches.distance)
+    return as_correspondences(described[0], described[1], matches)
+
+
+def common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
+    """Average the resolutions of two clouds that are in the same unit."""
+    resolutions = source.resolution(threads), target.resolution(threads)
+    if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):
+        message = (
+            f"source, target: their points lie {resolutions[0]:.3g} and {resolutions[1]:.3g} apart; "
+            "scale them to the same unit"
+        )
+        raise InputError(message)
+    return sum(resolutions) / 2
+
+
+def detect(
+    cloud: PointCloud | Cloud | ArrayLike,
+    *,
+    resolution: float | None = None,
+    detector: Detector = "h3d",
+    keypoints: int | None = None,
+    nms_radius: float | None = None,
+    threads: int | None = None,
+) -> IndexArray:
+    """Find the keypoints that have enough of the surface around them to be described.
+
+    Parameters
+    ----------
+    cloud : PointCloud, Cloud or (N,3) array_like of float
+        Whole cloud.
+    resolution : float, optional
+        The unit pr; that of the cloud by default. Clouds to be matched need the same.
+    detector : {"h3d", "iss"}
+        Keypoint detector: Harris 3D or intrinsic shape signatures.
+    keypoints : int, optional
+        How many to aim at; by default what the detector finds at its usual radius.
+    nms_radius : float, optional
+        Radius of the non-maximum suppression in pr; the detector's own by default (2.7 for Harris 3D, 1.8
+        for ISS).
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    (m,) array of int64
+        Rows of the cloud, ascending.
+
+    Raises
+    ------
+    InputError
+        If the cloud is too small or not finite, or an option is unknown or out of range.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> cloud = standin_pair(pixels=60).source
+    >>> len(detect(cloud)) > len(detect(cloud, keypoints=50)) > 30
+    True
+    """
+    front, scan = PaperFront(detector, keypoints=keypoints, nms_radius=nms_radius), as_scan("cloud", cloud)
+    return _detect(front, scan, scan.unit(resolution, threads), threads)
+
+
+def surface_normals(
+    cloud: PointCloud | Cloud | ArrayLike,
+    *,
+    normals: Normals = "pca",
+    viewpoint: Viewpoint = ORIGIN,
+    threads: int | None = None,
+) -> FloatArray:
+    """Find the normals that descriptors are made with.
+
+    Parameters
+    ----------
+    cloud : PointCloud, Cloud or (N,3) array_like of float
+        Whole cloud.
+    normals : {"pca", "mesh", "given"}
+        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
+        that has faces; or `PointCloud.normals`.
+    viewpoint : (float, float, float)
+        Where the scanner stood, in the cloud's frame.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+
+    Returns
+    -------
+    (N,3) array of float64
+        Unit vectors, or as given; NaN rows where there is none.
+
+    Raises
+    ------
+    InputError
+        If the cloud isn't (N,3) and finite or lacks the faces or normals asked for, `normals` is unknown, or
+        the viewpoint isn't three numbers.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import standin_pair
+    >>> pair = standin_pair(pixels=60)
+    >>> normals = surface_normals(pair.source, viewpoint=pair.source_viewpoint)
+    >>> towards = pair.source_viewpoint - pair.source.points
+    >>> bool((np.sum(normals * towards, axis=1) >= 0).all())
+    True
+    """
+    as_choice("normals", normals, NORMALS)
+    return _find_normals(as_scan("cloud", cloud), normals, viewpoint, threads)
+
+
+def describe(
+    cloud: PointCloud | Cloud | ArrayLike,
+    *,
+    resolution: float | None = None,
+    detector: Detector = "h3d",
+    descriptor: Descriptor = "shot",
+    keypoints: int | None = None,
+    nms_radius: float | None = None,
+    normals: Normals = "pca",
+    viewpoint: Viewpoint = ORIGIN,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> DescribedCloud:
+    """Detect keypoints, and give each a frame and a descriptor.
+
+    Parameters
+    ----------
+    cloud : PointCloud, Cloud or (N,3) array_like of float
+        Whole cloud.
+    resolution : float, optional
+        The unit pr, a length; that of the cloud by default. Clouds to be matched need the same.
+    detector : {"h3d", "iss"}
+        Keypoint detector: Harris 3D or intrinsic shape signatures.
+    descriptor : {"shot", "lfsh", "rcs", "fpfh"}
+        Descriptor; the frames are always those of SHOT.
+    keypoints : int, optional
+        How many to aim at; by default what the detector finds at its usual radius.
+    nms_radius : float, optional
+        Radius of the non-maximum suppression in pr; the detector's own by default (2.7 for Harris 3D, 1.8
+        for ISS).
+    normals : {"pca", "mesh", "given"}
+        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
+        that has faces; or `PointCloud.normals`. All descriptors but RCS need normals on the same side of the
+        surface in both clouds, so for a whole model in a scan take "mesh".
+    viewpoint : (float, float, float)
+        Where the scanner stood, in the cloud's frame.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    DescribedCloud
+        The keypoints that have a descriptor.
+
+    Raises
+    ------
+    InputError
+        If the cloud is too small, not finite or without the faces or normals asked for, or an option is
+        unknown or out of range.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> describe(standin_pair(pixels=60).source, descriptor="rcs").descriptors.shape[1]
+    72
+    """
+    front = PaperFront(detector, descriptor, keypoints, nms_radius, normals)
+    scan, begin = as_scan("cloud", cloud), as_stage_function(progress)
+    return _describe(front, scan, scan.unit(resolution, threads), viewpoint, threads, begin)
+
+
+def _detect(front: PaperFront, scan: Scan, pr: float, threads: int | None) -> IndexArray:
+    """Find the keypoints that have enough support, with the unit `pr`."""
+    cloud = scan.cloud
+    if front.detector == "h3d":
+        size, nms = _times(pr, front.harris_radius, front.nms_radius)
+        found = features.harris3d(
+            cloud, radius=size, resolution=pr, nms_radius=nms, count=front.keypoints, threads=threads
+        )
+    else:
+        salient, usual = front.iss_radii or (None, None)
+        size, nms = _times(pr, salient, front.nms_radius or usual)
+        found = features.iss(
+            cloud, salient_radius=size, resolution=pr, nms_radius=nms, count=front.keypoints, threads=threads
+        )
+    radius, least = SUPPORT_RADIUS * pr, MIN_SUPPORT_POINTS
+    return features.drop_isolated(cloud, found, radius=radius, min_points=least, threads=threads)
+
+
+def _describe(
+    front: PaperFront,
+    scan: Scan,
+    pr: float,
+    viewpoint: Viewpoint,
+    threads: int | None,
+    begin: Callable[[str], Any],
+) -> DescribedCloud:
+    """Detect keypoints, and give each a frame and a descriptor."""
+    cloud, radius = scan.cloud, SUPPORT_RADIUS * pr
+    begin("normals")
+    directions = _find_normals(scan, front.normals, viewpoint, threads)
+    begin("keypoints")
+    found = _detect(front, scan, pr, threads)
+    begin("frames")
+    frames = features.shot_lrf(cloud, found, radius=radius, threads=threads)
+    begin("descriptors")
+    values = _compute_descriptors(cloud, directions, found, frames, front.descriptor, radius, threads)
+    valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
+    kept, frames, points = found[valid], frames[valid], in_double(cloud.points)
+    if front.frames == "toldi":
+        begin("frames")
+        frames = features.toldi_lrf(cloud, kept, radius=radius, threads=threads)
+    return DescribedCloud(kept, points[kept], frames, values[valid], pr, points.mean(axis=0))
+
+
+def _times(pr: float, *radii: float | None) -> list[float | None]:
+    """Return radii in pr as lengths; None where there is none."""
+    return [None if radius is None else radius * pr for radius in radii]
+
+
+def _find_normals(scan: Scan, normals: Normals, viewpoint: Viewpoint, threads: int | None) -> FloatArray:
+    """Find the normals of a checked cloud."""
+    if not scan.has(normals):
+        message = f"normals: got {normals!r}, but the cloud has no {NEEDED_FOR[normals]}; choose 'pca'"
+        raise InputError(message)
+    if normals == "given" and scan.normals is not None:
+        if not (np.isfinite(scan.normals).all(axis=1) & scan.normals.any(axis=1)).any():
+            message = f"normals: all of those that came with the {scan.name} are zero or NaN; choose 'pca'"
+            raise InputError(message)
+        return scan.normals
+    if normals == "mesh" and scan.faces is not None:
+        return features.mesh_normals(scan.cloud, scan.faces)
+    return features.normals(scan.cloud, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint, threads=threads)
+
+
+def _compute_descriptors(
+    cloud: Cloud,
+    normals: FloatArray,
+    keypoints: IndexArray,
+    frames: FloatArray,
+    descriptor: Descriptor,
+    radius: float,
+    threads: int | None,
+) -> NDArray[np.float32]:
+    """Describe keypoints."""
+    match descriptor:
+        case "shot":
+            return features.shot(cloud, normals, keypoints, radius=radius, lrf=frames, threads=threads)
+        case "lfsh":
+            return features.lfsh(cloud, normals, keypoints, radius=radius, threads=threads)
+        case "rcs":
+            return features.rcs(cloud, keypoints, radius=radius, threads=threads)
+        case "fpfh":
+            # All points of the support count, as for the other descriptors.
+            return features.fpfh(
+                cloud, normals, keypoints, radius=radius, max_neighbors=None, threads=threads
+            )

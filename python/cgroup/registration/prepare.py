@@ -1,0 +1,482 @@
+"""Make scans ready: thinned to voxels of one size, with normals on one side, descriptors and a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from cgroup import features
+from cgroup._checks.arrays import in_double
+from cgroup._checks.values import as_choice, as_instance, as_length
+from cgroup._runtime.progress import as_stage_function, ignore_progress
+from cgroup.errors import InputError
+from cgroup.features import DescribedCloud
+from cgroup.registration.scan import NORMALS, Scan, as_model, as_scan, check_sizes, viewpoint_name
+from cgroup.verification import FineSurface, Surface
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.features import Cloud, Viewpoint, Voxels
+    from cgroup.registration.scan import Normals
+    from cgroup.types import FloatArray, PointCloud
+
+VOXELS = 5000
+"""Voxels that a cloud is thinned to, about."""
+
+LEAST_VOXELS = 100
+"""Voxels below which unrelated clouds lie on each other too well by chance."""
+
+MOST_VOXELS = 100_000
+"""Voxels beyond which matching each with all others takes more than some 20 seconds."""
+
+LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 30
+"""Share and number of the voxels that have a normal, below which they are too far apart."""
+
+UNIT = 0.4
+"""Unit of the surfaces and of the matches, in voxels."""
+
+NORMAL_NEIGHBORS, FEATURE_NEIGHBORS = 30, 100
+"""Most neighbours of a voxel's plane, and of its descriptor's support."""
+
+_FINE = (1 / 3, 2 / 3, 4 / 3)
+"""Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes."""
+
+
+@dataclass(frozen=True)
+class DenseFront:
+    """Every voxel a keypoint, described by FPFH.
+
+    Clouds to be matched need the same. Lengths are in voxels.
+
+    Attributes
+    ----------
+    normal_radius : float
+        Radius of the planes that normals are fitted to, of at most 30 neighbours.
+    support : float
+        Radius of the descriptor's support, of at most 100 neighbours.
+    frame_radius : float
+        Radius of the support of SHOT's frames.
+
+    Raises
+    ------
+    InputError
+        For a radius that is not positive.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import DenseFront, prepare
+    >>> prepare(standin_pair(pixels=60).source, front=DenseFront(support=6.0)).front
+    DenseFront(normal_radius=2.0, support=6.0, frame_radius=8.0)
+    """
+
+    normal_radius: float = 2.0
+    support: float = 5.0
+    frame_radius: float = 8.0
+
+    def __post_init__(self) -> None:
+        for name in ("normal_radius", "support", "frame_radius"):
+            as_length(name, getattr(self, name))
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedScan:
+    """A scan with all that registering it needs, made once by `prepare`.
+
+    Attributes
+    ----------
+    scan : Scan
+        The whole cloud.
+    front : DenseFront
+        Radii, in voxels.
+    voxel : float
+        Edge length of the voxels, in the unit of the points.
+    viewpoint : (float, float, float) or None
+        Where the scanner stood, if that is known.
+    voxels : Voxels
+        The cloud thinned out.
+    normals : (M,3) array of float64
+        Of the voxels: outwards for a model, towards the viewpoint where those of both scans are known, else
+        to the side of SHOT's z axis; NaN for none.
+    described : DescribedCloud
+        Frames and FPFH of the voxels that have them; `DescribedCloud.indices` are rows of `voxels`.
+    surface : Surface
+        What poses are judged on, of unit 0.4 voxel.
+    by_frames : bool
+        Whether normals are to the side of SHOT's z axis.
+    threads : int or None
+        Threads to compute on.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import prepare
+    >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+    >>> scan
+    PreparedScan(points=2554, voxels=306, voxel=6)
+    >>> scan.normals.shape == scan.voxels.points.shape
+    True
+    """
+
+    scan: Scan
+    front: DenseFront
+    voxel: float
+    viewpoint: Viewpoint | None
+    voxels: Voxels
+    normals: FloatArray
+    described: DescribedCloud
+    surface: Surface
+    by_frames: bool
+    threads: int | None
+    _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
+
+    def fine_surface(self, share: float) -> FineSurface | None:
+        """Return the cloud in more detail, at a share of the voxel.
+
+        Parameters
+        ----------
+        share : float
+            Spacing of the surface, in voxels.
+
+        Returns
+        -------
+        FineSurface or None
+            Made once for each share; None where that is too fine for the cloud.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+        >>> scan.fine_surface(2 / 3).spacing, scan.fine_surface(1e-3)
+        (4.0, None)
+        """
+        if share not in self._fine_surfaces:
+            try:
+                surface = FineSurface(self.scan.cloud, share * self.voxel, threads=self.threads)
+            except InputError:
+                surface = None
+            self._fine_surfaces[share] = surface
+        return self._fine_surfaces[share]
+
+    @cached_property
+    def turned_by_frames(self) -> PreparedScan:
+        """The same scan with normals to the side of SHOT's z axis.
+
+        That is what a partner without a viewpoint needs. The scan itself where its normals are so already;
+        otherwise made once.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> pair = standin_pair(pixels=60)
+        >>> scan = prepare(pair.source, viewpoint=pair.source_viewpoint)
+        >>> scan.by_frames, scan.turned_by_frames.by_frames
+        (False, True)
+        """
+        if self.by_frames:
+            return self
+        shared = Preparation(self.voxel, self.front, self.threads)
+        return shared.prepare(self.scan, self.viewpoint, ignore_progress, by_frames=True)
+
+    def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
+        """Make the same scan ready with voxels of another size.
+
+        Parameters
+        ----------
+        factor : float
+            New edge length over that of now.
+        begin : callable
+            Called with the name of each stage as it begins; by default nothing is.
+
+        Returns
+        -------
+        PreparedScan
+            With the same viewpoint and radii.
+
+        Raises
+        ------
+        InputError
+            If the new voxel leaves too little or too much of the cloud, or is not positive.
+        OutOfMemoryError
+            Where the system gives no memory for the computation.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+        >>> finer = scan.resized(0.75)
+        >>> finer.voxel, len(finer) > len(scan)
+        (4.5, True)
+        """
+        finer = Preparation(factor * self.voxel, self.front, self.threads)
+        return finer.prepare(self.scan, self.viewpoint, begin, by_frames=self.by_frames)
+
+    def __len__(self) -> int:
+        """Return the number of voxels."""
+        return len(self.voxels)
+
+    def __repr__(self) -> str:
+        return f"PreparedScan(points={len(self.scan.cloud)}, voxels={len(self)}, voxel={self.voxel:.4g})"
+
+
+def fine_surfaces(
+    source: PreparedScan, target: PreparedScan, shares: Sequence[float] = _FINE
+) -> tuple[FineSurface, FineSurface]:
+    """Return both clouds in more detail: at the first share of the voxel that the sparser allows."""
+    for share in shares:
+        both = source.fine_surface(share), target.fine_surface(share)
+        if both[0] is not None and both[1] is not None:
+            return both[0], both[1]
+    message = (
+        f"voxel: got {source.voxel:.4g}, at which source or target has too few points next to each other for "
+        "the last refinement; give a larger `voxel`"
+    )
+    raise InputError(message)
+
+
+def prepare(
+    cloud: PointCloud | Cloud | ArrayLike,
+    *,
+    voxel: float | None = None,
+    viewpoint: ArrayLike | None = None,
+    normals: Normals = "pca",
+    front: DenseFront | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> PreparedScan:
+    """Make a scan ready for registration with any number of others.
+
+    Parameters
+    ----------
+    cloud : PointCloud, Cloud or (N,3) array_like of float
+        Whole cloud.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points; by default about 5,000 of them (see
+        `cgroup.features.choose_voxel`). Clouds to be registered need the same.
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, in the cloud's frame, if the cloud is one single scan: what lies before
+        the scanned surface then speaks against a pose.
+    normals : {"pca", "mesh", "given"}
+        What tells the outside of a whole model: nothing, its faces (which are then sampled too), or
+        `PointCloud.normals`. A model that is looked for in a scan with a viewpoint needs it. The planes
+        themselves are always fitted to the voxels.
+    front : DenseFront, optional
+        Radii of normals, frames and descriptors, in voxels.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    PreparedScan
+        Voxels, normals, frames, descriptors and surface, for `register`, `register_many` and `recognize`.
+
+    Raises
+    ------
+    InputError
+        If the cloud is not finite, or the voxel leaves too little or too much of it; for an option that is
+        unknown or out of range, faces or normals that the cloud lacks, or a viewpoint beside normals of a
+        whole model.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import prepare, register
+    >>> pair = standin_pair(pixels=60)
+    >>> target = prepare(pair.target, voxel=6.0)
+    >>> len(target) > 100, register(pair.source, target).ok
+    (True, True)
+    """
+    as_choice("normals", normals, NORMALS)
+    if normals != "pca" and viewpoint is not None:
+        message = f"viewpoint, normals: got both, but {normals!r} normals are those of whole models; give one"
+        raise InputError(message)
+    scan = as_scan("cloud", cloud) if normals == "pca" else as_model("cloud", cloud, normals, voxel)
+    radii = DenseFront() if front is None else as_instance("front", front, DenseFront)
+    shared = Preparation(_choose_voxel([scan], voxel, threads), radii, threads)
+    by_frames = viewpoint is None and normals == "pca"
+    return shared.prepare(scan, viewpoint, as_stage_function(progress), by_frames=by_frames)
+
+
+class Given(NamedTuple):
+    """A scan as the caller gives it: ready or not, and where its scanner stood."""
+
+    name: str
+    scan: PreparedScan | Scan
+    viewpoint: ArrayLike | None
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it was prepared before."""
+        return isinstance(self.scan, PreparedScan)
+
+    @property
+    def whole(self) -> Scan:
+        """The cloud before it was thinned."""
+        return self.scan.scan if isinstance(self.scan, PreparedScan) else self.scan
+
+    @property
+    def by_frames(self) -> bool:
+        """Whether its normals are, or will be, to the side of SHOT's z axis."""
+        return self.scan.by_frames if isinstance(self.scan, PreparedScan) else self.viewpoint is None
+
+
+def as_given(
+    name: str,
+    cloud: PreparedScan | Scan | PointCloud | Cloud | ArrayLike,
+    viewpoint: ArrayLike | None = None,
+) -> Given:
+    """Check a scan that may be ready."""
+    scan = cloud if isinstance(cloud, PreparedScan) else as_scan(name, cloud)
+    return Given(name, scan, viewpoint)
+
+
+class Preparation(NamedTuple):
+    """How all scans of a call are made ready: with the same voxel and radii."""
+
+    voxel: float
+    front: DenseFront
+    threads: int | None
+
+    def finish(
+        self, given: Given, begin: Callable[[str], Any], *, by_frames: bool | None = None
+    ) -> PreparedScan:
+        """Make a scan ready, unless it is; with normals by SHOT's frames where a partner needs them."""
+        turned = given.by_frames if by_frames is None else by_frames
+        if isinstance(given.scan, PreparedScan):
+            return given.scan.turned_by_frames if turned else given.scan
+        return self.prepare(
+            given.scan, given.viewpoint, lambda stage: begin(f"{given.name} {stage}"), by_frames=turned
+        )
+
+    def prepare(
+        self, scan: Scan, viewpoint: ArrayLike | None, begin: Callable[[str], Any], *, by_frames: bool
+    ) -> PreparedScan:
+        """Make a scan ready; its normals are by frames, by the viewpoint, or those it has."""
+        voxel, front, threads = self
+        eye = None if viewpoint is None else scan.viewpoint(viewpoint)
+        begin("voxels")
+        given = None if by_frames or eye is not None else scan.normals
+        voxels = features.voxel_downsample(scan.cloud, voxel, normals=given, threads=threads)
+        _check_voxels(scan, voxel, len(voxels))
+        thinned = features.Cloud(voxels.points, name=scan.name)
+        begin("normals")
+        normals = features.normals(
+            thinned,
+            radius=front.normal_radius * voxel,
+            neighbors=NORMAL_NEIGHBORS,
+            viewpoint=eye or features.ORIGIN,
+            threads=threads,
+        )
+        _check_normals(scan, voxel, normals)
+        begin("frames")
+        radius = front.frame_radius * voxel
+        frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=radius, threads=threads)
+        if by_frames or voxels.normals is not None:
+            outwards = frames[:, 2] if voxels.normals is None else voxels.normals
+            normals *= _signs(normals, outwards)[:, None]
+        begin("descriptors")
+        radius = front.support * voxel
+        values = features.fpfh(
+            thinned, normals, radius=radius, max_neighbors=FEATURE_NEIGHBORS, threads=threads
+        )
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
+        center = in_double(scan.cloud.points).mean(axis=0)
+        described = DescribedCloud(
+            rows, voxels.points[rows], frames[rows], values[rows], UNIT * voxel, center
+        )
+        begin("surface")
+        surface = Surface(
+            voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=not by_frames, threads=threads
+        )
+        return PreparedScan(scan, front, voxel, eye, voxels, normals, described, surface, by_frames, threads)
+
+
+def agree(
+    given: Sequence[Given], voxel: float | None, front: DenseFront | None, threads: int | None
+) -> Preparation:
+    """Return voxel and radii that all scans share: those of prepared ones, those given, or chosen ones."""
+    for one in given:
+        if isinstance(one.scan, PreparedScan):
+            _refuse_late_options(one.name, one.scan, one.viewpoint, front)
+    check_sizes([one.whole for one in given])
+    prepared = [one.scan for one in given if isinstance(one.scan, PreparedScan)]
+    if prepared:
+        return Preparation(_shared_voxel(prepared, voxel), prepared[0].front, threads)
+    size = _choose_voxel([one.whole for one in given], voxel, threads)
+    return Preparation(size, DenseFront() if front is None else front, threads)
+
+
+def _refuse_late_options(
+    name: str, scan: PreparedScan, viewpoint: ArrayLike | None, front: DenseFront | None
+) -> None:
+    """Raise `InputError` for options that the preparation of a scan should have had."""
+    if viewpoint is not None and scan.scan.viewpoint(viewpoint) != scan.viewpoint:
+        got = f"{viewpoint_name(name)}: {name} is prepared, with viewpoint={scan.viewpoint}"
+        message = f"{got}; prepare it anew"
+        raise InputError(message)
+    if front is not None and front != scan.front:
+        message = f"front: got {front}, but {name} is prepared, with {scan.front}; prepare it anew"
+        raise InputError(message)
+
+
+def _shared_voxel(prepared: Sequence[PreparedScan], voxel: float | None) -> float:
+    """Return the voxel of scans that are ready."""
+    first = prepared[0]
+    alike = all(scan.voxel == first.voxel and scan.front == first.front for scan in prepared)
+    if alike and (voxel is None or as_length("voxel", voxel) == first.voxel):
+        return first.voxel
+    sizes = " and ".join(dict.fromkeys(f"{scan.voxel:.4g}" for scan in prepared))
+    asked = "" if voxel is None else f", voxel={voxel}"
+    message = f"scans: prepared with voxels of {sizes}{asked}; prepare them with the same voxel and front"
+    raise InputError(message)
+
+
+def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | None) -> float:
+    """Return the voxel given, or one that suits all scans."""
+    if voxel is not None:
+        return as_length("voxel", voxel)
+    return features.choose_voxel(*(scan.cloud for scan in scans), voxels=VOXELS, threads=threads)
+
+
+def _check_voxels(scan: Scan, voxel: float, count: int) -> None:
+    """Refuse voxels that leave too little or too much of a cloud."""
+    got = f"{scan.name}: {len(scan.cloud)} points, {scan.cloud.diagonal:.4g} across, leave {count} voxels"
+    if count < LEAST_VOXELS:
+        message = (
+            f"{got} of {voxel:.4g}, and {LEAST_VOXELS} are the least; give more points, a smaller `voxel`, "
+            "or both clouds in the same unit"
+        )
+        raise InputError(message)
+    if count > MOST_VOXELS:
+        message = f"{got} of {voxel:.4g}, and {MOST_VOXELS} are the most; give a larger `voxel`"
+        raise InputError(message)
+
+
+def _check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
+    """Refuse a cloud that is no surface at the size of its voxels."""
+    planes = int(np.isfinite(normals).all(axis=1).sum())
+    if planes < max(LEAST_PLANES * len(normals), LEAST_PLANAR_VOXELS):
+        message = (
+            f"{scan.name}: {planes} of its {len(normals)} voxels of {voxel:.4g} have neighbours that fix a "
+            "plane; the points lie too far apart for such voxels, or on a line: give a larger `voxel`, or a "
+            "cloud of a surface"
+        )
+        raise InputError(message)
+
+
+def _signs(normals: FloatArray, towards: FloatArray) -> FloatArray:
+    """Return -1 where a normal points away from a direction, else 1."""
+    return np.where(np.einsum("ij,ij->i", normals, towards) < 0, -1.0, 1.0)

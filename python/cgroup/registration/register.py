@@ -1,0 +1,276 @@
+"""Register clouds: one pair, or many side by side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+from cgroup._checks.run_options import as_threads
+from cgroup._checks.values import as_choice, as_count, as_instance, as_items, refusal
+from cgroup._runtime.progress import StageClock, as_stage_function
+from cgroup._runtime.workers import count_workers, work_side_by_side
+from cgroup.errors import InputError, NoConsensusError
+from cgroup.group import check_method
+from cgroup.registration.judge import judge
+from cgroup.registration.paper_front import PaperFront
+from cgroup.registration.prepare import DenseFront, agree, as_given
+from cgroup.registration.result import registration_of
+from cgroup.registration.search import EFFORTS, Search, as_axis
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.features import Cloud, Viewpoint
+    from cgroup.registration.judge import Judgement
+    from cgroup.registration.prepare import PreparedScan
+    from cgroup.registration.result import Registration
+    from cgroup.registration.search import Effort
+    from cgroup.types import PointCloud
+
+FRONTS = ("dense", "paper")
+
+
+def register(
+    source: PreparedScan | PointCloud | Cloud | ArrayLike,
+    target: PreparedScan | PointCloud | Cloud | ArrayLike,
+    *,
+    voxel: float | None = None,
+    source_viewpoint: Viewpoint | None = None,
+    target_viewpoint: Viewpoint | None = None,
+    axis: ArrayLike | None = None,
+    effort: Effort = "normal",
+    front: Literal["dense", "paper"] | DenseFront | PaperFront = "dense",
+    method: str | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+    **options: Any,  # noqa: ANN401 - those of the method
+) -> Registration:
+    """Place a source cloud on a target cloud, or say that no pose can be trusted.
+
+    Both clouds are thinned to voxels, and matched by FPFH. Groups of matches propose poses; these are
+    verified on the two surfaces (`cgroup.verification`), the best is refined, and judged.
+
+    Parameters
+    ----------
+    source, target : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        Whole clouds, in the same unit; scale is not estimated. To register one cloud with many, `prepare` it
+        once.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points: the one length that all others are multiples
+        of. By default the smallest 2^(k/4) that leaves 5,000 voxels at most, on average of the two.
+    source_viewpoint, target_viewpoint : (float, float, float), optional
+        Where the scanner stood, in the cloud's frame, if the cloud is one single scan. What lies before its
+        surface then speaks against a pose; at low overlap nothing helps more. Not for clouds fused from
+        several.
+    axis : (3,) array_like of float, optional
+        A direction that both clouds share, such as that of gravity; the pose may tilt it by 10 degrees.
+    effort : {"low", "normal", "high"}
+        How long to search: mutual matches only; all matches where these aren't enough; and then finer voxels
+        with the three nearest matches of each.
+    front : {"dense", "paper"}, DenseFront or PaperFront
+        Where matches come from: every voxel, or the keypoints of a detector, as `correspond` matches them.
+    method : str, optional
+        Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" unless given, "gtm" with the
+        paper's front.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+    **options
+        Options of the grouping method.
+
+    Returns
+    -------
+    Registration
+        With `Registration.ok`, always.
+
+    Raises
+    ------
+    NoConsensusError
+        If no pose can be trusted; its ``registration`` is the best guess, or None where there is not even
+        one.
+    InputError
+        If a cloud or an option can't be worked with; the message names it.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import register
+    >>> pair = standin_pair(pixels=60)
+    >>> done = register(pair.source, pair.target)
+    >>> done.ok
+    True
+    >>> bool(abs(done.T_target_source - pair.T_target_source).max() < done.voxel)
+    True
+    """
+    as_choice("effort", effort, EFFORTS)
+    clock = StageClock(as_stage_function(progress))
+    direction = None if axis is None else as_axis(axis)
+    kind = _front_of(front)
+    paper = kind if isinstance(kind, PaperFront) else None
+    chosen = ("lc" if paper is None else "gtm") if method is None else check_method(method)
+    search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
+    clock.start("voxel size")
+    clouds = as_given("source", source, source_viewpoint), as_given("target", target, target_viewpoint)
+    shared = agree(clouds, voxel, front if isinstance(front, DenseFront) else None, threads)
+    by_frames = any(cloud.by_frames for cloud in clouds)
+    scans = [shared.finish(cloud, clock.start, by_frames=by_frames) for cloud in clouds]
+    registration, judgement = _register(search, *scans)
+    if registration is not None and judgement.ok:
+        return registration
+    error = NoConsensusError(f"no pose that can be trusted: {judgement.reason}")
+    error.registration = registration
+    raise error
+
+
+def register_many(
+    scans: Sequence[PreparedScan | PointCloud | Cloud | ArrayLike],
+    pairs: Iterable[tuple[int, int]] | None = None,
+    *,
+    voxel: float | None = None,
+    viewpoints: Sequence[Viewpoint | None] | None = None,
+    axis: ArrayLike | None = None,
+    effort: Effort = "normal",
+    front: DenseFront | None = None,
+    method: str = "lc",
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+    **options: Any,  # noqa: ANN401 - those of the method
+) -> list[Registration | None]:
+    """Register many pairs of scans, one thread each, on all cores.
+
+    Every scan is made ready once, however many pairs it is in. All have the same voxel.
+
+    Parameters
+    ----------
+    scans : sequence of PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        Two or more, in the same unit.
+    pairs : iterable of (int, int), optional
+        Rows of `scans`: which is moved, and which it is moved to. By default each of the others is registered
+        to the first.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points; by default the smallest 2^(k/4) that leaves
+        5,000 voxels at most, on average of all scans.
+    viewpoints : sequence of (float, float, float) or None, optional
+        Where the scanner stood, one per scan, in its frame; None for a cloud that is not one single scan.
+    axis : (3,) array_like of float, optional
+        A direction that all clouds share, such as that of gravity; a pose may tilt it by 10 degrees.
+    effort : {"low", "normal", "high"}
+        How long to search: mutual matches only; all matches where these aren't enough; and then finer voxels
+        with the three nearest matches of each.
+    front : DenseFront, optional
+        Radii of normals, frames and descriptors, in voxels.
+    method : str
+        Grouping method that proposes poses, one of `cgroup.METHODS`.
+    threads : int, optional
+        Number of scans, then of pairs worked on at a time; None for one per core.
+    progress : callable, optional
+        Called with ``"scan 3 of 10"`` or ``"pair 5 of 45"`` as each begins, by several threads.
+    **options
+        Options of the grouping method.
+
+    Returns
+    -------
+    list of Registration or None
+        In the order of the pairs. `Registration.ok` is false where the pose can't be trusted; None where not
+        even a guess was found.
+
+    Raises
+    ------
+    InputError
+        If a scan, a pair or an option can't be worked with; the message names it.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import register_many
+    >>> pair, other = standin_pair(pixels=60), standin_pair(seed=1, pixels=60)
+    >>> found = register_many([pair.target, pair.source, other.source])
+    >>> [done is not None and done.ok for done in found]
+    [True, False]
+    """
+    as_choice("effort", effort, EFFORTS)
+    workers = count_workers(threads)
+    if front is not None:
+        as_instance("front", front, DenseFront)
+    given = as_items("scans", scans, "give two clouds or more")
+    if not given:
+        message = "scans: got none; give two or more"
+        raise InputError(message)
+    wanted = _as_pairs(pairs, len(given))
+    places = _as_viewpoints(viewpoints, len(given))
+    direction = None if axis is None else as_axis(axis)
+    begin, proposer = as_stage_function(progress), check_method(method)
+    rows = range(len(given))
+    clouds = [as_given(f"scans[{row}]", given[row], places[row]) for row in rows]
+    shared = agree(clouds, voxel, front, threads)._replace(threads=1)
+
+    def make_ready(row: int, stop_with_the_others: Callable[[], None]) -> PreparedScan:
+        if not clouds[row].is_ready:
+            begin(f"scan {row + 1} of {len(clouds)}")
+        return shared.finish(clouds[row], lambda _: stop_with_the_others())
+
+    def register_one(number: int, stop_with_the_others: Callable[[], None]) -> Registration | None:
+        begin(f"pair {number + 1} of {len(wanted)}")
+        source, target = (prepared[row] for row in wanted[number])
+        if source.by_frames or target.by_frames:
+            source, target = source.turned_by_frames, target.turned_by_frames
+        clock = StageClock(lambda _: stop_with_the_others())
+        return _register(Search(proposer, options, direction, effort, 1, clock), source, target)[0]
+
+    prepared = work_side_by_side(rows, make_ready, workers)
+    return work_side_by_side(range(len(wanted)), register_one, workers)
+
+
+def _register(
+    search: Search, source: PreparedScan, target: PreparedScan
+) -> tuple[Registration | None, Judgement]:
+    """Search for the pose of two scans that are ready, and judge it."""
+    found = search.run(source, target)
+    judgement = judge(found, source, target, search.axis)
+    return None if found is None else registration_of(found, judgement, search.clock.stop()), judgement
+
+
+def _front_of(front: object) -> DenseFront | PaperFront:
+    """Return a front end, which may be given by its name."""
+    if isinstance(front, DenseFront | PaperFront):
+        return front
+    if not isinstance(front, str) or front not in FRONTS:
+        remedy = f"choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
+        raise refusal("front", front, remedy)  # noqa: EM101 - no message, but the parameter's name
+    return DenseFront() if front == "dense" else PaperFront()
+
+
+def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple[int, int]]:
+    """Check pairs of rows."""
+    if pairs is None:
+        return [(row, 0) for row in range(1, scans)]
+    checked: list[tuple[int, int]] = []
+    remedy = "give two rows of scans, source and target"
+    for number, pair in enumerate(as_items("pairs", pairs, f"for each pair {remedy}")):
+        name = f"pairs[{number}]"
+        rows = as_items(name, pair, remedy)
+        if len(rows) != 2:
+            raise refusal(name, pair, remedy)
+        source, target = (as_count(name, row, 0) for row in rows)
+        if max(source, target) >= scans:
+            message = f"{name}: got {(source, target)}, but there are {scans} scans; rows begin with 0"
+            raise InputError(message)
+        checked.append((source, target))
+    return checked
+
+
+def _as_viewpoints(viewpoints: Sequence[Viewpoint | None] | None, scans: int) -> Sequence[Viewpoint | None]:
+    """Check that there is one per scan."""
+    if viewpoints is None:
+        return [None] * scans
+    places = as_items("viewpoints", viewpoints, "give one per scan, or None for it")
+    if len(places) != scans:
+        message = f"viewpoints: got {len(places)} for {scans} scans; give one per scan, or None for it"
+        raise InputError(message)
+    return places
