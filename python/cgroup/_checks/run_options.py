@@ -24,7 +24,7 @@ class RunOptions(NamedTuple):
 
 def run_options(
     threads: int | None = None,
-    max_memory: int = 0,
+    max_memory: int | None = None,
     progress: Callable[[float], Any] | None = None,
     max_seconds: float | None = None,
 ) -> RunOptions:
@@ -32,7 +32,8 @@ def run_options(
     if progress is not None:
         as_function("progress", progress, "the share of the work done")
     seconds = None if max_seconds is None else as_length("max_seconds", max_seconds)
-    return RunOptions(as_threads(threads), as_count("max_memory", max_memory, 0), progress, seconds)
+    memory = 0 if max_memory is None else as_count("max_memory", max_memory, 0)
+    return RunOptions(as_threads(threads), memory, progress, seconds)
 
 
 def as_threads(threads: object) -> int | None:

@@ -57,7 +57,10 @@ def match_described(
     """
     as_instance("source", source, DescribedCloud)
     as_instance("target", target, DescribedCloud)
-    return match_both_ways(source, target, 1, threads)[0]
+    matches = features.match(source.descriptors, target.descriptors, threads=threads)
+    return Correspondences(
+        **_fields_of(source, target, matches)._asdict()
+    )  # users may describe by themselves
 
 
 def match_both_ways(
@@ -70,8 +73,13 @@ def match_both_ways(
 
 def as_correspondences(source: DescribedCloud, target: DescribedCloud, matches: Matches) -> Correspondences:
     """Return matches of the descriptors of two clouds, with every field that a method may need."""
+    return own_correspondences(_fields_of(source, target, matches))
+
+
+def _fields_of(source: DescribedCloud, target: DescribedCloud, matches: Matches) -> Fields:
+    """Return fields that share no memory with the clouds."""
     rows, partners = matches.source_indices, matches.target_indices
-    return Correspondences(
+    return Fields(
         source.points[rows],
         target.points[partners],
         similarity=matches.similarity,
@@ -79,7 +87,7 @@ def as_correspondences(source: DescribedCloud, target: DescribedCloud, matches: 
         source_lrf=source.lrf[rows],
         target_lrf=target.lrf[partners],
         resolution=(source.resolution + target.resolution) / 2,
-        source_centroid=source.centroid,
+        source_centroid=np.array(source.centroid),
     )
 
 

@@ -357,22 +357,26 @@ class Preparation(NamedTuple):
         turned = given.by_frames if by_frames is None else by_frames
         if isinstance(given.scan, PreparedScan):
             return given.scan.turned_by_frames if turned else given.scan
-        return self.prepare(
-            given.scan, given.viewpoint, lambda stage: begin(f"{given.name} {stage}"), by_frames=turned
-        )
+        return self.prepare(given.scan, given.viewpoint, begin, by_frames=turned, role=f"{given.name} ")
 
     def prepare(
-        self, scan: Scan, viewpoint: ArrayLike | None, begin: Callable[[str], Any], *, by_frames: bool
+        self,
+        scan: Scan,
+        viewpoint: ArrayLike | None,
+        begin: Callable[[str], Any],
+        *,
+        by_frames: bool,
+        role: str = "",
     ) -> PreparedScan:
         """Make a scan ready; its normals are by frames, by the viewpoint, or those it has."""
         voxel, front, threads = self
         eye = None if viewpoint is None else scan.viewpoint(viewpoint)
-        begin("voxels")
+        begin(f"{role}voxels")
         given = None if by_frames or eye is not None else scan.normals
         voxels = features.voxel_downsample(scan.cloud, voxel, normals=given, threads=threads)
         _check_voxels(scan, voxel, len(voxels))
         thinned = features.Cloud(voxels.points, name=scan.name)
-        begin("normals")
+        begin(f"{role}normals")
         normals = features.normals(
             thinned,
             radius=front.normal_radius * voxel,
@@ -381,13 +385,13 @@ class Preparation(NamedTuple):
             threads=threads,
         )
         _check_normals(scan, voxel, normals)
-        begin("frames")
+        begin(f"{role}frames")
         radius = front.frame_radius * voxel
         frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=radius, threads=threads)
         if by_frames or voxels.normals is not None:
             outwards = frames[:, 2] if voxels.normals is None else voxels.normals
             normals *= _signs(normals, outwards)[:, None]
-        begin("descriptors")
+        begin(f"{role}descriptors")
         radius = front.support * voxel
         values = features.fpfh(
             thinned, normals, radius=radius, max_neighbors=FEATURE_NEIGHBORS, threads=threads
@@ -397,7 +401,7 @@ class Preparation(NamedTuple):
         described = DescribedCloud(
             rows, voxels.points[rows], frames[rows], values[rows], UNIT * voxel, center
         )
-        begin("surface")
+        begin(f"{role}surface")
         surface = Surface(
             voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=not by_frames, threads=threads
         )

@@ -109,13 +109,12 @@ def register(
     as_choice("effort", effort, EFFORTS)
     clock = StageClock(as_stage_function(progress))
     direction = None if axis is None else as_axis(axis)
-    kind = _front_of(front)
-    paper = kind if isinstance(kind, PaperFront) else None
+    dense, paper = _fronts_of(front)
     chosen = ("lc" if paper is None else "gtm") if method is None else check_method(method)
     search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
     clock.start("voxel size")
     clouds = as_given("source", source, source_viewpoint), as_given("target", target, target_viewpoint)
-    shared = agree(clouds, voxel, front if isinstance(front, DenseFront) else None, threads)
+    shared = agree(clouds, voxel, dense, threads)
     by_frames = any(cloud.by_frames for cloud in clouds)
     scans = [shared.finish(cloud, clock.start, by_frames=by_frames) for cloud in clouds]
     registration, judgement = _register(search, *scans)
@@ -236,14 +235,14 @@ def _register(
     return None if found is None else registration_of(found, judgement, search.clock.stop()), judgement
 
 
-def _front_of(front: object) -> DenseFront | PaperFront:
-    """Return a front end, which may be given by its name."""
+def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
+    """Return the dense front that is given, if one is, and the paper's front where it is to be used."""
     if isinstance(front, DenseFront | PaperFront):
-        return front
+        return (front, None) if isinstance(front, DenseFront) else (None, front)
     if not isinstance(front, str) or front not in FRONTS:
         remedy = f"choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
         raise refusal("front", front, remedy)  # noqa: EM101 - no message, but the parameter's name
-    return DenseFront() if front == "dense" else PaperFront()
+    return None, None if front == "dense" else PaperFront()
 
 
 def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple[int, int]]:

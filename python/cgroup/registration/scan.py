@@ -126,9 +126,10 @@ def as_scan(name: str, cloud: Scan | PointCloud | Cloud | ArrayLike) -> Scan:
     normals, faces = None, None
     cloud = as_point_cloud(name, cloud)
     if isinstance(cloud, PointCloud):
-        normals, faces = _surface_of(name, cloud)
-        cloud = cloud.points
-    points = cloud.points if isinstance(cloud, Cloud) else real_points(name, cloud)
+        points = real_points(name, cloud.points)
+        normals, faces = _surface_of(name, cloud, len(points))
+    else:
+        points = cloud.points if isinstance(cloud, Cloud) else real_points(name, cloud)
     if len(points) <= NORMAL_NEIGHBORS:
         message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
         raise InputError(message)
@@ -139,11 +140,10 @@ def as_scan(name: str, cloud: Scan | PointCloud | Cloud | ArrayLike) -> Scan:
     return Scan(ready, normals, faces, name)
 
 
-def _surface_of(name: str, cloud: PointCloud) -> tuple[FloatArray | None, IndexArray | None]:
-    """Check the normals and faces of a cloud."""
+def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | None, IndexArray | None]:
+    """Check the normals and faces of a cloud of so many points."""
     normals = None if cloud.normals is None else as_points(f"{name}.normals", cloud.normals)
     faces = None if cloud.faces is None else as_faces(f"{name}.faces", cloud.faces)
-    count = len(real_points(name, cloud.points))
     if normals is not None and len(normals) != count:
         message = f"{name}.normals: got {len(normals)} for {count} points; give one per point, NaN for none"
         raise InputError(message)

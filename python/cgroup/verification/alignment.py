@@ -11,7 +11,7 @@ from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_length
 from cgroup.features.cloud import core_cloud
-from cgroup.verification._poses import as_pose, as_poses
+from cgroup.verification._poses import as_pose
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -189,25 +189,18 @@ def align(
     >>> bool(abs(found - pair.T_target_source).max() < 0.3 * pr)
     True
     """
+    as_instance("source", source, FineSurface)
+    as_instance("target", target, FineSurface)
     return align_each(source, target, as_pose(pose), SAMPLES, threads)[0]
 
 
 def align_each(
-    source: FineSurface, target: FineSurface, poses: ArrayLike, samples: int, threads: int | None
+    source: FineSurface, target: FineSurface, poses: FloatArray, samples: int, threads: int | None
 ) -> list[Alignment]:
-    """Refine poses, with at most so many samples of either surface."""
-    aligned = _core.align(
-        _core_surface("source", source),
-        _core_surface("target", target),
-        as_poses(poses),
-        run_options(threads),
-        samples,
-    )
+    """Refine checked poses, with at most so many samples of either surface."""
+    surfaces = source._core, target._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
+    aligned = _core.align(*surfaces, poses, run_options(threads), samples)
     return [
         Alignment(pose, residuals, deviations, len(residuals) / count, *resistance)
         for pose, residuals, deviations, count, resistance in aligned
     ]
-
-
-def _core_surface(name: str, surface: FineSurface) -> _core.FineSurface:
-    return as_instance(name, surface, FineSurface)._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup.verification._poses import as_pose
-from cgroup.verification.surface import core_surface
+from cgroup.verification.surface import core_surfaces
 
 if TYPE_CHECKING:
     import numpy as np
@@ -97,6 +97,4 @@ def places(
     >>> sorted({Place(place).name for place in found})
     ['ON', 'UNKNOWN']
     """
-    return _core.places(
-        core_surface("source", source), core_surface("target", target), as_pose(pose), run_options(threads)
-    )
+    return _core.places(*core_surfaces(source, target), as_pose(pose), run_options(threads))

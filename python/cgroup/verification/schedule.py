@@ -10,7 +10,7 @@ from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_length
 from cgroup.types import Correspondences
 from cgroup.verification._poses import as_poses
-from cgroup.verification.surface import core_surface
+from cgroup.verification.surface import core_surfaces
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -151,8 +151,7 @@ def verify(
     >>> bool(np.abs(found.T_target_source - pair.T_target_source).max() < pr)
     True
     """
-    checked, evidence = as_poses(poses), None
-    surfaces = core_surface("source", source), core_surface("target", target)
+    checked, evidence, surfaces = as_poses(poses), None, core_surfaces(source, target)
     tolerance = MATCH_UNITS * target.unit
     if match_tolerance is not None:
         tolerance = as_length("match_tolerance", match_tolerance)
@@ -160,10 +159,7 @@ def verify(
         as_instance("matches", matches, Correspondences)
         evidence = (matches.source, matches.target, tolerance)
     found, scores, counts, margin, (fitness, rmse, resistance) = _core.verify(
-        *surfaces,
-        checked,
-        evidence,
-        run_options(threads),
+        *surfaces, checked, evidence, run_options(threads)
     )
     return Verification(found[0], float(scores[0]), margin, fitness, rmse, *resistance, found, scores, counts)
 
@@ -215,9 +211,4 @@ def score_poses(
     >>> score_poses(surface, surface, [np.eye(4), away]).round(2)
     array([2., 0.])
     """
-    return _core.score_poses(
-        core_surface("source", source),
-        core_surface("target", target),
-        as_poses(poses),
-        run_options(threads),
-    )
+    return _core.score_poses(*core_surfaces(source, target), as_poses(poses), run_options(threads))

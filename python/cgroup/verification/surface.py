@@ -104,6 +104,7 @@ class Surface:
         return f"Surface(n={len(self)})"
 
 
-def core_surface(name: str, surface: Surface) -> _core.Surface:
-    """Return what the compiled core takes."""
-    return as_instance(name, surface, Surface)._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
+def core_surfaces(source: Surface, target: Surface) -> tuple[_core.Surface, _core.Surface]:
+    """Check two surfaces, and return what the compiled core takes."""
+    pair = as_instance("source", source, Surface), as_instance("target", target, Surface)
+    return pair[0]._core, pair[1]._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
