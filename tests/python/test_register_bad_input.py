@@ -123,9 +123,20 @@ def test_so_many_voxels_that_matching_takes_long_are_refused() -> None:
 
 
 @pytest.mark.parametrize("radius", [0, -1, np.nan, "2"])
-def test_radii_of_the_front_are_checked(radius: Any) -> None:
+def test_radii_of_the_fronts_are_checked(radius: Any) -> None:
     with pytest.raises(InputError, match="support: got"):
         DenseFront(support=radius)
+    with pytest.raises(InputError, match="harris_radius: got"):
+        PaperFront(harris_radius=radius)
+    for radii in ((2.7, radius), (radius,), radius):
+        with pytest.raises(InputError, match="iss_radii: got"):
+            PaperFront(iss_radii=radii)
+
+
+@pytest.mark.parametrize("name", ["detector", "descriptor", "normals", "frames", "matching", "similarity"])
+def test_words_of_the_papers_front_are_checked(name: str) -> None:
+    with pytest.raises(InputError, match=f"{name}: got 'else'; choose one of"):
+        PaperFront(**{name: "else"})
 
 
 def test_prepare_names_its_own_arguments() -> None:

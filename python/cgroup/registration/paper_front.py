@@ -9,7 +9,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup._checks.arrays import as_place, in_double
-from cgroup._checks.values import as_choice, as_count, as_length
+from cgroup._checks.values import as_choice, as_count, as_items, as_length, refusal
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN, SUPPORT_RADIUS, DescribedCloud
@@ -114,8 +114,13 @@ class PaperFront:
         for name in ("nms_radius", "resolution", "harris_radius"):
             if getattr(self, name) is not None:
                 as_length(name, getattr(self, name))
-        for radius in self.iss_radii or ():
-            as_length("iss_radii", radius)
+        if self.iss_radii is not None:
+            remedy = "give two radii in pr: of the scatter, and of the non-maximum suppression"
+            radii = as_items("iss_radii", self.iss_radii, remedy)
+            if len(radii) != 2:
+                raise refusal("iss_radii", self.iss_radii, remedy)  # noqa: EM101 - the parameter's name
+            for radius in radii:
+                as_length("iss_radii", radius)
 
 
 def correspond(
@@ -406,7 +411,7 @@ def _detect(front: PaperFront, scan: Scan, pr: float, threads: int | None) -> In
             cloud, radius=size, resolution=pr, nms_radius=nms, count=front.keypoints, threads=threads
         )
     else:
-        salient, usual = front.iss_radii or (None, None)
+        salient, usual = (None, None) if front.iss_radii is None else front.iss_radii
         size, nms = _times(pr, salient, front.nms_radius or usual)
         found = features.iss(
             cloud, salient_radius=size, resolution=pr, nms_radius=nms, count=front.keypoints, threads=threads
