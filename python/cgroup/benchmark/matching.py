@@ -207,7 +207,8 @@ def _find_unit(
         case "pair":
             return None
         case "undisturbed":
-            before = as_scan("source", undisturbed.source.points), as_scan("target", undisturbed.target.points)
+            pair = undisturbed
+            before = as_scan("source", pair.source.points), as_scan("target", pair.target.points)
             return common_resolution(*before, _THREADS)
         case "source":
             return as_scan("source", clouds[0]).resolution(_THREADS)
