@@ -32,7 +32,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.types": {
         "Clouds": "PointCloud",
-        "Matches and groups": "Correspondences Grouping OPTIONAL_FIELDS",
+        "Matches and groups": "Correspondences Grouping Rule Agreement OPTIONAL_FIELDS",
         "Arrays": "BoolArray FloatArray IndexArray RealArray",
     },
     "cgroup.errors": {"Errors": "CgroupError InputError NoConsensusError OutOfMemoryError"},

@@ -1,5 +1,5 @@
 from collections.abc import Sequence
-from typing import TypeAlias, final
+from typing import TypeAlias, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,18 +9,34 @@ from cgroup._checks.fields import Fields
 from cgroup._checks.run_options import RunOptions
 
 _DescriptorArray: TypeAlias = NDArray[np.float32]
-_Grouping: TypeAlias = tuple[
-    BoolArray,
-    FloatArray | None,
-    float | None,
-    FloatArray | None,
-    dict[str, float],
-    FloatArray | None,
-    FloatArray | None,
-    bool | None,
-    float | None,
-    BoolArray | None,
-]  # mask, scores, threshold, model, diagnostics, alternatives, their scores, ok, false_alarms, instances
+
+class _Grouping(TypedDict):  # fields of cgroup.types.Grouping
+    mask: BoolArray
+    scores: FloatArray | None
+    threshold: float | None
+    model: FloatArray | None
+    diagnostics: dict[str, float]
+    alternatives: FloatArray | None
+    alternative_scores: FloatArray | None
+    ok: bool | None
+    false_alarms: float | None
+    instances: BoolArray | None
+
+class _Rule(TypedDict):  # of cgroup.types.Rule
+    kind: str
+    bound: float | None
+    accepts_equality: bool
+    decided_by: IndexArray | None
+    conflicts: IndexArray | None
+    votes: FloatArray | None
+
+class _Agreement(TypedDict):  # of cgroup.types.Agreement
+    bound: float
+    is_ratio: bool
+    accepts_equality: bool
+    least_sum: float | None
+    least_each: float | None
+    scale: float
 
 _CloudContent: TypeAlias = tuple[
     FloatArray, FloatArray | None, IndexArray | None, NDArray[np.uint8] | None
@@ -71,7 +87,9 @@ __all__ = [
 __version__: str
 DEBUG_BUILD: bool
 
-def group(method: str, fields: Fields, run_options: RunOptions, options: dict[str, object]) -> _Grouping: ...
+def group(
+    method: str, fields: Fields, run_options: RunOptions, options: dict[str, object]
+) -> tuple[_Grouping, _Rule, _Agreement | None]: ...
 def rigid_fit(source: RealArray, target: RealArray) -> FloatArray: ...
 
 @final

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from cgroup._runtime.run import Run
     from cgroup.explanation import Explanation
 
 __all__ = [
     "OPTIONAL_FIELDS",
+    "Agreement",
     "BoolArray",
     "Correspondences",
     "FloatArray",
@@ -35,6 +35,7 @@ __all__ = [
     "IndexArray",
     "PointCloud",
     "RealArray",
+    "Rule",
 ]
 
 _WITHOUT_POINTS = (
@@ -209,6 +210,108 @@ def _copied(value: RealArray | float | None) -> Any:  # noqa: ANN401 - of the sa
     return value.copy() if isinstance(value, np.ndarray) else value
 
 
+@dataclass(frozen=True)
+class Agreement:
+    """When two correspondences keep their distance.
+
+    They are `ds` apart in the source and `dt` in the target.
+
+    Attributes
+    ----------
+    bound : float
+        ``|ds - dt|`` is less than this length, in the data's unit, or ``min(ds/dt, dt/ds)`` greater than this
+        number.
+    is_ratio : bool
+        Which of the two.
+    accepts_equality : bool
+        Whether the bound itself is accepted.
+    least_sum, least_each : float or None
+        Length that ``ds + dt``, or each of the two, has to exceed, in the data's unit.
+    scale : float
+        Factor by which `ds` is multiplied first, where the method estimates a scale (TEASER++).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import gc
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> gc(source, source + 1.0, tolerance=0.1).rule.agreement.bound
+    0.1
+    """
+
+    bound: float
+    is_ratio: bool = False
+    accepts_equality: bool = False
+    least_sum: float | None = None
+    least_each: float | None = None
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """How a method decided which correspondences belong to the group.
+
+    ======================= =========================================================== ====================
+    kind                    a correspondence is selected if                             bound
+    ======================= =========================================================== ====================
+    ``score``               its score lies above `Grouping.threshold`
+    ``ratio``               its nearest descriptor is so many times nearer              ratio
+    ``residual``            the model leaves it less than that from its partner         length
+    ``axes in clique``      it is in the maximum clique, and each axis of its residual  length
+    ``axes in core``        it is in the densest core, and each axis of its residual    length
+    ``conflict``            no match of a higher score conflicts with it                distance ratio
+    ``recomputed conflict`` the same, with new scores after each acceptance             distance ratio
+    ``star``                it keeps its distance to the seed                           length
+    ``grown set``           it is in the largest set that all keep their distances      members
+    ``greatest``            its score is among the greatest
+    ``fullest bin``         it votes in the fullest bin, or in those around it          neighbouring bins
+    ``maximum``             it votes for the largest maximum                            length: side of a bin
+    ======================= =========================================================== ====================
+
+    Attributes
+    ----------
+    method : str
+        Public name; "register" for the verified group of a registration.
+    kind : str
+        What decides, as in the table.
+    bound : float or None
+        The bound that was used; lengths are in the data's unit.
+    accepts_equality : bool
+        Whether the bound, or the threshold, is itself accepted.
+    agreement : Agreement or None
+        When two correspondences keep their distance, for methods that ask.
+    decided_by : (n,) array of int64 or None
+        Row of the correspondence that decided on each, -1 for none: the nearest seed for "star", for a
+        conflict the first accepted one that it conflicts with.
+    conflicts : (n,) array of int64 or None
+        How many selected correspondences each conflicts with.
+    votes : (n,3) array of float64 or None
+        Where each votes, NaN without a local frame: in bins from the fullest one for "fullest bin", for
+        "maximum" the place in the data's unit, from the mean of the target points.
+    resolution : float or None
+        The unit pr in the data's unit, where it is known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import mac
+    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
+    >>> rule = mac(source, source + 1.0, resolution=0.01).rule
+    >>> rule.kind, rule.bound, rule.agreement.bound
+    ('residual', 0.05, 0.01)
+    """
+
+    method: str
+    kind: str
+    bound: float | None = None
+    accepts_equality: bool = False
+    agreement: Agreement | None = None
+    decided_by: IndexArray | None = None
+    conflicts: IndexArray | None = None
+    votes: FloatArray | None = None
+    resolution: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Grouping:
     """The correspondences that a method holds to be right.
@@ -239,6 +342,8 @@ class Grouping:
     instances : (m,n) array of bool or None
         Groups of different rigid motions, each of which is `ok`, the best first: row 0 is `mask`. None unless
         several were asked for; no row unless the group is `ok`.
+    rule : Rule or None
+        How the method decided, with the bounds that it used; None for a method of one's own.
 
     Examples
     --------
@@ -264,8 +369,8 @@ class Grouping:
     ok: bool | None = None
     false_alarms: float | None = None
     instances: BoolArray | None = None
+    rule: Rule | None = None
     _positions: tuple[RealArray, RealArray] | None = field(default=None, repr=False)
-    _run: Run | None = field(default=None, repr=False)
 
     @property
     def indices(self) -> IndexArray:
@@ -443,7 +548,7 @@ class Grouping:
         scores = self.scores if self.scores is not None and len(self.scores) > 0 else None
         trust = "" if self.ok is None else ("can be trusted" if self.ok else "chance could have made it")
         return [
-            ("method", "" if self._run is None else self._run.method),
+            ("method", "" if self.rule is None else self.rule.method),
             ("scores", "" if scores is None else f"{scores.min():.3g} to {scores.max():.3g}"),
             ("cut", "" if self.threshold is None else f"{self.threshold:.3g}"),
             ("trust", trust),

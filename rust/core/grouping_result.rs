@@ -4,6 +4,7 @@ use nalgebra::Matrix4;
 
 use crate::error::Result;
 use crate::memory;
+use crate::rule::Rule;
 
 use std::collections::BTreeMap;
 
@@ -26,6 +27,8 @@ pub struct Grouping {
     pub false_alarms: Option<f64>,
     /// A mask for each rigid motion that is `ok`, the group's first, where several were asked for.
     pub instances: Option<Vec<Vec<bool>>>,
+    /// The rule that decided.
+    pub rule: Rule,
     /// Facts about the run: iterations, cluster seed, eigenvalue, ...
     pub diagnostics: BTreeMap<&'static str, f64>,
 }
@@ -58,6 +61,12 @@ impl Grouping {
     pub fn with(mut self, name: &'static str, value: f64) -> Self {
         self.diagnostics.insert(name, value);
         self
+    }
+
+    /// The same with the rule that decided.
+    #[must_use]
+    pub fn by(self, rule: Rule) -> Self {
+        Self { rule, ..self }
     }
 
     /// Number of selected correspondences.

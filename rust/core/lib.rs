@@ -46,6 +46,7 @@ pub mod grouping;
 pub mod grouping_result;
 pub mod memory;
 pub mod points;
+pub mod rule;
 pub mod selection;
 mod simd;
 pub mod verification;

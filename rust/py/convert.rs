@@ -1,6 +1,7 @@
 //! Between numpy arrays and the core's types; nothing else touches arrays.
 
 use cgroup::frames::Frames;
+use cgroup::rule::{Agreement, Rule};
 use cgroup::{Alternative, Correspondences, Error, Grouping, Points, memory};
 use nalgebra::{Matrix4, SMatrix};
 use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3};
@@ -178,23 +179,72 @@ fn masks<'py>(py: Python<'py>, found: &[Vec<bool>], n: usize) -> PyResult<Bound<
     PyArray1::from_vec(py, numbers).reshape([found.len(), n])
 }
 
-/// What Python gets of a grouping: mask, scores, threshold, model, diagnostics, alternatives and their scores,
-/// whether it is sure, its number of false alarms, and instances.
-pub type PyGrouping<'py> = (
-    Bound<'py, PyArray1<bool>>,
-    Option<Bound<'py, PyArray1<f64>>>,
-    Option<f64>,
-    Option<Bound<'py, PyArray2<f64>>>,
-    Bound<'py, PyDict>,
-    Option<Bound<'py, PyArray3<f64>>>,
-    Option<Bound<'py, PyArray1<f64>>>,
-    Option<bool>,
-    Option<f64>,
-    Option<Bound<'py, PyArray2<bool>>>,
-);
+/// The fields of a `cgroup.types.Grouping` that the core fills in.
+#[derive(IntoPyObject)]
+pub struct PyGrouping<'py> {
+    mask: Bound<'py, PyArray1<bool>>,
+    scores: Option<Bound<'py, PyArray1<f64>>>,
+    threshold: Option<f64>,
+    model: Option<Bound<'py, PyArray2<f64>>>,
+    diagnostics: Bound<'py, PyDict>,
+    alternatives: Option<Bound<'py, PyArray3<f64>>>,
+    alternative_scores: Option<Bound<'py, PyArray1<f64>>>,
+    ok: Option<bool>,
+    false_alarms: Option<f64>,
+    instances: Option<Bound<'py, PyArray2<bool>>>,
+}
+
+/// The fields of a `cgroup.types.Rule` that the core fills in.
+#[derive(IntoPyObject)]
+pub struct PyRule<'py> {
+    kind: &'static str,
+    bound: Option<f64>,
+    accepts_equality: bool,
+    decided_by: Option<Bound<'py, PyArray1<i64>>>,
+    conflicts: Option<Bound<'py, PyArray1<i64>>>,
+    votes: Option<Bound<'py, PyArray2<f64>>>,
+}
+
+/// A `cgroup.types.Agreement`.
+#[derive(IntoPyObject)]
+pub struct PyAgreement {
+    bound: f64,
+    is_ratio: bool,
+    accepts_equality: bool,
+    least_sum: Option<f64>,
+    least_each: Option<f64>,
+    scale: f64,
+}
+
+/// What the core tells of a grouping, for `cgroup.types`.
+pub type PyParts<'py> = (PyGrouping<'py>, PyRule<'py>, Option<PyAgreement>);
+
+/// Converts a rule.
+fn rule(py: Python<'_>, result: Rule) -> PyResult<(PyRule<'_>, Option<PyAgreement>)> {
+    let row = |row: Option<usize>| row.map_or(-1, |row| row as i64);
+    let decided_by = result.decided_by.map(|rows| array(py, rows.into_iter().map(row))).transpose()?;
+    let counts = |counts: Vec<usize>| array(py, counts.into_iter().map(|count| count as i64));
+    let places = |votes: Vec<Option<[f64; 3]>>| {
+        let shape = [votes.len(), 3];
+        array(py, votes.into_iter().flat_map(|vote| vote.unwrap_or([f64::NAN; 3])))?.reshape(shape)
+    };
+    let parts = PyRule {
+        kind: result.kind.name(),
+        bound: result.bound,
+        accepts_equality: result.accepts_equality,
+        decided_by,
+        conflicts: result.conflicts.map(counts).transpose()?,
+        votes: result.votes.map(places).transpose()?,
+    };
+    let agreement = |Agreement { bound, is_ratio, accepts_equality, least_sum, least_each, scale }| {
+        PyAgreement { bound, is_ratio, accepts_equality, least_sum, least_each, scale }
+    };
+    Ok((parts, result.agreement.map(agreement)))
+}
 
 /// Converts a grouping.
-pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyGrouping<'_>> {
+pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyParts<'_>> {
+    let (rule, agreement) = rule(py, result.rule)?;
     let diagnostics = PyDict::new(py);
     for (name, value) in &result.diagnostics {
         diagnostics.set_item(name, value)?;
@@ -203,18 +253,19 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyGrouping<'_>> {
     let alternatives = result.alternatives.as_deref();
     let models = |found: &[Alternative]| matrices(py, found.iter().map(|one| one.model));
     let scores = |found: &[Alternative]| array(py, found.iter().map(|one| one.score));
-    Ok((
-        PyArray1::from_vec(py, result.mask),
-        result.scores.map(|scores| PyArray1::from_vec(py, scores)),
-        result.threshold,
-        result.model.map(|model| matrix(py, &model)).transpose()?,
+    let parts = PyGrouping {
+        mask: PyArray1::from_vec(py, result.mask),
+        scores: result.scores.map(|scores| PyArray1::from_vec(py, scores)),
+        threshold: result.threshold,
+        model: result.model.map(|model| matrix(py, &model)).transpose()?,
         diagnostics,
-        alternatives.map(models).transpose()?,
-        alternatives.map(scores).transpose()?,
-        result.ok,
-        result.false_alarms,
+        alternatives: alternatives.map(models).transpose()?,
+        alternative_scores: alternatives.map(scores).transpose()?,
+        ok: result.ok,
+        false_alarms: result.false_alarms,
         instances,
-    ))
+    };
+    Ok((parts, rule, agreement))
 }
 
 /// The value that goes by `given` among the choices of option `name`.

@@ -25,7 +25,7 @@ use numpy::ndarray::Ix2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::convert::{self, Fields, PyGrouping, Reals};
+use crate::convert::{self, Fields, PyParts, Reals};
 use crate::error::InputError;
 use crate::options::Options;
 use crate::run::{RunOptions, run, run_inline};
@@ -38,7 +38,7 @@ pub fn group<'py>(
     fields: Fields<'py>,
     run_options: RunOptions,
     options: &Bound<'py, PyDict>,
-) -> PyResult<PyGrouping<'py>> {
+) -> PyResult<PyParts<'py>> {
     let mut options = Options::new(method, options);
     let method = method_of(method, &mut options)?;
     options.finish()?;

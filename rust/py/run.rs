@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use crate::background::{Failure, compute, give_back, take_pool};
 use crate::error::{CgroupError, to_python};
 
-/// How the caller wants a computation to run; read from a `cgroup.types.RunOptions`.
+/// How the caller wants a computation to run; read from a `cgroup._checks.run_options.RunOptions`.
 #[derive(FromPyObject)]
 pub struct RunOptions {
     threads: Option<usize>,

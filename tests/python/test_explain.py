@@ -197,6 +197,39 @@ def test_hough_voting_counts_as_the_reference_does() -> None:
     assert found.size
 
 
+KINDS = {
+    "ss": ("score", None),
+    "nnsr": ("ratio", 0.8),
+    "si": ("score", None),
+    "cv": ("score", None),
+    "ransac": ("residual", 5.0 * PR),
+    "st": ("conflict", 0.6),
+    "gc": ("star", 3.0 * PR),
+    "3dhv": ("fullest bin", 6.0),
+    "gtm": ("score", None),
+    "lc": ("residual", 5.0 * PR),
+    "mac": ("residual", 5.0 * PR),
+    "sc2pcr": ("residual", 5.0 * PR),
+    "turboreg": ("residual", 5.0 * PR),
+    "teaser": ("axes in clique", 2.5 * PR),
+    "clipper": ("greatest", None),
+}
+
+
+@pytest.mark.parametrize("method", cgroup.METHODS)
+@pytest.mark.parametrize("rows", [0, 2, len(MATCHES)])
+def test_every_group_tells_its_rule(method: str, rows: int) -> None:
+    fields = {name: getattr(MATCHES, name) for name in cgroup.types.OPTIONAL_FIELDS}
+    taken = {name: value[:rows] for name, value in fields.items() if isinstance(value, np.ndarray)}
+    taken["source_centroid"] = MATCHES.source_centroid
+    matches = Correspondences(MATCHES.source[:rows], MATCHES.target[:rows], resolution=PR, **taken)
+    rule = group(matches, method).rule
+    kind, bound = KINDS[method]
+    assert (rule.method, rule.kind, rule.resolution) == (method, kind, PR)
+    assert rule.bound == (None if bound is None else pytest.approx(bound))
+    assert all(len(of) == rows for of in (rule.decided_by, rule.conflicts, rule.votes) if of is not None)
+
+
 BOUNDS = {"gc": (3.0, 1.0), "lc": (3.0, 1.0), "mac": (5.0, 0.2), "sc2pcr": (5.0, 1.0), "clipper": (5.0, 1.0)}
 
 
@@ -278,7 +311,7 @@ def test_further_instances_are_named() -> None:
     found = cgroup.lc(points, points + np.array([[0], [0], [0], [50.0]]), resolution=0.1)
     rows = np.array([[True, True, True, False], [False, False, False, True]])
     both = cgroup.Grouping(
-        rows[0], found.scores, None, model, {}, instances=rows, _positions=found._positions, _run=found._run
+        rows[0], found.scores, None, model, {}, instances=rows, rule=found.rule, _positions=found._positions
     )
     assert "it belongs to row 1 of the instances" in both.explain(3).reason
 

@@ -3,48 +3,63 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._explain.pairs import ZERO_EDGE, PairRule, distance_ratio, pair_rule
+from cgroup._show import words
 from cgroup.errors import NoConsensusError
+from cgroup.types import Agreement
 
 if TYPE_CHECKING:
     from cgroup._checks.array_types import BoolArray, FloatArray
-    from cgroup._runtime.run import Run
     from cgroup.types import Grouping
 
+_STATED_DIFFERENCE = 3.0
+"""Resolutions, where the method has no rule of its own."""
 
-class Edges(NamedTuple):
-    """From one match to all: lengths on both sides, and where either is none."""
+_STATED_RATIO = 0.9
 
-    ds: FloatArray
-    dt: FloatArray
-    zero: BoolArray
+_ZERO_EDGE = 1e-12
+"""Share of a side's bounding box within which two of its points coincide."""
 
-    @property
-    def ratio(self) -> FloatArray:
-        """``min(ds/dt, dt/ds)``, 0 where two share a point."""
-        return distance_ratio(self.ds, self.dt, self.zero)
+_NOTES = {
+    "cv": " (where a vote has fallen to 1/e)",
+    "ransac": " (as any two do that one pose fits)",
+    "register": " (as any two do that one pose fits)",
+}
+"""What a method's bound on distances means, where it is no test of the method."""
 
 
 class Facts:
-    """A group, the points of all matches, and what follows from them."""
+    """A group, its rule, the points of all matches, and what follows from them."""
 
     def __init__(self, grouping: Grouping) -> None:
         self.grouping = grouping
-        self.run: Run | None = grouping._run  # noqa: SLF001  # pyright: ignore[reportPrivateUsage] - what it is there for
-        self.resolution = None if self.run is None else self.run.resolution
-        points = grouping._positions  # noqa: SLF001  # pyright: ignore[reportPrivateUsage]
+        self.rule = grouping.rule
+        self.resolution = None if grouping.rule is None else grouping.rule.resolution
+        points = grouping._positions  # noqa: SLF001  # pyright: ignore[reportPrivateUsage] - what it is there for
         self.points: tuple[FloatArray, FloatArray] | None = (
             None if points is None else (points[0].astype(np.float64), points[1].astype(np.float64))
         )
 
     @cached_property
-    def rule(self) -> PairRule:
-        """When two matches keep their distance."""
-        return pair_rule(self.run, self.grouping.diagnostics)
+    def agreement(self) -> Agreement:
+        """When two matches keep their distance: by the method's own rule, or by a stated one."""
+        if self.rule is not None and self.rule.agreement is not None:
+            return self.rule.agreement
+        if self.resolution is None:
+            return Agreement(_STATED_RATIO, is_ratio=True)
+        return Agreement(_STATED_DIFFERENCE * self.resolution)
+
+    @cached_property
+    def agreement_text(self) -> str:
+        """The same in words."""
+        bound, is_own = self.agreement.bound, self.rule is not None and self.rule.agreement is not None
+        shown = words.number(bound) if self.agreement.is_ratio else words.length(bound, self.resolution)
+        note = _NOTES.get(self.rule.method, "") if self.rule is not None and is_own else ""
+        remark = note if is_own else " (the method has no rule of its own for that)"
+        return f"within {'a ratio of ' if self.agreement.is_ratio else ''}{shown}{remark}"
 
     @cached_property
     def pose(self) -> FloatArray | None:
@@ -69,38 +84,43 @@ class Facts:
         """(n,) lengths of the misfits."""
         return None if self.misfits is None else np.linalg.norm(self.misfits, axis=1)
 
-    @cached_property
-    def order(self) -> FloatArray | None:
-        """Scores ascending."""
-        scores = self.grouping.scores
-        return None if scores is None else np.sort(scores)
-
     def rank(self, i: int) -> int | None:
         """Place of a match by its score, 1 for the greatest."""
-        scores, order = self.grouping.scores, self.order
-        if scores is None or order is None:
-            return None
-        return len(order) - int(np.searchsorted(order, scores[i], side="right")) + 1
+        scores = self.grouping.scores
+        return None if scores is None else 1 + int(np.count_nonzero(scores > scores[i]))
 
     @cached_property
     def _zero_lengths(self) -> tuple[float, float]:
-        assert self.points is not None  # noqa: S101 - edges ask for it
-        source, target = (ZERO_EDGE * float(np.linalg.norm(np.ptp(side, axis=0))) for side in self.points)
+        assert self.points is not None  # noqa: S101 - ratios ask for it
+        source, target = (_ZERO_EDGE * float(np.linalg.norm(np.ptp(side, axis=0))) for side in self.points)
         return source, target
 
-    def edges(self, i: int) -> Edges | None:
-        """Distances of one match to all."""
-        if self.points is None:
-            return None
-        ds, dt = (np.linalg.norm(side - side[i], axis=1) for side in self.points)
-        least = self._zero_lengths
-        return Edges(ds, dt, (ds <= least[0]) | (dt <= least[1]))
+    def edges(self, i: int, other: int | None = None) -> tuple[FloatArray, FloatArray]:
+        """Distances of one match to another, or to all, in the source and in the target."""
+        assert self.points is not None  # noqa: S101 - of methods that take points
+        rows = slice(None) if other is None else [other]
+        ds, dt = (np.linalg.norm(side[rows] - side[i], axis=1) for side in self.points)
+        return ds, dt
+
+    def ratios(self, ds: FloatArray, dt: FloatArray) -> FloatArray:
+        """Return ``min(ds/dt, dt/ds)``, 0 where two share a point."""
+        longer = np.maximum(ds, dt)
+        ratio = np.divide(np.minimum(ds, dt), longer, out=np.zeros_like(longer), where=longer > 0.0)
+        return np.where((ds <= self._zero_lengths[0]) | (dt <= self._zero_lengths[1]), 0.0, ratio)
 
     def agreeing(self, i: int) -> BoolArray | None:
         """Which others keep their distance to a match."""
-        edges = self.edges(i)
-        if edges is None:
+        if self.points is None:
             return None
-        agreeing = self.rule.holds(*edges)
+        rule, (ds, dt) = self.agreement, self.edges(i)
+        if rule.is_ratio:
+            change, bound = -self.ratios(ds, dt), -rule.bound
+        else:
+            change, bound = np.abs(rule.scale * ds - dt), rule.bound
+        agreeing = change <= bound if rule.accepts_equality else change < bound
+        if rule.least_sum is not None:
+            agreeing &= rule.scale * ds + dt > rule.least_sum
+        if rule.least_each is not None:
+            agreeing &= np.minimum(ds, dt) > rule.least_each
         agreeing[i] = False
         return agreeing

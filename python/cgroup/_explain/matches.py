@@ -1,4 +1,4 @@
-"""From a group to what is said of its matches."""
+"""From a group to explanations of its matches."""
 
 from __future__ import annotations
 
@@ -29,38 +29,9 @@ def explain_match(grouping: Grouping, index: int) -> Explanation:
 
 
 def explain_matches(grouping: Grouping, rows: Iterable[int]) -> list[Explanation]:
-    """Explain several matches, with what they have in common computed once.
-
-    Parameters
-    ----------
-    grouping : Grouping
-        What a method selected.
-    rows : iterable of int
-        Which matches.
-
-    Returns
-    -------
-    list of Explanation
-        In the order of the rows.
-
-    Raises
-    ------
-    InputError
-        If there is no such row.
-
-    Examples
-    --------
-    >>> from cgroup import ss
-    >>> from cgroup._explain import explain_matches
-    >>> [each.kept for each in explain_matches(ss([0.1, 0.9, 0.8]), [0, 1])]
-    [False, True]
-    """
-    facts, count = Facts(grouping), len(grouping.mask)
-    chosen = [as_count("rows", row, 0) for row in rows]
-    if chosen and max(chosen) >= count:
-        message = f"rows: got {max(chosen)}; there are {count} matches"
-        raise InputError(message)
-    return [_explain(facts, row) for row in chosen]
+    """Explain the matches of some rows, with what they have in common computed once."""
+    facts = Facts(grouping)
+    return [_explain(facts, row) for row in rows]
 
 
 def _explain(facts: Facts, row: int) -> Explanation:
@@ -68,7 +39,7 @@ def _explain(facts: Facts, row: int) -> Explanation:
     return Explanation(
         index=row,
         kept=bool(grouping.mask[row]),
-        method=None if facts.run is None else facts.run.method,
+        method=None if facts.rule is None else facts.rule.method,
         matches=len(grouping.mask),
         selected=grouping.size,
         score=None if grouping.scores is None else float(grouping.scores[row]),
@@ -79,7 +50,7 @@ def _explain(facts: Facts, row: int) -> Explanation:
         resolution=facts.resolution,
         agreeing=None if agreeing is None else int(np.count_nonzero(agreeing)),
         agreeing_in_group=None if agreeing is None else int(np.count_nonzero(agreeing & grouping.mask)),
-        agreement="" if facts.points is None else facts.rule.text,
+        agreement="" if facts.points is None else facts.agreement_text,
         reason=verdict.reason,
         remedy=verdict.remedy,
         _tells_residual=verdict.tells_residual,

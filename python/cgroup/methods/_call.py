@@ -5,19 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cgroup import _core
-from cgroup._checks.fields import FIELDS, Fields, check_fields, check_scores
+from cgroup._checks.fields import FIELDS, check_fields, check_scores
 from cgroup._checks.run_options import run_options
 from cgroup._runtime.memory import max_memory_for
-from cgroup._runtime.run import Run
-from cgroup.types import Grouping
+from cgroup.types import Agreement, Grouping, Rule
 
 if TYPE_CHECKING:
     from cgroup._checks.array_types import RealArray
-
-_VOTES_BY_FRAMES = ("3dhv",)
-"""Methods whose matches are explained by their frames."""
-
-_FRAMES = ("source_lrf", "target_lrf", "source_centroid")
+    from cgroup._checks.fields import Fields
 
 
 def call(method: str, arguments: dict[str, Any]) -> Grouping:
@@ -33,7 +28,7 @@ def call(method: str, arguments: dict[str, Any]) -> Grouping:
     given = {name: arguments.pop(name) for name in FIELDS if name in arguments}
     fields = check_fields(**given) if "source" in given else check_scores(**given)
     # Copies of one's own: the caller's buffers may hold other points by the time of transform().
-    return compute(method, _copy_frames(method, fields), arguments, _copies(fields), fields.resolution)
+    return compute(method, fields, arguments, _copies(fields), fields.resolution)
 
 
 def compute(
@@ -65,18 +60,10 @@ def compute(
     if max_memory is None:
         max_memory = max_memory_for(0 if fields.source is None else len(fields.source))
     run = run_options(threads, max_memory, progress, max_seconds)
-    votes = method in _VOTES_BY_FRAMES
-    frames = Fields(**{name: getattr(fields, name) for name in _FRAMES}) if votes else None
-    how = Run(method, dict(options), frames, resolution)
-    return Grouping(*_core.group(method, fields, run, options), positions, how)
-
-
-def _copy_frames(method: str, fields: Fields) -> Fields:
-    """Copy the frames that `Grouping.explain` will look at, which the caller may change."""
-    if method not in _VOTES_BY_FRAMES:
-        return fields
-    given = {name: getattr(fields, name) for name in _FRAMES}
-    return fields._replace(**{name: value.copy() for name, value in given.items() if value is not None})
+    found, rule, pairs = _core.group(method, fields, run, options)
+    agreement = None if pairs is None else Agreement(**pairs)
+    rule = Rule(method, agreement=agreement, resolution=resolution, **rule)
+    return Grouping(**found, rule=rule, _positions=positions)
 
 
 def _copies(fields: Fields) -> tuple[RealArray, RealArray] | None:

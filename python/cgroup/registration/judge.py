@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._runtime.run import Run
 from cgroup.rigid import apply
-from cgroup.types import Grouping
+from cgroup.types import Agreement, Grouping, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,8 +97,15 @@ class Found:
         matches, pose, within = self.matches, self.refined.T_target_source, GROUP_WITHIN * self.source.voxel
         residuals = np.linalg.norm(apply(pose, matches.source) - matches.target, axis=1)
         positions = (matches.source, matches.target)
-        run = Run("register", {"tolerance": within}, resolution=matches.resolution)
-        return Grouping(residuals <= within, None, None, pose, {}, _positions=positions, _run=run)
+        rule = Rule(
+            "register",
+            "residual",
+            within,
+            accepts_equality=True,
+            agreement=Agreement(2.0 * within),
+            resolution=matches.resolution,
+        )
+        return Grouping(residuals <= within, None, None, pose, {}, rule=rule, _positions=positions)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ use crate::compatibility::lrf_angle::angle_difference;
 use crate::error::{at_least_one, positive};
 use crate::frames::Frames;
 use crate::geometry::angle::atan2_by;
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::smallest;
 use crate::simd::arithmetic::{Arithmetic, exp_of_negative};
@@ -60,7 +61,8 @@ impl GroupingMethod for ConsistencyVoting {
         let ballot = Ballot::new(&matches, &voters, distance_scale, angle_scale)?;
         let scores = self.count_votes(&matches, &ballot, execution)?; // s_i = sum_j D_ij, Eq. (11)
         let Cut { mask, threshold } = self.threshold.above(&scores)?; // s_i > t_cv
-        Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() })
+        let rule = Rule::new(Kind::Score).agreeing(Agreement::difference(distance_scale));
+        Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() }.by(rule))
     }
 }
 

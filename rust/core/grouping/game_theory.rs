@@ -8,9 +8,10 @@
 use super::GroupingMethod;
 use crate::compatibility::matrix::{PairMatrix, PairScore};
 use crate::error::{Error, at_least_one, positive};
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::otsu::{Cut, Threshold};
 use crate::simd::sums::sum;
-use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
+use crate::{Correspondences, Execution, Grouping, Result, memory};
 
 /// In a population whose mean payoff is no greater, no two strategies are compatible.
 const NO_PAYOFF: f64 = 1e-300;
@@ -105,13 +106,19 @@ impl GroupingMethod for GameTheory {
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         self.validate()?;
         let (source, target) = correspondences.positions("gtm")?;
-        let payoff = self.payoff_matrix(correspondences, source, target, execution)?; // Pi, Eq. (18)
+        let score = self.pair_score(correspondences)?;
+        let payoff = PairMatrix::new(source, target, score, None, execution)?; // Pi, Eq. (18)
         let population = match self.dynamics {
             Dynamics::Replicator => self.replicate(payoff, execution)?,
             Dynamics::InfectionImmunisation => self.infect_and_immunise(&payoff, execution)?,
         };
         let Cut { mask, threshold } = self.select(&population)?; // x_i > t_gtm
-        let grouping = Grouping { mask, scores: Some(population.shares), threshold, ..Grouping::default() };
+        let mut rule = Rule::new(Kind::Score);
+        if let PairScore::DistanceDifferenceIndicator { tolerance, .. } = score {
+            rule = rule.agreeing(Agreement::difference(tolerance).or_equal());
+        }
+        let scores = Some(population.shares);
+        let grouping = Grouping { mask, scores, threshold, ..Grouping::default() }.by(rule);
         Ok(grouping.with("steps", population.steps as f64).with("mean_payoff", population.mean_payoff))
     }
 }
@@ -131,22 +138,15 @@ impl GameTheory {
         Ok(())
     }
 
-    fn payoff_matrix(
-        &self,
-        correspondences: &Correspondences,
-        source: &Points,
-        target: &Points,
-        execution: &Execution,
-    ) -> Result<PairMatrix> {
-        let score = match self.payoff {
+    fn pair_score(&self, correspondences: &Correspondences) -> Result<PairScore> {
+        Ok(match self.payoff {
             // Zero-length edges earn 0, which contains the one-to-one rule.
             Payoff::DistanceRatio => PairScore::DistanceRatio,
             Payoff::DistanceDifference => PairScore::DistanceDifferenceIndicator {
                 tolerance: correspondences.length("tolerance", self.tolerance, 3.0)?,
                 one_to_one: self.one_to_one,
             },
-        };
-        PairMatrix::new(source, target, score, None, execution)
+        })
     }
 
     fn replicate(&self, mut payoff: PairMatrix, execution: &Execution) -> Result<Population> {

@@ -11,6 +11,7 @@ use crate::compatibility::graph::{AgreementGraph, EdgeLengths};
 use crate::consensus::SampleConsensus;
 use crate::error::at_least_one;
 use crate::grouping_result::mask_of;
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
@@ -90,20 +91,25 @@ impl GeometricConsistency {
         let agreement = &DistanceAgreement::new(source, target, tolerance)?;
         let sizes = cluster_sizes(agreement, execution)?; // |G_i|, Eq. (13)
         let greatest = sizes.iter().copied().max().unwrap_or_default();
-        let mut seeds = (0..sizes.len()).filter(|&i| sizes[i] == greatest);
-        let Some(first) = seeds.next() else {
-            return Ok(Grouping { scores: Some(Vec::new()), ..Grouping::default() });
-        };
-        let star = |seed: usize| (0..sizes.len()).map(move |j| agreement.agree(seed, j)); // G_i
-        let mut mask = memory::collect(star(first))?; // i* = argmax |G_i|
-        if self.ties == Ties::Union {
-            for seed in seeds {
-                mask.iter_mut().zip(star(seed)).for_each(|(member, also)| *member |= also);
-            }
+        let mut seeds = memory::collect((0..sizes.len()).filter(|&i| sizes[i] == greatest))?;
+        if self.ties == Ties::Lowest {
+            seeds.truncate(1);
+        }
+        let mut mask = memory::filled(false, sizes.len())?;
+        for &seed in &seeds {
+            let star = (0..sizes.len()).map(|j| agreement.agree(seed, j)); // G_i, i* = argmax |G_i|
+            mask.iter_mut().zip(star).for_each(|(member, also)| *member |= also);
         }
         let scores = memory::collect(sizes.iter().map(|&size| f64::from(size)))?;
-        let grouping = Grouping { mask, scores: Some(scores), ..Grouping::default() };
-        Ok(grouping.with("seed_index", first as f64))
+        let rule = Rule {
+            decided_by: Some(nearest_seeds(&seeds, source, target)?),
+            ..Rule::bounded(Kind::Star, tolerance).agreeing(Agreement::difference(tolerance))
+        };
+        let grouping = Grouping { mask, scores: Some(scores), ..Grouping::default() }.by(rule);
+        Ok(match seeds.first() {
+            Some(&first) => grouping.with("seed_index", first as f64),
+            None => grouping,
+        })
     }
 
     fn largest_clique(
@@ -145,8 +151,25 @@ impl GeometricConsistency {
                 }
             }
         }
-        Ok(Grouping::from_mask(mask_of(source.len(), largest)?).with("clusters", f64::from(clusters)))
+        let rule = Rule::bounded(Kind::GrownSet, self.min_cluster_size as f64)
+            .agreeing(Agreement::difference(tolerance).or_equal());
+        let mask = mask_of(source.len(), largest)?;
+        Ok(Grouping::from_mask(mask).with("clusters", f64::from(clusters)).by(rule))
     }
+}
+
+/// The seed to which each keeps its distance best, the lowest of equal ones; a seed itself.
+fn nearest_seeds(seeds: &[usize], source: &Points, target: &Points) -> Result<Vec<Option<usize>>> {
+    let mut nearest = memory::filled((None, f64::INFINITY), source.len())?;
+    for &seed in seeds {
+        for (j, of) in nearest.iter_mut().enumerate() {
+            let change = distance_difference(source.distance(seed, j), target.distance(seed, j));
+            if change < of.1 || j == seed {
+                *of = (Some(seed), if j == seed { 0.0 } else { change });
+            }
+        }
+    }
+    memory::collect(nearest.into_iter().map(|(seed, _)| seed))
 }
 
 /// Size of each star cluster, its seed included.

@@ -5,6 +5,7 @@
 
 use super::GroupingMethod;
 use crate::error::fraction;
+use crate::rule::{Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
 /// Parameters of the nearest-neighbour similarity ratio.
@@ -28,6 +29,7 @@ impl GroupingMethod for NearestNeighborRatio {
             mask: memory::collect(ratio.iter().map(|&r| r <= max_ratio))?, // Eq. (2), solved for the ratio
             scores: Some(memory::collect(ratio.iter().map(|r| 1.0 - r))?), // left side of Eq. (2)
             threshold: Some(1.0 - max_ratio),
+            rule: Rule::bounded(Kind::Ratio, max_ratio).or_equal(),
             ..Grouping::default()
         })
     }

@@ -7,6 +7,7 @@ use super::GroupingMethod;
 use crate::consensus::{Consensus, SampleConsensus};
 use crate::error::{Error, at_least_one, fraction};
 use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
+use crate::rule::{Agreement, Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// Parameters of random sample consensus.
@@ -43,15 +44,18 @@ impl GroupingMethod for Ransac {
     fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("ransac")?;
         let engine = self.engine(correspondences)?;
+        // Two that one pose fits keep their distance up to both residuals.
+        let rule = Rule::bounded(Kind::Residual, engine.tolerance)
+            .agreeing(Agreement::difference(2.0 * engine.tolerance));
         let Some(best) = engine.run(source, target, execution)? else {
-            return Ok(Grouping::empty(source.len())?.with("iterations", self.iterations as f64));
+            return Ok(Grouping::empty(source.len())?.with("iterations", self.iterations as f64).by(rule));
         };
         let (model, mask) = if self.refine {
             refit(&best.model, &engine, source, target)?
         } else {
             (best.model, engine.inlier_mask(&best.model, source, target)?)
         };
-        Ok(report(&best, &model, mask, source, target))
+        Ok(report(&best, &model, mask, source, target).by(rule))
     }
 }
 

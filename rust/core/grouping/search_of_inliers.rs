@@ -11,6 +11,7 @@ use crate::compatibility::votes::{PointPair, RigidityTest, Voters, count_rigid, 
 use crate::error::{at_least_one, fraction};
 use crate::frames::Frames;
 use crate::geometry::nearest_sets::NearestSets;
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::otsu::{Cut, Threshold};
 use crate::selection::top_k::{largest, smallest};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
@@ -97,7 +98,8 @@ impl GroupingMethod for SearchOfInliers {
         let both = |(l, g): (&Votes, &Votes)| Votes { support: l.support + g.support, cast: l.cast + g.cast };
         let scores = memory::collect(local.iter().zip(&global).map(|votes| both(votes).share()))?; // s_i, Eq. (6)
         let Cut { mask, threshold } = self.threshold.above(&scores)?;
-        Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() })
+        let rule = Rule::new(Kind::Score).agreeing(Agreement::ratio(self.min_distance_ratio));
+        Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() }.by(rule))
     }
 }
 

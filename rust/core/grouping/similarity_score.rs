@@ -4,6 +4,7 @@
 //! that Otsu's method sets. Cost O(n).
 
 use super::GroupingMethod;
+use crate::rule::{Kind, Rule};
 use crate::selection::otsu::{Cut, Threshold};
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
@@ -18,11 +19,13 @@ impl GroupingMethod for SimilarityScore {
     fn group(&self, correspondences: &Correspondences, _: &Execution) -> Result<Grouping> {
         self.threshold.validate()?;
         let scores = correspondences.similarity("ss")?; // 1 - |f - f'|, left side of Eq. (1)
-        let Cut { mask, threshold } = match self.threshold {
-            Threshold::Otsu(_) => self.threshold.above(scores)?,
-            Threshold::Fixed(value) => at_least(scores, value)?,
+        let rule = Rule::new(Kind::Score);
+        let (Cut { mask, threshold }, rule) = match self.threshold {
+            Threshold::Otsu(_) => (self.threshold.above(scores)?, rule),
+            Threshold::Fixed(value) => (at_least(scores, value)?, rule.or_equal()),
         }; // Eq. (1)
-        Ok(Grouping { mask, scores: Some(memory::copied(scores)?), threshold, ..Grouping::default() })
+        let scores = Some(memory::copied(scores)?);
+        Ok(Grouping { mask, scores, threshold, ..Grouping::default() }.by(rule))
     }
 
     fn is_instant(&self, _: &Correspondences) -> bool {

@@ -7,7 +7,7 @@
 use super::GroupingMethod;
 use crate::compatibility::matrix::{PairMatrix, PairPositions, PairScore};
 use crate::error::{fraction, shown};
-use crate::grouping_result::mask_of;
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvector};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Error, Execution, Grouping, Points, Result, memory};
@@ -94,16 +94,16 @@ impl GroupingMethod for Spectral {
         let diagonal = self.diagonal(correspondences)?;
         let affinity = PairMatrix::new(source, target, self.pair_score(), diagonal, execution)?; // M, of Eq. (12)
         let eigenpair = principal_eigenvector(&affinity, self.eigensolver, execution)?; // M v = lambda v
-        if eigenpair.value <= 0.0 || source.len() < 2 {
-            return report(eigenpair, Vec::new()); // M is 0: no pair is compatible
-        }
-        let conflicts = Conflicts::new(self, source, target)?;
-        let accepted = if self.recompute {
-            self.accept_recomputing(&affinity, &conflicts, execution)?
-        } else {
-            accept_greedily(&eigenpair.vector, &conflicts, execution)?
-        };
-        report(eigenpair, accepted)
+        let mut accepted = Accepted::none(source.len())?;
+        if eigenpair.value > 0.0 && source.len() >= 2 {
+            let conflicts = Conflicts::new(self, source, target)?;
+            if self.recompute {
+                self.accept_recomputing(&affinity, &conflicts, &mut accepted, execution)?;
+            } else {
+                accept_greedily(&eigenpair.vector, &conflicts, &mut accepted, execution)?;
+            }
+        } // else M is 0: no pair is compatible
+        self.report(eigenpair, accepted)
     }
 }
 
@@ -137,22 +137,35 @@ impl Spectral {
         &self,
         affinity: &PairMatrix,
         conflicts: &Conflicts,
+        accepted: &mut Accepted,
         execution: &Execution,
-    ) -> Result<Vec<usize>> {
+    ) -> Result<()> {
         let total = affinity.len();
         let mut alive = memory::collect(0..total)?;
-        let mut accepted = Vec::new();
         while !alive.is_empty() {
             let remaining = affinity.subset(&alive, execution)?;
             let eigenpair = principal_eigenvector(&remaining, self.eigensolver, execution)?;
             // Without any affinity left the vector is uniform, and the lowest index is next.
             let chosen = alive[by_support(&eigenpair.vector, 1)?[0]];
-            memory::push(&mut accepted, chosen)?;
-            let conflicting = conflicts.with(chosen)?;
-            alive.retain(|&i| i != chosen && !conflicting[i]);
+            accepted.accept(chosen, &conflicts.with(chosen)?);
+            alive.retain(|&i| accepted.leaves_open(i));
             execution.report(total - alive.len(), total)?;
         }
-        Ok(accepted)
+        Ok(())
+    }
+
+    fn report(&self, eigenpair: Eigenpair, accepted: Accepted) -> Result<Grouping> {
+        let kind = if self.recompute { Kind::RecomputedConflict } else { Kind::Conflict };
+        let rule = Rule {
+            decided_by: Some(accepted.excluded_by),
+            conflicts: Some(accepted.conflicts),
+            ..Rule::bounded(kind, self.min_distance_ratio)
+                .agreeing(Agreement::ratio(self.min_distance_ratio).or_equal())
+        };
+        Ok(Grouping { scores: Some(eigenpair.vector), ..Grouping::from_mask(accepted.mask) }
+            .with("eigenvalue", eigenpair.value)
+            .with("power_steps", eigenpair.steps as f64)
+            .by(rule))
     }
 }
 
@@ -168,25 +181,57 @@ fn by_support(v: &[f64], k: usize) -> Result<Vec<usize>> {
 }
 
 /// Accepts the strongest entry of `v` that is left, until none is.
-fn accept_greedily(v: &[f64], conflicts: &Conflicts, execution: &Execution) -> Result<Vec<usize>> {
+fn accept_greedily(
+    v: &[f64],
+    conflicts: &Conflicts,
+    accepted: &mut Accepted,
+    execution: &Execution,
+) -> Result<()> {
     let order = by_support(v, v.len())?;
     let least = NO_SUPPORT * greatest(v);
-    let mut alive = memory::filled(true, v.len())?;
-    let mut accepted = Vec::new();
     for (rank, &i) in order.iter().enumerate() {
         if v[i] <= least {
             break;
         }
-        if !alive[i] {
+        if !accepted.leaves_open(i) {
             continue;
         }
-        memory::push(&mut accepted, i)?;
-        for (left, conflicting) in alive.iter_mut().zip(conflicts.with(i)?) {
-            *left &= !conflicting;
-        }
+        accepted.accept(i, &conflicts.with(i)?);
         execution.report(rank + 1, order.len())?;
     }
-    Ok(accepted)
+    Ok(())
+}
+
+/// The accepted correspondences, and what they exclude.
+struct Accepted {
+    mask: Vec<bool>,
+    /// The first accepted one that each conflicts with.
+    excluded_by: Vec<Option<usize>>,
+    /// How many accepted ones each conflicts with.
+    conflicts: Vec<usize>,
+}
+
+impl Accepted {
+    fn none(n: usize) -> Result<Self> {
+        Ok(Self {
+            mask: memory::filled(false, n)?,
+            excluded_by: memory::filled(None, n)?,
+            conflicts: memory::filled(0, n)?,
+        })
+    }
+
+    fn accept(&mut self, chosen: usize, conflicting: &[bool]) {
+        self.mask[chosen] = true;
+        for i in (0..conflicting.len()).filter(|&i| conflicting[i] && i != chosen) {
+            self.excluded_by[i].get_or_insert(chosen);
+            self.conflicts[i] += 1;
+        }
+    }
+
+    /// Whether it is neither accepted nor excluded.
+    fn leaves_open(&self, i: usize) -> bool {
+        !self.mask[i] && self.excluded_by[i].is_none()
+    }
 }
 
 /// Which correspondences exclude a given one.
@@ -214,13 +259,6 @@ impl Conflicts {
         };
         memory::collect(ratios.iter().map(conflict))
     }
-}
-
-fn report(eigenpair: Eigenpair, accepted: Vec<usize>) -> Result<Grouping> {
-    let mask = mask_of(eigenpair.vector.len(), accepted)?;
-    Ok(Grouping { mask, scores: Some(eigenpair.vector), ..Grouping::default() }
-        .with("eigenvalue", eigenpair.value)
-        .with("power_steps", eigenpair.steps as f64))
 }
 
 #[cfg(test)]

@@ -27,6 +27,7 @@ use crate::compatibility::graph::{AgreementGraph, Edge, EdgeLengths, count_commo
 use crate::consensus::choice::{Choice, best_pose, group_of, poses_among};
 use crate::error::at_least_one;
 use crate::geometry::rigid::{Rigid, fit_triangle, fixes_rotation};
+use crate::rule::{Agreement, Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 /// Shares of the tolerance that the published constants have.
@@ -79,7 +80,12 @@ impl GroupingMethod for TurboReg {
             poses_among(kept.as_deref(), source, target, |p, q| self.hypotheses(p, q, &lengths, execution))?;
         let best = best_pose(&poses, source, target, lengths.tolerance, self.choice, execution)?; // step 5
         let grouping = group_of(best, source, target, lengths.tolerance)?; // step 6
-        let grouping = grouping.with("hypotheses", poses.len() as f64);
+        let agreement = Agreement {
+            least_sum: Some(lengths.nms_radius),
+            ..Agreement::difference(lengths.max_distance_difference)
+        };
+        let rule = Rule::bounded(Kind::Residual, lengths.tolerance).agreeing(agreement);
+        let grouping = grouping.by(rule).with("hypotheses", poses.len() as f64);
         Ok(match kept {
             None => grouping,
             Some(kept) => grouping.with("truncated", 1.0).with("vertices", kept.len() as f64),

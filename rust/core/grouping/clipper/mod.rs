@@ -27,6 +27,7 @@ use crate::consensus::maximum_clique::greedy_clique;
 use crate::error::{Error, Result, positive};
 use crate::geometry::rigid::fit_group;
 use crate::grouping_result::mask_of;
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, memory};
 use affinity::Affinity;
@@ -93,7 +94,8 @@ impl GroupingMethod for Clipper {
             Variant::Maximum => maximum(&graph, &cores, self.seed, execution)?,
         };
         let certified = is_largest(&found.members, &graph, &cores, execution)?;
-        report(found, certified, source, target)
+        let agreement = Agreement { least_each: Some(self.min_distance), ..Agreement::difference(reach) };
+        Ok(report(found, certified, source, target)?.by(Rule::new(Kind::Greatest).agreeing(agreement)))
     }
 }
 

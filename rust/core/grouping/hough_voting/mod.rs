@@ -14,6 +14,7 @@ use super::GroupingMethod;
 use crate::consensus::SampleConsensus;
 use crate::error::{Error, at_least_one, positive};
 use crate::grouping_result::mask_of;
+use crate::rule::{Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
 /// Bins per axis beyond this can't be told apart in the grid's index.
@@ -45,6 +46,15 @@ pub enum Neighborhood {
 }
 
 impl Neighborhood {
+    /// How many bins it has besides the peak.
+    fn count(self) -> f64 {
+        match self {
+            Self::None => 0.0,
+            Self::Faces => 6.0,
+            Self::All => 26.0,
+        }
+    }
+
     /// Whether the bin that lies so many bins away belongs to it.
     fn reaches(self, [x, y, z]: [u32; 3]) -> bool {
         match self {
@@ -99,9 +109,9 @@ impl GroupingMethod for HoughVoting {
         self.validate()?;
         let votes = cast_votes(correspondences)?; // Eq. (14) to (16)
         let group = match self.variant {
-            Variant::Grid => self.group_by_peak(correspondences, &votes),
-            Variant::Pcl => self.group_by_maxima(correspondences, &votes, execution),
-        }?;
+            Variant::Grid => self.group_by_peak(correspondences, &votes)?,
+            Variant::Pcl => self.group_by_maxima(correspondences, &votes, execution)?,
+        };
         let from_keypoints = correspondences.centered_source_centroid().is_none();
         Ok(group.with("centroid_from_keypoints", f64::from(u8::from(from_keypoints))))
     }
@@ -135,19 +145,20 @@ impl HoughVoting {
     }
 
     fn group_by_peak(&self, correspondences: &Correspondences, votes: &[Vote]) -> Result<Grouping> {
-        let n = correspondences.len();
-        let (_, target) = correspondences.positions("hough3d")?;
-        let Some(grid) = Grid::over(votes, self.bins, self.bin_size, target.diagonal())? else {
-            return Grouping::empty(n);
-        };
-        let bins = memory::collect(votes.iter().map(|(_, vote)| grid.clamped_bin(vote)))?;
-        let Some((peak, most)) = grid.fullest(&bins)? else {
-            return Grouping::empty(n);
-        };
-        let is_selected =
-            |bin: &[u32; 3]| self.neighbors.reaches([0, 1, 2].map(|k| bin[k].abs_diff(peak[k])));
-        let selected = votes.iter().zip(&bins).filter(|(_, bin)| is_selected(bin)).map(|((i, _), _)| *i);
-        Ok(Grouping::from_mask(mask_of(n, selected)?).with("peak_votes", most as f64))
+        let (_, target) = correspondences.positions("3dhv")?;
+        let mut group = Grouping::empty(target.len())?;
+        let mut steps = memory::filled(None, target.len())?;
+        if let Some(grid) = Grid::over(votes, self.bins, self.bin_size, target.diagonal())? {
+            let bins = memory::collect(votes.iter().map(|(_, vote)| grid.clamped_bin(vote)))?;
+            let (peak, most) = grid.fullest(&bins)?.unwrap_or_default();
+            for ((i, _), bin) in votes.iter().zip(&bins) {
+                group.mask[*i] = self.neighbors.reaches([0, 1, 2].map(|k| bin[k].abs_diff(peak[k])));
+                steps[*i] = Some([0, 1, 2].map(|k| f64::from(bin[k]) - f64::from(peak[k])));
+            }
+            group = group.with("peak_votes", most as f64);
+        }
+        let rule = Rule::bounded(Kind::FullestBin, self.neighbors.count());
+        Ok(group.by(Rule { votes: Some(steps), ..rule }))
     }
 
     fn group_by_maxima(
@@ -156,12 +167,15 @@ impl HoughVoting {
         votes: &[Vote],
         execution: &Execution,
     ) -> Result<Grouping> {
-        let n = correspondences.len();
-        let (source, target) = correspondences.positions("hough3d")?;
+        let (source, target) = correspondences.positions("3dhv")?;
+        let n = source.len();
         let weights = self.weights(correspondences)?;
         let side = self.bin_size.unwrap_or_default();
+        let mut places = memory::filled(None, n)?;
+        votes.iter().for_each(|(i, vote)| places[*i] = Some(vote.coords.into()));
+        let rule = Rule { votes: Some(places), ..Rule::bounded(Kind::Maximum, side) };
         let Some(space) = HoughSpace::accumulate(votes, &weights, side, self.interpolation)? else {
-            return Grouping::empty(n);
+            return Ok(Grouping::empty(n)?.by(rule));
         };
         let filter = SampleConsensus {
             iterations: self.iterations,
@@ -182,14 +196,14 @@ impl HoughVoting {
                 }
             }
         }
-        Ok(Grouping::from_mask(mask_of(n, largest)?).with("maxima", count as f64))
+        Ok(Grouping::from_mask(mask_of(n, largest)?).with("maxima", count as f64).by(rule))
     }
 
     fn weights(&self, correspondences: &Correspondences) -> Result<Vec<f64>> {
         if !self.distance_weight {
             return memory::filled(1.0, correspondences.len());
         }
-        let similarity = correspondences.similarity("hough3d with distance_weight=True")?;
+        let similarity = correspondences.similarity("3dhv with distance_weight=True")?;
         let distances = similarity.iter().map(|s| if s.is_finite() { 1.0 - s } else { 0.0 });
         let greatest = distances.clone().fold(0.0, f64::max);
         if greatest <= 0.0 {
@@ -203,8 +217,8 @@ impl HoughVoting {
 /// One vote per correspondence that has both frames:
 /// `V_L = L (c_S - p)`, `v = L'^T V_L + p'` (frames have axes as rows).
 fn cast_votes(correspondences: &Correspondences) -> Result<Vec<Vote>> {
-    let (source, target) = correspondences.positions("hough3d")?;
-    let (source_frames, target_frames) = correspondences.frames("hough3d")?;
+    let (source, target) = correspondences.positions("3dhv")?;
+    let (source_frames, target_frames) = correspondences.frames("3dhv")?;
     let centroid = correspondences.centered_source_centroid().unwrap_or_else(Point3::origin);
     let mut votes = memory::with_capacity(source.len())?;
     for i in 0..source.len() {

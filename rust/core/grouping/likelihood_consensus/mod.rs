@@ -38,6 +38,7 @@ use crate::consensus::modes::{Mode, find_modes};
 use crate::error::at_least_one;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::{Alternative, mask_of};
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
@@ -117,6 +118,8 @@ impl GroupingMethod for LikelihoodConsensus {
             answer = frames::with_frames(&judge, answer, rotations, &joined, &cliques)?;
         }
         let grouping = judge.judged(problem.report(&answer)?, &answer, instances)?;
+        let rule = Rule::bounded(Kind::Residual, problem.group_radius()).or_equal();
+        let grouping = grouping.by(rule.agreeing(Agreement::difference(tolerance)));
         let grouping = grouping.with("hypotheses", cliques.len() as f64);
         let grouping = grouping.with("by_frames", f64::from(u8::from(answer.by_frames)));
         Ok(grouping.with("vertices", joined.vertices.len() as f64))

@@ -29,6 +29,7 @@ use crate::consensus::choice::{Choice, best_pose, group_of, inliers_of};
 use crate::error::{Error, at_least_one, positive};
 use crate::geometry::rigid::{Rigid, fit_rows};
 use crate::memory;
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 use graph::{BYTES_PER_NEIGHBOR, Kernel, SecondOrderGraph};
@@ -76,6 +77,8 @@ impl GroupingMethod for MaximalCliques {
         let tolerance = correspondences.length("tolerance", self.tolerance, 5.0)?;
         let search = self.search()?;
         let kernel = self.kernel(tolerance)?;
+        let agreement = Agreement::difference(kernel.bound).or_equal();
+        let rule = Rule::bounded(Kind::Residual, tolerance).agreeing(agreement);
         let vertices = affordable(source, target, kernel.bound, execution)?;
         let (p, q) = (only(source, &vertices)?, only(target, &vertices)?);
         let graph = SecondOrderGraph::new(&p, &q, kernel, execution)?; // w, then W = w o (w w)
@@ -89,6 +92,7 @@ impl GroupingMethod for MaximalCliques {
         let mut scores = memory::filled(0.0, source.len())?;
         vertices.iter().zip(found.weights()).for_each(|(&i, weight)| scores[i] = weight);
         grouping.scores = Some(scores);
+        grouping = grouping.by(rule);
         if vertices.len() < source.len() || found.cut_short {
             grouping = grouping.with("truncated", 1.0);
         }

@@ -38,6 +38,7 @@ use crate::compatibility::graph::AgreementGraph;
 use crate::consensus::choice::{Choice, best_pose, group_of, poses_among};
 use crate::error::{at_least_one, fraction};
 use crate::geometry::rigid::Rigid;
+use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest_in_order;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
@@ -100,6 +101,8 @@ impl GroupingMethod for Sc2Pcr {
         };
         let mut grouping = group_of(best, source, target, lengths.tolerance)?;
         grouping.scores = Some(confidence);
+        let agreement = Agreement::difference(lengths.max_distance_difference);
+        grouping = grouping.by(Rule::bounded(Kind::Residual, lengths.tolerance).agreeing(agreement));
         if let Some(kept) = kept {
             grouping = grouping.with("truncated", 1.0).with("vertices", kept.len() as f64);
         }

@@ -28,6 +28,7 @@ use crate::consensus::maximum_clique::{Found, maximum_clique};
 use crate::error::positive;
 use crate::geometry::rigid::{Rigid, fixes_rotation};
 use crate::grouping_result::mask_of;
+use crate::rule::{Agreement, Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 use rotation::truncated_rotation;
 use scale::{leaves_out, truncated_scale};
@@ -102,7 +103,8 @@ impl GroupingMethod for Teaser {
             Scale::Estimate => truncated_scale(source, target, 2.0 * bound, execution)?,
         };
         let Some(scale) = scale else {
-            return Grouping::empty(source.len()); // no two source points are apart
+            // No two source points are apart.
+            return Ok(Grouping::empty(source.len())?.by(self.rule(bound, difference, 1.0)));
         };
         let scaled = source.scaled(scale)?;
         let graph = AgreementGraph::with_edges(&scaled, target, difference, JOINED, execution)?;
@@ -115,6 +117,7 @@ impl GroupingMethod for Teaser {
                 ..Grouping::default()
             },
         };
+        let grouping = grouping.by(self.rule(bound, difference, scale));
         let mut grouping = grouping.with("kept", kept.clique.len() as f64).with("steps", kept.steps as f64);
         let mut complete = kept.complete;
         if self.scale == Scale::Estimate {
@@ -126,6 +129,15 @@ impl GroupingMethod for Teaser {
 }
 
 impl Teaser {
+    fn rule(&self, bound: f64, difference: f64, scale: f64) -> Rule {
+        let kind = match self.prune {
+            Prune::Clique => Kind::AxesInClique,
+            Prune::Core => Kind::AxesInCore,
+        };
+        let agreement = Agreement { least_sum: Some(0.0), scale, ..Agreement::difference(difference) };
+        Rule::bounded(kind, bound).or_equal().agreeing(agreement)
+    }
+
     /// Section IV: what is left of the graph.
     fn keep(&self, graph: &AgreementGraph, execution: &Execution) -> Result<Found> {
         let cores = Cores::of(graph, execution)?;
