@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::lanczos::Dense;
+use super::lanczos::{Dense, scale_to_one};
 use crate::compatibility::matrix::PairMatrix;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
@@ -139,11 +139,6 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
 fn safe_scale(entries: &[f64]) -> f64 {
     let greatest = entries.iter().copied().fold(0.0, f64::max);
     if SAFE.contains(&greatest) { 1.0 } else { scale_to_one(greatest) }
-}
-
-/// The power of two that brings a positive number to about 1, as far as one power does.
-pub(super) fn scale_to_one(greatest: f64) -> f64 {
-    (-greatest.log2().round()).clamp(-1000.0, 1000.0).exp2()
 }
 
 #[cfg(test)]

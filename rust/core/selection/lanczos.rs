@@ -11,7 +11,6 @@
 
 use rayon::prelude::*;
 
-use super::eigenvector::scale_to_one;
 use super::tridiagonal::Tridiagonal;
 use crate::compatibility::matrix::PairMatrix;
 use crate::error::Result;
@@ -87,6 +86,11 @@ impl Dense {
         let entry = |row: &[f64]| execution.check().map(|()| dot(row, x));
         memory::par_try_collect(self.entries.par_chunks(self.size).map(entry))
     }
+}
+
+/// The power of two that brings a positive number to about 1, as far as one power does.
+pub(super) fn scale_to_one(greatest: f64) -> f64 {
+    (-greatest.log2().round()).clamp(-1000.0, 1000.0).exp2()
 }
 
 /// Takes out of a vector what it has of the directions of others.

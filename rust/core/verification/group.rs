@@ -2,8 +2,16 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
+use nalgebra::Vector3;
+
 use crate::verification::pose::Pose;
-use crate::verification::surface::Element;
+
+/// A point and its unit normal (zero where there is none).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Element {
+    pub point: Vector3<f32>,
+    pub normal: Vector3<f32>,
+}
 
 /// Points of a group.
 pub(super) const LANES: usize = 16;
@@ -73,7 +81,7 @@ fn dot(a: &Coordinates, b: &Coordinates, lane: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Rotation3, Vector3};
+    use nalgebra::Rotation3;
 
     #[test]
     fn groups_move_as_their_elements_do() {

@@ -10,11 +10,11 @@ use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::simd;
-use crate::verification::group::{Group, LANES};
+use crate::verification::group::{Element, Group, LANES};
 use crate::verification::pose::Pose;
 use crate::verification::refine::equations;
 use crate::verification::schedule::{FINELY, LAST};
-use crate::verification::surface::{Element, Surface, look_at};
+use crate::verification::surface::{Surface, look_at};
 
 /// A motion is open where its resistance is below this share of that of all pairs facing it: planes whose normals are
 /// known to 5 degrees have 0.008.
@@ -72,7 +72,7 @@ pub fn overlap(source: &Surface, target: &Surface, pose: &Rigid, execution: &Exe
 }
 
 fn measure(source: &Surface, target: &Surface, pose: &Rigid, execution: &Execution) -> Result<Overlap> {
-    let local = Pose::between(source, target, pose);
+    let local = source.pose_onto(target, pose);
     let (fitness, rmse) = shared(source, target, &local, execution)?;
     let sums = equations(source, target, &local, FINELY.reach.1, &FINELY);
     let matrix = sums.matrix();

@@ -10,12 +10,12 @@ use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::simd;
-use crate::verification::group::{Group, LANES};
+use crate::verification::group::{Element, Group, LANES};
 use crate::verification::pose::Pose;
 use crate::verification::range_map::{RangeMap, Sights};
 use crate::verification::schedule::{LAST, check_units};
 use crate::verification::score::{ALONG, FACING};
-use crate::verification::surface::{Element, Surface, look_at};
+use crate::verification::surface::{Surface, look_at};
 
 /// Points per task.
 const CHUNK: usize = 64 * LANES;
@@ -44,7 +44,7 @@ pub enum Place {
 /// [`crate::Error::OutOfMemory`].
 pub fn places(source: &Surface, target: &Surface, pose: &Rigid, execution: &Execution) -> Result<Vec<Place>> {
     check_units(source, target)?;
-    let pose = Pose::between(source, target, pose);
+    let pose = source.pose_onto(target, pose);
     let own = target.ranges().map(|ranges| {
         let moved = |element: &Element| pose.rotation * element.point + pose.translation;
         RangeMap::new(&memory::collect(source.elements().iter().map(moved))?, ranges.eye(), execution)

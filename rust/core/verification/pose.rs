@@ -1,9 +1,6 @@
-//! Poses between two surfaces in the surfaces' own coordinates: centred, one unit long.
+//! Poses in single precision, between surfaces in their own coordinates: centred, in units.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-
-use crate::geometry::rigid::Rigid;
-use crate::verification::surface::Surface;
 
 /// `x' = R x + t` in single precision.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -13,20 +10,6 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    /// A pose of the data, between two surfaces.
-    pub fn between(source: &Surface, target: &Surface, pose: &Rigid) -> Self {
-        let moved = pose.rotation * source.center() + pose.translation - target.center();
-        let shift = (moved / source.unit()).map(|length| length as f32);
-        Self { rotation: pose.rotation.map(|number| number as f32), translation: shift }.orthonormal()
-    }
-
-    /// The same pose in the coordinates of the data.
-    pub fn in_data(&self, source: &Surface, target: &Surface) -> Rigid {
-        let rotation = nearest_rotation(&self.rotation.map(f64::from));
-        let shift = self.translation.map(f64::from) * source.unit();
-        Rigid { rotation, translation: shift + target.center() - rotation * source.center() }
-    }
-
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
         Self { rotation, translation: -(rotation * self.translation) }
@@ -61,7 +44,8 @@ impl Pose {
     }
 }
 
-fn nearest_rotation(matrix: &Matrix3<f64>) -> Matrix3<f64> {
+/// The rotation nearest to a matrix that is nearly one.
+pub(super) fn nearest_rotation(matrix: &Matrix3<f64>) -> Matrix3<f64> {
     let rotation = Rotation3::from_matrix_unchecked(*matrix);
     UnitQuaternion::from_rotation_matrix(&rotation).to_rotation_matrix().into_inner()
 }

@@ -169,7 +169,7 @@ impl RangeMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verification::surface::Element;
+    use crate::verification::group::Element;
 
     fn wall() -> Vec<Vector3<f32>> {
         (0..400).map(|i| Vector3::new((i % 20) as f32 - 10.0, (i / 20) as f32 - 10.0, -50.0)).collect()

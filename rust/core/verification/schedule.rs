@@ -100,7 +100,7 @@ pub fn score_poses(
     execution: &Execution,
 ) -> Result<Vec<f64>> {
     check_units(source, target)?;
-    let poses = memory::collect(poses.iter().map(|pose| Pose::between(source, target, pose)))?;
+    let poses = memory::collect(poses.iter().map(|pose| source.pose_onto(target, pose)))?;
     look_at(source, target, || {
         map(&poses, 0.0, execution, |pose| f64::from(score(source, target, pose, &LAST)))
     })
@@ -120,7 +120,7 @@ pub fn verify(
 ) -> Result<Vec<Verified>> {
     check_units(source, target)?;
     evidence.map_or(Ok(()), Evidence::check)?;
-    let poses = memory::collect(poses.iter().map(|pose| Pose::between(source, target, pose)))?;
+    let poses = memory::collect(poses.iter().map(|pose| source.pose_onto(target, pose)))?;
     look_at(source, target, || verify_local(source, target, &poses, evidence, execution))
 }
 
@@ -154,7 +154,7 @@ fn verify_local(
 /// there is none.
 pub fn margin(source: &Surface, target: &Surface, found: &[Verified]) -> f64 {
     let Some(best) = found.first() else { return f64::INFINITY };
-    let pose = |found: &Verified| Pose::between(source, target, &found.pose);
+    let pose = |found: &Verified| source.pose_onto(target, &found.pose);
     let first = pose(best);
     let differs = |other: &&Verified| {
         let other = pose(other);
@@ -165,7 +165,7 @@ pub fn margin(source: &Surface, target: &Surface, found: &[Verified]) -> f64 {
 
 fn judge(source: &Surface, target: &Surface, pose: &Pose, evidence: Option<&Evidence>) -> Verified {
     let score = f64::from(score(source, target, pose, &LAST));
-    let pose = pose.in_data(source, target);
+    let pose = source.pose_in_data(target, &pose);
     let evidence = evidence.map_or(0, |matches| matches.count(&pose));
     let (weight, most) = EVIDENCE;
     let value = score.max(LEAST_SCORE).ln() + weight * (1.0 + (evidence as f64).min(most)).ln();

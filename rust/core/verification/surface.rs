@@ -7,10 +7,12 @@ use nalgebra::Vector3;
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
 use crate::features::harris3d::check_normals;
+use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::points::Points;
-use crate::verification::group::{Coordinates, Group, LANES};
+use crate::verification::group::{Coordinates, Element, Group, LANES};
 use crate::verification::nearest_grid::{self, NONE, NearestGrid};
+use crate::verification::pose::{Pose, nearest_rotation};
 use crate::verification::range_map::RangeMap;
 use crate::verification::sampling;
 
@@ -27,13 +29,6 @@ const MOST_RANGE: f64 = 1e6;
 const COARSE: (f32, f32) = (1.5, 8.0);
 /// The same of the fine grid.
 const FINE: (f32, f32) = (1.0, 4.0);
-
-/// A point and its unit normal (zero where there is none).
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Element {
-    pub point: Vector3<f32>,
-    pub normal: Vector3<f32>,
-}
 
 /// What is known of the side that normals point to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,6 +118,20 @@ impl Surface {
     /// Mean of the points.
     pub fn center(&self) -> Vector3<f64> {
         self.center
+    }
+
+    /// A pose of the data onto another surface, in the surfaces' coordinates.
+    pub(super) fn pose_onto(&self, target: &Self, pose: &Rigid) -> Pose {
+        let moved = pose.rotation * self.center + pose.translation - target.center;
+        let translation = (moved / self.unit).map(|length| length as f32);
+        Pose { rotation: pose.rotation.map(|number| number as f32), translation }.orthonormal()
+    }
+
+    /// A pose onto another surface in the coordinates of the data.
+    pub(super) fn pose_in_data(&self, target: &Self, pose: &Pose) -> Rigid {
+        let rotation = nearest_rotation(&pose.rotation.map(f64::from));
+        let shift = pose.translation.map(f64::from) * self.unit;
+        Rigid { rotation, translation: shift + target.center - rotation * self.center }
     }
 
     /// Root mean square distance of the points from their mean, in units.

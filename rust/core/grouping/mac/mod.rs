@@ -33,7 +33,8 @@ use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
 use graph::{BYTES_PER_NEIGHBOR, Kernel, SecondOrderGraph};
-use search::{Clique, Search};
+use search::Search;
+use walk::Clique;
 
 /// Most paths of two edges: W takes as many steps. Where there are more, the vertices of the least degree are left out.
 const MOST_PATHS: f64 = (1_u64 << 30) as f64;

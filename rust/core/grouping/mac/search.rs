@@ -5,14 +5,13 @@
 //! pairs has more than sqrt(2 E) later neighbours, and it costs less than degeneracy order. The search from a vertex
 //! knows nothing of the others, and so the result is the same on any number of threads, also where it is cut short.
 
-use std::cmp::Reverse;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::graph::{SECOND_ORDER_BITS, SecondOrderGraph};
 use super::neighborhood::{NOWHERE, Neighborhood, Scratch, neighbors};
-use super::walk::{Walk, Walked};
+use super::walk::{Clique, Walk, Walked};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
@@ -24,22 +23,6 @@ pub struct Search {
     pub min_size: usize,
     /// Ends of the search, maximal cliques or dead ends.
     pub max_ends: usize,
-}
-
-/// A maximal clique.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Clique {
-    /// Sum of the weights of its pairs.
-    pub weight: u64,
-    /// Ascending.
-    pub members: Vec<u32>,
-}
-
-impl Clique {
-    /// The heavier one first; of equals the one whose members come first.
-    pub fn rank(&self) -> (Reverse<u64>, &[u32]) {
-        (Reverse(self.weight), &self.members)
-    }
 }
 
 /// Of each vertex the heaviest clique that was found with it.
@@ -140,6 +123,8 @@ fn ranks_by_degree(graph: &SecondOrderGraph, vertices: &[u32]) -> Result<Vec<u32
 
 #[cfg(test)]
 mod tests {
+    use std::cmp::Reverse;
+
     use super::*;
     use crate::grouping::mac::graph::Kernel;
     use crate::points::Points;

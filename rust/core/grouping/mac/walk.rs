@@ -1,13 +1,29 @@
 //! The search for maximal cliques from one vertex.
 
+use std::cmp::Reverse;
 use std::sync::Arc;
 
 use super::neighborhood::Neighborhood;
-use super::search::Clique;
 use crate::compatibility::graph::{count_common, indices};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
+
+/// A maximal clique.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Clique {
+    /// Sum of the weights of its pairs.
+    pub weight: u64,
+    /// Ascending.
+    pub members: Vec<u32>,
+}
+
+impl Clique {
+    /// The heavier one first; of equals the one whose members come first.
+    pub fn rank(&self) -> (Reverse<u64>, &[u32]) {
+        (Reverse(self.weight), &self.members)
+    }
+}
 
 /// Sets of neighbours of a vertex that are joined with all members of a clique.
 #[derive(Debug, Clone, Default)]
