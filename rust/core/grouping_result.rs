@@ -1,4 +1,4 @@
-//! What a grouping method returns.
+//! The result of a grouping method: the group, its scores, model and rule.
 
 use nalgebra::Matrix4;
 

@@ -1,4 +1,4 @@
-//! How the C library treats the memory that short calls free.
+//! Tells the C library to keep memory that short calls free.
 
 /// Size of blocks that are kept when they are freed.
 const KEPT: usize = 4 << 20;

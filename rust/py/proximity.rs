@@ -1,4 +1,4 @@
-//! Which points have others near them.
+//! Points of one cloud that are near points of another.
 
 use cgroup::geometry::proximity::any_within;
 use numpy::PyArray1;

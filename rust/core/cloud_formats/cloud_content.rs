@@ -1,4 +1,4 @@
-//! What a file holds.
+//! Contents of a cloud file: points, normals, faces, colours.
 
 use std::ops::Range;
 

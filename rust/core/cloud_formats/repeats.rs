@@ -1,4 +1,4 @@
-//! Points of equal coordinates made one.
+//! Merges points of equal coordinates.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! Which of many poses the correspondences speak for, and the group that it has.
+//! Selects the best of many poses, and the group of its inliers.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 

@@ -1,4 +1,4 @@
-//! How many poses that nothing but chance speaks for would have as much support as one.
+//! Number of false alarms: how many poses would have as much support by chance alone.
 //!
 //! Three matches make a pose, and every three of n could; the others support it by chance, independently of each
 //! other, about `chance` of them. So `n^3 / 6 P(Poisson(chance) >= k - 3)` poses with k supporters are to be expected where

@@ -1,4 +1,4 @@
-//! Where a pose lays the source points: near targets of matches, their own or another's.
+//! Share of the source points that a pose lays near the target of any match.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! The poses that explain the most, each without what better ones explain.
+//! Modes of the likelihood: the best poses, each scored without the matches that better poses explain.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

@@ -103,7 +103,7 @@ impl GroupingMethod for Spectral {
                 accept_greedily(&eigenpair.vector, &conflicts, &mut accepted, execution)?;
             }
         } // else M is 0: no pair is compatible
-        self.report(eigenpair, accepted)
+        Ok(self.report(eigenpair, accepted))
     }
 }
 
@@ -154,7 +154,7 @@ impl Spectral {
         Ok(())
     }
 
-    fn report(&self, eigenpair: Eigenpair, accepted: Accepted) -> Result<Grouping> {
+    fn report(&self, eigenpair: Eigenpair, accepted: Accepted) -> Grouping {
         let kind = if self.recompute { Kind::RecomputedConflict } else { Kind::Conflict };
         let rule = Rule {
             decided_by: Some(accepted.excluded_by),
@@ -162,10 +162,10 @@ impl Spectral {
             ..Rule::bounded(kind, self.min_distance_ratio)
                 .agreeing(Agreement::ratio(self.min_distance_ratio).or_equal())
         };
-        Ok(Grouping { scores: Some(eigenpair.vector), ..Grouping::from_mask(accepted.mask) }
+        Grouping { scores: Some(eigenpair.vector), ..Grouping::from_mask(accepted.mask) }
             .with("eigenvalue", eigenpair.value)
             .with("power_steps", eigenpair.steps as f64)
-            .by(rule))
+            .by(rule)
     }
 }
 

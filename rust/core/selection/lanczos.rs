@@ -1,4 +1,4 @@
-//! The principal eigenvector of a matrix that is kept in f64, to its last digits.
+//! Lanczos's method: the principal eigenvector of a stored matrix, to the last digits of f64.
 //!
 //! Lanczos's method: the matrix is projected onto the vectors `x, M x, M^2 x, ...`, made orthogonal to each other, where it is
 //! tridiagonal. From equal entries x the greatest eigenvalue is never missed: a non-negative matrix has an eigenvector of it

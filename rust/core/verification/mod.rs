@@ -1,4 +1,4 @@
-//! Is a pose right? The surfaces themselves know.
+//! Judges poses by the surfaces of both clouds.
 //!
 //! Matches alone say little about two scans that overlap by a third: a wrong pose gathers as many of them by chance. Laying one
 //! surface on the other says far more. Both surfaces' samples are moved onto the other one. A sample x that finds

@@ -1,4 +1,4 @@
-//! What one pose says about two surfaces: how much they share, how closely, and which motions they resist.
+//! Overlap of two surfaces under a pose: its share, its error, and the motions that it fixes.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 

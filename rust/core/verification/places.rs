@@ -1,4 +1,4 @@
-//! Where the points of one surface come to lie under a pose, as far as the other surface tells.
+//! Classifies the points of one surface by where a pose lays them on the other surface.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 

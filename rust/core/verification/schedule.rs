@@ -165,7 +165,7 @@ pub fn margin(source: &Surface, target: &Surface, found: &[Verified]) -> f64 {
 
 fn judge(source: &Surface, target: &Surface, pose: &Pose, evidence: Option<&Evidence>) -> Verified {
     let score = f64::from(score(source, target, pose, &LAST));
-    let pose = source.pose_in_data(target, &pose);
+    let pose = source.pose_in_data(target, pose);
     let evidence = evidence.map_or(0, |matches| matches.count(&pose));
     let (weight, most) = EVIDENCE;
     let value = score.max(LEAST_SCORE).ln() + weight * (1.0 + (evidence as f64).min(most)).ln();

@@ -1,4 +1,4 @@
-//! What two correspondences score together, row by row.
+//! Pair scores of correspondences, row by row.
 
 use super::coordinates::{Coordinate, Sides, fill_row};
 use crate::error::Result;

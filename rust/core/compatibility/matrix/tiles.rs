@@ -1,4 +1,4 @@
-//! How a symmetric matrix is cut: into bands of rows, and these into tiles that fit the first-level cache.
+//! Tiling of a symmetric matrix: bands of rows, cut into tiles that fit the first-level cache.
 //!
 //! Only the part from the diagonal to the right is looked at; each entry is used twice, for its row and,
 //! mirrored, for its column. The cut depends on the size alone, so sums are the same for any number of threads.

@@ -1,4 +1,4 @@
-//! What is known of each correspondence before any pose: how likely it is right, and how much it counts.
+//! Prior probability and weight of each correspondence, before any pose is known.
 
 use crate::error::Result;
 use crate::execution::Execution;

@@ -1,4 +1,4 @@
-//! Targets that may be among the nearest of one source row.
+//! Targets that may be among the nearest neighbours of one source descriptor.
 
 #![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
 

@@ -1,4 +1,4 @@
-//! M among some rows, zeros and all: where many agree, this is faster than to look bits up.
+//! The affinity matrix M among some rows, stored densely: faster than looking up bits where many agree.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! How sure a group is, and which further poses are as sure.
+//! Confidence in a group, and further poses of the same confidence.
 //!
 //! The number of false alarms of a pose counts the supporters that lie apart from each other, for they speak for it
 //! independently, and takes for chance how many targets lie near the source points as the pose lays them: a pose that lays

@@ -1,4 +1,4 @@
-//! What frames add: poses of stars, terms of the score, and whether they are to count at all.
+//! Local frames in LC: poses of stars, terms of the score, and the decision whether frames count.
 //!
 //! A frame is never a veto: wrong ones cost a match little. But where most frames of right matches are wrong, those that
 //! agree lead astray. So the poses that are no chance by position alone are asked: of their supporters, three in

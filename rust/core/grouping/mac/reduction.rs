@@ -1,4 +1,4 @@
-//! The part of a dense graph whose cliques are sought: vertices whose neighbours agree well with each other.
+//! Reduction of a dense graph to the vertices whose neighbours agree well with each other.
 
 use rayon::prelude::*;
 

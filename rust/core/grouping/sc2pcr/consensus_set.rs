@@ -1,4 +1,4 @@
-//! The correspondences that go with a seed, and the pose that they have.
+//! The consensus set of a seed, and its pose.
 
 use std::cmp::Reverse;
 

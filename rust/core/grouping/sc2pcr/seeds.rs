@@ -1,4 +1,4 @@
-//! How far each correspondence can be relied on, and those that consensus sets are gathered around.
+//! Confidence of each correspondence, and the seeds of the consensus sets.
 
 use rayon::prelude::*;
 
