@@ -117,27 +117,25 @@ GROUPS: dict[str, dict[str, str]] = {
     "cgroup.benchmark.run": {"Running": "run Summary"},
     "cgroup.benchmark.tables": {"Results": "load load_groups", "Means": "aggregate exponents FITTED_FROM"},
     "cgroup.benchmark.report": {"Report": "write_report"},
-    "cgroup.benchmark.overall": {
-        "Ranking over all pairs": "rank_overall Overall Standing name_units",
-        "Constants": "REAL GENERATED LEAST_OBJECTS",
-    },
-    "cgroup.benchmark.rankings": {
-        "Ranking": "rank_methods Rank",
-        "Statistics": "bootstrap Interval comparable mcnemar signed_rank holm LEVEL RESAMPLES",
+    "cgroup.benchmark.stats": {
+        "Ranking on a set of problems": "rank_methods Rank comparable",
+        "Ranking over all pairs": "rank_overall Overall Standing name_units REAL GENERATED LEAST_OBJECTS",
+        "Statistics": "bootstrap Interval mcnemar signed_rank holm LEVEL RESAMPLES",
     },
     "cgroup.benchmark.solver": {
         "Methods and ways to register": "Solver candidate make_pipeline IN_RESOLUTIONS",
     },
     "cgroup.benchmark.pipelines": {"Ways to register": "PIPELINES Clouds Answer"},
-    "cgroup.benchmark.claims": {
+    "cgroup.benchmark.paper.claims": {
         "The paper's claims": "check_claims check_evidence CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
         "How sure verdicts are": "bootstrap_verdicts Stability RESAMPLES",
         "As text": "as_markdown as_json count_verdicts counts_line",
     },
-    "cgroup.benchmark.readings": {
+    "cgroup.benchmark.paper.readings": {
         "What the paper leaves open": "read_questions Question list_readings Reading",
-        "Claims under each reading": "add_readings judge_readings ReadingOutcome write_readings",
+        "Claims under each reading": "add_readings judge_readings ReadingOutcome",
     },
+    "cgroup.benchmark.paper.reading_tables": {"As files": "write_readings"},
 }
 
 

@@ -32,9 +32,10 @@ MODULES = (
     "cgroup.benchmark.config",
     "cgroup.benchmark.run",
     "cgroup.benchmark.tables",
-    "cgroup.benchmark.overall",
-    "cgroup.benchmark.rankings",
-    "cgroup.benchmark.claims",
+    "cgroup.benchmark.stats",
+    "cgroup.benchmark.paper.claims",
+    "cgroup.benchmark.paper.readings",
+    "cgroup.benchmark.paper.reading_tables",
     "cgroup.benchmark.report",
 )
 

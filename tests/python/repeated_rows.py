@@ -3,8 +3,6 @@
 import numpy as np
 import pandas as pd
 
-from cgroup.benchmark.resampling import PairDraws
-
 
 def uneven(frame: pd.DataFrame) -> pd.DataFrame:
     """Records in which no two pairs have the same scores."""
@@ -17,10 +15,10 @@ def uneven(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(**scores, n=frame["n"] + (1000 * by_pair).round().astype(int))
 
 
-def repeat_rows(frame: pd.DataFrame, draws: PairDraws, number: int) -> pd.DataFrame:
+def repeat_rows(frame: pd.DataFrame, draws: dict[str, pd.DataFrame], number: int) -> pd.DataFrame:
     """Records in which a pair that is drawn three times stands three times, under three names."""
     parts: list[pd.DataFrame] = []
     for (dataset, pair), rows in frame.groupby(["dataset", "pair"]):
-        copies = range(int(draws.tables[str(dataset)][pair][number]))
+        copies = range(int(draws[str(dataset)][pair][number]))
         parts += [rows.assign(pair=f"{pair} ({k})", case=rows["case"] + f" ({k})") for k in copies]
     return pd.concat(parts, ignore_index=True)

@@ -16,8 +16,8 @@ from benchmark_runs import CLOUDS, contents, serial
 from cgroup import Correspondences, features
 from cgroup.benchmark import matching, tables
 from cgroup.benchmark.config import ExperimentEntry, FrontEntry, parse_config
-from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.matching import match_by_front
+from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.report.sections import _describe_front

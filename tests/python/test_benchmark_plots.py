@@ -11,7 +11,7 @@ import pytest
 from benchmark_frames import METHODS, paper_frame, paper_timing
 from matplotlib.colors import to_hex
 
-from cgroup.benchmark.evidence import Evidence, mean_times
+from cgroup.benchmark.paper.evidence import Evidence, mean_times
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots import (
     inliers_figure,

@@ -13,7 +13,6 @@ from benchmark_runs import serial
 from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config, read_config
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.rankings import bootstrap, comparable, holm, mcnemar, rank_methods, signed_rank
 from cgroup.benchmark.report import write_report
 from cgroup.benchmark.report.trial_tables import (
     cost_table,
@@ -24,6 +23,7 @@ from cgroup.benchmark.report.trial_tables import (
 )
 from cgroup.benchmark.report.trials import describe_set
 from cgroup.benchmark.results import KILLED
+from cgroup.benchmark.stats import bootstrap, comparable, holm, mcnemar, rank_methods, signed_rank
 from cgroup.cli import main
 from cgroup.errors import InputError
 from cgroup.registry import METHODS, PRESETS

@@ -10,9 +10,8 @@ import pytest
 from benchmark_frames import paper_frame, paper_timing
 from claim_contradictions import CONTRADICTIONS, Contradiction
 
-from cgroup.benchmark.claims import CLAIMS, Verdict, check_claims
-from cgroup.benchmark.claims.verdict import decide
-from cgroup.benchmark.evidence import Evidence
+from cgroup.benchmark.paper.claims import CLAIMS, Verdict, check_claims, decide
+from cgroup.benchmark.paper.evidence import Evidence
 
 BY_ID = {claim.id: claim for claim in CLAIMS}
 

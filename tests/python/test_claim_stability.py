@@ -13,7 +13,8 @@ import pytest
 from benchmark_frames import paper_frame, paper_timing
 from repeated_rows import repeat_rows, uneven
 
-from cgroup.benchmark.claims import (
+from cgroup.benchmark.paper.checks import Check, Comparison
+from cgroup.benchmark.paper.claims import (
     CLAIMS,
     CRITERIA,
     OUTCOMES,
@@ -25,11 +26,9 @@ from cgroup.benchmark.claims import (
     bootstrap_verdicts,
     check_claims,
     counts_line,
+    decide,
 )
-from cgroup.benchmark.claims.base import Comparison, Finding
-from cgroup.benchmark.claims.verdict import decide
-from cgroup.benchmark.evidence import Evidence
-from cgroup.benchmark.resampling import PairDraws, resample_evidence
+from cgroup.benchmark.paper.evidence import Evidence, draw_pairs, resample_evidence
 from cgroup.cli import main
 from cgroup.errors import InputError
 
@@ -47,7 +46,7 @@ def pick(*ids: str) -> list[Claim]:
 
 def test_verdicts_of_a_resample_are_those_of_rows_that_are_repeated() -> None:
     frame = uneven(paper_frame())
-    draws = PairDraws.make(frame, 3, 0)
+    draws = draw_pairs(frame, 3, 0)
     found = bootstrap_verdicts(frame, NO_TIMES, resamples=3)
     slow = [check_claims(repeat_rows(frame, draws, number), NO_TIMES) for number in range(3)]
     for outcomes in zip(*slow, strict=True):
@@ -156,7 +155,7 @@ def test_verdicts_count_their_tests() -> None:
     assert (found["C-06"].held, found["C-06"].tests) == (18, 18)
     assert (found["C-60"].held, found["C-60"].tests) == (0, 0)
     tests = [Comparison(k < 2, "text", float("nan") if k == 2 else 0.0) for k in range(5)]
-    claim = Claim("C-00", "6", "Something.", "Something.", lambda _: Finding(tests))
+    claim = Claim("C-00", "6", "Something.", Check("something", lambda _: tests))
     counted = bootstrap_verdicts(pd.DataFrame(), NO_TIMES, claims=[claim], resamples=3)
     assert counted["C-00"].counts["partly"] == 3
     verdict = decide(claim, Evidence(pd.DataFrame(), NO_TIMES))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from functools import cache
-from types import ModuleType
 
 import numpy as np
 import pandas as pd
@@ -13,23 +12,31 @@ import pytest
 from benchmark_frames import paper_frame, paper_timing
 from scipy import stats
 
-from cgroup.benchmark.claims import (
+from cgroup.benchmark.paper.checks import (
+    Check,
+    Comparison,
+    Numbers,
+    Row,
+    compare_rankings,
+    correlate_with_levels,
+    in_top,
+    rank,
+)
+from cgroup.benchmark.paper.claims import (
     CLAIMS,
     CRITERIA,
     OUTCOMES,
+    Claim,
     Verdict,
     as_json,
     as_markdown,
     check_claims,
     count_verdicts,
     counts_line,
+    decide,
 )
-from cgroup.benchmark.claims.base import Comparison, Finding
-from cgroup.benchmark.claims.claim import IDS, Claim, claim, collect_claims
-from cgroup.benchmark.claims.explanations import read_explanations
-from cgroup.benchmark.claims.measures import compare_rankings, correlate_with_levels, expect_in_top, rank
-from cgroup.benchmark.claims.verdict import decide
-from cgroup.benchmark.evidence import Evidence
+from cgroup.benchmark.paper.evidence import Evidence
+from cgroup.benchmark.paper.verdicts import read_explanations
 
 NO_TIMES = pd.DataFrame()
 
@@ -62,31 +69,6 @@ def test_every_claim_is_there_once_in_order() -> None:
     numbers.insert(numbers.index("C-29") + 1, "C-29b")
     assert [claim.id for claim in CLAIMS] == numbers
     assert len(CLAIMS) == 68
-
-
-def make_module(*ids: str) -> ModuleType:
-    module = ModuleType("claims_of_a_section")
-    for k, each in enumerate(ids):
-        make = claim(each, section="6", statement="Something.", criterion="Something.")
-        setattr(module, f"_check_{k}", make(lambda _: Finding([])))
-    return module
-
-
-@pytest.mark.parametrize(
-    ("ids", "words"),
-    [
-        (IDS[:-1], "missing: C-67; repeated or unknown: none"),
-        ((*IDS, "C-05"), "missing: none; repeated or unknown: C-05"),
-        ((*IDS, "C-68"), "missing: none; repeated or unknown: C-68"),
-        ((IDS[1], IDS[0], *IDS[2:]), "in this order; missing: none; repeated or unknown: none"),
-    ],
-)
-def test_claims_that_are_missing_repeated_or_out_of_order_are_refused(
-    ids: tuple[str, ...], words: str
-) -> None:
-    assert [each.id for each in collect_claims(make_module(*IDS[:9]), make_module(*IDS[9:]))] == list(IDS)
-    with pytest.raises(ValueError, match=words):
-        collect_claims(make_module(*ids))
 
 
 def test_claims_say_what_they_state_and_test() -> None:
@@ -223,7 +205,7 @@ def test_gaps_in_the_records_do_not_count() -> None:
 )
 def test_share_of_tests_decides(holding: int, need: str, expected: str) -> None:
     tests = [Comparison(k < holding, "text", 0.0) for k in range(4)]
-    claim = Claim("C-00", "6", "Something.", "Something.", lambda _: Finding(tests, need))
+    claim = Claim("C-00", "6", "Something.", Check("something", lambda _: tests, need))
     assert decide(claim, Evidence(pd.DataFrame(), pd.DataFrame())).verdict == expected
 
 
@@ -232,14 +214,16 @@ def test_numbers_that_are_missing_do_not_count() -> None:
         Comparison(holds=True, text="a", margin=1.0),
         Comparison(holds=False, text="b", margin=float("nan")),
     ]
-    claim = Claim("C-00", "6", "Something.", "Something.", lambda _: Finding(tests))
+    claim = Claim("C-00", "6", "Something.", Check("something", lambda _: tests))
     assert decide(claim, Evidence(pd.DataFrame(), pd.DataFrame())).verdict == "confirmed"
 
 
 def test_ties_count_for_the_best() -> None:
     scores = pd.Series({"a": 0.90, "b": 0.905, "c": 0.5})
-    assert expect_in_top(scores, "a", 1, "").holds
-    assert not expect_in_top(scores, "c", 2, "").holds
+    numbers = Numbers("F", "here", lambda *_: [Row("", scores)])
+    [first, last] = in_top({"a": 1, "c": 2}, numbers).find(None)
+    assert first.holds
+    assert not last.holds
     assert rank(scores, "a") == 1
     assert rank(scores, "c") == 3
 

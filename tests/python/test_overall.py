@@ -7,8 +7,16 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from cgroup.benchmark.overall import GENERATED, LEAST_OBJECTS, REAL, name_units, rank_overall
-from cgroup.benchmark.rankings import RESAMPLES, bootstrap, holm
+from cgroup.benchmark.stats import (
+    GENERATED,
+    LEAST_OBJECTS,
+    REAL,
+    RESAMPLES,
+    bootstrap,
+    holm,
+    name_units,
+    rank_overall,
+)
 
 SCORES = ("f_score", "registered")
 

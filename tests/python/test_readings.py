@@ -16,22 +16,28 @@ from command_lines import run as run_command
 from matplotlib.patches import Rectangle
 
 from cgroup.benchmark import tables
-from cgroup.benchmark.claims import CLAIMS
 from cgroup.benchmark.config import Config, ExperimentEntry, parse_config, read_config
-from cgroup.benchmark.readings import (
+from cgroup.benchmark.paper import readings
+from cgroup.benchmark.paper.claims import CLAIMS
+from cgroup.benchmark.paper.reading_tables import (
+    CLOSE_MARK,
+    as_csv,
+    as_markdown,
+    list_figure_cells,
+    write_readings,
+)
+from cgroup.benchmark.paper.readings import (
     Reading,
     ReadingOutcome,
     add_readings,
     judge_readings,
     list_readings,
-    measurement,
+    measure_again,
     read_questions,
-    write_readings,
+    select_default,
+    select_reading,
+    select_times,
 )
-from cgroup.benchmark.readings.files import _list_cells
-from cgroup.benchmark.readings.measurement import measure_again
-from cgroup.benchmark.readings.selection import select_default, select_reading, select_times
-from cgroup.benchmark.readings.tables import CLOSE_MARK, as_csv, as_markdown
 from cgroup.benchmark.run import run
 from cgroup.benchmark.tables import add_scores
 from cgroup.datasets import open_dataset
@@ -319,7 +325,7 @@ def test_pairs_are_judged_at_the_levels_that_are_measured(monkeypatch: pytest.Mo
         def measure_facts(self, name: str, *, bound: float) -> dict[str, float]:
             return {"overlap": max(level[name], bound / 10)}
 
-    monkeypatch.setattr(measurement, "open_dataset", lambda _name, root: Views(root))
+    monkeypatch.setattr(readings, "open_dataset", lambda _name, root: Views(root))
     default, wide = judge_readings(frame, paper_timing(), list_readings(["overlap-8"]), resamples=1)
     assert default.verdicts["C-25"].tests == 14
     assert wide.verdicts["C-25"].tests == 4  # .8 and .9
@@ -443,7 +449,7 @@ def test_figure_frames_verdicts_that_are_not_as_by_default() -> None:
         for claim in default.verdicts
         if each.verdicts[claim].verdict != default.verdicts[claim].verdict
     ]
-    figure = readings_figure(_list_cells(outcomes()), title="Claims")
+    figure = readings_figure(list_figure_cells(outcomes()), title="Claims")
     cells = [patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle)]
     assert len(cells) == 3 * len(CLAIMS)
     assert sum(cell.get_edgecolor()[3] > 0 for cell in cells) == len(changed) > 0

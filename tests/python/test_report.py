@@ -13,15 +13,15 @@ import pandas as pd
 import pytest
 from benchmark_frames import paper_frame, paper_timing
 
-from cgroup.benchmark.claims import CLAIMS
-from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
-from cgroup.benchmark.rankings import bootstrap
+from cgroup.benchmark.paper.claims import CLAIMS
+from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.report import page as report
 from cgroup.benchmark.report import sections
 from cgroup.benchmark.report.cells import method_cell, number
 from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.benchmark.report.tables import failure_table, ranking_table, score_table
+from cgroup.benchmark.stats import bootstrap
 from cgroup.errors import InputError
 from cgroup.evaluation.bins import LEAST_PAIRS
 

@@ -11,12 +11,10 @@ from benchmark_frames import paper_frame
 from repeated_rows import repeat_rows, uneven
 
 from cgroup.benchmark import tables
-from cgroup.benchmark.evidence import Evidence
-from cgroup.benchmark.resampling import PairDraws, resample_evidence
+from cgroup.benchmark.paper.evidence import Evidence, draw_pairs, resample_evidence
 
 if TYPE_CHECKING:
-    from cgroup.benchmark.averages import Average
-    from cgroup.benchmark.sample import Sample
+    from cgroup.benchmark.paper.evidence import Average, Sample
 
 NO_TIMES = pd.DataFrame()
 SAMPLES = [
@@ -45,7 +43,7 @@ def assert_same(one: Sample, other: Sample) -> None:
 def test_means_of_a_resample_are_those_of_rows_that_are_repeated() -> None:
     frame = uneven(paper_frame())
     evidence = Evidence(frame, NO_TIMES)
-    draws = PairDraws.make(frame, 2, 5)
+    draws = draw_pairs(frame, 2, 5)
     for number, resample in enumerate(resample_evidence(evidence, 2, seed=5)):
         repeated = Evidence(repeat_rows(frame, draws, number), NO_TIMES)
         for experiment, place in SAMPLES:
@@ -76,7 +74,7 @@ def test_averages_are_those_of_the_records(average: Average) -> None:
 @pytest.mark.parametrize("average", ["pooled", "f_of_means"])
 def test_other_averages_of_a_resample_are_those_of_rows_that_are_repeated(average: Average) -> None:
     frame = uneven(paper_frame("clutter", "combinations"))
-    draws = PairDraws.make(frame, 1, 5)
+    draws = draw_pairs(frame, 1, 5)
     evidence = Evidence(frame, NO_TIMES, average=average)
     repeated = Evidence(repeat_rows(frame, draws, 0), NO_TIMES, average=average)
     [resample] = resample_evidence(evidence, 1, seed=5)
@@ -93,7 +91,7 @@ def test_a_resample_has_the_levels_and_methods_of_its_pairs() -> None:
     thin = frame[~(only_first | only_second | alone)].assign(
         inlier_ratio=lambda rows: rows["inlier_ratio"].where(rows["pair"] != "scene2", 0.1)
     )
-    draws = PairDraws.make(thin, 8, 0)
+    draws = draw_pairs(thin, 8, 0)
     levels, methods = set(), set()
     for number, resample in enumerate(resample_evidence(Evidence(thin, NO_TIMES), 8)):
         drawn = resample.sample("noise", "B3R")
@@ -123,9 +121,9 @@ def test_numbers_of_matches_that_become_the_same_level_are_one() -> None:
 def test_a_data_set_keeps_its_number_of_pairs() -> None:
     frame = paper_frame("noise", "overlap", "clutter")
     one = frame[(frame["dataset"] != "b3r-clean") | (frame["pair"] == "scene1")]
-    draws = PairDraws.make(one, 50, 0)
+    draws = draw_pairs(one, 50, 0)
     for dataset, pairs in one.groupby("dataset")["pair"]:
-        assert (draws.tables[dataset].sum(axis=1) == pairs.nunique()).all()
+        assert (draws[dataset].sum(axis=1) == pairs.nunique()).all()
     assert all(each.sample("noise", "B3R") for each in resample_evidence(Evidence(one, NO_TIMES), 50))
 
 
@@ -142,10 +140,10 @@ def test_a_stand_in_does_not_speak_where_no_pair_is_drawn() -> None:
 
 def test_draws_depend_on_the_seed_and_the_names_of_the_pairs_only() -> None:
     frame = uneven(paper_frame("clutter", "noise"))
-    draws = PairDraws.make(frame, 20, 0)
+    draws = draw_pairs(frame, 20, 0)
     worse = frame.assign(precision=0.0)[frame["method"] != "gc"].sample(frac=1, random_state=0)
-    for dataset, table in PairDraws.make(worse, 20, 0).tables.items():
-        pd.testing.assert_frame_equal(table, draws.tables[dataset])
+    for dataset, table in draw_pairs(worse, 20, 0).items():
+        pd.testing.assert_frame_equal(table, draws[dataset])
     dense = frame[frame["dataset"] == "u3or"].assign(dataset="u3or-dense")
-    pd.testing.assert_frame_equal(PairDraws.make(dense, 20, 0).tables["u3or-dense"], draws.tables["u3or"])
-    assert not PairDraws.make(frame, 20, 1).tables["u3or"].equals(draws.tables["u3or"])
+    pd.testing.assert_frame_equal(draw_pairs(dense, 20, 0)["u3or-dense"], draws["u3or"])
+    assert not draw_pairs(frame, 20, 1)["u3or"].equals(draws["u3or"])

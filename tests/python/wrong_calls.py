@@ -17,8 +17,9 @@ import pandas as pd
 
 import cgroup
 from cgroup import comparison, datasets, features, pages, plots, registration, registry, types
-from cgroup.benchmark import claims, config, pipelines, rankings, readings, report, run, solver, tables
-from cgroup.benchmark.evidence import Evidence
+from cgroup.benchmark import config, pipelines, report, run, solver, stats, tables
+from cgroup.benchmark.paper import claims, reading_tables, readings
+from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.pages import page
 
 if TYPE_CHECKING:
@@ -165,26 +166,28 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     "cgroup.benchmark.tables.exponents": (lambda: tables.exponents(pd.DataFrame()),),
     "cgroup.benchmark.tables.load_groups": (lambda: tables.load_groups(NOWHERE, "nonsense"),),
     "cgroup.benchmark.tables.load": (lambda: tables.load(NOWHERE),),
-    "cgroup.benchmark.readings.add_readings": (
+    "cgroup.benchmark.paper.readings.add_readings": (
         lambda: readings.add_readings(config.read_config("matches"), []),
     ),
-    "cgroup.benchmark.readings.judge_readings": (
+    "cgroup.benchmark.paper.readings.judge_readings": (
         lambda: readings.judge_readings(pd.DataFrame(), pd.DataFrame(), [], resamples=0),
     ),
-    "cgroup.benchmark.readings.list_readings": (lambda: readings.list_readings(["nonsense"]),),
-    "cgroup.benchmark.readings.write_readings": (lambda: readings.write_readings(NOWHERE, NO_READINGS),),
-    "cgroup.benchmark.claims.check_claims": (
+    "cgroup.benchmark.paper.readings.list_readings": (lambda: readings.list_readings(["nonsense"]),),
+    "cgroup.benchmark.paper.reading_tables.write_readings": (
+        lambda: reading_tables.write_readings(NOWHERE, NO_READINGS),
+    ),
+    "cgroup.benchmark.paper.claims.check_claims": (
         lambda: claims.check_claims(pd.DataFrame(), pd.DataFrame(), resamples=-1),
     ),
-    "cgroup.benchmark.claims.check_evidence": (
+    "cgroup.benchmark.paper.claims.check_evidence": (
         lambda: claims.check_evidence(Evidence(pd.DataFrame(), pd.DataFrame()), seed=-1),
     ),
-    "cgroup.benchmark.claims.bootstrap_verdicts": (
+    "cgroup.benchmark.paper.claims.bootstrap_verdicts": (
         lambda: claims.bootstrap_verdicts(pd.DataFrame(), pd.DataFrame(), resamples=0),
     ),
-    "cgroup.benchmark.rankings.comparable": (lambda: rankings.comparable(pd.DataFrame()),),
-    "cgroup.benchmark.rankings.rank_methods": (lambda: rankings.rank_methods(pd.DataFrame()),),
-    "cgroup.benchmark.rankings.mcnemar": (lambda: rankings.mcnemar([True, False], [True, True, False]),),
-    "cgroup.benchmark.rankings.signed_rank": (lambda: rankings.signed_rank([1, 2], [1, 2, 3]),),
+    "cgroup.benchmark.stats.comparable": (lambda: stats.comparable(pd.DataFrame()),),
+    "cgroup.benchmark.stats.rank_methods": (lambda: stats.rank_methods(pd.DataFrame()),),
+    "cgroup.benchmark.stats.mcnemar": (lambda: stats.mcnemar([True, False], [True, True, False]),),
+    "cgroup.benchmark.stats.signed_rank": (lambda: stats.signed_rank([1, 2], [1, 2, 3]),),
     "cgroup.benchmark.report.write_report": (lambda: report.write_report(NOWHERE),),
 }

@@ -23,7 +23,7 @@ from cgroup.errors import InputError
 from cgroup.io._results import check_folder
 
 if TYPE_CHECKING:
-    from cgroup.benchmark.rankings import Rank
+    from cgroup.benchmark.stats import Rank
 
 app = make_app()
 
@@ -65,7 +65,8 @@ def claims_command(
 ) -> None:
     """Check the paper's statements against the records."""
     with needs_extra(), show_stages() as begin:
-        from cgroup.benchmark import claims, tables  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.paper import claims  # noqa: PLC0415
 
         begin("reading records")
         frame, timing = tables.load(out), tables.load(out, "timing")
@@ -102,9 +103,9 @@ def rankings_command(
     """Print how grouping methods rank on matches."""
     with needs_extra():
         from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
-        from cgroup.benchmark.rankings import rank_methods  # noqa: PLC0415
         from cgroup.benchmark.report.trial_tables import overview_table, with_fewest_threads  # noqa: PLC0415
         from cgroup.benchmark.report.trials import as_markdown, make_trial_sections  # noqa: PLC0415
+        from cgroup.benchmark.stats import rank_methods  # noqa: PLC0415
 
         trials = tables.load(out, "matches")
     if trials.empty:

@@ -142,7 +142,7 @@ def print_tables(title: str, label: str, tables: Iterable[Table], *, wide: bool)
 
 
 def _show_stability(claim: Mapping[str, Any]) -> str:
-    from cgroup.benchmark.claims import Stability  # noqa: PLC0415 - slow to load
+    from cgroup.benchmark.paper.claims import Stability  # noqa: PLC0415 - slow to load
 
     return str(Stability(**claim["stability"])) if claim["stability"] else ""
 

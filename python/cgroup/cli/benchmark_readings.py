@@ -18,7 +18,7 @@ from cgroup.cli.show.json import make_document
 from cgroup.io._results import check_folder
 
 if TYPE_CHECKING:
-    from cgroup.benchmark.readings import ReadingOutcome
+    from cgroup.benchmark.paper.readings import ReadingOutcome
 
 app = make_app()
 
@@ -71,13 +71,13 @@ def readings_command(
     """
     with needs_extra():
         from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
-        from cgroup.benchmark.claims import counts_line  # noqa: PLC0415
         from cgroup.benchmark.config import read_config  # noqa: PLC0415
-        from cgroup.benchmark.readings import (  # noqa: PLC0415
+        from cgroup.benchmark.paper.claims import counts_line  # noqa: PLC0415
+        from cgroup.benchmark.paper.reading_tables import write_readings  # noqa: PLC0415
+        from cgroup.benchmark.paper.readings import (  # noqa: PLC0415
             add_readings,
             judge_readings,
             list_readings,
-            write_readings,
         )
         from cgroup.benchmark.run import run  # noqa: PLC0415
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cgroup.benchmark.overall import name_units
-from cgroup.benchmark.rankings import Interval, bootstrap
 from cgroup.benchmark.report.charts import Chart, Look, Panel, Series, look_up
+from cgroup.benchmark.stats import Interval, bootstrap, name_units
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
 from cgroup.plots.curves import sort_methods

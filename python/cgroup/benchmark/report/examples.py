@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from cgroup.benchmark.evidence import Evidence
-    from cgroup.benchmark.sample import Sample
+    from cgroup.benchmark.paper.evidence import Evidence, Sample
 
 _TYPICAL = {"B3R": "noise", "U3OR": "clutter", "U3M": "overlap"}
 

@@ -12,9 +12,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 import cgroup
 from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import tables
-from cgroup.benchmark.claims import CRITERIA, RESAMPLES, as_markdown, check_evidence, count_verdicts
-from cgroup.benchmark.evidence import Evidence
 from cgroup.benchmark.paper import EXPERIMENTS
+from cgroup.benchmark.paper.claims import CRITERIA, RESAMPLES, as_markdown, check_evidence, count_verdicts
+from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.benchmark.report.registration import make_registration_section
 from cgroup.benchmark.report.sections import (
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.claims import Verdict
+    from cgroup.benchmark.paper.claims import Verdict
 
 REPORT, CLAIMS, FIGURES = "report.html", "claims.md", "figures"
 """What `write_report` leaves in the run's folder."""

@@ -6,8 +6,8 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.evidence import mean_times
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
+from cgroup.benchmark.paper.evidence import mean_times
 from cgroup.benchmark.report.curves import scores_chart
 from cgroup.benchmark.report.examples import choose_examples, draw_example
 from cgroup.benchmark.report.points import pairs_chart, times_chart
@@ -29,12 +29,11 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.evidence import Evidence
     from cgroup.benchmark.paper import Experiment
+    from cgroup.benchmark.paper.evidence import Evidence, Sample
     from cgroup.benchmark.report.cells import Table
     from cgroup.benchmark.report.charts import Chart
     from cgroup.benchmark.report.pictures import Picture, PictureBook
-    from cgroup.benchmark.sample import Sample
 
 
 _COMPARED = ("gc", "ransac")

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.overall import GENERATED, LEAST_OBJECTS, Overall, Standing, rank_overall
 from cgroup.benchmark.paper import PAPER_EPSILON
-from cgroup.benchmark.rankings import LEVEL
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell
 from cgroup.benchmark.report.trial_tables import with_fewest_threads
+from cgroup.benchmark.stats import GENERATED, LEAST_OBJECTS, LEVEL, Overall, Standing, rank_overall
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots.style import method_style
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal
 
-from cgroup.benchmark.claims.base import TIE
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
+from cgroup.benchmark.paper.checks import TIE
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, number, words
 from cgroup.benchmark.tables import aggregate
 from cgroup.evaluation.protocols import PROTOCOL_PREFIX
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from cgroup.benchmark.sample import Sample
+    from cgroup.benchmark.paper.evidence import Sample
 
 
 def ranking_table(sample: Sample) -> Table:

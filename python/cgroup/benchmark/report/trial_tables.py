@@ -6,15 +6,15 @@ import itertools
 import math
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.rankings import LEVEL, comparable, rank_methods
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, number, words
+from cgroup.benchmark.stats import LEVEL, comparable, rank_methods
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
     import pandas as pd
 
-    from cgroup.benchmark.rankings import Interval
+    from cgroup.benchmark.stats import Interval
 
 _VARIED = {
     "scene": "wrong matches",

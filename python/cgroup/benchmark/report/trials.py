@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.problem import COMBINATIONS
-from cgroup.benchmark.rankings import comparable
 from cgroup.benchmark.report.cells import Table, method_cell
 from cgroup.benchmark.report.points import trials_chart
 from cgroup.benchmark.report.trial_tables import (
@@ -16,6 +15,7 @@ from cgroup.benchmark.report.trial_tables import (
     ranking,
     with_fewest_threads,
 )
+from cgroup.benchmark.stats import comparable
 from cgroup.plots import trials_figure
 from cgroup.plots.levels import protocol_title
 

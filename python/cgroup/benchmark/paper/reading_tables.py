@@ -1,4 +1,4 @@
-"""Verdicts under all readings, as tables."""
+"""Verdicts under all readings: what the readings of a run leave in its folder."""
 
 from __future__ import annotations
 
@@ -6,14 +6,25 @@ import csv
 import io
 from typing import TYPE_CHECKING
 
-from cgroup.benchmark.claims import CLAIMS
-from cgroup.benchmark.readings.questions import name_questions
+import pandas as pd
+
+from cgroup.benchmark.paper.claims import CLAIMS
+from cgroup.benchmark.paper.readings import name_questions, read_questions
+from cgroup.io import write_file
+from cgroup.plots import readings_figure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
 
-    from cgroup.benchmark.readings.outcomes import ReadingOutcome
-    from cgroup.benchmark.readings.questions import Question
+    from cgroup.benchmark.paper.readings import Question, ReadingOutcome
+
+__all__ = ["write_readings"]
+
+MARKDOWN, CSV, FIGURE = "readings.md", "readings.csv", "readings.png"
+"""Names of the files."""
+
+_TITLE = "Claims of the paper by reading"
 
 CLOSE_MARK = "≈"
 """Beside verdicts that another draw of the pairs would often change."""
@@ -31,21 +42,72 @@ _TESTED = ("confirmed", "partly", "not confirmed")
 _COLUMNS = ("question", "reading", "claim", "verdict", "held", "tests", "share", "close", "moved", "measured")
 
 
-def as_markdown(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question]) -> str:
-    """Write all tables as Markdown.
+def write_readings(folder: Path, outcomes: Sequence[ReadingOutcome]) -> list[Path]:
+    """Write tables and figure of all readings.
 
     Parameters
     ----------
+    folder : path
+        Of the run.
     outcomes : sequence of ReadingOutcome
         Of `judge_readings`.
-    questions : iterable of Question
-        What the readings are answers to; those without an outcome are left out.
 
     Returns
     -------
-    str
-        The counts per reading; the claims that readings bring back, and those that none does; and a table
-        claim by reading for each question.
+    list of path
+        `MARKDOWN`, `CSV` and `FIGURE` in the folder.
+
+    Raises
+    ------
+    InputError
+        If a file can't be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.paper.readings import judge_readings
+    >>> from cgroup.benchmark.paper.reading_tables import write_readings
+    >>> outcomes = judge_readings(pd.DataFrame(), pd.DataFrame(), [])  # no records
+    >>> [file.name for file in write_readings(Path(), outcomes)]
+    ['readings.md', 'readings.csv', 'readings.png']
+    """
+    questions = read_questions()
+    picture = io.BytesIO()
+    readings_figure(list_figure_cells(outcomes), title=_TITLE).savefig(picture, format="png")
+    contents = {
+        MARKDOWN: as_markdown(outcomes, questions).encode(),
+        CSV: as_csv(outcomes, questions).encode(),
+        FIGURE: picture.getvalue(),
+    }
+    for name, content in contents.items():
+        write_file(folder / name, content)
+    return [folder / name for name in contents]
+
+
+def list_figure_cells(outcomes: Sequence[ReadingOutcome]) -> pd.DataFrame:
+    """One row per claim and reading, as the figure takes them."""
+    asked = name_questions(read_questions())
+    rows = [
+        {
+            "group": asked.get(outcome.name, ""),
+            "reading": outcome.name,
+            "claim": claim,
+            "verdict": verdict.verdict,
+            "close": outcome.is_close(claim),
+            "moved": outcome is outcomes[0] or claim in outcome.moved,
+        }
+        for outcome in outcomes
+        for claim, verdict in outcome.verdicts.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+def as_markdown(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question]) -> str:
+    """Write all tables as Markdown, without questions that have no outcome.
+
+    The counts per reading; the claims that readings bring back, and those that none does; and a table claim
+    by reading for each question.
     """
     default, *others = outcomes
     by_name = {outcome.name: outcome for outcome in others}
@@ -61,20 +123,7 @@ def as_markdown(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question
 
 
 def as_csv(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question]) -> str:
-    """Write one row per claim and reading.
-
-    Parameters
-    ----------
-    outcomes : sequence of ReadingOutcome
-        Of `judge_readings`.
-    questions : iterable of Question
-        What the readings are answers to.
-
-    Returns
-    -------
-    str
-        With a header.
-    """
+    """Write one row per claim and reading, with a header."""
     asked = name_questions(questions)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -89,20 +138,7 @@ def as_csv(outcomes: Sequence[ReadingOutcome], questions: Iterable[Question]) ->
 
 
 def show_cell(outcome: ReadingOutcome, claim: str) -> str:
-    """Write a verdict with how many of its tests hold, and whether it is close.
-
-    Parameters
-    ----------
-    outcome : ReadingOutcome
-        Of a reading.
-    claim : str
-        Id of a claim.
-
-    Returns
-    -------
-    str
-        Such as ``confirmed 9/9``.
-    """
+    """Write a verdict with how many of its tests hold, and whether it is close: ``confirmed 9/9``."""
     verdict = outcome.verdicts[claim]
     mark = f" {CLOSE_MARK}" if outcome.is_close(claim) else ""
     count = f" {verdict.held}/{verdict.tests}" if verdict.tests else ""
