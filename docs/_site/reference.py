@@ -129,7 +129,7 @@ GROUPS: dict[str, dict[str, str]] = {
     "cgroup.benchmark.paper.claims": {
         "The paper's claims": "check_claims check_evidence CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
         "How sure verdicts are": "bootstrap_verdicts Stability RESAMPLES",
-        "As text": "as_markdown as_json count_verdicts counts_line",
+        "As text": "as_markdown count_verdicts counts_line",
     },
     "cgroup.benchmark.paper.readings": {
         "What the paper leaves open": "read_questions Question list_readings Reading",

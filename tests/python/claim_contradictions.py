@@ -57,9 +57,7 @@ CONTRADICTIONS = {
             put("f_score", 0.8, method=but("ransac", "st"), **NOISE),
         )
     ],
-    "C-06": [
-        contradict("the three tie", put("precision", 0.9, method=("nnsr", "gc", "3dhv"), **NOISE)),
-    ],
+    "C-06": [contradict("the three tie", put("precision", 0.9, method=("nnsr", "gc", "3dhv"), **NOISE))],
     "C-07": [contradict("recall is lower", put("recall", 0.89, **NOISE))],
     "C-08": [contradict("GC drops further", add("f_score", -0.3, method="gc", level=above(0.4), **NOISE))],
     "C-09": [contradict("the two are third", put_behind("f_score", ("ransac", "st"), 2, "level", **DENSITY))],
@@ -289,7 +287,7 @@ CONTRADICTIONS = {
     "C-60": [
         contradict_times(
             "CV takes 60 % of it", put("seconds", 1.0, method="si"), put("seconds", 0.6, method="cv")
-        ),
+        )
     ],
     "C-61": [
         contradict_times(

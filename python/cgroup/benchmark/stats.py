@@ -17,7 +17,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -300,7 +300,8 @@ def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
     difference = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)
     if not difference.any():
         return 1.0
-    return float(stats.wilcoxon(difference, zero_method="pratt", method="asymptotic").pvalue)
+    found: Any = stats.wilcoxon(difference, zero_method="pratt", method="asymptotic")
+    return float(found.pvalue)
 
 
 def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
@@ -380,8 +381,8 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
     Parameters
     ----------
     trials : DataFrame
-        Rows of `load(path, "matches")` of one set and one number of threads; problems without a right answer and
-        methods that no problem had the fields for are left out, and so is what not all methods have.
+        Rows of `load(path, "matches")` of one set and one number of threads; problems without a right answer
+        and methods that no problem had the fields for are left out, and so is what not all methods have.
 
     Returns
     -------

@@ -54,78 +54,26 @@ class Experiment:
     sections: tuple[str, ...] = ()
 
 
-EXPERIMENTS = {
-    each.id: each
-    for each in (
-        Experiment(
-            "noise",
-            "Gaussian noise",
-            "level",
-            "standard deviation of the noise (pr)",
-            ("B3R",),
-            sections=("5.1 item 1", "5.2 item 1"),
-        ),
-        Experiment(
-            "density",
-            "Point density",
-            "level",
-            "share of the points kept",
-            ("B3R",),
-            sections=("5.1 item 2", "5.2 item 1"),
-        ),
-        Experiment(
-            "clutter",
-            "Clutter",
-            "clutter",
-            "clutter (share of the scene)",
-            ("U3OR",),
-            CLUTTER,
-            sections=("5.1 item 3", "5.2 item 2"),
-        ),
-        Experiment(
-            "occlusion",
-            "Occlusion",
-            "occlusion",
-            "occlusion (share of the model)",
-            ("U3OR",),
-            OCCLUSION,
-            sections=("5.1 item 3", "5.2 item 2"),
-        ),
-        Experiment(
-            "overlap",
-            "Partial overlap",
-            "overlap",
-            "overlap (share)",
-            ("U3M",),
-            OVERLAP,
-            sections=("5.1 item 4", "5.2 item 3"),
-        ),
-        Experiment(
-            "epsilon",
-            "Inlier threshold",
-            "epsilon",
-            "inlier threshold (pr)",
-            ("U3OR",),
-            sections=("5.1 item 5", "5.2 item 4"),
-        ),
-        Experiment(
-            "matches",
-            "Number of matches",
-            "nms_radius",
-            "initial matches (mean number)",
-            ("U3OR", "U3M"),
-            sections=("5.1 item 6", "5.2 item 4"),
-        ),
-        Experiment(
-            "combinations",
-            "Detector and descriptor",
-            "combination",
-            "detector and descriptor",
-            ("B3R", "U3OR", "U3M"),
-            sections=("5.1 item 7", "5.2 item 5"),
-        ),
-    )
-}
+# fmt: off
+EXPERIMENTS = {each.id: each for each in (
+    Experiment("noise", "Gaussian noise", "level", "standard deviation of the noise (pr)",
+               ("B3R",), None, ("5.1 item 1", "5.2 item 1")),
+    Experiment("density", "Point density", "level", "share of the points kept",
+               ("B3R",), None, ("5.1 item 2", "5.2 item 1")),
+    Experiment("clutter", "Clutter", "clutter", "clutter (share of the scene)",
+               ("U3OR",), CLUTTER, ("5.1 item 3", "5.2 item 2")),
+    Experiment("occlusion", "Occlusion", "occlusion", "occlusion (share of the model)",
+               ("U3OR",), OCCLUSION, ("5.1 item 3", "5.2 item 2")),
+    Experiment("overlap", "Partial overlap", "overlap", "overlap (share)",
+               ("U3M",), OVERLAP, ("5.1 item 4", "5.2 item 3")),
+    Experiment("epsilon", "Inlier threshold", "epsilon", "inlier threshold (pr)",
+               ("U3OR",), None, ("5.1 item 5", "5.2 item 4")),
+    Experiment("matches", "Number of matches", "nms_radius", "initial matches (mean number)",
+               ("U3OR", "U3M"), None, ("5.1 item 6", "5.2 item 4")),
+    Experiment("combinations", "Detector and descriptor", "combination", "detector and descriptor",
+               ("B3R", "U3OR", "U3M"), None, ("5.1 item 7", "5.2 item 5")),
+)}
+# fmt: on
 """In the paper's order."""
 
 VARIANTS = Experiment("variants", "Grouping before RANSAC", "", "", ("U3OR", "U3M"))

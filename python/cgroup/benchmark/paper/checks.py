@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -55,17 +55,7 @@ Operator: TypeAlias = Literal[">", ">=", "<", "<="]
 
 
 class Comparison(NamedTuple):
-    """One comparison of numbers.
-
-    Attributes
-    ----------
-    holds : bool
-        Whether it is as the claim says.
-    text : str
-        What was compared, with the numbers.
-    margin : float
-        By how much it holds, or fails if negative; NaN where a number is missing.
-    """
+    """Whether numbers are as a claim says, in words, and by how much; NaN where a number is missing."""
 
     holds: bool
     text: str
@@ -317,7 +307,9 @@ def follows(numbers: Numbers, least: float) -> Check:
 
     def test(rows: list[Row]) -> Iterator[Comparison]:
         for method in rows[0].scores.index:
-            growth = correlate_with_levels([row.level for row in rows], [row.scores[method] for row in rows])
+            growth = correlate_with_levels(
+                [float(row.level) for row in rows], [row.scores[method] for row in rows]
+            )
             yield compare(f"Spearman of {numbers.what} and level, {_name(method)}", growth, ">=", least)
 
     return _along(
@@ -866,7 +858,8 @@ def correlate_with_levels(at: Iterable[float], values: Iterable[float]) -> float
         return math.nan
     if np.ptp(y[known]) == 0:
         return 0.0
-    return float(stats.spearmanr(x[known], y[known]).statistic)
+    found: Any = stats.spearmanr(x[known], y[known])
+    return float(found.statistic)
 
 
 def compare_rankings(one: pd.Series, other: pd.Series) -> float:

@@ -169,9 +169,7 @@ class Sample:
             known = ~np.isnan(means)
             levels, methods = known.any(axis=1), known.any(axis=0)
             self._means[column] = pd.DataFrame(
-                means[levels][:, methods],
-                index=self._levels[0][levels],
-                columns=self.table.methods[methods],
+                means[levels][:, methods], index=self._levels[0][levels], columns=self.table.methods[methods]
             )
         return self._means[column]
 

@@ -39,7 +39,7 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from cgroup.benchmark.config import ExperimentEntry
@@ -117,11 +117,9 @@ class Reading(Table):
     Examples
     --------
     >>> from cgroup.benchmark.paper.readings import Reading
-    >>> short = Reading(
-    ...     name="gtm-20", label="20 steps", methods={"gtm": {"iterations": 20}}
-    ... )
-    >>> short.applies_to("noise", "b3r-clean", "C1")
-    True
+    >>> short = {"gtm": {"iterations": 20}}
+    >>> Reading(name="gtm-20", label="20 steps", methods=short).average
+    'macro'
     """
 
     name: str
@@ -143,60 +141,6 @@ class Reading(Table):
     levels: dict[str, tuple[Positive, ...]] = Field(default_factory=dict)
     together: Names = ()
     parts: tuple[Reading, ...] = ()
-
-    @property
-    def changes(self) -> tuple[Reading, ...]:
-        """The readings that are combined, or this one alone.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.paper.readings import Reading
-        >>> alone = Reading(name="solvable", label="left out", solvable=True)
-        >>> alone.changes == (alone,)
-        True
-        """
-        return self.parts or (self,)
-
-    @property
-    def makes_other_matches(self) -> bool:
-        """Whether all methods have to be run or judged once more, not only those with other options.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.paper.readings import Reading
-        >>> mutual = {"matching": "mutual"}
-        >>> Reading(name="m", label="mutual", front=mutual).makes_other_matches
-        True
-        """
-        return bool(self.front or self.nuisances or self.datasets or self.epsilons)
-
-    def applies_to(self, experiment: str, dataset: str, combination: str) -> bool:
-        """Tell whether the change is tried there.
-
-        Parameters
-        ----------
-        experiment, dataset, combination : str
-            As the records name them.
-
-        Returns
-        -------
-        bool
-            Whether none of the three is left out.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.paper.readings import Reading
-        >>> wide = Reading(name="iss", label="6 pr", combinations=["C4", "C5", "C6"])
-        >>> wide.applies_to("combinations", "b3r", "C1")
-        False
-        """
-        asked = (
-            (self.experiments, experiment),
-            (self.data, dataset),
-            (self.combinations, combination),
-            (tuple(self.datasets), dataset),
-        )
-        return all(name in named for named, name in asked if named)
 
 
 class Question(Table):
@@ -307,6 +251,11 @@ def _resolve(reading: Reading, known: dict[str, Reading]) -> Reading:
     return reading.model_copy(update={"parts": tuple(known[name] for name in reading.together)})
 
 
+def _changes(reading: Reading) -> tuple[Reading, ...]:
+    """List the readings that are combined, or one alone."""
+    return reading.parts or (reading,)
+
+
 # --- What is run again ------------------------------------------------------------------------------------
 
 
@@ -360,7 +309,7 @@ def _variant_label(method: str, options: Mapping[str, Any]) -> str:
 
 def _plain_label(label: str, reading: Reading) -> str:
     """Label of the method that a variant of a reading is of; that of another method as it is."""
-    for method in {method for change in reading.changes for method in change.methods}:
+    for method in {method for change in _changes(reading) for method in change.methods}:
         if label.startswith(f"{method} ") and "=" in label:
             return method
     return label
@@ -415,13 +364,24 @@ def _read_experiment(
     for dataset in base.dataset:
         alike: dict[tuple[str, ...], list[str]] = {}
         for combination in base.combinations:
-            changes = [each for each in reading.changes if each.applies_to(base.id, dataset, combination)]
+            changes = [each for each in _changes(reading) if _applies(each, base.id, dataset, combination)]
             alike.setdefault(tuple(change.name for change in changes), []).append(combination)
         for names, combinations in alike.items():
-            changes = [change for change in reading.changes if change.name in names]
+            changes = [change for change in _changes(reading) if change.name in names]
             entry = _change(base, dataset, methods, changes)
             if entry is not None:
                 yield {**entry, "id": base.id + SEPARATOR + reading.name, "combinations": combinations}
+
+
+def _applies(change: Reading, experiment: str, dataset: str, combination: str) -> bool:
+    """Tell whether a change is tried there."""
+    asked = (
+        (change.experiments, experiment),
+        (change.data, dataset),
+        (change.combinations, combination),
+        (tuple(change.datasets), dataset),
+    )
+    return all(name in named for named, name in asked if named)
 
 
 def _change(
@@ -459,7 +419,7 @@ def _vary(method: MethodEntry, options: Mapping[str, Any]) -> dict[str, Any]:
 
 def _list_only(changes: Sequence[Reading]) -> set[str]:
     """Methods that other matches make a difference to; empty for all."""
-    named = [change.only for change in changes if change.makes_other_matches]
+    named = [each.only for each in changes if each.front or each.nuisances or each.datasets or each.epsilons]
     return set().union(*named) if all(named) else set()
 
 
@@ -505,21 +465,20 @@ def select_reading(frame: pd.DataFrame, reading: Reading) -> pd.DataFrame:
         _plain_label(label, reading) if mine else label
         for label, mine in zip(frame["method"], own, strict=True)
     ]
-    stands_for = {new: old for change in reading.changes for old, new in change.datasets.items()}
-    what = list(
-        zip(
-            frame["dataset"].map(lambda name: stands_for.get(name, name)),
-            frame["combination"],
-            methods,
-            strict=True,
-        )
-    )
-    replaced = {(name, *row) for names, row in zip(own, what, strict=True) for name in names}
-    without = {pair for change in reading.changes for pair in change.without.items()}
-    rows = zip(own, frame["experiments"], frame["dataset"], what, strict=True)
-    ids = [(*mine, *_list_kept(names, dataset, row, replaced, without)) for mine, names, dataset, row in rows]
+    stands_for = {new: old for change in _changes(reading) for old, new in change.datasets.items()}
+    datasets = [stands_for.get(name, name) for name in frame["dataset"]]
+    cells = list(zip(datasets, frame["combination"], methods, strict=True))
+    replaced = {(name, *cell) for names, cell in zip(own, cells, strict=True) for name in names}
+    without = {pair for change in _changes(reading) for pair in change.without.items()}
+
+    def keeps(name: str, dataset: str, cell: tuple[Any, ...]) -> bool:
+        """Whether a record of the default goes on to speak for an experiment."""
+        return SEPARATOR not in name and (name, *cell) not in replaced and (name, dataset) not in without
+
+    rows = zip(own, frame["experiments"], frame["dataset"], cells, strict=True)
+    ids = [(*mine, *(n for n in names if keeps(n, dataset, cell))) for mine, names, dataset, cell in rows]
     chosen = _take(frame.assign(method=methods), ids)
-    if any(change.solvable for change in reading.changes):
+    if any(change.solvable for change in _changes(reading)):
         chosen = chosen[(chosen["correct"] > 0) | (chosen["error"] != "")]
     return chosen
 
@@ -529,31 +488,12 @@ def select_times(timing: pd.DataFrame, reading: Reading | None = None) -> pd.Dat
 
     A method then has the times of another only at the sizes at which that one has been timed.
     """
-    for change in () if reading is None else reading.changes:
+    for change in () if reading is None else _changes(reading):
         for method, other in change.times.items():
             found = timing[timing["method"] == other].assign(method=method)
             rest = timing[(timing["method"] != method) & timing["n"].isin(found["n"])]
             timing = found if rest.empty else pd.concat([rest, found], ignore_index=True)
     return timing
-
-
-def find_average(reading: Reading) -> Average:
-    """Find how a reading averages pairs; of several, the last that isn't the default."""
-    averages = [change.average for change in reading.changes if change.average != "macro"]
-    return averages[-1] if averages else "macro"
-
-
-def _list_kept(
-    names: tuple[str, ...],
-    dataset: str,
-    row: tuple[Hashable, ...],
-    replaced: set[tuple[Hashable, ...]],
-    without: set[tuple[str, str]],
-) -> Iterator[str]:
-    """Experiments for which a record of the default goes on to speak."""
-    for name in names:
-        if SEPARATOR not in name and (name, *row) not in replaced and (name, dataset) not in without:
-            yield name
 
 
 def _take(frame: pd.DataFrame, ids: list[tuple[str, ...]]) -> pd.DataFrame:
@@ -569,7 +509,7 @@ def measure_again(frame: pd.DataFrame, reading: Reading, root: Path | None) -> p
     """
     if frame.empty:
         return frame
-    for change in reading.changes:
+    for change in _changes(reading):
         for fact, bound in change.facts.items():
             # A nuisance changes a pair, and what a data set has is the pair before it.
             chosen = frame[fact].notna() & (frame["nuisance"] == "")
@@ -649,11 +589,9 @@ class ReadingOutcome:
 
         Examples
         --------
-        >>> from cgroup.benchmark.paper.readings import ReadingOutcome
         >>> import pandas as pd
         >>> from cgroup.benchmark.paper.readings import judge_readings
-        >>> (default,) = judge_readings(pd.DataFrame(), pd.DataFrame(), [])  # no records
-        >>> default.is_close("C-01")
+        >>> judge_readings(pd.DataFrame(), pd.DataFrame(), [])[0].is_close("C-01")
         False
         """
         stability = self.verdicts[claim].stability
@@ -700,26 +638,11 @@ def judge_readings(
 
     Examples
     --------
-    >>> from pathlib import Path
-    >>> from cgroup.benchmark import tables
-    >>> from cgroup.benchmark.config import Config
-    >>> from cgroup.benchmark.paper.readings import (
-    ...     add_readings,
-    ...     judge_readings,
-    ...     list_readings,
-    ... )
-    >>> from cgroup.benchmark.run import run
-    >>> small = {"id": "clutter", "dataset": "standin-clutter", "pairs": 1}
-    >>> base = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
-    >>> readings = list_readings(["gtm-20"])
-    >>> _ = run(add_readings(base, readings), Path("results"), backend="threading")
-    >>> frame, timing = (
-    ...     tables.load(Path("results"), kind) for kind in ("experiment", "timing")
-    ... )
-    >>> [
-    ...     outcome.name
-    ...     for outcome in judge_readings(frame, timing, readings, resamples=1)
-    ... ]
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.paper.readings import judge_readings, list_readings
+    >>> none = pd.DataFrame()  # no records
+    >>> outcomes = judge_readings(none, none, list_readings(["gtm-20"]))
+    >>> [outcome.name for outcome in outcomes]
     ['default', 'gtm-20']
     """
     tell, resamples = progress or ignore_progress, as_count("resamples", resamples, 1)
@@ -730,7 +653,9 @@ def judge_readings(
     for reading in readings:
         tell("judge", len(outcomes), 1 + len(readings))
         chosen, times = select_reading(frame, reading), select_times(timing, reading)
-        evidence = Evidence(measure_again(chosen, reading, root), times, average=find_average(reading))
+        averages: list[Average] = [each.average for each in _changes(reading) if each.average != "macro"]
+        average: Average = averages[-1] if averages else "macro"
+        evidence = Evidence(measure_again(chosen, reading, root), times, average=average)
         outcomes.append(_judge(evidence, reading, before, resamples))
     tell("judge", len(outcomes), len(outcomes))
     return outcomes
@@ -740,7 +665,8 @@ def _judge(
     evidence: Evidence, reading: Reading, before: dict[str, Verdict], resamples: int
 ) -> ReadingOutcome:
     verdicts = {verdict.id: verdict for verdict in check_evidence(evidence)}
-    moved = [claim for claim in CLAIMS if _numbers(verdicts[claim.id]) != _numbers(before[claim.id])]
+    pairs = [(claim, verdicts[claim.id], before[claim.id]) for claim in CLAIMS]
+    moved = [claim for claim, new, old in pairs if (new.measured, new.data) != (old.measured, old.data)]
     change = {claim.id: _count_steps(before[claim.id], verdicts[claim.id]) for claim in moved}
     found: dict[Claim, Outcome] = {claim: verdicts[claim.id].verdict for claim in moved}
     drawn = resample_outcomes(evidence, found, resamples)
@@ -753,10 +679,6 @@ def _judge(
         tuple(claim for claim, steps in change.items() if steps > 0),
         tuple(claim for claim, steps in change.items() if steps < 0),
     )
-
-
-def _numbers(verdict: Verdict) -> tuple[str, str]:
-    return verdict.measured, verdict.data
 
 
 def _count_steps(before: Verdict, after: Verdict) -> int:

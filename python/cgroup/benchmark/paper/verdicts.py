@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections import Counter
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.resources import files
 from math import floor
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
@@ -236,30 +235,6 @@ def count_verdicts(verdicts: Iterable[Verdict]) -> dict[str, int]:
     """
     counts = Counter(verdict.verdict for verdict in verdicts)
     return {outcome: counts[outcome] for outcome in OUTCOMES}
-
-
-def as_json(verdicts: Iterable[Verdict]) -> str:
-    """Write the verdicts as JSON.
-
-    Parameters
-    ----------
-    verdicts : iterable of Verdict
-        One object each, with the fields of `Verdict`.
-
-    Returns
-    -------
-    str
-        A list.
-
-    Examples
-    --------
-    >>> import json
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.claims import as_json, check_claims
-    >>> json.loads(as_json(check_claims(pd.DataFrame(), pd.DataFrame())))[0]["verdict"]
-    'not testable'
-    """
-    return json.dumps([asdict(verdict) for verdict in verdicts], indent=1, ensure_ascii=False)
 
 
 def as_markdown(verdicts: Sequence[Verdict]) -> str:
