@@ -297,9 +297,11 @@ def changes(
             text = f"{show_score(start)} at {first.label}, {show_score(end)} at {last.label}: change"
             yield compare(f"{numbers.what} of {_name(method)} {text}", end - start, operator, bound)
 
-    start = "first" if since is None else f"one at about {since:g}"
-    words = f"{numbers.what} of {numbers.name(methods)} minus the {start} {operator} {bound:g}"
-    return _along(f"last {words}", numbers, test, least=2, methods=methods)
+    start = "the first" if since is None else f"about {since:g}"
+    words = (
+        f"{numbers.what} of {numbers.name(methods)} changes by {operator} {bound:g} from {start} to the last"
+    )
+    return _along(words, numbers, test, least=2, methods=methods)
 
 
 def follows(numbers: Numbers, least: float) -> Check:

@@ -118,8 +118,8 @@ class Claim:
     Examples
     --------
     >>> from cgroup.benchmark.paper.claims import CLAIMS
-    >>> CLAIMS[0].id, CLAIMS[0].criterion
-    ('C-01', 'Mean inlier ratio > 0.5 for each level of noise 0.05 on B3R.')
+    >>> CLAIMS[2].id, CLAIMS[2].criterion
+    ('C-03', 'P of each method >= 0.4 at each level of noise below 0.2 on B3R.')
     """
 
     id: str
@@ -135,7 +135,7 @@ class Claim:
         --------
         >>> from cgroup.benchmark.paper.claims import CLAIMS
         >>> CLAIMS[5].criterion
-        'P of NNSR higher than that of GC and 3DHV for each level of noise on B3R.'
+        'P of NNSR higher than that of GC and 3DHV at each level of noise on B3R.'
         """
         text = self.check.criterion
         return f"{text[0].upper()}{text[1:]}."
