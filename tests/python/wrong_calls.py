@@ -166,8 +166,14 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     "cgroup.benchmark.tables.exponents": (lambda: tables.exponents(pd.DataFrame()),),
     "cgroup.benchmark.tables.load_groups": (lambda: tables.load_groups(NOWHERE, "nonsense"),),
     "cgroup.benchmark.tables.load": (lambda: tables.load(NOWHERE),),
+    "cgroup.benchmark.paper.readings.Reading": (partial(readings.Reading, nonsense=1),),
+    "cgroup.benchmark.paper.readings.Question": (partial(readings.Question, nonsense=1),),
     "cgroup.benchmark.paper.readings.add_readings": (
         lambda: readings.add_readings(config.read_config("matches"), []),
+        lambda: readings.add_readings(
+            config.read_config("smoke"),
+            [readings.Reading(name="wrong", label="", methods={"gtm": {"nonsense": 1}})],
+        ),
     ),
     "cgroup.benchmark.paper.readings.judge_readings": (
         lambda: readings.judge_readings(pd.DataFrame(), pd.DataFrame(), [], resamples=0),

@@ -410,8 +410,10 @@ def check_evidence(evidence: Evidence, *, resamples: int = 0, seed: int = 0) -> 
     ----------
     evidence : Evidence
         Records and times, sorted by experiment and data set.
-    resamples, seed : int
-        As in `check_claims`.
+    resamples : int
+        Draws of the pairs on which claims are checked again; none by default.
+    seed : int
+        Of the draws.
 
     Returns
     -------
@@ -459,8 +461,10 @@ def bootstrap_verdicts(
 
     Parameters
     ----------
-    frame, timing : DataFrame
-        As in `check_claims`.
+    frame : DataFrame
+        Records, one row per case, method and threshold.
+    timing : DataFrame
+        Times of the timing experiment; may have no rows.
     resamples : int
         How many; 1 or more.
     seed : int

@@ -91,7 +91,8 @@ class Reading(Table):
     solvable : bool
         Whether pairs without a correct match are left out.
     average : {"macro", "pooled", "f_of_means"}
-        How the scores of several pairs become one, see `cgroup.benchmark.paper.evidence`.
+        How the scores of several pairs become one: means over pairs; the scores of all their matches taken
+        as one set; or means, but F of the mean precision and the mean recall.
     facts : dict of str to float
         Bounds in pr with which facts about pairs, `overlap`, `clutter` or `occlusion`, are measured again, so
         that pairs come to stand at other levels.
