@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sqlite3
 from contextlib import closing
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ import pandas as pd
 import pytest
 
 import benchmark_fakes
-from benchmark_runs import CLOUDS, MATCHES, serial
+from benchmark_runs import CLOUDS, MATCHES, contents, serial
 from cgroup import group
 from cgroup.benchmark import problem, solving, tables
 from cgroup.benchmark.problem import Problem
@@ -196,3 +197,60 @@ def test_no_records(tmp_path: Path) -> None:
         tables.load(tmp_path)
     with pytest.raises(InputError, match="not a file of records"):
         serial(MATCHES, tmp_path)
+
+
+# --- what can't be read ------------------------------------------------------------------------------
+
+
+def test_a_file_that_sqlite_cannot_read_is_set_aside_and_computed_anew(clouds: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(clouds, out)
+    with closing(sqlite3.connect(out / RECORDS)) as connection:
+        connection.execute("pragma wal_checkpoint(truncate)")
+    content = (out / RECORDS).read_bytes()
+    (out / RECORDS).write_bytes(content[:8192] + bytes(len(content) - 8192))
+    with pytest.raises(InputError, match="one that can't be read"):
+        tables.load(out)
+    summary = serial(CLOUDS + "epsilons = [1, 5]", out)
+    assert "records.damaged-1.sqlite" in summary.damaged
+    assert (out / "records.damaged-1.sqlite").stat().st_size == len(content)
+    assert contents(out) == contents(clouds)
+    assert serial(CLOUDS, out).damaged == ""
+
+
+@pytest.mark.parametrize("more", ["epsilons = [1, 5, 9]", 'methods = ["ss", "gc", "gtm"]'])
+def test_matches_that_cannot_be_unpacked_are_made_again(more: str, clouds: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(clouds, out)
+    with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
+        connection.execute("update arrays set content = zeroblob(7) where rowid = 1")
+        [damaged] = connection.execute("select problem from arrays where rowid = 1").fetchone()
+    with pytest.raises(InputError, match="can't be read"):
+        tables.load_groups(out, damaged)
+    serial(CLOUDS + more, out)
+    assert tables.load(out)["error"].eq("").all()
+    serial(CLOUDS + more, tmp_path / "whole")
+    made = [row for row in contents(out) if row[0] == "arrays"]
+    assert made == [row for row in contents(tmp_path / "whole") if row[0] == "arrays"]
+
+
+def test_another_layout_is_refused(tmp_path: Path) -> None:
+    with closing(sqlite3.connect(tmp_path / RECORDS)) as connection:
+        connection.execute("create table methods (key text)")
+        connection.execute("pragma user_version = 5")
+    before = (tmp_path / RECORDS).read_bytes()
+    for attempt in (lambda: tables.load(tmp_path), lambda: serial(MATCHES, tmp_path)):
+        with pytest.raises(
+            InputError, match="not a file of records of this version of cgroup; use the version"
+        ):
+            attempt()
+    assert (tmp_path / RECORDS).read_bytes() == before
+
+
+def test_kinds_of_results_are_checked(clouds: Path) -> None:
+    with pytest.raises(InputError, match="kind: got 'trials'; choose one of experiment"):
+        tables.load(clouds, "trials")  # pyright: ignore[reportArgumentType]
+    for kind in ("registration", "matches", "timing"):
+        frame = tables.load(clouds, kind)
+        assert frame.empty
+        assert {"dataset", "pair", "seconds"} <= set(frame.columns)
