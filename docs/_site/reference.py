@@ -112,7 +112,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.benchmark.config": {
         "Reading": "read_config parse_config preset_names replace_methods METHOD_SETS",
-        "What a configuration holds": "Config FrontEntry",
+        "What a configuration holds": "Config",
     },
     "cgroup.benchmark.run": {"Running": "run Summary"},
     "cgroup.benchmark.tables": {"Results": "load load_groups", "Means": "aggregate exponents FITTED_FROM"},

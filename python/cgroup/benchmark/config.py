@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 __all__ = [
     "METHOD_SETS",
     "Config",
-    "FrontEntry",
     "parse_config",
     "preset_names",
     "read_config",
@@ -111,40 +110,7 @@ Methods = Annotated[tuple[MethodEntry, ...], BeforeValidator(_expand_method_sets
 
 
 class FrontEntry(Table):
-    """Changes of an experiment to the paper's front end, which matches clouds.
-
-    Attributes
-    ----------
-    matching : {"nearest", "mutual"}
-        Every source keypoint with the target keypoint of nearest descriptor; or only matches whose keypoints
-        are each other's nearest.
-    normals : {"mesh", "pca"}, optional
-        Vertex normals of the mesh, or normals of fitted planes; the data set's own choice by default. A cloud
-        without faces gets "pca".
-    frames : {"shot", "toldi"}
-        Local reference frames that the methods are given; descriptors stay as they are.
-    harris_radius : float, optional
-        Of Harris 3D in pr, for its normals, its response and its non-maximum suppression; 2.7 by default.
-    iss_radii : (float, float), optional
-        Of ISS in pr: of the scatter and of the non-maximum suppression; 2.7 and 1.8 by default.
-    resolution : {"pair", "undisturbed", "source", "target"}
-        The unit pr of all lengths: mean of both clouds' resolutions as they are matched, or before the
-        nuisance; or that of one cloud.
-    similarity : {"unit", "raw"}
-        Whether the similarity of two descriptors is taken after scaling them to unit length.
-
-    Raises
-    ------
-    pydantic.ValidationError
-        For an unknown key, or a value of another type or out of range.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.config import FrontEntry
-    >>> front = FrontEntry(matching="mutual")
-    >>> front.matching, front.resolution
-    ('mutual', 'pair')
-    """
+    """Changes of an experiment to the paper's front end, which matches clouds; lengths in pr."""
 
     matching: Literal["nearest", "mutual"] = "nearest"
     normals: Literal["mesh", "pca"] | None = None
@@ -155,31 +121,10 @@ class FrontEntry(Table):
     similarity: Literal["unit", "raw"] = "unit"
 
     def changes(self, detector: str, nuisance: str) -> str:
-        """Return the differences from the default where a detector and a nuisance are used.
+        """Return the differences from the default as JSON with sorted keys; empty without a difference.
 
         Radii of another detector change nothing, nor does the resolution before a nuisance where there is
         none: such problems are those of the default.
-
-        Parameters
-        ----------
-        detector : {"h3d", "iss"}
-            The detector in use.
-        nuisance : str
-            The nuisance in use; empty for none.
-
-        Returns
-        -------
-        str
-            JSON object with sorted keys; empty without a difference.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.config import FrontEntry
-        >>> front = FrontEntry(harris_radius=3, matching="mutual")
-        >>> front.changes("h3d", "noise")
-        '{"harris_radius": 3.0, "matching": "mutual"}'
-        >>> front.changes("iss", "noise")
-        '{"matching": "mutual"}'
         """
         without = {"iss_radii" if detector == "h3d" else "harris_radius"}
         if not nuisance and self.resolution == "undisturbed":

@@ -58,12 +58,8 @@ class OutOfTimeError(Exception):
 class Worker:
     """A process that calls functions, started again after it died; it ends with this one, in any case.
 
-    Parameters
-    ----------
-    threads : int
-        Told to its libraries before any loads; `ALL_CORES` for all.
-    cores : int
-        Where the system allows the process is kept to so many, for libraries that can't be told.
+    Its libraries are told a number of threads before any loads; where the system allows, it is kept to so
+    many cores, for libraries that can't be told. Both may be `ALL_CORES`.
     """
 
     def __init__(self, threads: int, cores: int = ALL_CORES) -> None:
@@ -74,28 +70,16 @@ class Worker:
         self._closed = False
 
     def call(self, function: Callable[..., Any], *arguments: object, limit: float | None = None) -> Any:  # noqa: ANN401 - whatever it returns
-        """Call a function there; again in a new process, twice at most, if it dies.
+        """Call a function that is importable by its name and doesn't raise; return its result.
 
-        Parameters
-        ----------
-        function : callable
-            Importable by its name; it must not raise.
-        *arguments
-            Its arguments.
-        limit : float, optional
-            Seconds after which the process is ended.
-
-        Returns
-        -------
-        object
-            The function's result.
+        If the process dies, it is called again in a new one, twice at most.
 
         Raises
         ------
         ProcessDiedError
-            If the process dies of it, or is closed meanwhile.
+            If the process dies of it each time, or is closed meanwhile.
         OutOfTimeError
-            If it takes longer than the limit.
+            If it takes longer than the limit in seconds; the process is ended.
         InputError
             If the system starts no process.
         """
@@ -186,26 +170,15 @@ class Worker:
 def open_workers(
     backend: str, count: int | None, scheduler: str | None = None
 ) -> Generator[CallUnordered, None, None]:
-    """Start or reach workers.
+    """Start or reach workers: processes of this machine, a Dask cluster, or threads of this process.
 
-    Parameters
-    ----------
-    backend : str
-        One of `BACKENDS`: processes of this machine, a Dask cluster, or threads of this process.
-    count : int, optional
-        How many; one per core by default. A cluster has its own number.
-    scheduler : str, optional
-        Address of a Dask scheduler; the environment says by default.
-
-    Yields
-    ------
-    CallUnordered
-        Puts them to work. Raises `InputError` if the scheduler is lost.
+    `count` is one per core by default; a cluster has its own. The scheduler's address comes from the
+    environment by default.
 
     Raises
     ------
     InputError
-        If the backend is unknown or not installed, or no scheduler can be reached.
+        If the backend is unknown or not installed, or no scheduler can be reached; later, if it is lost.
     """
     if backend not in BACKENDS:
         message = f"backend: got {backend!r}; choose one of {', '.join(BACKENDS)}"

@@ -15,17 +15,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Machine:
-    """What the speed of a computation depends on.
-
-    Attributes
-    ----------
-    cpu : str
-        Model name.
-    cores : int
-        Logical cores.
-    system, python, numpy : str
-        Operating system and versions.
-    """
+    """Everything that the speed of a computation depends on."""
 
     cpu: str
     cores: int

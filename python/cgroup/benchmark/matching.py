@@ -164,23 +164,9 @@ def match_by_front(
     undisturbed: MatchingPair,
     begin: Callable[[str], Any],
 ) -> Correspondences:
-    """Match two clouds by the paper's front end, with what a problem changes of it.
+    """Match two clouds, with the normals that the front asks for, by the steps of `correspond`, changed.
 
-    Parameters
-    ----------
-    problem : Problem
-        Names the changes.
-    clouds : (PointCloud, PointCloud)
-        Source and target as they are to be matched, with the normals that the front asks for.
-    undisturbed : MatchingPair
-        The pair before the nuisance.
-    begin : callable
-        Called with the name of each stage as it begins.
-
-    Returns
-    -------
-    Correspondences
-        With every field that a method may need.
+    `undisturbed` is the pair before the nuisance; `begin` is called with the name of each stage.
     """
     entry = read_front(problem)
     detector, descriptor = COMBINATIONS[problem.matches]
@@ -221,22 +207,10 @@ def _find_unit(
 
 @dataclass(frozen=True, eq=False)
 class PreparedMatches:
-    """Matches, and the truth about them.
+    """Matches, and the truth about them: which are correct, the true pose if there is one.
 
-    Attributes
-    ----------
-    matches : Correspondences
-        With every field that there is.
-    correct : (n,) array of bool
-        Whether each is within epsilon of its true place.
-    truth : (4,4) array of float64 or None
-        True pose; None where there is none.
-    sample : (m,3) array of float
-        Source points in the overlap.
-    resolution, pr : float
-        Unit of the matches, and mean distance of neighbours in the clouds, in the data's unit.
-    overlap : float or None
-        Share that the clouds have in common, where it is known.
+    `sample` are source points in the overlap, `resolution` is the unit of the matches, `pr` the mean distance
+    of neighbours in the clouds, both in the data's unit; `overlap` is the share that both clouds have.
     """
 
     matches: Correspondences

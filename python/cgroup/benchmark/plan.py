@@ -27,15 +27,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class DatasetFacts:
-    """Facts about a data set for records and figures.
-
-    Attributes
-    ----------
-    name, title, role, origin, citation : str
-        As the data set has them; the name is that of the configuration.
-    pairs : dict of str to (str, tuple of str)
-        Of each pair that is used: its origin, and the registration protocols that make sense for it.
-    """
+    """Facts about a data set; of each pair in use, its origin and the protocols that make sense."""
 
     name: str
     title: str
@@ -47,26 +39,10 @@ class DatasetFacts:
 
 @dataclass(frozen=True)
 class PlannedSet:
-    """A set of problems and its solvers.
+    """A set of problems, in the order of the work, and its solvers, each run on all of them.
 
-    Attributes
-    ----------
-    entry : SetEntry or TimingEntry
-        As configured.
-    task : {"experiment", "registration", "matches", "timing"}
-        Of all its problems.
-    problems : tuple of Problem
-        Without repetition, in the order of the work.
-    solvers : tuple of Solver
-        To be run on each.
-    threads : tuple of int
-        For each; 0 for all cores.
-    epsilons : tuple of float
-        Thresholds at which groups of an experiment are scored.
-    limit : float, optional
-        Seconds after which a solver is given up.
-    missing : dict of str to str
-        Data sets and pipelines that are not at hand, or not whole, and why.
+    `threads` are for each, 0 for all cores; at `epsilons` groups of an experiment are scored; `limit` are
+    seconds after which a solver is given up; `missing` says which data sets and pipelines are not at hand.
     """
 
     entry: SetEntry | TimingEntry
@@ -94,19 +70,9 @@ class Plan:
 
 
 def make_plan(config: Config, root: Path | None) -> Plan:
-    """Find the pairs that a configuration asks for; no cloud is read.
+    """Find the pairs that a configuration asks for below a folder with the data; no cloud is read.
 
-    Parameters
-    ----------
-    config : Config
-        What to run.
-    root : path, optional
-        Folder with the data; the environment says by default.
-
-    Returns
-    -------
-    Plan
-        A data set or pipeline that isn't at hand is left out, and named in `missing`.
+    A data set or pipeline that isn't at hand is left out, and named in `missing`.
 
     Raises
     ------

@@ -215,24 +215,7 @@ def known_resolution(resolution: float | None) -> float:
 def overlap_sample(
     source: RealArray, target: RealArray, truth: FloatArray, pr: float, rng: np.random.Generator
 ) -> RealArray:
-    """Source points that lie close to the target under the true pose.
-
-    Parameters
-    ----------
-    source, target : (N,3) and (M,3) array of float
-        Whole clouds.
-    truth : (4,4) array of float64
-        True pose.
-    pr : float
-        Resolution; close is within `OVERLAP_WITHIN` of it.
-    rng : Generator
-        Draws the points that are tried.
-
-    Returns
-    -------
-    (m,3) array of float
-        At most `OVERLAP_SAMPLE`.
-    """
+    """Draw at most `OVERLAP_SAMPLE` source points that lie close to the target under the true pose."""
     tried = source[rng.permutation(len(source))[: _CANDIDATES_PER_SAMPLE * OVERLAP_SAMPLE]]
     close = within(apply(truth, tried), target, OVERLAP_WITHIN * pr)
     return tried[close][:OVERLAP_SAMPLE]

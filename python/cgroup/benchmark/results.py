@@ -39,22 +39,9 @@ class Provenance:
 class Matched:
     """A problem of an experiment, or of the timing, matched once for all methods.
 
-    Attributes
-    ----------
-    problem : str
-        Its key.
-    content : bytes
-        The `Correspondences`, see `pack`; empty after an error.
-    truth, sample : bytes
-        True pose, and source points in the overlap, float64.
-    n : int
-        Number of correspondences.
-    pr : float
-        Resolution, in the data's unit.
-    facts, seconds, parameters : str
-        JSON: facts about the pair; wall time of each step; arguments of `correspond`.
-    error : str
-        Type and message; empty where all went well.
+    `content` are the packed matches, `truth` and `sample` float64 of the true pose and of source points in
+    the overlap; `pr` is the resolution; `facts`, `seconds` (of each step) and `parameters` (of `correspond`)
+    are JSON.
     """
 
     problem: str
@@ -72,28 +59,12 @@ class Matched:
 
 @dataclass(frozen=True)
 class Result:
-    """The outcome of a solver on a problem.
+    """The outcome of a solver on a problem, both named by their keys.
 
-    Attributes
-    ----------
-    problem, solver : str
-        Their keys.
-    threads : int
-        Threads that it ran on; 0 for all cores.
-    machine : str
-        Id of the machine where the result holds on that alone (times); else empty.
-    limit : float, optional
-        Seconds that it was given.
-    seconds : float, optional
-        Wall time of the solver alone.
-    mask, pose : bytes, optional
-        The group, one bit per match; its pose, 16 float64.
-    numbers : str
-        JSON object of all other numbers, by the names of the columns that they become.
-    skipped : str
-        Reason why it wasn't run, or not to its end; empty where it was.
-    error : str
-        Type and message; empty where all went well.
+    `threads` is 0 for all cores; `machine` is the id of the only machine that the result holds on (times), else
+    empty; `limit` and `seconds` are those of the solver; `mask` has one bit per match, `pose` 16 float64;
+    `numbers` is JSON of all other numbers, by the names of their columns; `skipped` says why the solver
+    wasn't run, or not to its end.
     """
 
     problem: str

@@ -48,7 +48,7 @@ _PACKAGES = {"kiss_matcher": "kiss-matcher", "small_gicp": "small-gicp"}
 
 @dataclass(frozen=True)
 class Solver:
-    """A grouping method or a way to register with its options, under the name that tables and figures show.
+    """A grouping method or a way to register, with its options and its label.
 
     `candidate` and `make_pipeline` make one that is sure to exist.
 

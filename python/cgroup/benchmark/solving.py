@@ -60,22 +60,7 @@ _MMAP_THRESHOLD, _LARGE_BLOCK = -3, 1 << 17  # glibc's name of the option; bytes
 def measure_pose(
     pose: FloatArray, truth: FloatArray, sample: RealArray, pr: float
 ) -> tuple[float, float, float]:
-    """Measure the errors of a pose.
-
-    Parameters
-    ----------
-    pose, truth : (4,4) array of float64
-        Estimated and true pose.
-    sample : (m,3) array of float
-        Source points in the overlap.
-    pr : float
-        Resolution.
-
-    Returns
-    -------
-    rotation, translation, displacement : float
-        In degrees, in the data's unit, and the mean over the sample in pr; the last is NaN without a sample.
-    """
+    """Errors of a pose: degrees, data unit, mean displacement of the sample in pr (NaN without a sample)."""
     gap = np.linalg.norm(apply(pose, sample) - apply(truth, sample), axis=1)
     rmse = float(gap.mean() / pr) if len(gap) else float("nan")
     return rotation_error(pose, truth), translation_error(pose, truth), rmse
@@ -125,22 +110,9 @@ def _find_pose(grouping: Grouping) -> bytes | None:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The truth about the matches of one problem.
+    """Truth about the matches of a problem: true pose, distance of each match from its true place in pr.
 
-    Attributes
-    ----------
-    problem : str
-        Key of the problem.
-    pose : (4,4) array of float64
-        True pose.
-    errors : (n,) array of float64
-        Distance of each match from its true place, in pr.
-    sample : (m,3) array of float64
-        Source points in the overlap.
-    pr : float
-        Resolution.
-    protocols : tuple of str
-        Criteria of registration to judge by.
+    `sample` are source points in the overlap, `pr` is the resolution, `protocols` are criteria to judge by.
     """
 
     problem: str

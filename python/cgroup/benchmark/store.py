@@ -164,13 +164,7 @@ def report_failures(path: Path) -> Generator[None, None, None]:
 
 @contextmanager
 def only_writer(folder: Path) -> Generator[None, None, None]:
-    """Keep other runs off a folder; the lock goes with the process, however it ends.
-
-    Raises
-    ------
-    InputError
-        If another run works in the folder, or it can't be written to.
-    """
+    """Keep other runs off a folder (`InputError`); the lock goes with the process, however it ends."""
     try:
         lock = sqlite3.connect(folder / "lock.sqlite", isolation_level=None, timeout=0)
         try:
@@ -207,13 +201,7 @@ def is_empty(connection: sqlite3.Connection) -> bool:
 
 
 def set_aside(path: Path) -> Path:
-    """Move a file that can't be read, so that a run can start anew; return its new path.
-
-    Raises
-    ------
-    InputError
-        If the system doesn't let it be moved.
-    """
+    """Move a file that can't be read, so that a run can start anew; return its new path."""
     names = (path.with_name(f"{path.stem}.damaged-{number}{path.suffix}") for number in itertools.count(1))
     kept = next(name for name in names if not name.exists())
     try:
@@ -238,20 +226,7 @@ def count_results(connection: sqlite3.Connection) -> dict[str, Counts]:
 
 
 class Store:
-    """The results of one folder. One process writes; any number may read.
-
-    Parameters
-    ----------
-    path : path
-        The SQLite file; made if it doesn't exist.
-
-    Raises
-    ------
-    InputError
-        If the file isn't one of this layout, or can't be written.
-    DamagedError
-        If SQLite can't read it.
-    """
+    """Results of one folder, in a file that is made if need be; one process writes, any number may read."""
 
     def __init__(self, path: Path) -> None:
         with report_failures(path):

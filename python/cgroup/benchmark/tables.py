@@ -127,7 +127,7 @@ def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
         "experiment", one row per problem, method and threshold: `origin, nuisance, level, combination,
         detector, descriptor, nms_radius`: the problem, with "" and NaN for fields that don't apply, and its
         hash in `case`; `front`: changes of the paper's front end, as JSON with the keys of
-        `cgroup.benchmark.config.FrontEntry`, "" for none; `clutter, occlusion, overlap`: facts where they are
+        an experiment's `front`, "" for none; `clutter, occlusion, overlap`: facts where they are
         known; `n, correct, inlier_ratio, pr`: the matches; `method, epsilon, selected, selected_correct,
         precision, recall, f_score, registered`: the group; `rotation_error` (degrees), `translation_error`
         (data unit), `translation_error_pr`, `rmse_pr`: its pose, NaN where it fixes none;
@@ -432,6 +432,8 @@ def aggregate(
     ------
     InputError
         If `how` is none of the three.
+    KeyError
+        For results that lack a column.
 
     Examples
     --------

@@ -39,24 +39,7 @@ UNKNOWN_EXPONENT = 2.0
 def take_times(
     planned: PlannedSet, timing: TimingEntry, store: Store, root: str | None, progress: Callable[..., Any]
 ) -> None:
-    """Time every method on every set, unless it has been done on this machine.
-
-    Parameters
-    ----------
-    planned, timing : PlannedSet, TimingEntry
-        What to do.
-    store : Store
-        Takes the times; those of one method on one set at a time.
-    root : str, optional
-        Folder with the data.
-    progress : callable
-        Called with "time" and how many of how many are done.
-
-    Raises
-    ------
-    InputError
-        If the pair can't be loaded or matched.
-    """
+    """Time every method on every set, unless it has been done on this machine."""
     wanted = len(planned.problems) * len(planned.solvers) * len(planned.threads)
     progress("time", 0, wanted)
     timer = _Timer(timing, store)
@@ -73,17 +56,7 @@ def take_times(
 def measure(call: Callable[[], object], repeats: int) -> list[float]:
     """Seconds of one call, for each repeat after a call that isn't counted.
 
-    Parameters
-    ----------
-    call : callable
-        Timed.
-    repeats : int
-        How often.
-
-    Returns
-    -------
-    list of float
-        Of a call shorter than `SHORTEST`, the mean of several in a row.
+    Of a call shorter than `SHORTEST` each is the mean of several in a row.
     """
     warm_up = _time_calls(call, 1)
     in_a_row = max(1, math.ceil(SHORTEST / max(warm_up, 1e-6)))
