@@ -10,9 +10,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+with patch.dict(
+    os.environ, OPENBLAS_NUM_THREADS="1"
+):  # small matrices are quicker so; children keep the default
+    import numpy as np  # noqa: F401 - it reads the variable once
 
 TOO_MUCH = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("default", max_examples=60, deadline=None, suppress_health_check=TOO_MUCH)
