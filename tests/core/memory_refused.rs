@@ -1,9 +1,7 @@
 //! No refused block of memory ends the process: every method returns an error, or what it returns undisturbed.
 
-mod common;
-#[path = "common/refusing_allocator.rs"]
-mod refusing_allocator;
-
+use crate::common::{methods, problem};
+use crate::refusing_allocator::refuse_each_block;
 use cgroup::consensus::choice::Choice;
 use cgroup::grouping::clipper::{self, Clipper};
 use cgroup::grouping::consistency_voting::ConsistencyVoting;
@@ -23,11 +21,6 @@ use cgroup::grouping::{BoxedMethod, GroupingMethod};
 use cgroup::selection::eigenvector::Eigensolver;
 use cgroup::selection::otsu::{OtsuMode, Threshold};
 use cgroup::{Correspondences, Execution, Points, Result};
-use common::{methods, problem};
-use refusing_allocator::{RefusingAllocator, refuse_each_block};
-
-#[global_allocator]
-static ALLOCATOR: RefusingAllocator = RefusingAllocator;
 
 /// Correspondences of a problem; so many that the matrices of pairs are kept rounded.
 const N: usize = 1_100;

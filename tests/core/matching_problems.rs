@@ -1,9 +1,7 @@
 //! The generator of matching problems draws what it says; `test_matching_problems.py` asserts the same of Python's.
 
-mod common;
-
+use crate::common::{Problem, problem};
 use cgroup::correspondences::Frame;
-use common::{Problem, problem};
 
 const N: usize = 20_000;
 

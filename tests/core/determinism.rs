@@ -1,11 +1,9 @@
 //! The same input, options and seed give the same bits on any number of threads and in any memory.
 
-mod common;
-
+use crate::common::{methods, problem};
 use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
 use cgroup::grouping::{BoxedMethod, GroupingMethod};
 use cgroup::{Error, Execution, Grouping, Result};
-use common::{methods, problem};
 use rayon::ThreadPoolBuilder;
 
 fn group_all(threads: usize, max_memory: usize, n: usize) -> Result<Vec<Grouping>> {

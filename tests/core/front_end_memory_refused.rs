@@ -3,6 +3,7 @@
 
 use std::f64::consts::PI;
 
+use crate::refusing_allocator::refuse_each_block;
 use cgroup::features::fpfh::{Convention, Fpfh};
 use cgroup::features::harris3d::{Harris3d, Response};
 use cgroup::features::iss::Iss;
@@ -25,13 +26,6 @@ use cgroup::verification::{
 };
 use cgroup::{Cloud, Execution, Points, Result, memory};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
-use refusing_allocator::{RefusingAllocator, refuse_each_block};
-
-#[path = "common/refusing_allocator.rs"]
-mod refusing_allocator;
-
-#[global_allocator]
-static ALLOCATOR: RefusingAllocator = RefusingAllocator;
 
 const POINTS: u32 = 3_000;
 const RADIUS: f64 = 4.0;

@@ -1,10 +1,8 @@
 //! What must not change a group: order, rigid motion, scale.
 
-mod common;
-
+use crate::common::{Motion, Uniform, methods, problem};
 use cgroup::Execution;
 use cgroup::grouping::geometric_consistency::{GeometricConsistency, Ties};
-use common::{Motion, Uniform, methods, problem};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
