@@ -2,6 +2,7 @@
 
 import io
 import struct
+from pathlib import Path
 
 import numpy as np
 
@@ -50,6 +51,15 @@ def pcd(data: str, *, version: str = "0.7", body: bytes | None = None) -> bytes:
         "binary_compressed": lzf_literal(flat.T.tobytes()),
     }
     return header.encode() + (bodies[data] if body is None else body)
+
+
+def write_pcd(path: Path, points: np.ndarray) -> None:
+    """Write points in double precision."""
+    header = (
+        "VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\n"
+        f"WIDTH {len(points)}\nHEIGHT 1\nPOINTS {len(points)}\nDATA binary\n"
+    )
+    path.write_bytes(header.encode() + np.ascontiguousarray(points).tobytes())
 
 
 def lzf_literal(plain: bytes) -> bytes:

@@ -4,8 +4,22 @@ import os
 import signal
 import subprocess
 import sys
+import textwrap
 
 import pytest
+
+COMPUTING = """
+import os, sys, threading
+{preparation}
+begun = threading.Event()
+threading.Thread(target=lambda: begun.wait() and os.write(1, b"computing\\n"), daemon=True).start()
+sys.setswitchinterval(1000)  # the other thread gets its turn once the computation lets go
+try:
+    begun.set()
+    {call}
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
 
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="no such signals there")
 
@@ -23,3 +37,9 @@ def interrupt(program: str, *, after: str) -> str:
         printed = process.stdout.read()
         assert process.wait() == 0
     return printed
+
+
+def assert_hears_interrupt(preparation: str, call: str) -> None:
+    """Send Ctrl-C to a call that would compute for long, once it computes beside other threads."""
+    program = COMPUTING.format(preparation=textwrap.dedent(preparation), call=call)
+    assert interrupt(program, after="computing") == "interrupted\n"

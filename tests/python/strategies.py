@@ -9,16 +9,6 @@ from numpy.typing import NDArray
 from cgroup.datasets.matching_problems import MatchingProblem as Problem
 from cgroup.datasets.matching_problems import make_problem, random_rotations
 
-__all__ = [
-    "BoolArray",
-    "FloatArray",
-    "Problem",
-    "make_problem",
-    "problems",
-    "random_motion",
-    "random_rotations",
-]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 

@@ -31,17 +31,9 @@ from peers.report import report  # noqa: E402
 from peers.scaling import Curve, common_share, curves  # noqa: E402
 
 N, SHARE = 300, 0.2
-GOOD = {
-    "median_s": 0.5,
-    "times_s": [0.5],
-    "base_mib": 30.0,
-    "peak_mib": 34.0,
-    "f": 0.9,
-    "differs": 3,
-    "others": 0.1,
-}
-
-RAW = {"times_s": [0.5], "base_mib": 30.0, "peak_mib": 34.0, "mask": pack(np.ones(N, bool)), "others": 0.1}
+TIMED = {"times_s": [0.5], "base_mib": 30.0, "peak_mib": 34.0, "others": 0.1}
+GOOD = {"median_s": 0.5, "f": 0.9, "differs": 3, **TIMED}
+RAW = {"mask": pack(np.ones(N, bool)), **TIMED}
 
 
 @pytest.fixture(scope="module")
@@ -167,13 +159,8 @@ def test_peers_are_selected_by_patterns():
 
 
 def test_all_shares_at_one_size_only():
-    assert list(cases(Settings(sizes=(5000, 500)))) == [
-        (500, 0.1),
-        (5000, 0.5),
-        (5000, 0.1),
-        (5000, 0.03),
-        (5000, 0.01),
-    ]
+    all_shares = [(5000, share) for share in (0.5, 0.1, 0.03, 0.01)]
+    assert list(cases(Settings(sizes=(5000, 500)))) == [(500, 0.1), *all_shares]
     assert list(cases(Settings(sizes=(500,), shares=(0.5, 0.1)))) == [(500, 0.5), (500, 0.1)]
 
 
@@ -334,16 +321,8 @@ def test_pcl(case_path):
 def test_command_line(tmp_path, monkeypatch):
     monkeypatch.setattr(reporting, "FIGURES", {"seconds": "time"})  # drawing both takes twice as long
     options = [
-        "--out",
+        *["--n", "50,60", "--ratio", "0.5", "--peers", "cgroup_ss", "--threads", "1", "--out"],
         str(tmp_path),
-        "--n",
-        "50,60",
-        "--ratio",
-        "0.5",
-        "--peers",
-        "cgroup_ss",
-        "--threads",
-        "1",
     ]
     first = CliRunner().invoke(run.app, [*options, "--rounds", "1"], catch_exceptions=False)
     assert first.exit_code == 0

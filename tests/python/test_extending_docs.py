@@ -14,7 +14,7 @@ from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.pipelines import Clouds
 from cgroup.benchmark.solver import candidate
-from cgroup.datasets import MatchingPair, open_dataset, standin_pair
+from cgroup.datasets import open_dataset, standin_pair
 from cgroup.errors import InputError
 from cgroup.io import write_cloud, write_transform
 from cgroup.nuisances import apply_nuisance
@@ -84,7 +84,6 @@ def test_the_data_set_is_read(tmp_path: Path) -> None:
     dataset = open_dataset("mymodule:MyScans", tmp_path)
     assert dataset.pair_names() == ["a", "b"]
     loaded = dataset.load("b")
-    assert isinstance(loaded, MatchingPair)
     np.testing.assert_array_equal(loaded.source.points, pair.source.points)
     assert not dataset.note()
 

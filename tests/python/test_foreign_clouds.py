@@ -97,7 +97,6 @@ def test_registration_is_the_same() -> None:
 
 def test_a_mesh_of_another_library_is_a_model() -> None:
     pair = StandinClutter().load(StandinClutter().pair_names()[0])
-    assert pair.source.faces is not None
     mesh = SimpleNamespace(vertices=Vector(pair.source.points), triangles=Vector(pair.source.faces))
     expected = prepare(pair.source, voxel=12.0, normals="mesh")
     np.testing.assert_array_equal(prepare(mesh, voxel=12.0, normals="mesh").normals, expected.normals)

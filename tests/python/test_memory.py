@@ -58,28 +58,19 @@ def test_a_quarter_of_what_is_free(system):
     assert memory.default_max_memory() == GIB
 
 
-def test_at_most_one_and_a_half_gibibytes(system):
+@pytest.mark.parametrize(
+    ("limit", "used", "reclaimable", "bound"),
+    [
+        pytest.param("max", 0, 0, GIB * 3 // 2, id="at most one and a half GiB"),
+        pytest.param(GIB, GIB // 2, 0, GIB // 8, id="a container has its own limit"),
+        pytest.param(GIB, GIB // 2, GIB // 4, GIB * 3 // 16, id="files that are kept take no memory"),
+        pytest.param(GIB, GIB + 1, 0, 0, id="a full container leaves nothing"),
+    ],
+)
+def test_a_group_limits_the_process(system, limit, used, reclaimable, bound):
     system.available(PLENTY)
-    system.second(".", "max", 0)
-    assert memory.default_max_memory() == GIB * 3 // 2
-
-
-def test_a_container_has_its_own_limit(system):
-    system.available(PLENTY)
-    system.second(".", GIB, GIB // 2)
-    assert memory.default_max_memory() == GIB // 8
-
-
-def test_files_that_are_kept_take_no_memory(system):
-    system.available(PLENTY)
-    system.second(".", GIB, GIB // 2, reclaimable=GIB // 4)
-    assert memory.default_max_memory() == GIB * 3 // 16
-
-
-def test_a_full_container_leaves_nothing(system):
-    system.available(PLENTY)
-    system.second(".", GIB, GIB + 1)
-    assert memory.default_max_memory() == 0
+    system.second(".", limit, used, reclaimable)
+    assert memory.default_max_memory() == bound
 
 
 @pytest.mark.parametrize("limited", ["a/b/c", "a/b", "a", "."])

@@ -1,13 +1,10 @@
 """Methods go by their name, their label and the name of their function, in any case."""
 
-import doctest
-
 import numpy as np
 import pytest
 from public_calls import MATCHES, PAIR, VOXEL
 
 import cgroup
-from cgroup import registry
 from cgroup.benchmark.config import parse_config, replace_methods
 from cgroup.benchmark.solver import candidate
 from cgroup.comparison import compare
@@ -95,7 +92,3 @@ dataset = "standin"
     assert [entry.solver().name for entry in replaced.methods] == [*cgroup.PAPER_METHODS, "sc2pcr"]
     with pytest.raises(InputError, match="or give module:function; did you mean 'gtm'"):
         parse_config(text.replace('"GTM"', '"GMT"'))
-
-
-def test_the_example_runs():
-    assert doctest.testmod(registry).failed == 0

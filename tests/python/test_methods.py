@@ -19,53 +19,24 @@ from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusErr
 from cgroup._checks.fields import FIELDS, check_scores
 from cgroup._checks.run_options import run_options
 from cgroup.registry import METHOD_INFO
+from interrupts import assert_hears_interrupt, posix_only
 from strategies import make_problem
 
 PROBLEM = make_problem(np.random.default_rng(3), 120, inlier_ratio=0.4)
 OPTIONS = {"3dhv": {"bin_size": 5.0}}
 
 
-def correspondences(n: int | None = None) -> Correspondences:
-    rows = slice(n)
-    return Correspondences(
-        PROBLEM.source[rows],
-        PROBLEM.target[rows],
-        similarity=PROBLEM.similarity[rows],
-        ratio=PROBLEM.ratio[rows],
-        source_lrf=PROBLEM.source_lrf[rows],
-        target_lrf=PROBLEM.target_lrf[rows],
-        resolution=PROBLEM.resolution,
-        source_centroid=PROBLEM.source_centroid,
-    )
+def correspondences(n: int = 120) -> Correspondences:
+    return PROBLEM.subset(np.arange(n)).correspondences()
 
 
 # --- what is accepted --------------------------------------------------------------------------
-
-
-def non_contiguous(array: np.ndarray) -> np.ndarray:
-    return np.repeat(array, 2, axis=0)[::2]
-
-
-def reversed_twice(array: np.ndarray) -> np.ndarray:
-    return array[::-1].copy()[::-1]
-
-
-def fortran(array: np.ndarray) -> np.ndarray:
-    return np.asfortranarray(array)
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
     copy = array.copy()
     copy.flags.writeable = False
     return copy
-
-
-def swapped_bytes(array: np.ndarray) -> np.ndarray:
-    return array.astype(array.dtype.newbyteorder())
-
-
-def nested_lists(array: np.ndarray) -> list:
-    return array.tolist()
 
 
 class Wrapped:
@@ -84,32 +55,25 @@ def packed_record(array: np.ndarray) -> np.ndarray:
     return record["values"]
 
 
-LAYOUTS = [
-    packed_record,
-    non_contiguous,
-    reversed_twice,
-    fortran,
-    read_only,
-    swapped_bytes,
-    nested_lists,
-    Wrapped,
-]
+LAYOUTS = {
+    "packed_record": packed_record,
+    "non_contiguous": lambda array: np.repeat(array, 2, axis=0)[::2],
+    "reversed_twice": lambda array: array[::-1].copy()[::-1],
+    "fortran": np.asfortranarray,
+    "read_only": read_only,
+    "swapped_bytes": lambda array: array.astype(array.dtype.newbyteorder()),
+    "nested_lists": lambda array: array.tolist(),
+    "Wrapped": Wrapped,
+}
+ARRAYS = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "source_centroid")
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 @pytest.mark.parametrize("method", METHODS)
 def test_layout_changes_nothing(method, layout):
     plain = correspondences()
-    other = Correspondences(
-        layout(plain.source),
-        layout(plain.target),
-        similarity=layout(plain.similarity),
-        ratio=layout(plain.ratio),
-        source_lrf=layout(plain.source_lrf),
-        target_lrf=layout(plain.target_lrf),
-        resolution=plain.resolution,
-        source_centroid=layout(plain.source_centroid),
-    )
+    arrays = {name: layout(getattr(plain, name)) for name in ARRAYS}
+    other = Correspondences(**arrays, resolution=plain.resolution)
     expected, got = group(plain, method), group(other, method)
     np.testing.assert_array_equal(got.mask, expected.mask)
     np.testing.assert_array_equal(got.scores, expected.scores)
@@ -119,13 +83,7 @@ def test_layout_changes_nothing(method, layout):
 def test_float32_means_the_same_numbers(method):
     single = {name: getattr(PROBLEM, name).astype(np.float32) for name in ("source", "target")}
     double = {name: values.astype(np.float64) for name, values in single.items()}
-    fields = {
-        "similarity": PROBLEM.similarity,
-        "ratio": PROBLEM.ratio,
-        "source_lrf": PROBLEM.source_lrf,
-        "target_lrf": PROBLEM.target_lrf,
-        "resolution": 1.0,
-    }
+    fields = {name: getattr(PROBLEM, name) for name in (*ARRAYS[2:6], "resolution")}
     got, expected = (group(Correspondences(**points, **fields), method) for points in (single, double))
     np.testing.assert_array_equal(got.mask, expected.mask)
     np.testing.assert_array_equal(got.scores, expected.scores)
@@ -164,9 +122,6 @@ def test_help_explains_every_argument(method):
     )
 
 
-ARRAYS = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "source_centroid")
-
-
 def directly(method, change):
     """Call the method's own function, with no `Correspondences` in between."""
     function = METHODS[method]
@@ -175,7 +130,7 @@ def directly(method, change):
     return function(**fields, **({"resolution": 1.0} if "resolution" in taken else {}))
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 @pytest.mark.parametrize("method", METHODS)
 def test_single_precision_is_read_as_it_lies(method, layout):
     got = directly(method, lambda array: layout(array.astype(np.float32)))
@@ -647,7 +602,7 @@ def test_an_error_in_the_progress_callback_ends_the_run():
         cgroup.gtm(*big_problem(6000), iterations=1_000_000, progress=fail)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+@posix_only
 @pytest.mark.parametrize(
     "call",
     [
@@ -660,26 +615,8 @@ def test_an_error_in_the_progress_callback_ends_the_run():
     ],
 )
 def test_ctrl_c_is_heard(call):
-    script = textwrap.dedent(f"""
-        import numpy as np, cgroup, os, sys, threading
-        rng = np.random.default_rng(0)
-        a, b = rng.normal(size=(4000, 3)), rng.normal(size=(4000, 3))
-        begun = threading.Event()
-        threading.Thread(target=lambda: begun.wait() and os.write(1, b"computing\\n"), daemon=True).start()
-        sys.setswitchinterval(1000)  # the other thread gets its turn once the method lets go
-        try:
-            begun.set()
-            {call}
-        except KeyboardInterrupt:
-            print("interrupted", flush=True)
-            sys.exit(3)
-    """)
-    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "computing\n"
-        process.send_signal(signal.SIGINT)
-        assert process.stdout.readline() == "interrupted\n"  # the work itself would take hours
-        assert process.wait(timeout=60) == 3
+    preparation = "import numpy as np, cgroup\na, b = np.random.default_rng(0).normal(size=(2, 4000, 3))"
+    assert_hears_interrupt(preparation, call)  # the work itself would take hours
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")

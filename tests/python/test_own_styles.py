@@ -1,6 +1,5 @@
 """Methods from outside look like none of the package's, nor like each other, also to colour-blind readers."""
 
-import doctest
 from collections.abc import Callable
 from io import BytesIO
 
@@ -19,7 +18,6 @@ from cgroup.plots import (
     precision_recall_figure,
     registration_rate_figure,
     scores_figure,
-    style,
     timing_figure,
     trials_figure,
 )
@@ -184,7 +182,3 @@ def test_own_pipelines_are_colored_too() -> None:
     figure = pipelines_figure(table, title="t")
     colors = [line.get_color() for line in figure.axes[0].lines]
     assert colors[1:] == list(OWN_COLORS[:2])
-
-
-def test_the_example_runs() -> None:
-    assert doctest.testmod(style).failed == 0

@@ -1,6 +1,5 @@
 """Poses are read in every notation that people have them in; what could be misread is refused."""
 
-import doctest
 import json
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 from cgroup.errors import InputError
-from cgroup.io import read_transform, read_transforms, transforms
+from cgroup.io import read_transform, read_transforms
 from cgroup.rigid import apply, check_rigid, rotation_error
 
 HALF = np.deg2rad(35) / 2
@@ -168,7 +167,3 @@ def test_arguments_may_leave_out_the_last_row() -> None:
     for shape in ((4, 3), (16,), (3, 3)):
         with pytest.raises(InputError, match="a rigid transform is a 4x4 matrix, or its first 3 rows"):
             check_rigid(np.zeros(shape))
-
-
-def test_the_examples_run() -> None:
-    assert doctest.testmod(transforms).failed == 0

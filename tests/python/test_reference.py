@@ -9,6 +9,7 @@ from hypothesis import strategies as hst
 from method_cases import CASES, Options, call_reference
 
 import reference
+from cgroup.evaluation import score_group as quality
 from reference.otsu import otsu_split
 from reference.pairwise import distance_difference, distance_ratio
 from reference.ransac import enough, sample_triples
@@ -285,7 +286,7 @@ def test_ransac_options() -> None:
     points = problem.source, problem.target
     plain = reference.ransac(*points, resolution=1.0, iterations=1000)
     assert plain.details["best_count"] == plain.mask.sum()
-    assert reference.quality(plain.mask, problem.inlier_mask).precision > 0.95
+    assert quality(plain.mask, problem.inlier_mask).precision > 0.95
     refined = reference.ransac(*points, resolution=1.0, iterations=1000, refine=True)
     rotation, translation = kabsch(problem.source[plain.mask], problem.target[plain.mask])
     error = np.linalg.norm(apply(rotation, translation, problem.source) - problem.target, axis=1)
@@ -336,7 +337,7 @@ def test_st_eigenvector_and_conflicts() -> None:
         np.fill_diagonal(power.details["conflicts"], val=False)
         assert not power.details["conflicts"][inside].any()
     recomputed = reference.st(problem.source, problem.target, recompute=True)
-    assert reference.quality(recomputed.mask, problem.inlier_mask).f_score > 0.8
+    assert quality(recomputed.mask, problem.inlier_mask).f_score > 0.8
     all_in = noiseless(12)
     assert reference.st(all_in.source, all_in.target, recompute=True).mask.all()
 
@@ -527,40 +528,6 @@ def test_gtm_population_and_payoff(seed: int) -> None:
     assert 0 < loose.details["iterations"] < 100
 
 
-# --- Metrics ------------------------------------------------------------------------
-
-
-def test_metrics_by_hand() -> None:
-    correct = np.array([True, True, True, True, False, False])
-    mask = np.array([True, True, False, False, True, False])
-    q = reference.quality(mask, correct)
-    assert (q.precision, q.recall) == (2 / 3, 2 / 4)
-    assert q.f_score == pytest.approx(4 / 7)
-    assert q.registered
-    nothing = reference.quality(np.zeros(6, dtype=bool), correct)
-    assert (nothing.precision, nothing.recall, nothing.f_score) == (0.0, 0.0, 0.0)
-    assert reference.quality(mask, np.zeros(6, dtype=bool)).recall == 0.0
-
-
-def test_correct_border_is_inside() -> None:
-    source = np.zeros((3, 3))
-    target = on_a_line([5.0, 5.1, 0.0])
-    mask = reference.correct_correspondences(source, target, np.eye(4), 5.0)
-    assert mask.tolist() == [True, False, True]
-
-
-@given(problem=problems())
-@settings(max_examples=25)
-def test_correct_count_grows_with_the_tolerance(problem: Problem) -> None:
-    counts = [
-        reference.correct_correspondences(
-            problem.source, problem.target, problem.T_target_source, factor * problem.resolution
-        ).sum()
-        for factor in (1.0, 2.0, 5.0, 10.0)
-    ]
-    assert counts == sorted(counts)
-
-
 # --- Properties of all methods ------------------------------------------------------
 
 
@@ -731,7 +698,7 @@ def test_table_of_section_13(
     problem = large[share]
     options: dict[str, Options] = {"ransac": {"iterations": 1500}, "hough3d": {"source_centroid": None}}
     group = call_reference(method, problem, options.get(method, {}))
-    q = reference.quality(group.mask, problem.inlier_mask)
+    q = quality(group.mask, problem.inlier_mask)
     assert (q.precision >= at_least[0], q.recall >= at_least[1]) == (True, True)
 
 
@@ -740,7 +707,7 @@ def test_readings_that_section_13_tells_apart(large: dict[float, Problem]) -> No
     points = problem.source, problem.target
 
     def recall(group: ReferenceGrouping) -> float:
-        return reference.quality(group.mask, problem.inlier_mask).recall
+        return quality(group.mask, problem.inlier_mask).recall
 
     assert recall(reference.nnsr(problem.ratio, max_ratio=0.2)) < 0.02
     assert recall(reference.gtm(*points, iterations=500)) < 0.6

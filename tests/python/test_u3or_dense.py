@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cloud_files import write_pcd
 from shared_data import data_folder
 
 from cgroup import features
@@ -57,14 +58,6 @@ def load(dataset: U3ORDense, name: str) -> MatchingPair:
     return pair
 
 
-def write_pcd(path: Path, points: np.ndarray) -> None:
-    header = (
-        "VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\n"
-        f"WIDTH {len(points)}\nHEIGHT 1\nPOINTS {len(points)}\nDATA binary\n"
-    )
-    path.write_bytes(header.encode() + np.ascontiguousarray(points).tobytes())
-
-
 def distances(pair: MatchingPair) -> np.ndarray:
     """How far points of the scene lie from the posed model, of those that are near it."""
     spatial = pytest.importorskip("scipy.spatial")
@@ -78,7 +71,6 @@ def test_pairs_are_those_of_u3or_with_more_points(root: Path, dense: U3ORDense) 
     assert dense.pair_names() == coarse.pair_names() == ["rs12-T-rex", "rs12-chef"]
     for name in dense.pair_names():
         pair, plain = load(dense, name), coarse.load(name)
-        assert isinstance(plain, MatchingPair)
         assert len(pair.source) > 8 * len(plain.source)
         assert len(pair.target) > 4 * len(plain.target)
         np.testing.assert_array_equal(pair.T_target_source, plain.T_target_source)
@@ -96,8 +88,6 @@ def test_points_are_as_far_apart_as_promised(dense: U3ORDense) -> None:
 def test_models_lie_on_the_smooth_surface_and_know_their_outside(dense: U3ORDense) -> None:
     spatial = pytest.importorskip("scipy.spatial")
     coarse, fine = dense.model("chef"), dense.dense_model("chef")
-    assert coarse.faces is not None
-    assert fine.normals is not None
     np.testing.assert_allclose(np.linalg.norm(fine.normals, axis=1), 1)
     outside = features.mesh_normals(coarse.points, coarse.faces)
     gaps, nearest = spatial.cKDTree(fine.points).query(coarse.points)
@@ -155,7 +145,6 @@ def test_benchmark_takes_the_given_normals(root: Path, dense: U3ORDense) -> None
     assert isinstance(pair, MatchingPair)
     model, scene = matching.add_normals(pair, pair.normals)
     np.testing.assert_array_equal(model.normals, dense.dense_model("chef").normals)
-    assert scene.normals is not None
     towards = -np.sum(scene.normals * scene.points, axis=1)
     assert (towards[np.isfinite(towards)] >= 0).all()
 
@@ -186,7 +175,6 @@ def test_real_scan_lies_on_the_dense_model(real: MatchingPair) -> None:
 
 def test_real_normals_agree_with_the_scan(real: MatchingPair) -> None:
     spatial = pytest.importorskip("scipy.spatial")
-    assert real.source.normals is not None
     turned = real.source.normals @ real.T_target_source[:3, :3].T
     seen = features.normals(real.target.points, viewpoint=real.target_viewpoint)
     found, nearest = spatial.cKDTree(apply(real.T_target_source, real.source.points)).query(

@@ -12,7 +12,6 @@ from .game_theory import gtm
 from .geometric_consistency import gc
 from .hough_voting import hough3d
 from .likelihood_consensus import lc
-from .metrics import Quality, correct_correspondences, quality
 from .nearest_neighbor_ratio import nnsr
 from .otsu import otsu_split
 from .ransac import ransac
@@ -23,25 +22,3 @@ from .similarity_score import ss
 from .spectral import st
 from .teaser import teaser
 from .turboreg import turboreg
-
-__all__ = [
-    "Quality",
-    "ReferenceGrouping",
-    "clipper",
-    "correct_correspondences",
-    "cv",
-    "gc",
-    "gtm",
-    "hough3d",
-    "lc",
-    "nnsr",
-    "otsu_split",
-    "quality",
-    "ransac",
-    "sc2pcr",
-    "si",
-    "ss",
-    "st",
-    "teaser",
-    "turboreg",
-]

@@ -74,7 +74,6 @@ def _exact(scores: FloatArray, _bins: int) -> float:
     """Every gap between two distinct scores is a candidate."""
     values, bin_of = np.unique(scores, return_inverse=True)
     best = _best_candidate(bin_of, scores, len(values))
-    assert best is not None
     return float((values[best] + values[best + 1]) / 2.0)
 
 

@@ -105,7 +105,6 @@ def project(points: FloatArray, eye: FloatArray, scale: float) -> tuple[FloatArr
 
 def sight(to: Surface, places: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Violation of what the scanner saw at each place, and whether that is in doubt."""
-    assert to.eye is not None
     in_front, facing, doubt = look(to.points, to.eye, places, normals)
     is_seen = np.isfinite(in_front)
     doubt |= np.where(is_seen, np.abs(in_front - IN_FRONT) < DOUBT, np.abs(facing - FACING) < DOUBT)
