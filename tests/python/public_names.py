@@ -5,40 +5,18 @@
 
 import functools
 import inspect
+import sys
 from collections.abc import Iterator
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
-MODULES = (
-    "cgroup",
-    "cgroup.types",
-    "cgroup.errors",
-    "cgroup.methods",
-    "cgroup.group",
-    "cgroup.registry",
-    "cgroup.rigid",
-    "cgroup.features",
-    "cgroup.verification",
-    "cgroup.registration",
-    "cgroup.io",
-    "cgroup.evaluation",
-    "cgroup.datasets",
-    "cgroup.nuisances",
-    "cgroup.comparison",
-    "cgroup.plots",
-    "cgroup.pages",
-    "cgroup.benchmark.solver",
-    "cgroup.benchmark.pipelines",
-    "cgroup.benchmark.config",
-    "cgroup.benchmark.run",
-    "cgroup.benchmark.tables",
-    "cgroup.benchmark.stats",
-    "cgroup.benchmark.paper.claims",
-    "cgroup.benchmark.paper.readings",
-    "cgroup.benchmark.paper.reading_tables",
-    "cgroup.benchmark.report",
-)
+sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 
+from _site.reference import GROUPS
+
+MODULES = (*GROUPS, "cgroup.group", "cgroup.methods")
+"""The last two on the page of cgroup, which exports what they have."""
 
 PROPERTIES = (property, functools.cached_property)
 
