@@ -54,6 +54,7 @@ _Alignment: TypeAlias = tuple[
 
 __all__ = [
     "DEBUG_BUILD",
+    "DIFFERENT_POSES",
     "Cloud",
     "FineSurface",
     "Surface",
@@ -86,6 +87,7 @@ __all__ = [
 
 __version__: str
 DEBUG_BUILD: bool
+DIFFERENT_POSES: tuple[float, float]
 
 def group(
     method: str, fields: Fields, run_options: RunOptions, options: dict[str, object]

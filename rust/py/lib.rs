@@ -46,6 +46,7 @@ mod _core {
         // NumPy's interface is looked up on its first use, which panics if Ctrl-C comes in between: so not later.
         PyArray1::<f64>::zeros(module.py(), 0, false);
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("DIFFERENT_POSES", cgroup::verification::DIFFERENT)?;
         module.add("DEBUG_BUILD", cfg!(debug_assertions))
     }
 }

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.registration.prepare import UNIT
 from cgroup.rigid import apply
 from cgroup.types import Agreement, Grouping, Rule
+from cgroup.verification.schedule import DIFFERENT_DEGREES, DIFFERENT_UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,9 +41,6 @@ MOST_MATCHES = 20
 
 LEAST_NOISE = 0.02
 """What a surface's points are from its planes at the least, in voxels."""
-
-DIFFERENT_DEGREES, DIFFERENT_VOXELS = 10.0, 8.0
-"""Angle, or displacement of the source's centre, beyond which two poses differ."""
 
 MOST_LEAD = 3.0
 
@@ -183,12 +182,12 @@ def probability(values: FloatArray, poses: FloatArray, center: FloatArray, voxel
 
 
 def differ(poses: FloatArray, best: int, center: FloatArray, voxel: float) -> BoolArray:
-    """Which poses differ from one by more than 10 degrees, or 8 voxels at the source's centre."""
+    """Tell the poses that differ from one, as in `Verification.margin`: by 10 degrees, or 8 voxels."""
     rotations = poses[:, :3, :3]
     cosines = (np.einsum("nij,ij->n", rotations, rotations[best]) - 1) / 2
     centers = rotations @ center + poses[:, :3, 3]
     apart = np.linalg.norm(centers - centers[best], axis=1)
-    return (cosines < np.cos(np.radians(DIFFERENT_DEGREES))) | (apart > DIFFERENT_VOXELS * voxel)
+    return (cosines < np.cos(np.radians(DIFFERENT_DEGREES))) | (apart > DIFFERENT_UNITS * UNIT * voxel)
 
 
 def count_open_motions(information: FloatArray, points: FloatArray) -> int:

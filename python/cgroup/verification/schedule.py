@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from cgroup.types import FloatArray, IndexArray
     from cgroup.verification.surface import Surface
 
+DIFFERENT_DEGREES, DIFFERENT_UNITS = _core.DIFFERENT_POSES
+"""Angle, or displacement of the source's centre in units, beyond which two poses differ."""
+
 MATCH_UNITS = 2.5
 """Distance within which a match speaks for a pose, in units: a voxel."""
 

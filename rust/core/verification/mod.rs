@@ -29,5 +29,5 @@ pub use alignment::{Alignment, align};
 pub use fine_surface::FineSurface;
 pub use overlap::{Overlap, Resistance, overlap};
 pub use places::{Place, places};
-pub use schedule::{Evidence, Verified, margin, score_poses, verify};
+pub use schedule::{DIFFERENT, Evidence, Verified, margin, score_poses, verify};
 pub use surface::{Side, Surface};

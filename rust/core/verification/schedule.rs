@@ -34,8 +34,8 @@ const SAME: (f32, f32) = (10.0, 3.0);
 const EVIDENCE: (f64, f64) = (0.1, 20.0);
 /// Scores below this are all the same: no agreement.
 const LEAST_SCORE: f64 = 1e-6;
-/// Radians and units beyond which two poses differ, for the margin.
-const DIFFERENT: (f32, f32) = (10.0 * std::f32::consts::PI / 180.0, 20.0);
+/// Degrees, or units at the source's centre, beyond which two poses differ.
+pub const DIFFERENT: (f32, f32) = (10.0, 20.0);
 
 /// Matched points that speak for a pose which lays them together.
 #[derive(Debug)]
@@ -155,10 +155,11 @@ fn verify_local(
 pub fn margin(source: &Surface, target: &Surface, found: &[Verified]) -> f64 {
     let Some(best) = found.first() else { return f64::INFINITY };
     let pose = |found: &Verified| source.pose_onto(target, &found.pose);
-    let first = pose(best);
+    let (first, (degrees, units)) = (pose(best), DIFFERENT);
     let differs = |other: &&Verified| {
         let other = pose(other);
-        first.angle_to(&other) > DIFFERENT.0 || (first.translation - other.translation).norm() > DIFFERENT.1
+        let turned = first.angle_to(&other) > degrees * std::f32::consts::PI / 180.0;
+        turned || (first.translation - other.translation).norm() > units
     };
     found[1..].iter().find(differs).map_or(f64::INFINITY, |next| best.value - next.value)
 }
