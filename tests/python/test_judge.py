@@ -1,0 +1,146 @@
+"""What a pose is trusted for: numbers by hand, at and beside every bound."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cgroup.datasets import standin_pair
+from cgroup.registration import prepare
+from cgroup.registration.judge import Found, count_open_motions, differ, judge, misfit, probability, rank
+from cgroup.types import Correspondences
+
+PAIR = standin_pair(pixels=40)
+SCAN = prepare(PAIR.source, voxel=6.0)
+CENTER = np.array([1.0, 2.0, 3.0])
+
+
+def poses(*changes: tuple[float, float]) -> np.ndarray:
+    """Poses that turn by so many degrees about an axis through the centre, and shift by so much."""
+    made = np.tile(np.eye(4), (len(changes), 1, 1))
+    for pose, (degrees, shift) in zip(made, changes, strict=True):
+        turn = np.radians(degrees)
+        pose[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+        pose[:3, 3] = CENTER - pose[:3, :3] @ CENTER + (0, 0, shift)
+    return made
+
+
+def test_poses_differ_beyond_ten_degrees_or_eight_voxels() -> None:
+    near_and_far = poses((0, 0), (9.9, 0), (10.1, 0), (0, 15.9), (0, 16.1), (9.9, 15.9))
+    assert differ(near_and_far, 0, CENTER, 2.0).tolist() == [False, False, True, False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("values", "changes", "exponent"),
+    [
+        ([1.0], [(0, 0)], 2.2 - 1.2 - 2.3 * 3),  # without a rival the lead is the greatest
+        ([1.0, 0.9], [(0, 0), (9, 0)], 2.2 - 1.2 - 2.3 * 3),  # nor is the same pose a rival
+        ([0.5, 1.0, 0.2], [(90, 0), (0, 0), (180, 0)], 2.2 - 1.2 - 2.3 * 0.5),
+        ([-9.0, 2.0], [(90, 0), (0, 0)], 2.2 - 2.4 - 2.3 * 3),
+    ],
+)
+def test_probability_by_hand(
+    values: list[float], changes: list[tuple[float, float]], exponent: float
+) -> None:
+    found = probability(np.array(values), poses(*changes), CENTER, 1.0)
+    assert found == pytest.approx(1 / (1 + np.exp(exponent)))
+
+
+def test_misfit_and_rank_by_hand() -> None:
+    alignment: Any = SimpleNamespace(residuals=np.array([-2.0, 1.0] * 10), deviations=np.full(20, 0.3))
+    nothing: Any = SimpleNamespace(residuals=np.empty(0), deviations=np.empty(0))
+    expected = 2.0 / np.hypot(0.3, 0.02 * 20)
+    assert misfit(alignment, 20.0) == pytest.approx(expected)
+    assert misfit(nothing, 20.0) == 100
+    scores, evidence = np.array([0.5, -1.0, 0.5]), np.array([7, 0, 99])
+    ranks = [
+        np.log(0.5) + 0.75 * np.log(8) - 3 * np.log(expected + 0.1),
+        np.log(1e-3) - 3 * np.log(100.1),
+        np.log(0.5) + 0.75 * np.log(21) - 3 * np.log(expected + 0.1),
+    ]
+    np.testing.assert_allclose(rank(scores, evidence, [alignment, nothing, alignment], 20.0), ranks)
+
+
+def information_of(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    rows = np.hstack([np.cross(points, normals), normals])
+    return rows.T @ rows
+
+
+def surface(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a shape far from the origin, and their normals."""
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(900, 3))
+    flat, points = np.eye(3)[np.arange(900) % 3], rng.uniform(-5, 5, size=(900, 3))
+    if kind in ("plane", "corridor"):
+        flat = np.eye(3)[np.full(900, 2) if kind == "plane" else 1 + np.arange(900) % 2]
+    if kind in ("ball", "pipe"):
+        flat = directions * (1, 1, kind == "ball")
+        flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+        points = flat + points * (0, 0, kind == "pipe")
+    else:
+        points = np.where(flat > 0, 5.0, points)
+    return points + np.array([100, 200, -300]), flat
+
+
+MOTIONS = {"box": 0, "corridor": 1, "pipe": 2, "plane": 3, "ball": 3}
+
+
+@pytest.mark.parametrize(("kind", "count"), MOTIONS.items())
+def test_open_motions_of_shapes(kind: str, count: int) -> None:
+    points, normals = surface(kind)
+    assert count_open_motions(information_of(points, normals), points) == count
+
+
+def found(kind: str = "box", **changes: Any) -> Found:
+    """A pose of a sure search, on a shape that leaves some motions open."""
+    points, normals = surface(kind)
+    refined: Any = SimpleNamespace(
+        T_target_source=np.eye(4), information=information_of(points, normals), open_motion=None
+    )
+    scan: Any = SimpleNamespace(voxels=SimpleNamespace(points=points), voxel=1.0)
+    matches = Correspondences(points, points + ([[2.0, 0, 0], [2.001, 0, 0], [0, 0, 0]] * 300))
+    made = Found(
+        refined, poses((0, 0), (90, 0), (180, 0)), np.array([2.0, 1.3, 1.2]), 0.95, 0.8, matches, scan, scan
+    )
+    return replace(made, **changes)  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "motions"), MOTIONS.items())
+@pytest.mark.parametrize("is_object", [False, True])
+def test_a_pose_that_leaves_two_motions_open_is_not_trusted(kind: str, motions: int, is_object: bool) -> None:
+    judgement = judge(found(kind, is_object=is_object), SCAN, SCAN)
+    assert judgement.ok == (motions <= 1 or is_object)
+    assert judgement.probability == 0.95
+    assert (judgement.reason == "") == judgement.ok
+    assert (f"leave {motions} of the six motions open" in judgement.notes[0]) == (motions > 1)
+
+
+@pytest.mark.parametrize(("share", "ok"), [(0.5, True), (0.4999, False), (0.0, False), (1.0, True)])
+def test_a_pose_is_accepted_from_one_half(share: float, ok: bool) -> None:
+    judgement = judge(found(probability=share), SCAN, SCAN)
+    assert judgement.ok == ok
+    words = (
+        f"probability of {share:.2f} only: it lays 80 % of the source on the target and 600 of 900 matches"
+    )
+    assert (words in judgement.reason) != ok
+
+
+def test_other_poses_of_almost_the_same_value_are_told() -> None:
+    one = found()
+    assert len(one.alternatives) == 1
+    assert "1 other pose lay" in judge(one, SCAN, SCAN).notes[-1]
+    assert one.grouping.mask.tolist() == [True, False, True] * 300
+
+
+@pytest.mark.parametrize("axis", [None, np.array([0.0, 0, 1])])
+def test_a_search_that_found_nothing_says_what_may_help(axis: np.ndarray | None) -> None:
+    large = prepare(PAIR.source.points * 1.6, voxel=6.0)
+    eyed = prepare(PAIR.source, voxel=6.0, viewpoint=(0, 0, 0))
+    for other, words in ((large, "scale one"), (SCAN, "`source_viewpoint`"), (eyed, "effort='high'")):
+        one = eyed if other is eyed else SCAN
+        judgement = judge(None, one, other, axis)
+        assert (judgement.ok, judgement.probability, judgement.notes) == (False, 0, ())
+        assert ("keeps the axis" in judgement.reason) == (axis is not None)
+        assert (words if axis is None or other is large else "or not the axis") in judgement.reason
