@@ -49,9 +49,9 @@ def test_probability_by_hand(
 
 
 def test_misfit_and_rank_by_hand() -> None:
-    alignment: Any = SimpleNamespace(residuals=np.array([-2.0, 1.0] * 10), deviations=np.full(20, 0.3))
+    alignment: Any = SimpleNamespace(residuals=np.r_[0:9, -9, 9], deviations=np.full(11, 0.3))
     nothing: Any = SimpleNamespace(residuals=np.empty(0), deviations=np.empty(0))
-    expected = 2.0 / np.hypot(0.3, 0.02 * 20)
+    expected = 9.0 / np.hypot(0.3, 0.02 * 20)  # the eighth decile is 8
     assert misfit(alignment, 20.0) == pytest.approx(expected)
     assert misfit(nothing, 20.0) == 100
     scores, evidence = np.array([0.5, -1.0, 0.5]), np.array([7, 0, 99])
@@ -90,7 +90,9 @@ MOTIONS = {"box": 0, "corridor": 1, "pipe": 2, "plane": 3, "ball": 3}
 @pytest.mark.parametrize(("kind", "count"), MOTIONS.items())
 def test_open_motions_of_shapes(kind: str, count: int) -> None:
     points, normals = surface(kind)
-    assert count_open_motions(information_of(points, normals), points) == count
+    for unit in (1e-3, 1.0, 1e3):
+        information = information_of(unit * points, normals)
+        assert count_open_motions(information, unit * points) == count
 
 
 def found(kind: str = "box", **changes: Any) -> Found:
