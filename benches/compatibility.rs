@@ -11,7 +11,7 @@ use cgroup::compatibility::matrix::{PairMatrix, PairScore};
 use cgroup::consensus::SampleConsensus;
 use cgroup::geometry::rigid::fit_triangle;
 use cgroup::selection::eigenvector::{Eigensolver, principal_eigenvector};
-use cgroup::selection::otsu::{OtsuMode, otsu};
+use cgroup::selection::otsu::{DEFAULT_BINS, OtsuMode, otsu};
 use cgroup::selection::top_k::largest;
 use cgroup::{Execution, Points, Result};
 use common::{Uniform, problem};
@@ -117,7 +117,8 @@ fn thresholds(criterion: &mut Criterion) {
         let mut random = Uniform::new(1);
         let scores: Vec<f64> = (0..n).map(|_| random.next()).collect();
         for (name, mode) in [("otsu/minmax", OtsuMode::default()), ("otsu/exact", OtsuMode::Exact)] {
-            group.bench_function(BenchmarkId::new(name, n), |b| b.iter(|| otsu(black_box(&scores), mode)));
+            let cut = || otsu(black_box(&scores), mode, DEFAULT_BINS);
+            group.bench_function(BenchmarkId::new(name, n), |b| b.iter(cut));
         }
         group.bench_function(BenchmarkId::new("top_200", n), |b| b.iter(|| largest(black_box(&scores), 200)));
     }

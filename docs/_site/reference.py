@@ -14,19 +14,28 @@ import typing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cgroup.registry import METHOD_INFO
+
 if TYPE_CHECKING:
     from types import ModuleType
 
 _SHORT = 80
 _PREFIXES = r"\b(numpy|typing)\.|<class '|'>"
 
+
+def _methods(*, individual: bool, in_paper: bool) -> str:
+    kind = (individual, in_paper)
+    infos = [info for info in METHOD_INFO.values() if (info.individual, info.in_paper) == kind]
+    return " ".join(info.function.__name__ for info in infos)
+
+
 GROUPS: dict[str, dict[str, str]] = {
     "cgroup": {
         "One function for all methods": "group group_many",
         "What goes in, what comes out": "Correspondences Grouping Explanation",
-        "Methods that judge matches one by one": "ss nnsr si cv",
-        "Methods that judge matches together": "ransac st gc hough3d gtm",
-        "Methods that came after the paper": "lc mac sc2pcr turboreg teaser clipper",
+        "Methods that judge matches one by one": _methods(individual=True, in_paper=True),
+        "Methods that judge matches together": _methods(individual=False, in_paper=True),
+        "Methods that came after the paper": _methods(individual=False, in_paper=False),
         "Errors": "CgroupError InputError NoConsensusError OutOfMemoryError",
         "Names": "METHODS PAPER_METHODS PRESETS",
     },
@@ -107,7 +116,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Rerun": "log_to_rerun",
     },
     "cgroup.registry": {
-        "What is known of each method": "METHOD_INFO MethodInfo label_of",
+        "What is known of each method": "METHOD_INFO MethodInfo MethodOption label_of",
         "Names": "METHODS PAPER_METHODS PRESETS",
     },
     "cgroup.benchmark.config": {

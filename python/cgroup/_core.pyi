@@ -38,6 +38,9 @@ class _Agreement(TypedDict):  # of cgroup.types.Agreement
     least_each: float | None
     scale: float
 
+_Option: TypeAlias = tuple[str, bool, bool | float | str | None, tuple[bool | float | str, ...]]
+_Description: TypeAlias = tuple[list[str], list[str], dict[str, _Option]]  # fields, optional fields, options
+
 _CloudContent: TypeAlias = tuple[
     FloatArray, FloatArray | None, IndexArray | None, NDArray[np.uint8] | None
 ]  # points, normals, faces, colors
@@ -61,6 +64,7 @@ __all__ = [
     "__version__",
     "align",
     "choose_voxel",
+    "describe_methods",
     "drop_isolated",
     "fpfh",
     "group",
@@ -92,6 +96,7 @@ DIFFERENT_POSES: tuple[float, float]
 def group(
     method: str, fields: Fields, run_options: RunOptions, options: dict[str, object]
 ) -> tuple[_Grouping, _Rule, _Agreement | None]: ...
+def describe_methods() -> list[tuple[str, _Description]]: ...
 def rigid_fit(source: RealArray, target: RealArray) -> FloatArray: ...
 
 @final

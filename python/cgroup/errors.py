@@ -35,6 +35,22 @@ class InputError(CgroupError, ValueError):
 
     Also a `ValueError`. The message says which argument, what it was, and what to give instead.
 
+    Parameters
+    ----------
+    what : str
+        The argument; or the whole message, where it is about no argument.
+    got : str, optional
+        What it was.
+    remedy : str, optional
+        What to give instead.
+
+    Attributes
+    ----------
+    parameter : str or None
+        The argument by its name, or several, such as "nms_radius, voxel".
+    got, remedy : str or None
+        As given.
+
     Examples
     --------
     >>> import cgroup
@@ -42,7 +58,19 @@ class InputError(CgroupError, ValueError):
     Traceback (most recent call last):
         ...
     cgroup.errors.InputError: max_ratio: got 8; give a number between 0 and 1
+    >>> try:
+    ...     cgroup.nnsr([0.5, 0.9], max_ratio=8)
+    ... except cgroup.InputError as error:
+    ...     print(error.parameter, error.got, error.remedy, sep=", ")
+    max_ratio, 8, give a number between 0 and 1
     """
+
+    def __init__(self, what: str, got: str | None = None, remedy: str | None = None) -> None:
+        self.parameter = None if remedy is None else what
+        self.got = got
+        self.remedy = remedy
+        reason = remedy if got is None else f"got {got}; {remedy}"
+        super().__init__(what if remedy is None else f"{what}: {reason}")
 
 
 class OutOfMemoryError(CgroupError, MemoryError):

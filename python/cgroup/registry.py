@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import unicodedata
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from cgroup import _core
 from cgroup._checks.values import guess_word, refuse_word
 from cgroup.methods import (
     clipper,
@@ -41,8 +42,43 @@ __all__ = [
     "PAPER_METHODS",
     "PRESETS",
     "MethodInfo",
+    "MethodOption",
     "label_of",
 ]
+
+
+class MethodOption(NamedTuple):
+    """What an option of a method takes, as the compiled core describes it.
+
+    Attributes
+    ----------
+    kind : str
+        "flag"; "seed", "count" or "rounds" (whole numbers); "length" (in the unit of the data), "number";
+        "choice" (of a few words or numbers); or "cut" (a number, or "otsu").
+    optional : bool
+        Whether it may be None.
+    default : bool, int, float, str or None
+        Its value where it is not given; None for a length that follows from another one.
+    range : tuple
+        The least and the greatest value, or what to choose from; empty where the kind says it.
+
+    Examples
+    --------
+    >>> from cgroup.registry import METHOD_INFO
+    >>> METHOD_INFO["mac"].options["min_clique_size"]
+    MethodOption(kind='count', optional=False, default=3, range=(3, 18446744073709551615))
+    """
+
+    kind: str
+    optional: bool
+    default: bool | float | str | None
+    range: tuple[Any, ...]
+
+
+_DESCRIBED = {
+    name: (tuple(fields), tuple(optional), {each: MethodOption(*what) for each, what in options.items()})
+    for name, (fields, optional, options) in _core.describe_methods()
+}
 
 
 @dataclass(frozen=True)
@@ -57,10 +93,8 @@ class MethodInfo:
         The method.
     label : str
         Short name for figures and tables.
-    fields : tuple of str
-        Fields of `Correspondences` that it cannot do without.
-    optional_fields : tuple of str
-        Fields that it uses where they are there, by default or for some of its options.
+    idea : str
+        How it groups, in a few words.
     complexity : str
         Cost in the number n of correspondences.
     color, marker : str
@@ -84,25 +118,54 @@ class MethodInfo:
     name: str
     function: Callable[..., Grouping]
     label: str
-    fields: tuple[str, ...]
+    idea: str
     complexity: str
     color: str
     marker: str
     in_paper: bool
     citation: str
-    optional_fields: tuple[str, ...] = ()
     individual: bool = False
 
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Fields of `Correspondences` that it cannot do without.
 
-_POINTS = ("source", "target")
-_FRAMES = ("source_lrf", "target_lrf")
+        Examples
+        --------
+        >>> METHOD_INFO["st"].fields
+        ('source', 'target')
+        """
+        return _DESCRIBED[self.name][0]
+
+    @property
+    def optional_fields(self) -> tuple[str, ...]:
+        """Fields that it uses where they are there, by default or for some of its options.
+
+        Examples
+        --------
+        >>> METHOD_INFO["st"].optional_fields
+        ('similarity',)
+        """
+        return _DESCRIBED[self.name][1]
+
+    @property
+    def options(self) -> Mapping[str, MethodOption]:
+        """What each of its options takes, by the option's name, in the order of the signature.
+
+        Examples
+        --------
+        >>> METHOD_INFO["st"].options["diagonal"].range
+        ('zero', 'one', 'score')
+        """
+        return _DESCRIBED[self.name][2]
+
 
 _TABLE = (
     MethodInfo(
         name="ss",
         function=ss,
         label="SS",
-        fields=("similarity",),
+        idea="alike descriptors",
         complexity="n",
         color="#DDCC77",
         marker="o",
@@ -114,7 +177,7 @@ _TABLE = (
         name="nnsr",
         function=nnsr,
         label="NNSR",
-        fields=("ratio",),
+        idea="distinct descriptors",
         complexity="n",
         color="#999933",
         marker="s",
@@ -126,8 +189,7 @@ _TABLE = (
         name="si",
         function=si,
         label="SI",
-        fields=(*_POINTS, "ratio", *_FRAMES),
-        optional_fields=("resolution",),
+        idea="votes under its own pose",
         complexity="n log n + n k",
         color="#88CCEE",
         marker="^",
@@ -139,8 +201,7 @@ _TABLE = (
         name="cv",
         function=cv,
         label="CV",
-        fields=(*_POINTS, "ratio", *_FRAMES),
-        optional_fields=("resolution",),
+        idea="votes by distance, frame",
         complexity="n k",
         color="#44AA99",
         marker="v",
@@ -152,8 +213,7 @@ _TABLE = (
         name="ransac",
         function=ransac,
         label="RANSAC",
-        fields=_POINTS,
-        optional_fields=("resolution",),
+        idea="best of random triples",
         complexity="n iterations",
         color="#117733",
         marker="D",
@@ -164,8 +224,7 @@ _TABLE = (
         name="st",
         function=st,
         label="ST",
-        fields=_POINTS,
-        optional_fields=("similarity",),
+        idea="principal eigenvector",
         complexity="n² per power step",
         color="#AA4499",
         marker="P",
@@ -176,8 +235,7 @@ _TABLE = (
         name="gc",
         function=gc,
         label="GC",
-        fields=_POINTS,
-        optional_fields=("similarity", "resolution"),
+        idea="largest star of a seed",
         complexity="n²",
         color="#882255",
         marker="X",
@@ -188,8 +246,7 @@ _TABLE = (
         name="3dhv",
         function=hough3d,
         label="3DHV",
-        fields=(*_POINTS, *_FRAMES),
-        optional_fields=("similarity", "source_centroid"),
+        idea="votes for the centre",
         complexity="n log n",
         color="#CC6677",
         marker="<",
@@ -200,8 +257,7 @@ _TABLE = (
         name="gtm",
         function=gtm,
         label="GTM",
-        fields=_POINTS,
-        optional_fields=("resolution",),
+        idea="survivors of a game",
         complexity="n² per step",
         color="#332288",
         marker="*",
@@ -212,8 +268,7 @@ _TABLE = (
         name="lc",
         function=lc,
         label="LC",
-        fields=_POINTS,
-        optional_fields=("ratio", *_FRAMES, "resolution"),
+        idea="pose that beats chance",
         complexity="n²",
         color="#000000",
         marker="h",
@@ -224,8 +279,7 @@ _TABLE = (
         name="mac",
         function=mac,
         label="MAC",
-        fields=_POINTS,
-        optional_fields=("resolution",),
+        idea="every maximal clique",
         complexity="n² + cliques",
         color="#0077BB",
         marker="8",
@@ -236,8 +290,7 @@ _TABLE = (
         name="sc2pcr",
         function=sc2pcr,
         label="SC2-PCR",
-        fields=_POINTS,
-        optional_fields=("candidates", "resolution"),
+        idea="sets with common others",
         complexity="n²",
         color="#E69F00",
         marker=">",
@@ -248,8 +301,7 @@ _TABLE = (
         name="turboreg",
         function=turboreg,
         label="TurboReg",
-        fields=_POINTS,
-        optional_fields=("resolution",),
+        idea="triangles on heavy pairs",
         complexity="n²",
         color="#56B4E9",
         marker="p",
@@ -260,8 +312,7 @@ _TABLE = (
         name="teaser",
         function=teaser,
         label="TEASER++",
-        fields=_POINTS,
-        optional_fields=("resolution",),
+        idea="clique, truncated fit",
         complexity="n² + search",
         color="#E8601C",
         marker="H",
@@ -272,8 +323,7 @@ _TABLE = (
         name="clipper",
         function=clipper,
         label="CLIPPER",
-        fields=_POINTS,
-        optional_fields=("resolution",),
+        idea="densest agreeing set",
         complexity="n² + agreeing pairs per step",
         color="#4EB265",
         marker="d",

@@ -45,6 +45,7 @@ pub mod geometry;
 pub mod grouping;
 pub mod grouping_result;
 pub mod memory;
+pub mod options;
 pub mod points;
 pub mod rule;
 pub mod selection;

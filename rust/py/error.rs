@@ -15,7 +15,10 @@ pub use exceptions::{CgroupError, InputError, NoConsensusError, OutOfMemoryError
 /// The exception for an error.
 pub fn to_python(error: &Error) -> PyErr {
     match error {
-        Error::InvalidInput { .. } | Error::MissingField { .. } => InputError::new_err(error.to_string()),
+        Error::InvalidInput { what, got, remedy } => {
+            InputError::new_err((what.clone(), got.clone(), remedy.clone()))
+        }
+        Error::MissingField { .. } => InputError::new_err(error.to_string()),
         Error::NoConsensus { .. } => NoConsensusError::new_err(error.to_string()),
         Error::OutOfMemory { .. } => OutOfMemoryError::new_err(error.to_string()),
         Error::Interrupted => PyKeyboardInterrupt::new_err(()),

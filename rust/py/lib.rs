@@ -33,6 +33,8 @@ mod _core {
     #[pymodule_export]
     use super::grouping::{group, rigid_fit};
     #[pymodule_export]
+    use super::options::describe_methods;
+    #[pymodule_export]
     use super::proximity::within;
     #[pymodule_export]
     use super::verification::{FineSurface, Surface, align, places, score_poses, verify};

@@ -1,127 +1,149 @@
-//! The options of a call, each read once by the rule of its kind; the core checks ranges.
+//! The options of a call, each read by the rule of its kind; the core checks ranges.
 
-use cgroup::selection::otsu::{DEFAULT_BINS, OtsuMode, Threshold};
+use cgroup::grouping::{BoxedMethod, methods};
+use cgroup::options::{Kind, OptionInfo, OptionType, Value};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString, PyTuple};
 
-use crate::convert::{choose, values};
+use crate::convert::{choose, refused, values};
 use crate::error::InputError;
 
-/// Options by name, as Python gave them.
-pub struct Options<'py> {
-    method: &'py str,
-    given: &'py Bound<'py, PyDict>,
-    read: Vec<&'static str>,
+/// The method of that public name, with the options given; all of them are.
+pub fn method_with(name: &str, given: &Bound<'_, PyDict>) -> PyResult<BoxedMethod> {
+    let found = methods().into_iter().find(|(known, _)| *known == name);
+    let Some((_, mut method)) = found else {
+        return Err(InputError::new_err(format!("method: got {name:?}, which the core does not have")));
+    };
+    for option in method.options() {
+        let missing = || InputError::new_err(format!("option: {name} needs {:?}", option.name));
+        let value = given.get_item(option.name)?.ok_or_else(missing)?;
+        method.set(option.name, read(option, &value)?);
+    }
+    for key in given.keys() {
+        let key: String = key.extract()?;
+        if method.get(&key).is_none() {
+            let known: Vec<&str> = method.options().iter().map(|option| option.name).collect();
+            let message = format!("option: {name} has no {key:?}; it takes {}", known.join(", "));
+            return Err(InputError::new_err(message));
+        }
+    }
+    Ok(method)
 }
 
-impl<'py> Options<'py> {
-    /// The options given for a method.
-    pub fn new(method: &'py str, given: &'py Bound<'py, PyDict>) -> Self {
-        Self { method, given, read: Vec::new() }
-    }
+/// What a method is: the fields that it needs, those that it uses where they are there, and its options.
+type Description<'py> = (Vec<&'static str>, Vec<&'static str>, Bound<'py, PyDict>);
 
-    /// Refuses options that were not read: the method does not have them.
-    pub fn finish(&self) -> PyResult<()> {
-        let Self { method, given, read } = self;
-        for name in given.keys() {
-            let name: String = name.extract()?;
-            if !read.contains(&name.as_str()) {
-                let message = format!("option: {method} has no {name:?}; it takes {}", read.join(", "));
-                return Err(InputError::new_err(message));
-            }
+/// What each method is, by its public name.
+///
+/// An option is its kind, whether it may be None, its default, and its least and greatest value or its choices.
+#[pyfunction]
+pub fn describe_methods(py: Python<'_>) -> PyResult<Vec<(&'static str, Description<'_>)>> {
+    let describe = |(name, method): (&'static str, BoxedMethod)| {
+        let options = PyDict::new(py);
+        for option in method.options() {
+            let default = to_python(py, method.get(option.name).unwrap_or(Value::None))?;
+            let (kind, range) = range_of(py, option.kind)?;
+            options.set_item(option.name, (kind, option.optional, default, range))?;
         }
-        Ok(())
-    }
+        Ok((name, (method.fields().to_vec(), method.optional_fields().to_vec(), options)))
+    };
+    methods().into_iter().map(describe).collect()
+}
 
-    /// A whole number of at least `least`.
-    pub fn count(&mut self, name: &'static str, least: u64) -> PyResult<usize> {
-        let value = self.take(name)?;
-        whole(name, &value, least, None)
-    }
+/// The name of a kind, and its least and greatest value or its choices.
+fn range_of(py: Python<'_>, kind: Kind) -> PyResult<(&'static str, Bound<'_, PyTuple>)> {
+    let range = |values: &[Value]| PyTuple::new(py, values.iter().map(|&value| Shown(value)));
+    Ok(match kind {
+        Kind::Flag => ("flag", range(&[])?),
+        Kind::Seed => ("seed", range(&[Value::Whole(0), Value::Whole(u64::MAX)])?),
+        Kind::Count { least, most } => ("count", range(&[Value::Whole(least), Value::Whole(most)])?),
+        Kind::Rounds { least } => ("rounds", range(&[Value::Whole(least), Value::Whole(u64::MAX)])?),
+        Kind::Length => ("length", range(&[])?),
+        Kind::Number { least, most, .. } => ("number", range(&[Value::Number(least), Value::Number(most)])?),
+        Kind::Choice(choices) => ("choice", range(choices)?),
+        Kind::Cut => ("cut", range(&[])?),
+    })
+}
 
-    /// A whole number of at least `least`, or None.
-    pub fn optional_count(&mut self, name: &'static str, least: u64) -> PyResult<Option<usize>> {
-        let value = self.take(name)?;
-        if value.is_none() {
-            return Ok(None);
-        }
-        let remedy = format!("give a whole number of at least {least}, or None");
-        whole(name, &value, least, Some(&remedy)).map(Some)
-    }
+/// A value on its way to Python.
+struct Shown(Value);
 
-    /// A key of random numbers.
-    pub fn seed(&mut self, name: &'static str) -> PyResult<u64> {
-        self.count(name, 0).map(|number| number as u64)
-    }
+impl<'py> IntoPyObject<'py> for Shown {
+    type Target = PyAny;
+    type Output = Bound<'py, PyAny>;
+    type Error = PyErr;
 
-    /// A number.
-    pub fn number(&mut self, name: &'static str) -> PyResult<f64> {
-        let value = self.take(name)?;
-        real(name, &value, "give a number")
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, self.0)
     }
+}
 
-    /// A number, or None.
-    pub fn optional(&mut self, name: &'static str) -> PyResult<Option<f64>> {
-        let value = self.take(name)?;
-        if value.is_none() { Ok(None) } else { real(name, &value, "give a number, or None").map(Some) }
-    }
+fn to_python(py: Python<'_>, value: Value) -> PyResult<Bound<'_, PyAny>> {
+    Ok(match value {
+        Value::None => py.None().into_bound(py),
+        Value::Flag(flag) => PyBool::new(py, flag).to_owned().into_any(),
+        Value::Whole(number) => number.into_pyobject(py)?.into_any(),
+        Value::Number(number) => PyFloat::new(py, number).into_any(),
+        Value::Word(word) => PyString::new(py, word).into_any(),
+    })
+}
 
-    /// True or False.
-    pub fn flag(&mut self, name: &'static str) -> PyResult<bool> {
-        let value = self.take(name)?;
-        match value.cast_exact::<PyBool>() {
-            Ok(flag) => Ok(flag.is_true()),
-            Err(_) => values(value.py())?.call_method1("as_flag", (name, &value))?.extract(),
-        }
+/// The value of an option, of the type that its kind asks for.
+fn read(option: &OptionInfo, given: &Bound<'_, PyAny>) -> PyResult<Value> {
+    let name = option.name;
+    if option.optional && given.is_none() {
+        return Ok(Value::None);
     }
+    let or_none = if option.optional { ", or None" } else { "" };
+    match option.kind {
+        Kind::Flag => flag(name, given),
+        Kind::Seed => whole(name, given, 0, ""),
+        Kind::Count { least, .. } | Kind::Rounds { least } => whole(name, given, least, or_none),
+        Kind::Length | Kind::Number { .. } => real(name, given, &format!("give a number{or_none}")),
+        Kind::Choice(choices) => chosen(name, given, choices),
+        Kind::Cut if given.cast::<PyString>().is_ok_and(|word| word == "otsu") => Ok(Value::Word("otsu")),
+        Kind::Cut => real(name, given, "give \"otsu\" or a number"),
+    }
+}
 
-    /// One of a few words.
-    pub fn choice<T: Copy>(&mut self, name: &'static str, choices: &[(&str, T)]) -> PyResult<T> {
-        let value = self.take(name)?;
-        choose(name, &value, choices)
-    }
-
-    /// The cut on scores, from the options `threshold` and `otsu`.
-    pub fn threshold(&mut self) -> PyResult<Threshold> {
-        self.threshold_in_bins(DEFAULT_BINS)
-    }
-
-    /// The same, where the number of Otsu's bins is an option too.
-    pub fn threshold_in_bins(&mut self, bins: usize) -> PyResult<Threshold> {
-        let modes = [
-            ("minmax", OtsuMode::MinMax { bins }),
-            ("exact", OtsuMode::Exact),
-            ("covis", OtsuMode::Covis),
-            ("legacy", OtsuMode::Legacy { bins }),
-        ];
-        let mode = self.choice("otsu", &modes)?;
-        let value = self.take("threshold")?;
-        if value.cast::<PyString>().is_ok_and(|word| word == "otsu") {
-            return Ok(Threshold::Otsu(mode));
-        }
-        real("threshold", &value, "give \"otsu\" or a number").map(Threshold::Fixed)
-    }
-
-    fn take(&mut self, name: &'static str) -> PyResult<Bound<'py, PyAny>> {
-        self.read.push(name);
-        let missing = || InputError::new_err(format!("option: {} needs {name:?}", self.method));
-        self.given.get_item(name)?.ok_or_else(missing)
-    }
+fn flag(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
+    let flag = match given.cast_exact::<PyBool>() {
+        Ok(flag) => flag.is_true(),
+        Err(_) => values(given.py())?.call_method1("as_flag", (name, given))?.extract()?,
+    };
+    Ok(Value::Flag(flag))
 }
 
 /// A count by the rule of `cgroup._checks.values`, which is asked about anything but an `int` that will do.
-fn whole(name: &str, value: &Bound<'_, PyAny>, least: u64, remedy: Option<&str>) -> PyResult<usize> {
-    let number: Option<u64> = value.cast_exact::<PyInt>().ok().and_then(|number| number.extract().ok());
-    match number {
-        Some(number) if number >= least => Ok(number as usize),
-        _ => values(value.py())?.call_method1("as_count", (name, value, least, remedy))?.extract(),
-    }
+fn whole(name: &str, given: &Bound<'_, PyAny>, least: u64, or_none: &str) -> PyResult<Value> {
+    let number: Option<u64> = given.cast_exact::<PyInt>().ok().and_then(|number| number.extract().ok());
+    let remedy = format!("give a whole number of at least {least}{or_none}");
+    Ok(Value::Whole(match number {
+        Some(number) if number >= least => number,
+        _ => values(given.py())?.call_method1("as_count", (name, given, least, remedy))?.extract()?,
+    }))
 }
 
 /// A number by the rule of `cgroup._checks.values`, which is asked about anything but a `float`.
-fn real(name: &str, value: &Bound<'_, PyAny>, remedy: &str) -> PyResult<f64> {
-    match value.cast_exact::<PyFloat>() {
-        Ok(number) => Ok(number.value()),
-        Err(_) => values(value.py())?.call_method1("as_number", (name, value, remedy))?.extract(),
+fn real(name: &str, given: &Bound<'_, PyAny>, remedy: &str) -> PyResult<Value> {
+    Ok(Value::Number(match given.cast_exact::<PyFloat>() {
+        Ok(number) => number.value(),
+        Err(_) => values(given.py())?.call_method1("as_number", (name, given, remedy))?.extract()?,
+    }))
+}
+
+/// One of a few words or numbers.
+fn chosen(name: &str, given: &Bound<'_, PyAny>, choices: &[Value]) -> PyResult<Value> {
+    let named = |&choice: &Value| if let Value::Word(word) = choice { Some((word, choice)) } else { None };
+    let words: Vec<(&str, Value)> = choices.iter().filter_map(named).collect();
+    if !words.is_empty() {
+        return choose(name, given, &words);
     }
+    let mut numbers: Vec<u64> = choices.iter().filter_map(|&choice| OptionType::read(choice)).collect();
+    numbers.sort_unstable();
+    let (last, others) = numbers.split_last().unwrap_or((&0, &[]));
+    let others: Vec<String> = others.iter().map(u64::to_string).collect();
+    let remedy = format!("choose {} or {last}", others.join(", "));
+    let number = values(given.py())?.call_method1("as_count", (name, given, 0, &remedy))?.extract()?;
+    if numbers.contains(&number) { Ok(Value::Whole(number)) } else { Err(refused(name, given, &remedy)) }
 }

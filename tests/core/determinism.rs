@@ -36,8 +36,7 @@ fn threads_change_nothing() -> Result<()> {
 fn memory_changes_nothing() -> Result<()> {
     // 4,100 correspondences are past the size from which pair scores are kept in f32.
     let mut methods = methods();
-    let of_a_graph = ["lc", "mac", "sc2pcr", "turboreg", "teaser", "clipper"];
-    methods.retain(|(name, _)| !of_a_graph.contains(name));
+    methods.truncate(9); // those of the paper; the others keep a graph, and look at less where it does not fit
     for n in [300, 4_100] {
         assert_eq!(group_each(&methods, 2, usize::MAX, n)?, group_each(&methods, 2, 0, n)?);
     }

@@ -92,20 +92,20 @@ fn methods_with_little_memory() -> Result<()> {
 
 /// The paper's methods by options that take another path.
 fn variants() -> Vec<(&'static str, BoxedMethod)> {
-    let cut = |mode| Threshold::Otsu(mode);
+    let similarity = |otsu| SimilarityScore { otsu, ..SimilarityScore::default() };
     vec![
-        ("ss, exact", Box::new(SimilarityScore { threshold: cut(OtsuMode::Exact) })),
-        ("ss, covis", Box::new(SimilarityScore { threshold: cut(OtsuMode::Covis) })),
-        ("ss, many bins", Box::new(SimilarityScore { threshold: cut(OtsuMode::Legacy { bins: 9_000 }) })),
-        ("ss, fixed", Box::new(SimilarityScore { threshold: Threshold::Fixed(0.5) })),
+        ("ss, exact", Box::new(similarity(OtsuMode::Exact))),
+        ("ss, covis", Box::new(similarity(OtsuMode::Covis))),
+        ("ss, many bins", Box::new(SimilarityScore { bins: 9_000, ..similarity(OtsuMode::Legacy) })),
+        (
+            "ss, fixed",
+            Box::new(SimilarityScore { threshold: Threshold::Fixed(0.5), ..SimilarityScore::default() }),
+        ),
         (
             "si, local score",
             Box::new(SearchOfInliers { global_rank: GlobalRank::LocalScore, ..SearchOfInliers::default() }),
         ),
-        (
-            "cv, exact",
-            Box::new(ConsistencyVoting { threshold: cut(OtsuMode::Exact), ..ConsistencyVoting::default() }),
-        ),
+        ("cv, exact", Box::new(ConsistencyVoting { otsu: OtsuMode::Exact, ..ConsistencyVoting::default() })),
         ("ransac, refined", Box::new(Ransac { iterations: 300, refine: true, ..Ransac::default() })),
         (
             "ransac, confidence",

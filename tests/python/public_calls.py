@@ -13,6 +13,7 @@ from cgroup import features, registration, verification
 from cgroup.datasets import standin_pair
 from cgroup.datasets.matching_problems import make_problem
 from cgroup.io import write_cloud, write_correspondences, write_descriptors, write_transform
+from cgroup.registry import METHOD_INFO, MethodInfo
 
 MODULES = ("features", "registration", "verification", "evaluation", "nuisances", "rigid", "io")
 
@@ -88,21 +89,12 @@ def public_calls(folder: Path) -> dict[str, Call]:
 def _arguments(folder: Path) -> dict[str, dict[str, Any]]:
     points = {"source": PROBLEM.source, "target": PROBLEM.target}
     frames = {"source_lrf": PROBLEM.source_lrf, "target_lrf": PROBLEM.target_lrf}
-    unit = {"resolution": PROBLEM.resolution}
     group = {"correspondences": MATCHES, "method": "gc"}
     return {
         "Correspondences": points | frames,
         "group": group,
         "group_many": {"problems": [MATCHES], "method": "gc"},
-        "ss": {"similarity": PROBLEM.similarity},
-        "nnsr": {"ratio": PROBLEM.ratio},
-        "si": points | frames | unit | {"ratio": PROBLEM.ratio},
-        "cv": points | frames | unit | {"ratio": PROBLEM.ratio},
-        "hough3d": points | frames,
-        "gtm": points,
-        "lc": points | frames | unit,
-        "st": points,
-        **dict.fromkeys(METHODS_OF_POINTS, points | unit),
+        **{info.function.__name__: _fields_of(info) for info in METHOD_INFO.values()},
         **_front_end(),
         **_verification(),
         **_registration(),
@@ -111,7 +103,10 @@ def _arguments(folder: Path) -> dict[str, dict[str, Any]]:
     }
 
 
-METHODS_OF_POINTS = ("ransac", "gc", "mac", "sc2pcr", "turboreg", "teaser", "clipper")
+def _fields_of(info: MethodInfo) -> dict[str, Any]:
+    """Return what the problem has of the fields that a method takes."""
+    taken = (*info.fields, *info.optional_fields)
+    return {name: getattr(PROBLEM, name) for name in taken if hasattr(PROBLEM, name)}
 
 
 @cache

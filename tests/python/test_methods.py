@@ -262,7 +262,7 @@ def test_first_bad_row_is_named(name):
         ("cv", {"threshold": np.nan}, "threshold"),
         ("ransac", {"iterations": 0}, "iterations.*at least 1"),
         ("ransac", {"tolerance": np.inf}, "tolerance.*finite"),
-        ("ransac", {"confidence": 1.0}, "confidence.*below 1"),
+        ("ransac", {"confidence": 1.0}, "confidence.*less than 1"),
         ("ransac", {"edge_ratio": 2.0}, "edge_ratio.*between 0 and 1"),
         ("ransac", {"threads": 0}, "threads.*at least 1"),
         ("st", {"min_distance_ratio": -0.1}, "min_distance_ratio"),
@@ -384,7 +384,9 @@ def test_a_length_or_the_resolution_is_needed(method):
         group(without, method)
 
 
-@pytest.mark.parametrize("method", ["ss", "nnsr", "si", "cv", "3dhv"])
+@pytest.mark.parametrize(
+    "method", [i.name for i in METHOD_INFO.values() if {*i.fields} - {"source", "target"}]
+)
 def test_missing_fields_are_named(method):
     with pytest.raises(InputError, match=f"{method} needs"):
         group(Correspondences(PROBLEM.source, PROBLEM.target, resolution=1.0), method)

@@ -1,13 +1,14 @@
 """Values that a caller may pass by mistake, for any parameter."""
 
-from __future__ import annotations
-
+import math
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from cgroup.registry import MethodOption
 
 ENDLESS: list[Any] = []
 ENDLESS += [ENDLESS, ENDLESS]
@@ -106,3 +107,25 @@ WRONG: dict[str, Any] = {
     "endless list": ENDLESS,
     "huge row": [[HUGE, 0, 0]],
 }
+
+
+def wrong_for(option: MethodOption) -> list[Any]:
+    """Return values that an option of a method refuses, by its description."""
+    numbers: list[Any] = ["1", [1.0], 1j, True]
+    wrong: list[Any] = {
+        "flag": [0, 1, "True"],
+        "seed": [*numbers, 1.0, -1, 2**64],
+        "count": [*numbers, 1.0],
+        "rounds": [*numbers, 1.0],
+        "length": [*numbers, 0.0, -1.0, np.nan, np.inf],
+        "number": [*numbers, np.nan],
+        "choice": ["nonsense", 7, 1.0, b"", []],
+        "cut": ["nonsense", True, np.nan, []],
+    }[option.kind]
+    if option.kind in {"count", "rounds"}:
+        wrong += [option.range[0] - 1, option.range[1] + 1]
+    if option.kind == "number":
+        wrong += [
+            math.nextafter(end, away) for end, away in zip(option.range, (-np.inf, np.inf), strict=True)
+        ]
+    return [value for value in wrong if value not in option.range] + ([] if option.optional else [None])

@@ -34,7 +34,9 @@ BESIDE = {
     "teaser": ("clipper", "mac", "lc"),
     "clipper": ("teaser", "gc", "lc"),
 }
-"""Whom each method is shown beside."""
+"""Whom each method is shown beside, unless it is these."""
+
+_BESIDE_OTHERS = ("lc", "ransac", "gtm")
 
 NEEDS_FRAMES = ("si", "cv", "hough3d")
 _KINDS = {
@@ -53,7 +55,7 @@ def draw_limits(method: str) -> Figure:
     figure = new_figure(3.0)
     first, second, third = figure.subplots(1, 3, sharey=True)
     table = load_methods()
-    shown = (method, *BESIDE[method])
+    shown = (method, *BESIDE.get(method, _BESIDE_OTHERS))
     for place, name in reversed(list(enumerate(shown))):
         strong = name == method
         rows = _of(table, name)
@@ -128,7 +130,7 @@ def _curve(axes: Axes, name: str, values: pd.Series, *, strong: bool, joined: bo
 def name_methods(figure: Figure, method: str) -> None:
     """Name the method and those beside it, in its order."""
     handles = []
-    for name in (method, *BESIDE[method]):
+    for name in (method, *BESIDE.get(method, _BESIDE_OTHERS)):
         look = method_style(find_method(name).name)
         strong = name == method
         handles.append(
@@ -153,7 +155,7 @@ def draw_cost(method: str) -> Figure:
     table = load_methods()
     chosen = table[table["set"].isin(["200", "1000", "5000", "20000"]) & (table["inliers"] == 0.1)]
     for axes, column in zip(panels, ("milliseconds", "mebibytes"), strict=True):
-        shown = (method, *BESIDE[method])
+        shown = (method, *BESIDE.get(method, _BESIDE_OTHERS))
         for name, rows in chosen.groupby("method"):
             if name not in [find_method(each).name for each in shown]:
                 values = rows.set_index("n")[column].sort_index()

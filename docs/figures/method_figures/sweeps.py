@@ -11,6 +11,7 @@ import numpy as np
 from cgroup.datasets import make_problem, standin_pair
 from cgroup.evaluation import correct_matches
 from cgroup.registration import correspond
+from cgroup.registry import find_method
 
 if TYPE_CHECKING:
     from cgroup.types import BoolArray, Correspondences
@@ -25,7 +26,6 @@ DATA = {
 
 _PROBLEMS = {VIEWS: 6, DRAWN: 6, SPARSE: 12}
 _SHARES = {DRAWN: 0.05, SPARSE: 0.01}
-_ROBUST = {"lc", "mac", "sc2pcr", "turboreg", "teaser", "clipper"}
 _CORRECT_WITHIN = 5.0  # pr
 
 
@@ -47,8 +47,8 @@ class Sweep:
 
     @property
     def data(self) -> tuple[str, str]:
-        """What it is tried on: sparse matches for methods that make hardly a mistake on others."""
-        return (VIEWS, SPARSE if self.method in _ROBUST else DRAWN)
+        """What it is tried on: sparse matches for modern methods, which make hardly a mistake on others."""
+        return (VIEWS, DRAWN if find_method(self.method).in_paper else SPARSE)
 
     @property
     def ordered(self) -> bool:

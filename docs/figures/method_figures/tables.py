@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from cgroup.registry import MethodInfo
+
 PAGES = Path(__file__).parents[2] / "methods"
 SIZES = (200, 1000, 5000, 20_000)
 SHARES = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
@@ -22,31 +24,13 @@ CLOSE = 0.02
 
 _OPENING = re.compile(r"<!-- measured: ([^\n]+?) -->\n.*?<!-- end of measured -->", re.DOTALL)
 
+_INFOS = METHOD_INFO.values()
 GROUPS = {
-    "individual": ("ss", "nnsr", "si", "cv"),
-    "group": ("ransac", "st", "gc", "hough3d", "gtm"),
-    "modern": ("lc", "mac", "sc2pcr", "turboreg", "teaser", "clipper"),
+    "individual": tuple(info for info in _INFOS if info.individual),
+    "group": tuple(info for info in _INFOS if info.in_paper and not info.individual),
+    "modern": tuple(info for info in _INFOS if not info.in_paper),
 }
-"""Functions by kind, as the pages list them."""
-
-IDEAS = {
-    "ss": "alike descriptors",
-    "nnsr": "distinct descriptors",
-    "si": "votes under its own pose",
-    "cv": "votes by distance, frame",
-    "ransac": "best of random triples",
-    "st": "principal eigenvector",
-    "gc": "largest star of a seed",
-    "hough3d": "votes for the centre",
-    "gtm": "survivors of a game",
-    "lc": "pose that beats chance",
-    "mac": "every maximal clique",
-    "sc2pcr": "sets with common others",
-    "turboreg": "triangles on heavy pairs",
-    "teaser": "clique, truncated fit",
-    "clipper": "densest agreeing set",
-}
-"""Each method in a few words, for a table on one screen."""
+"""Methods by kind, as the pages list them."""
 
 _NEEDS = {"source": "points", "similarity": "similarities", "ratio": "ratios", "source_lrf": "frames"}
 
@@ -104,19 +88,18 @@ def all_table(_: str) -> str:
         "| method | idea | needs | cost | F at 10 / 2 / 1 % | ms |",
         "|---|---|---|---|---:|---:|",
     ]
-    for group, functions in GROUPS.items():
+    for group, infos in GROUPS.items():
         lines.append(f"| ***{group}*** |" + " |" * 5)
-        lines.extend(_method_row(function) for function in functions)
+        lines.extend(map(_method_row, infos))
     return _captioned(lines, _source())
 
 
-def _method_row(function: str) -> str:
-    info = METHOD_INFO[public(function)]
+def _method_row(info: MethodInfo) -> str:
     rows = sized(1000)[lambda table: table["method"] == info.name].set_index("inliers")
     scores = " / ".join(two(rows["f_score"][share]) for share in (0.1, 0.02, 0.01))
     needs = ", ".join(_NEEDS[field] for field in info.fields if field in _NEEDS)
     return (
-        f"| [{info.label}]({function}.md) | {IDEAS[function]} | {needs} | {info.complexity} | {scores} "
+        f"| {link(info.name)} | {info.idea} | {needs} | {info.complexity} | {scores} "
         f"| {time(rows['milliseconds'][0.1])} |"
     )
 

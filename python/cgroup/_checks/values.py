@@ -154,4 +154,4 @@ def as_path(name: str, value: object) -> Path:
 
 def refusal(name: str, value: object, remedy: str) -> InputError:
     """Return the error for a value that can't be worked with."""
-    return InputError(f"{escape(name)}: got {show(value)}; {remedy}")
+    return InputError(escape(name), show(value), remedy)

@@ -13,6 +13,7 @@ use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::Grouping;
 use crate::memory;
+use crate::options::{Value, words};
 use crate::points::Points;
 use crate::selection::top_k::largest;
 use crate::simd::{self, DOUBLES};
@@ -23,16 +24,16 @@ const ROUNDS: usize = 20;
 /// Poses whose residuals are looked at before all others'.
 const FIRST: usize = 16;
 
-/// What the best pose has most of; r is a residual, and those of at least the tolerance t count nothing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Choice {
-    /// Inliers: residuals below the tolerance.
-    #[default]
-    Inliers,
-    /// The sum of `1 - r / t`.
-    Mae,
-    /// The sum of `(1 - r / t)^2`.
-    Mse,
+words! {
+    /// What the best pose has most of; r is a residual, and those of at least the tolerance t count nothing.
+    pub enum Choice {
+        /// Inliers: residuals below the tolerance.
+        Inliers = Value::Word("inliers"),
+        /// The sum of `1 - r / t`.
+        Mae = Value::Word("mae"),
+        /// The sum of `(1 - r / t)^2`.
+        Mse = Value::Word("mse"),
+    }
 }
 
 /// The poses that are found among some of the correspondences, or among all, between the centred points of all.

@@ -10,57 +10,48 @@ use rayon::prelude::*;
 
 use super::GroupingMethod;
 use crate::compatibility::lrf_angle::angle_difference;
-use crate::error::{at_least_one, positive};
 use crate::frames::Frames;
 use crate::geometry::angle::atan2_by;
+use crate::options::{POSITIVE, method};
 use crate::rule::{Agreement, Kind, Rule};
-use crate::selection::otsu::{Cut, Threshold};
+use crate::selection::otsu::{Cut, OtsuMode, Threshold};
 use crate::selection::top_k::smallest;
 use crate::simd::arithmetic::{Arithmetic, exp_of_negative};
 use crate::simd::{self, DOUBLES, Kernel, Lanes};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// Parameters of consistency voting.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ConsistencyVoting {
-    /// `delta_r`: distance difference at which a vote falls to 1/e, a length; default 10 resolutions.
-    pub distance_scale: Option<f64>,
-    /// `delta_L`: difference of frame angles at which a vote falls to 1/e, in degrees.
-    pub angle_scale: f64,
-    /// Number of voters.
-    pub voters: usize,
-    /// Whether voters do without the vote for themselves.
-    pub exclude_self: bool,
-    /// Cut on the scores.
-    pub threshold: Threshold,
-}
-
-impl Default for ConsistencyVoting {
-    fn default() -> Self {
-        Self {
-            distance_scale: None,
-            angle_scale: 10.0,
-            voters: 200,
-            exclude_self: false,
-            threshold: Threshold::default(),
-        }
+method! {
+    /// Parameters of consistency voting.
+    pub struct ConsistencyVoting = "cv", ["source", "target", "ratio", "source_lrf", "target_lrf"],
+        optional ["resolution"], {
+        /// `delta_r`: distance difference at which a vote falls to 1/e, a length; default 10 resolutions.
+        pub distance_scale: Option<f64> = None;
+        /// `delta_L`: difference of frame angles at which a vote falls to 1/e, in degrees.
+        pub angle_scale: f64 = 10.0, POSITIVE;
+        /// Number of voters.
+        pub voters: usize = 200;
+        /// Whether voters do without the vote for themselves.
+        pub exclude_self: bool = false;
+        /// Cut on the scores.
+        pub threshold: Threshold = Threshold::Otsu;
+        /// How Otsu's method lays out the candidate cuts.
+        pub otsu: OtsuMode = OtsuMode::default();
     }
 }
 
 impl GroupingMethod for ConsistencyVoting {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("cv")?;
         let (source_frames, target_frames) = correspondences.frames("cv")?;
         let ratio = correspondences.ratio("cv")?;
-        self.threshold.validate()?;
         let distance_scale = correspondences.length("distance_scale", self.distance_scale, 10.0)?;
-        let angle_scale = positive("angle_scale", self.angle_scale)?.to_radians();
+        let angle_scale = self.angle_scale.to_radians();
         let matches = Matches { source, target, source_frames, target_frames };
 
-        let voters = smallest(ratio, at_least_one("voters", self.voters)?)?; // V: top k by 1 - d1/d2
+        let voters = smallest(ratio, self.voters)?; // V: top k by 1 - d1/d2
         let ballot = Ballot::new(&matches, &voters, distance_scale, angle_scale)?;
         let scores = self.count_votes(&matches, &ballot, execution)?; // s_i = sum_j D_ij, Eq. (11)
-        let Cut { mask, threshold } = self.threshold.above(&scores)?; // s_i > t_cv
+        let Cut { mask, threshold } = self.threshold.above(&scores, self.otsu)?; // s_i > t_cv
         let rule = Rule::new(Kind::Score).agreeing(Agreement::difference(distance_scale));
         Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() }.by(rule))
     }

@@ -7,9 +7,10 @@
 
 use super::GroupingMethod;
 use crate::compatibility::matrix::{PairMatrix, PairScore};
-use crate::error::{Error, at_least_one, positive};
+use crate::error::Error;
+use crate::options::{POSITIVE, ROUNDS, Value, method, words};
 use crate::rule::{Agreement, Kind, Rule};
-use crate::selection::otsu::{Cut, Threshold};
+use crate::selection::otsu::{Cut, OtsuMode, Threshold};
 use crate::simd::sums::sum;
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
@@ -34,56 +35,45 @@ const NASH_ERROR: f64 = 1e-8;
 /// Payoffs that differ by less than this share of the greatest one are equal.
 const PAYOFF_TIE: f64 = 1e-12;
 
-/// What two strategies earn against each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Payoff {
-    /// `min(ds/dt, dt/ds)`, the paper's.
-    #[default]
-    DistanceRatio,
-    /// 1 where `|ds - dt|` is at most the tolerance, else 0.
-    DistanceDifference,
+words! {
+    /// What two strategies earn against each other.
+    pub enum Payoff {
+        /// `min(ds/dt, dt/ds)`, the paper's.
+        DistanceRatio = Value::Word("distance_ratio"),
+        /// 1 where `|ds - dt|` is at most the tolerance, else 0.
+        DistanceDifference = Value::Word("distance_difference"),
+    }
 }
 
-/// How the population evolves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Dynamics {
-    /// Discrete replicator dynamics, the paper's.
-    #[default]
-    Replicator,
-    /// Infection and immunisation (Rota Bulo, Bomze, *Games and Economic Behavior* 2011): O(n) per step.
-    InfectionImmunisation,
+words! {
+    /// How the population evolves.
+    pub enum Dynamics {
+        /// Discrete replicator dynamics, the paper's.
+        Replicator = Value::Word("replicator"),
+        /// Infection and immunisation (Rota Bulo, Bomze, *Games and Economic Behavior* 2011): O(n) per step.
+        InfectionImmunisation = Value::Word("infection_immunisation"),
+    }
 }
 
-/// Parameters of game-theoretic matching.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GameTheory {
-    /// Steps; part of the selectivity, not a mere bound.
-    pub iterations: usize,
-    /// Cut on the population shares. Infection-immunisation keeps all survivors unless this is fixed.
-    pub threshold: Threshold,
-    /// Payoff of a pair.
-    pub payoff: Payoff,
-    /// Greatest distance difference for the payoff of that name, a length; default 3 resolutions.
-    pub tolerance: Option<f64>,
-    /// Whether pairs that share a source or a target point earn nothing.
-    pub one_to_one: bool,
-    /// Stop once a step moves the population by less (L1), or the Nash error falls below.
-    pub convergence_tolerance: Option<f64>,
-    /// Evolution of the population.
-    pub dynamics: Dynamics,
-}
-
-impl Default for GameTheory {
-    fn default() -> Self {
-        Self {
-            iterations: 100,
-            threshold: Threshold::default(),
-            payoff: Payoff::default(),
-            tolerance: None,
-            one_to_one: false,
-            convergence_tolerance: None,
-            dynamics: Dynamics::default(),
-        }
+method! {
+    /// Parameters of game-theoretic matching.
+    pub struct GameTheory = "gtm", ["source", "target"], optional ["resolution"], {
+        /// Steps; part of the selectivity, not a mere bound.
+        pub iterations: usize = 100, ROUNDS;
+        /// Cut on the population shares. Infection-immunisation keeps all survivors unless this is fixed.
+        pub threshold: Threshold = Threshold::Otsu;
+        /// How Otsu's method lays out the candidate cuts.
+        pub otsu: OtsuMode = OtsuMode::default();
+        /// Whether pairs that share a source or a target point earn nothing.
+        pub one_to_one: bool = false;
+        /// Payoff of a pair.
+        pub payoff: Payoff = Payoff::default();
+        /// Greatest distance difference for the payoff of that name, a length; default 3 resolutions.
+        pub tolerance: Option<f64> = None;
+        /// Stop once a step moves the population by less (L1), or the Nash error falls below.
+        pub convergence_tolerance: Option<f64> = None, POSITIVE;
+        /// Evolution of the population.
+        pub dynamics: Dynamics = Dynamics::default();
     }
 }
 
@@ -103,7 +93,7 @@ impl Population {
 }
 
 impl GroupingMethod for GameTheory {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         self.validate()?;
         let (source, target) = correspondences.positions("gtm")?;
         let score = self.pair_score(correspondences)?;
@@ -125,11 +115,6 @@ impl GroupingMethod for GameTheory {
 
 impl GameTheory {
     fn validate(&self) -> Result<()> {
-        at_least_one("iterations", self.iterations)?;
-        self.threshold.validate()?;
-        if let Some(tolerance) = self.convergence_tolerance {
-            positive("convergence_tolerance", tolerance)?;
-        }
         if self.payoff == Payoff::DistanceRatio && self.tolerance.is_some() {
             let remedy = "the distance-ratio payoff has no tolerance; leave it out or use \
                           payoff=\"distance_difference\"";
@@ -218,8 +203,10 @@ impl GameTheory {
             return Ok(Cut { mask: memory::filled(false, shares.len())?, threshold: None });
         }
         match (self.dynamics, self.threshold) {
-            (Dynamics::InfectionImmunisation, Threshold::Otsu(_)) => Threshold::Fixed(SURVIVES).above(shares),
-            _ => self.threshold.above(shares),
+            (Dynamics::InfectionImmunisation, Threshold::Otsu) => {
+                Threshold::Fixed(SURVIVES).above(shares, self.otsu)
+            }
+            _ => self.threshold.above(shares, self.otsu),
         }
     }
 }

@@ -9,67 +9,54 @@ use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::distance::distance_difference;
 use crate::compatibility::graph::{AgreementGraph, EdgeLengths};
 use crate::consensus::SampleConsensus;
-use crate::error::at_least_one;
 use crate::grouping_result::mask_of;
+use crate::options::{ROUNDS, Value, at_least, method, words};
 use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// What a cluster is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Variant {
-    /// A seed and all that are consistent with it; the paper's.
-    #[default]
-    Star,
-    /// A set grown greedily whose members are all consistent with each other, filtered by RANSAC; PCL's.
-    Clique,
-}
-
-/// Which of several largest star clusters is taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Ties {
-    /// That of the lowest index.
-    #[default]
-    Lowest,
-    /// The union of all.
-    Union,
-}
-
-/// Parameters of geometric consistency.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GeometricConsistency {
-    /// Greatest distance difference, a length; default 3 resolutions.
-    pub tolerance: Option<f64>,
+words! {
     /// What a cluster is.
-    pub variant: Variant,
-    /// Ties between star clusters.
-    pub ties: Ties,
-    /// Clique variant: a set with no more members than this is not a cluster.
-    pub min_cluster_size: usize,
-    /// Clique variant: samples of the RANSAC filter.
-    pub iterations: usize,
-    /// Clique variant: key of the filter's random numbers.
-    pub seed: u64,
+    pub enum Variant {
+        /// A seed and all that are consistent with it; the paper's.
+        Star = Value::Word("star"),
+        /// A set grown greedily whose members are all consistent with each other, filtered by RANSAC; PCL's.
+        Clique = Value::Word("clique"),
+    }
 }
 
-impl Default for GeometricConsistency {
-    fn default() -> Self {
-        Self {
-            tolerance: None,
-            variant: Variant::default(),
-            ties: Ties::default(),
-            min_cluster_size: 3,
-            iterations: 10_000,
-            seed: 0,
-        }
+words! {
+    /// Which of several largest star clusters is taken.
+    pub enum Ties {
+        /// That of the lowest index.
+        Lowest = Value::Word("lowest"),
+        /// The union of all.
+        Union = Value::Word("union"),
+    }
+}
+
+method! {
+    /// Parameters of geometric consistency.
+    pub struct GeometricConsistency = "gc", ["source", "target"], optional ["similarity", "resolution"], {
+        /// Greatest distance difference, a length; default 3 resolutions.
+        pub tolerance: Option<f64> = None;
+        /// What a cluster is.
+        pub variant: Variant = Variant::default();
+        /// Ties between star clusters.
+        pub ties: Ties = Ties::default();
+        /// Clique variant: a set with no more members than this is not a cluster.
+        pub min_cluster_size: usize = 3, at_least(0);
+        /// Clique variant: samples of the RANSAC filter.
+        pub iterations: usize = 10_000, ROUNDS;
+        /// Clique variant: key of the filter's random numbers.
+        pub seed: u64 = 0;
     }
 }
 
 impl GroupingMethod for GeometricConsistency {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("gc")?;
         let tolerance = correspondences.length("tolerance", self.tolerance, 3.0)?;
-        at_least_one("iterations", self.iterations)?;
         match self.variant {
             Variant::Star => self.largest_star(source, target, tolerance, execution),
             Variant::Clique => {

@@ -34,6 +34,7 @@ use spectral::Spectral;
 use teaser::Teaser;
 use turboreg::TurboReg;
 
+use crate::options::Described;
 use crate::{Correspondences, Execution, Grouping, Result};
 
 /// A method whose parameters are set.
@@ -41,32 +42,42 @@ pub type BoxedMethod = Box<dyn GroupingMethod + Send + Sync>;
 
 /// Every method by its public name, with default parameters.
 pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
-    vec![
-        ("ss", Box::new(SimilarityScore::default())),
-        ("nnsr", Box::new(NearestNeighborRatio::default())),
-        ("si", Box::new(SearchOfInliers::default())),
-        ("cv", Box::new(ConsistencyVoting::default())),
-        ("ransac", Box::new(Ransac::default())),
-        ("st", Box::new(Spectral::default())),
-        ("gc", Box::new(GeometricConsistency::default())),
-        ("3dhv", Box::new(HoughVoting::default())),
-        ("gtm", Box::new(GameTheory::default())),
-        ("lc", Box::new(LikelihoodConsensus::default())),
-        ("mac", Box::new(MaximalCliques::default())),
-        ("sc2pcr", Box::new(Sc2Pcr::default())),
-        ("turboreg", Box::new(TurboReg::default())),
-        ("teaser", Box::new(Teaser::default())),
-        ("clipper", Box::new(Clipper::default())),
-    ]
+    let methods: [BoxedMethod; _] = [
+        Box::new(SimilarityScore::default()),
+        Box::new(NearestNeighborRatio::default()),
+        Box::new(SearchOfInliers::default()),
+        Box::new(ConsistencyVoting::default()),
+        Box::new(Ransac::default()),
+        Box::new(Spectral::default()),
+        Box::new(GeometricConsistency::default()),
+        Box::new(HoughVoting::default()),
+        Box::new(GameTheory::default()),
+        Box::new(LikelihoodConsensus::default()),
+        Box::new(MaximalCliques::default()),
+        Box::new(Sc2Pcr::default()),
+        Box::new(TurboReg::default()),
+        Box::new(Teaser::default()),
+        Box::new(Clipper::default()),
+    ];
+    methods.into_iter().map(|method| (method.name(), method)).collect()
 }
 
 /// A way to tell right correspondences from wrong ones.
-pub trait GroupingMethod {
+pub trait GroupingMethod: Described {
+    /// Selects the correspondences that this method holds to be right, by options that are in range.
+    ///
+    /// # Errors
+    /// A field the method needs that is missing, or an interruption.
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping>;
+
     /// Selects the correspondences that this method holds to be right.
     ///
     /// # Errors
-    /// Options out of range, a field the method needs that is missing, or an interruption.
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping>;
+    /// Those of [`GroupingMethod::run`], and options out of range.
+    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        self.check_options()?;
+        self.run(correspondences, execution)
+    }
 
     /// Whether the group is found within a millisecond, so that handing it to another thread costs more than it saves.
     fn is_instant(&self, _correspondences: &Correspondences) -> bool {

@@ -4,32 +4,26 @@
 //! the bound 0.8 of the paper's Table 1 is Lowe's bound on the ratio itself. Cost O(n).
 
 use super::GroupingMethod;
-use crate::error::fraction;
+use crate::options::{SHARE, method};
 use crate::rule::{Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
-/// Parameters of the nearest-neighbour similarity ratio.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NearestNeighborRatio {
-    /// Greatest accepted ratio of nearest to second-nearest descriptor distance, in 0..=1.
-    pub max_ratio: f64,
-}
-
-impl Default for NearestNeighborRatio {
-    fn default() -> Self {
-        Self { max_ratio: 0.8 }
+method! {
+    /// Parameters of the nearest-neighbour similarity ratio.
+    pub struct NearestNeighborRatio = "nnsr", ["ratio"], optional [], {
+        /// Greatest accepted ratio of nearest to second-nearest descriptor distance, in 0..=1.
+        pub max_ratio: f64 = 0.8, SHARE;
     }
 }
 
 impl GroupingMethod for NearestNeighborRatio {
-    fn group(&self, correspondences: &Correspondences, _: &Execution) -> Result<Grouping> {
-        let max_ratio = fraction("max_ratio", self.max_ratio)?;
+    fn run(&self, correspondences: &Correspondences, _: &Execution) -> Result<Grouping> {
         let ratio = correspondences.ratio("nnsr")?;
         Ok(Grouping {
-            mask: memory::collect(ratio.iter().map(|&r| r <= max_ratio))?, // Eq. (2), solved for the ratio
-            scores: Some(memory::collect(ratio.iter().map(|r| 1.0 - r))?), // left side of Eq. (2)
-            threshold: Some(1.0 - max_ratio),
-            rule: Rule::bounded(Kind::Ratio, max_ratio).or_equal(),
+            mask: memory::collect(ratio.iter().map(|&r| r <= self.max_ratio))?, // Eq. (2), solved for the ratio
+            scores: Some(memory::collect(ratio.iter().map(|r| 1.0 - r))?),      // left side of Eq. (2)
+            threshold: Some(1.0 - self.max_ratio),
+            rule: Rule::bounded(Kind::Ratio, self.max_ratio).or_equal(),
             ..Grouping::default()
         })
     }

@@ -5,43 +5,31 @@
 
 use super::GroupingMethod;
 use crate::consensus::{Consensus, SampleConsensus};
-use crate::error::{Error, at_least_one, fraction};
 use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
+use crate::options::{BELOW_ONE, ROUNDS, SHARE, method};
 use crate::rule::{Agreement, Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// Parameters of random sample consensus.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ransac {
-    /// An inlier's residual is less than this length; default 5 resolutions.
-    pub tolerance: Option<f64>,
-    /// Number of samples.
-    pub iterations: usize,
-    /// Key of the random numbers.
-    pub seed: u64,
-    /// Fit the transform to all inliers once and select again.
-    pub refine: bool,
-    /// Drop samples with an edge whose distance ratio is lower before judging them (0.9 is usual).
-    pub edge_ratio: Option<f64>,
-    /// Stop once a better transform has been missed with at most one minus this probability.
-    pub confidence: Option<f64>,
-}
-
-impl Default for Ransac {
-    fn default() -> Self {
-        Self {
-            tolerance: None,
-            iterations: 10_000,
-            seed: 0,
-            refine: false,
-            edge_ratio: None,
-            confidence: None,
-        }
+method! {
+    /// Parameters of random sample consensus.
+    pub struct Ransac = "ransac", ["source", "target"], optional ["resolution"], {
+        /// An inlier's residual is less than this length; default 5 resolutions.
+        pub tolerance: Option<f64> = None;
+        /// Number of samples.
+        pub iterations: usize = 10_000, ROUNDS;
+        /// Key of the random numbers.
+        pub seed: u64 = 0;
+        /// Fit the transform to all inliers once and select again.
+        pub refine: bool = false;
+        /// Drop samples with an edge whose distance ratio is lower before judging them (0.9 is usual).
+        pub edge_ratio: Option<f64> = None, SHARE;
+        /// Stop once a better transform has been missed with at most one minus this probability.
+        pub confidence: Option<f64> = None, BELOW_ONE;
     }
 }
 
 impl GroupingMethod for Ransac {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("ransac")?;
         let engine = self.engine(correspondences)?;
         // Two that one pose fits keep their distance up to both residuals.
@@ -61,16 +49,8 @@ impl GroupingMethod for Ransac {
 
 impl Ransac {
     fn engine(&self, correspondences: &Correspondences) -> Result<SampleConsensus> {
-        if let Some(ratio) = self.edge_ratio {
-            fraction("edge_ratio", ratio)?;
-        }
-        if let Some(confidence) = self.confidence
-            && !(0.0..1.0).contains(&confidence)
-        {
-            return Err(Error::invalid("confidence", confidence, "give a number from 0 to below 1"));
-        }
         Ok(SampleConsensus {
-            iterations: at_least_one("iterations", self.iterations)?,
+            iterations: self.iterations,
             tolerance: correspondences.length("tolerance", self.tolerance, 5.0)?,
             seed: self.seed,
             edge_ratio: self.edge_ratio,

@@ -8,51 +8,42 @@ use rayon::prelude::*;
 use super::GroupingMethod;
 use crate::compatibility::pose::pose_of;
 use crate::compatibility::votes::{PointPair, RigidityTest, Voters, count_rigid, point_pairs, square_limit};
-use crate::error::{at_least_one, fraction};
 use crate::frames::Frames;
 use crate::geometry::nearest_sets::NearestSets;
+use crate::options::{SHARE, Value, method, words};
 use crate::rule::{Agreement, Kind, Rule};
-use crate::selection::otsu::{Cut, Threshold};
+use crate::selection::otsu::{Cut, OtsuMode, Threshold};
 use crate::selection::top_k::{largest, smallest};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// Which correspondences vote on all others.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum GlobalRank {
-    /// Those with the lowest nearest-neighbour ratio; the paper's.
-    #[default]
-    Lowe,
-    /// Those with the best local score, as in the original author's code.
-    LocalScore,
-}
-
-/// Parameters of the search of inliers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SearchOfInliers {
-    /// delta: greatest residual of a global vote, a length; default 5 resolutions.
-    pub tolerance: Option<f64>,
-    /// kappa: number of local neighbours, and of global voters.
-    pub neighbors: usize,
-    /// sigma: least distance ratio of a vote, in 0..=1.
-    pub min_distance_ratio: f64,
-    /// Local voters have a lower ratio of nearest to second-nearest descriptor distance.
-    pub lowe_ratio: f64,
+words! {
     /// Which correspondences vote on all others.
-    pub global_rank: GlobalRank,
-    /// Cut on the scores.
-    pub threshold: Threshold,
+    pub enum GlobalRank {
+        /// Those with the lowest nearest-neighbour ratio; the paper's.
+        Lowe = Value::Word("lowe"),
+        /// Those with the best local score, as in the original author's code.
+        LocalScore = Value::Word("local_score"),
+    }
 }
 
-impl Default for SearchOfInliers {
-    fn default() -> Self {
-        Self {
-            tolerance: None,
-            neighbors: 250,
-            min_distance_ratio: 0.9,
-            lowe_ratio: 0.8,
-            global_rank: GlobalRank::default(),
-            threshold: Threshold::default(),
-        }
+method! {
+    /// Parameters of the search of inliers.
+    pub struct SearchOfInliers = "si", ["source", "target", "ratio", "source_lrf", "target_lrf"],
+        optional ["resolution"], {
+        /// delta: greatest residual of a global vote, a length; default 5 resolutions.
+        pub tolerance: Option<f64> = None;
+        /// kappa: number of local neighbours, and of global voters.
+        pub neighbors: usize = 250;
+        /// sigma: least distance ratio of a vote, in 0..=1.
+        pub min_distance_ratio: f64 = 0.9, SHARE;
+        /// Local voters have a lower ratio of nearest to second-nearest descriptor distance.
+        pub lowe_ratio: f64 = 0.8, SHARE;
+        /// Which correspondences vote on all others.
+        pub global_rank: GlobalRank = GlobalRank::default();
+        /// Cut on the scores.
+        pub threshold: Threshold = Threshold::Otsu;
+        /// How Otsu's method lays out the candidate cuts.
+        pub otsu: OtsuMode = OtsuMode::default();
     }
 }
 
@@ -70,8 +61,7 @@ impl Votes {
 }
 
 impl GroupingMethod for SearchOfInliers {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
-        self.validate()?;
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("si")?;
         let (source_frames, target_frames) = correspondences.frames("si")?;
         let ratio = correspondences.ratio("si")?;
@@ -97,20 +87,13 @@ impl GroupingMethod for SearchOfInliers {
         let global = ballot.global_votes(&voters, execution)?; // Y_G and C_G without i, Eq. (5)
         let both = |(l, g): (&Votes, &Votes)| Votes { support: l.support + g.support, cast: l.cast + g.cast };
         let scores = memory::collect(local.iter().zip(&global).map(|votes| both(votes).share()))?; // s_i, Eq. (6)
-        let Cut { mask, threshold } = self.threshold.above(&scores)?;
+        let Cut { mask, threshold } = self.threshold.above(&scores, self.otsu)?;
         let rule = Rule::new(Kind::Score).agreeing(Agreement::ratio(self.min_distance_ratio));
         Ok(Grouping { mask, scores: Some(scores), threshold, ..Grouping::default() }.by(rule))
     }
 }
 
 impl SearchOfInliers {
-    fn validate(&self) -> Result<()> {
-        at_least_one("neighbors", self.neighbors)?;
-        fraction("min_distance_ratio", self.min_distance_ratio)?;
-        fraction("lowe_ratio", self.lowe_ratio)?;
-        self.threshold.validate()
-    }
-
     fn global_voters(&self, ratio: &[f64], local: &[Votes]) -> Result<Vec<usize>> {
         match self.global_rank {
             GlobalRank::Lowe => smallest(ratio, self.neighbors),

@@ -4,24 +4,29 @@
 //! that Otsu's method sets. Cost O(n).
 
 use super::GroupingMethod;
+use crate::options::{at_most, method};
 use crate::rule::{Kind, Rule};
-use crate::selection::otsu::{Cut, Threshold};
+use crate::selection::otsu::{Cut, DEFAULT_BINS, MAX_BINS, OtsuMode, Threshold, otsu};
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
-/// Parameters of the similarity score.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SimilarityScore {
-    /// Cut on the similarity; a fixed value is itself accepted.
-    pub threshold: Threshold,
+method! {
+    /// Parameters of the similarity score.
+    pub struct SimilarityScore = "ss", ["similarity"], optional [], {
+        /// Cut on the similarity; a fixed value is itself accepted.
+        pub threshold: Threshold = Threshold::Otsu;
+        /// How Otsu's method lays out the candidate cuts.
+        pub otsu: OtsuMode = OtsuMode::default();
+        /// Bins of Otsu's method.
+        pub bins: usize = DEFAULT_BINS, at_most(MAX_BINS);
+    }
 }
 
 impl GroupingMethod for SimilarityScore {
-    fn group(&self, correspondences: &Correspondences, _: &Execution) -> Result<Grouping> {
-        self.threshold.validate()?;
+    fn run(&self, correspondences: &Correspondences, _: &Execution) -> Result<Grouping> {
         let scores = correspondences.similarity("ss")?; // 1 - |f - f'|, left side of Eq. (1)
         let rule = Rule::new(Kind::Score);
         let (Cut { mask, threshold }, rule) = match self.threshold {
-            Threshold::Otsu(_) => (self.threshold.above(scores)?, rule),
+            Threshold::Otsu => (otsu(scores, self.otsu, self.bins)?, rule),
             Threshold::Fixed(value) => (at_least(scores, value)?, rule.or_equal()),
         }; // Eq. (1)
         let scores = Some(memory::copied(scores)?);
@@ -50,7 +55,7 @@ mod tests {
             0.9,
             f64::NEG_INFINITY,
         ])?;
-        let method = SimilarityScore { threshold: Threshold::Fixed(0.5) };
+        let method = SimilarityScore { threshold: Threshold::Fixed(0.5), ..SimilarityScore::default() };
         assert_eq!(method.group(&input, &Execution::default())?.mask, [true, false, true, false]);
         Ok(())
     }

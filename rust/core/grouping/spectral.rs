@@ -6,7 +6,8 @@
 
 use super::GroupingMethod;
 use crate::compatibility::matrix::{PairMatrix, PairPositions, PairScore};
-use crate::error::{fraction, shown};
+use crate::error::shown;
+use crate::options::{SHARE, Value, method, words};
 use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvector};
 use crate::selection::top_k::largest;
@@ -21,75 +22,62 @@ const TIE: f64 = 1e-9;
 /// Sums of greater affinities are infinite.
 const MOST_AFFINITY: f64 = 1e300;
 
-/// Pairwise affinity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Affinity {
-    /// The distance ratio.
-    #[default]
-    Raw,
-    /// The distance ratio where it reaches `min_distance_ratio`, else 0.
-    Threshold,
-    /// 1 where the distance ratio reaches `min_distance_ratio`, else 0.
-    Binary,
+words! {
+    /// Pairwise affinity.
+    pub enum Affinity {
+        /// The distance ratio.
+        Raw = Value::Word("raw"),
+        /// The distance ratio where it reaches `min_distance_ratio`, else 0.
+        Threshold = Value::Word("threshold"),
+        /// 1 where the distance ratio reaches `min_distance_ratio`, else 0.
+        Binary = Value::Word("binary"),
+    }
 }
 
-/// A correspondence's affinity with itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Diagonal {
-    /// 0.
-    #[default]
-    Zero,
-    /// 1.
-    One,
-    /// Its descriptor similarity, if positive.
-    Score,
+words! {
+    /// A correspondence's affinity with itself.
+    pub enum Diagonal {
+        /// 0.
+        Zero = Value::Word("zero"),
+        /// 1.
+        One = Value::Word("one"),
+        /// Its descriptor similarity, if positive.
+        Score = Value::Word("score"),
+    }
 }
 
-/// When an accepted correspondence removes another one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Conflict {
-    /// Their distance ratio is below `min_distance_ratio`.
-    #[default]
-    Rigidity,
-    /// They share a source or a target point.
-    OneToOne,
-    /// Either of the two.
-    Both,
+words! {
+    /// When an accepted correspondence removes another one.
+    pub enum Conflict {
+        /// Their distance ratio is below `min_distance_ratio`.
+        Rigidity = Value::Word("rigidity"),
+        /// They share a source or a target point.
+        OneToOne = Value::Word("one_to_one"),
+        /// Either of the two.
+        Both = Value::Word("both"),
+    }
 }
 
-/// Parameters of the spectral technique.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spectral {
-    /// Least distance ratio of two correspondences that can both be right, in 0..=1.
-    pub min_distance_ratio: f64,
-    /// Off-diagonal entries.
-    pub affinity: Affinity,
-    /// Diagonal entries.
-    pub diagonal: Diagonal,
-    /// When two correspondences exclude each other.
-    pub conflict: Conflict,
-    /// How the eigenvector is found.
-    pub eigensolver: Eigensolver,
-    /// Compute the eigenvector of the remaining correspondences again after each acceptance.
-    pub recompute: bool,
-}
-
-impl Default for Spectral {
-    fn default() -> Self {
-        Self {
-            min_distance_ratio: 0.6,
-            affinity: Affinity::default(),
-            diagonal: Diagonal::default(),
-            conflict: Conflict::default(),
-            eigensolver: Eigensolver::default(),
-            recompute: false,
-        }
+method! {
+    /// Parameters of the spectral technique.
+    pub struct Spectral = "st", ["source", "target"], optional ["similarity"], {
+        /// Least distance ratio of two correspondences that can both be right, in 0..=1.
+        pub min_distance_ratio: f64 = 0.6, SHARE;
+        /// Off-diagonal entries.
+        pub affinity: Affinity = Affinity::default();
+        /// Diagonal entries.
+        pub diagonal: Diagonal = Diagonal::default();
+        /// When two correspondences exclude each other.
+        pub conflict: Conflict = Conflict::default();
+        /// How the eigenvector is found.
+        pub eigensolver: Eigensolver = Eigensolver::default();
+        /// Compute the eigenvector of the remaining correspondences again after each acceptance.
+        pub recompute: bool = false;
     }
 }
 
 impl GroupingMethod for Spectral {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
-        fraction("min_distance_ratio", self.min_distance_ratio)?;
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("st")?;
         let diagonal = self.diagonal(correspondences)?;
         let affinity = PairMatrix::new(source, target, self.pair_score(), diagonal, execution)?; // M, of Eq. (12)

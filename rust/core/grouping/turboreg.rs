@@ -25,8 +25,8 @@ use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::compatibility::graph::{AgreementGraph, Edge, EdgeLengths, count_common};
 use crate::consensus::choice::{Choice, best_pose, group_of, poses_among};
-use crate::error::at_least_one;
 use crate::geometry::rigid::{Rigid, fit_triangle, fixes_rotation};
+use crate::options::method;
 use crate::rule::{Agreement, Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
@@ -34,33 +34,21 @@ use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 const DISTANCE_DIFFERENCE: f64 = 0.12;
 const NMS_RADIUS: f64 = 1.5;
 
-/// Parameters of `TurboReg`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurboReg {
-    /// An inlier's residual is less than this length; default 5 resolutions.
-    pub tolerance: Option<f64>,
-    /// Bound on `|ds - dt|` of two that are compatible, a length; default 0.12 of the tolerance.
-    pub max_distance_difference: Option<f64>,
-    /// `ds + dt` of two that are compatible exceeds this length; default 1.5 tolerances.
-    pub nms_radius: Option<f64>,
-    /// Heaviest pairs that triangles are sought for.
-    pub pivots: usize,
-    /// Triangles of each.
-    pub cliques_per_pivot: usize,
-    /// What the best pose has most of.
-    pub choice: Choice,
-}
-
-impl Default for TurboReg {
-    fn default() -> Self {
-        Self {
-            tolerance: None,
-            max_distance_difference: None,
-            nms_radius: None,
-            pivots: 2_000,
-            cliques_per_pivot: 2,
-            choice: Choice::default(),
-        }
+method! {
+    /// Parameters of `TurboReg`.
+    pub struct TurboReg = "turboreg", ["source", "target"], optional ["resolution"], {
+        /// An inlier's residual is less than this length; default 5 resolutions.
+        pub tolerance: Option<f64> = None;
+        /// Bound on `|ds - dt|` of two that are compatible, a length; default 0.12 of the tolerance.
+        pub max_distance_difference: Option<f64> = None;
+        /// `ds + dt` of two that are compatible exceeds this length; default 1.5 tolerances.
+        pub nms_radius: Option<f64> = None;
+        /// Heaviest pairs that triangles are sought for.
+        pub pivots: usize = 2_000;
+        /// Triangles of each.
+        pub cliques_per_pivot: usize = 2;
+        /// What the best pose has most of.
+        pub choice: Choice = Choice::default();
     }
 }
 
@@ -72,7 +60,7 @@ struct Lengths {
 }
 
 impl GroupingMethod for TurboReg {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("turboreg")?;
         let lengths = self.check(correspondences)?;
         let kept = most_compatible(source, target, lengths.max_distance_difference, execution)?;
@@ -99,8 +87,6 @@ impl TurboReg {
         let given_or = |name, given: Option<f64>, share: f64| {
             correspondences.length(name, Some(given.unwrap_or(share * tolerance)), share)
         };
-        at_least_one("pivots", self.pivots)?;
-        at_least_one("cliques_per_pivot", self.cliques_per_pivot)?;
         Ok(Lengths {
             tolerance,
             max_distance_difference: given_or(

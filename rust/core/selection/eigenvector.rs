@@ -7,6 +7,7 @@ use crate::compatibility::matrix::PairMatrix;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
+use crate::options::{Value, words};
 use crate::simd::sums::{dot, sum};
 
 /// Power steps before giving up on further digits.
@@ -31,14 +32,14 @@ const SHIFT: f64 = 0.05;
 /// Entries whose squares can be summed.
 const SAFE: RangeInclusive<f64> = 1e-100..=1e100;
 
-/// How the eigenvector is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Eigensolver {
-    /// Power iteration on the shifted matrix, O(n^2) per step.
-    #[default]
-    Power,
-    /// Lanczos's method on the stored matrix, to the last digits.
-    Dense,
+words! {
+    /// How the eigenvector is computed.
+    pub enum Eigensolver {
+        /// Power iteration on the shifted matrix, O(n^2) per step.
+        Power = Value::Word("power"),
+        /// Lanczos's method on the stored matrix, to the last digits.
+        Dense = Value::Word("dense"),
+    }
 }
 
 /// An eigenvector of unit length with entries >= 0, and its eigenvalue.

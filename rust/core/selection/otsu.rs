@@ -3,14 +3,15 @@
 //! N. Otsu, *A threshold selection method from gray-level histograms*, 1979; the paper, section 3,
 //! where SS, SI, CV and GTM "adaptively" choose their threshold with it.
 
-use crate::error::{Error, Result, at_least_one};
+use crate::error::Result;
 use crate::memory;
+use crate::options::{Kind, OptionType, Value, words};
 
 /// Bins of the paper's own routine.
 pub const DEFAULT_BINS: usize = 100;
 
 /// More bins separate no more scores.
-const MAX_BINS: usize = 1_000_000;
+pub const MAX_BINS: u64 = 1_000_000;
 
 /// Scores whose spread is below this share of their magnitude are all equal.
 const EQUAL_SCORES: f64 = 1e-9;
@@ -18,43 +19,46 @@ const EQUAL_SCORES: f64 = 1e-9;
 /// A split must be better by this share to replace an earlier one.
 const STRICTLY_BETTER: f64 = 1e-12;
 
-/// How the candidate cuts are laid out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum OtsuMode {
-    /// Equal bins between the least and the greatest score; class means from the scores themselves.
-    MinMax {
-        /// Number of bins.
-        bins: usize,
-    },
-    /// Every gap between two distinct scores is a candidate.
-    Exact,
-    /// `floor(sqrt(n) + 0.5)` bins over 0..=1 and means of bin indices, as in the code of SI's author.
-    Covis,
-    /// Bins whose origin is 0 instead of the least score, as in the evaluation group's later code.
-    Legacy {
-        /// Number of bins.
-        bins: usize,
-    },
-}
-
-impl Default for OtsuMode {
-    fn default() -> Self {
-        Self::MinMax { bins: DEFAULT_BINS }
+words! {
+    /// How the candidate cuts are laid out.
+    pub enum OtsuMode {
+        /// Equal bins between the least and the greatest score; class means from the scores themselves.
+        MinMax = Value::Word("minmax"),
+        /// Every gap between two distinct scores is a candidate.
+        Exact = Value::Word("exact"),
+        /// `floor(sqrt(n) + 0.5)` bins over 0..=1 and means of bin indices, as in the code of SI's author.
+        Covis = Value::Word("covis"),
+        /// Bins whose origin is 0 instead of the least score, as in the evaluation group's later code.
+        Legacy = Value::Word("legacy"),
     }
 }
 
 /// Where scores are cut.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Threshold {
     /// By Otsu's method.
-    Otsu(OtsuMode),
+    #[default]
+    Otsu,
     /// At a given value.
     Fixed(f64),
 }
 
-impl Default for Threshold {
-    fn default() -> Self {
-        Self::Otsu(OtsuMode::default())
+impl OptionType for Threshold {
+    const KIND: Kind = Kind::Cut;
+
+    fn read(value: Value) -> Option<Self> {
+        match value {
+            Value::Word("otsu") => Some(Self::Otsu),
+            Value::Number(threshold) => Some(Self::Fixed(threshold)),
+            _ => None,
+        }
+    }
+
+    fn value(self) -> Value {
+        match self {
+            Self::Otsu => Value::Word("otsu"),
+            Self::Fixed(threshold) => Value::Number(threshold),
+        }
     }
 }
 
@@ -68,33 +72,14 @@ pub struct Cut {
 }
 
 impl Threshold {
-    /// Checks the options.
-    ///
-    /// # Errors
-    /// [`Error::InvalidInput`] for a threshold that is NaN, or no bins.
-    pub fn validate(&self) -> Result<()> {
-        match *self {
-            Self::Fixed(value) if value.is_nan() => {
-                Err(Error::invalid("threshold", value, "give a number or \"otsu\""))
-            }
-            Self::Otsu(OtsuMode::MinMax { bins } | OtsuMode::Legacy { bins }) => {
-                if at_least_one("bins", bins)? > MAX_BINS {
-                    return Err(Error::invalid("bins", bins, "give at most 1,000,000"));
-                }
-                Ok(())
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Selects the scores above the threshold. Scores of minus infinity are never selected.
+    /// Selects the scores above the threshold; Otsu's is laid out by a mode, in the default number of bins. Scores of minus infinity are never selected.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub fn above(&self, scores: &[f64]) -> Result<Cut> {
+    pub fn above(&self, scores: &[f64], mode: OtsuMode) -> Result<Cut> {
         match *self {
             Self::Fixed(threshold) => cut(scores, threshold),
-            Self::Otsu(mode) => otsu(scores, mode),
+            Self::Otsu => otsu(scores, mode, DEFAULT_BINS),
         }
     }
 }
@@ -103,7 +88,7 @@ impl Threshold {
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
-pub fn otsu(scores: &[f64], mode: OtsuMode) -> Result<Cut> {
+pub fn otsu(scores: &[f64], mode: OtsuMode, bins: usize) -> Result<Cut> {
     let finite = memory::collect(scores.iter().copied().filter(|s| s.is_finite()))?;
     let low = finite.iter().copied().fold(f64::INFINITY, f64::min);
     let high = finite.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -113,10 +98,10 @@ pub fn otsu(scores: &[f64], mode: OtsuMode) -> Result<Cut> {
         return Ok(Cut { mask, threshold: None });
     }
     let threshold = match mode {
-        OtsuMode::MinMax { bins } => min_max(&finite, low, high, bins)?,
+        OtsuMode::MinMax => min_max(&finite, low, high, bins)?,
         OtsuMode::Exact => exact(finite)?,
         OtsuMode::Covis => covis(&finite)?,
-        OtsuMode::Legacy { bins } => legacy(&finite, low, high, bins)?,
+        OtsuMode::Legacy => legacy(&finite, low, high, bins)?,
     };
     cut(scores, threshold)
 }
@@ -242,13 +227,15 @@ fn legacy(scores: &[f64], low: f64, high: f64, bins: usize) -> Result<f64> {
 mod tests {
     use super::*;
 
-    const MODE: OtsuMode = OtsuMode::MinMax { bins: 100 };
+    fn cut_by(scores: &[f64], mode: OtsuMode) -> Result<Cut> {
+        otsu(scores, mode, DEFAULT_BINS)
+    }
 
     #[test]
     fn two_clusters_split_half_way() -> Result<()> {
         let scores = [0.1, 0.2, 0.15, 0.9, 0.8];
-        for mode in [MODE, OtsuMode::Exact] {
-            let Cut { mask, threshold } = otsu(&scores, mode)?;
+        for mode in [OtsuMode::MinMax, OtsuMode::Exact] {
+            let Cut { mask, threshold } = cut_by(&scores, mode)?;
             let threshold = threshold.unwrap_or_default();
             assert_eq!(mask, [false, false, false, true, true]);
             assert!((threshold - 0.5).abs() < 1e-15, "{threshold}");
@@ -258,17 +245,17 @@ mod tests {
 
     #[test]
     fn equal_scores_are_all_or_nothing() -> Result<()> {
-        assert_eq!(otsu(&[2.0; 3], MODE)?.mask, [true; 3]);
-        assert_eq!(otsu(&[0.0; 3], MODE)?.mask, [false; 3]);
-        assert_eq!(otsu(&[-1.0; 3], MODE)?.mask, [false; 3]);
-        assert_eq!(otsu(&[1e-5, 1e-5 * (1.0 + 1e-12)], MODE)?.mask, [true; 2]);
-        assert!(otsu(&[], MODE)?.mask.is_empty());
+        assert_eq!(cut_by(&[2.0; 3], OtsuMode::MinMax)?.mask, [true; 3]);
+        assert_eq!(cut_by(&[0.0; 3], OtsuMode::MinMax)?.mask, [false; 3]);
+        assert_eq!(cut_by(&[-1.0; 3], OtsuMode::MinMax)?.mask, [false; 3]);
+        assert_eq!(cut_by(&[1e-5, 1e-5 * (1.0 + 1e-12)], OtsuMode::MinMax)?.mask, [true; 2]);
+        assert!(cut_by(&[], OtsuMode::MinMax)?.mask.is_empty());
         Ok(())
     }
 
     #[test]
     fn scores_without_a_value_are_left_out() -> Result<()> {
-        let cut = otsu(&[f64::NEG_INFINITY, 0.1, 0.9], MODE)?;
+        let cut = cut_by(&[f64::NEG_INFINITY, 0.1, 0.9], OtsuMode::MinMax)?;
         assert_eq!(cut.mask, [false, false, true]);
         assert!((cut.threshold.unwrap_or_default() - 0.5).abs() < 1e-15);
         Ok(())
@@ -277,7 +264,7 @@ mod tests {
     #[test]
     fn neighbouring_numbers_split() -> Result<()> {
         let low = 1e-300;
-        let cut = otsu(&[low, 3.0 * low], MODE)?;
+        let cut = cut_by(&[low, 3.0 * low], OtsuMode::MinMax)?;
         assert_eq!(cut.mask, [false, true]);
         Ok(())
     }
@@ -285,7 +272,7 @@ mod tests {
     #[test]
     fn covis_cuts_on_bin_indices() -> Result<()> {
         // n = 9 gives 3 bins; the best split is after bin 0: t = 0 / 2.
-        let cut = otsu(&[0.0, 0.1, 0.2, 0.3, 0.1, 0.9, 1.0, 0.8, 0.9], OtsuMode::Covis)?;
+        let cut = cut_by(&[0.0, 0.1, 0.2, 0.3, 0.1, 0.9, 1.0, 0.8, 0.9], OtsuMode::Covis)?;
         assert!(cut.threshold.is_some_and(|t| t.abs() < 1e-15));
         assert_eq!(cut.mask.iter().filter(|&&m| m).count(), 8);
         Ok(())
@@ -294,7 +281,7 @@ mod tests {
     #[test]
     fn legacy_ignores_the_offset() -> Result<()> {
         // Bins of width 0.001 from 0: every score above 0.1 falls in the last bin, no split exists.
-        let cut = otsu(&[0.5, 0.55, 0.6], OtsuMode::Legacy { bins: 100 })?;
+        let cut = cut_by(&[0.5, 0.55, 0.6], OtsuMode::Legacy)?;
         assert!((cut.threshold.unwrap_or_default() - 0.05).abs() < 1e-12);
         assert_eq!(cut.mask, [true; 3]);
         Ok(())

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from typing import TYPE_CHECKING
 
-from method_figures.ideas.graphs import clipper, gc, mac, teaser
-from method_figures.ideas.hypotheses import lc, ransac, turboreg
-from method_figures.ideas.matrices import gtm, sc2pcr, st
-from method_figures.ideas.scores import nnsr, ss
-from method_figures.ideas.votes import cv, hough3d, si
+from cgroup.registry import METHOD_INFO
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from matplotlib.figure import Figure
 
+_MODULES = [importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)]
+_FUNCTIONS = [info.function.__name__ for info in METHOD_INFO.values()]
+
 IDEAS: Mapping[str, Callable[[], Figure]] = {
-    draw.__name__: draw
-    for draw in (ss, nnsr, si, cv, ransac, st, gc, hough3d, gtm, lc, mac, sc2pcr, turboreg, teaser, clipper)
+    name: vars(module)[name] for name in _FUNCTIONS for module in _MODULES if name in vars(module)
 }
 """How the idea of each method is drawn, by the function's name."""

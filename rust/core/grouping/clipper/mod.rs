@@ -27,6 +27,7 @@ use crate::consensus::maximum_clique::greedy_clique;
 use crate::error::{Error, Result, positive};
 use crate::geometry::rigid::fit_group;
 use crate::grouping_result::mask_of;
+use crate::options::{self, Value, method, number, words};
 use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, memory};
@@ -39,52 +40,40 @@ const LEAST_AFFINITY: f64 = 1e-4;
 /// Greatest random part of a start that is 1 else.
 const CHANCE: f64 = 0.01;
 
-/// What is sought.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Variant {
-    /// The set with the greatest sum of affinities per member (CLIPPER).
-    #[default]
-    Densest,
-    /// The set with the most members (CLIPPER+).
-    Maximum,
-}
+/// A length that may be 0.
+const NOT_NEGATIVE: options::Kind = number(0.0, f64::MAX, "give a finite length of at least 0");
 
-/// Parameters of CLIPPER.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Clipper {
-    /// epsilon, bound on the distance difference of two that agree, a length; default 5 resolutions.
-    pub max_distance_difference: Option<f64>,
-    /// sigma, the deviation of distance differences, a length; default a third of that bound.
-    pub deviation: Option<f64>,
-    /// Two that are no farther apart exclude each other.
-    pub min_distance: f64,
+words! {
     /// What is sought.
-    pub variant: Variant,
-    /// Key of the random numbers that the ascent starts from.
-    pub seed: u64,
+    pub enum Variant {
+        /// The set with the greatest sum of affinities per member (CLIPPER).
+        Densest = Value::Word("densest"),
+        /// The set with the most members (CLIPPER+).
+        Maximum = Value::Word("maximum"),
+    }
 }
 
-impl Default for Clipper {
-    fn default() -> Self {
-        Self {
-            max_distance_difference: None,
-            deviation: None,
-            min_distance: 0.0,
-            variant: Variant::default(),
-            seed: 0,
-        }
+method! {
+    /// Parameters of CLIPPER.
+    pub struct Clipper = "clipper", ["source", "target"], optional ["resolution"], {
+        /// epsilon, bound on the distance difference of two that agree, a length; default 5 resolutions.
+        pub max_distance_difference: Option<f64> = None;
+        /// sigma, the deviation of distance differences, a length; default a third of that bound.
+        pub deviation: Option<f64> = None;
+        /// Two that are no farther apart exclude each other.
+        pub min_distance: f64 = 0.0, NOT_NEGATIVE;
+        /// What is sought.
+        pub variant: Variant = Variant::default();
+        /// Key of the random numbers that the ascent starts from.
+        pub seed: u64 = 0;
     }
 }
 
 impl GroupingMethod for Clipper {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("clipper")?;
         let bound = correspondences.length("max_distance_difference", self.max_distance_difference, 5.0)?;
         let deviation = positive("deviation", self.deviation.unwrap_or(bound / 3.0))?;
-        if !self.min_distance.is_finite() || self.min_distance < 0.0 {
-            let remedy = "give a finite length of at least 0";
-            return Err(Error::invalid("min_distance", self.min_distance, remedy));
-        }
         // Where the affinity falls to the least one.
         let reach = bound.min(deviation * (-2.0 * LEAST_AFFINITY.ln()).sqrt());
         let graph = AgreementGraph::new(source, target, reach, self.min_distance, execution)?;

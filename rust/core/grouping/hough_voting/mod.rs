@@ -12,37 +12,45 @@ use self::grid::Grid;
 use self::space::HoughSpace;
 use super::GroupingMethod;
 use crate::consensus::SampleConsensus;
-use crate::error::{Error, at_least_one, positive};
+use crate::error::Error;
 use crate::grouping_result::mask_of;
+use crate::options::{self, ROUNDS, Value, at_most, method, number, words};
 use crate::rule::{Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
 /// Bins per axis beyond this can't be told apart in the grid's index.
-const MAX_BINS: f64 = 2_097_151.0;
+const MAX_BINS: u64 = 2_097_151;
 
 /// So many votes of the grid variant are counted within a millisecond.
 const MOST_INSTANT_VOTES: usize = 20_000;
 
-/// How votes are counted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Variant {
-    /// One vote each; the fullest bin and its neighbours are selected. The paper's.
-    #[default]
-    Grid,
-    /// Cubic bins with interpolated votes; each local maximum is filtered by RANSAC, the largest wins. PCL's.
-    Pcl,
+/// What a maximum has.
+const VOTES: options::Kind = number(
+    -1.0,
+    f64::INFINITY,
+    "give a number of votes, or a share of the maximum as a negative number from -1 to 0",
+);
+
+words! {
+    /// How votes are counted.
+    pub enum Variant {
+        /// One vote each; the fullest bin and its neighbours are selected. The paper's.
+        Grid = Value::Word("grid"),
+        /// Cubic bins with interpolated votes; each local maximum is filtered by RANSAC, the largest wins. PCL's.
+        Pcl = Value::Word("pcl"),
+    }
 }
 
-/// Bins around the peak whose voters are selected too.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Neighborhood {
-    /// The peak alone.
-    None,
-    /// The 6 bins that share a face with it.
-    #[default]
-    Faces,
-    /// All 26 around it.
-    All,
+words! {
+    /// Bins around the peak whose voters are selected too.
+    pub enum Neighborhood {
+        /// The 6 bins that share a face with it.
+        Faces = Value::Whole(6),
+        /// The peak alone.
+        None = Value::Whole(0),
+        /// All 26 around it.
+        All = Value::Whole(26),
+    }
 }
 
 impl Neighborhood {
@@ -65,47 +73,33 @@ impl Neighborhood {
     }
 }
 
-/// Parameters of 3D Hough voting.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HoughVoting {
-    /// How votes are counted.
-    pub variant: Variant,
-    /// Bins per axis over the votes' bounding box.
-    pub bins: usize,
-    /// Side of cubic bins, a length, in place of `bins`.
-    pub bin_size: Option<f64>,
-    /// Grid variant: bins selected around the peak.
-    pub neighbors: Neighborhood,
-    /// PCL variant: spread each vote over the bins whose centres surround it.
-    pub interpolation: bool,
-    /// PCL variant: weigh a vote by `1 - d / d_max` with d the descriptor distance.
-    pub distance_weight: bool,
-    /// PCL variant: least value of a maximum; negative, a share of the greatest value.
-    pub vote_threshold: f64,
-    /// PCL variant: samples of the RANSAC filter.
-    pub iterations: usize,
-    /// PCL variant: key of the filter's random numbers.
-    pub seed: u64,
-}
-
-impl Default for HoughVoting {
-    fn default() -> Self {
-        Self {
-            variant: Variant::default(),
-            bins: 15,
-            bin_size: None,
-            neighbors: Neighborhood::default(),
-            interpolation: true,
-            distance_weight: false,
-            vote_threshold: -1.0,
-            iterations: 10_000,
-            seed: 0,
-        }
+method! {
+    /// Parameters of 3D Hough voting.
+    pub struct HoughVoting = "3dhv", ["source", "target", "source_lrf", "target_lrf"],
+        optional ["similarity", "source_centroid"], {
+        /// Bins per axis over the votes' bounding box.
+        pub bins: usize = 15, at_most(MAX_BINS);
+        /// Side of cubic bins, a length, in place of `bins`.
+        pub bin_size: Option<f64> = None;
+        /// Grid variant: bins selected around the peak.
+        pub neighbors: Neighborhood = Neighborhood::default();
+        /// How votes are counted.
+        pub variant: Variant = Variant::default();
+        /// PCL variant: spread each vote over the bins whose centres surround it.
+        pub interpolation: bool = true;
+        /// PCL variant: weigh a vote by `1 - d / d_max` with d the descriptor distance.
+        pub distance_weight: bool = false;
+        /// PCL variant: least value of a maximum; negative, a share of the greatest value.
+        pub vote_threshold: f64 = -1.0, VOTES;
+        /// PCL variant: samples of the RANSAC filter.
+        pub iterations: usize = 10_000, ROUNDS;
+        /// PCL variant: key of the filter's random numbers.
+        pub seed: u64 = 0;
     }
 }
 
 impl GroupingMethod for HoughVoting {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         self.validate()?;
         let votes = cast_votes(correspondences)?; // Eq. (14) to (16)
         let group = match self.variant {
@@ -126,20 +120,9 @@ type Vote = (usize, Point3<f64>);
 
 impl HoughVoting {
     fn validate(&self) -> Result<()> {
-        at_least_one("iterations", self.iterations)?;
-        if at_least_one("bins", self.bins)? as f64 > MAX_BINS {
-            return Err(Error::invalid("bins", self.bins, "give at most 2,097,151 bins per axis"));
-        }
-        if let Some(side) = self.bin_size {
-            positive("bin_size", side)?;
-        } else if self.variant == Variant::Pcl {
+        if self.bin_size.is_none() && self.variant == Variant::Pcl {
             let remedy = "the pcl variant votes in cubes: give their side, a length in the data's unit";
             return Err(Error::invalid("bin_size", "none", remedy));
-        }
-        if self.vote_threshold.is_nan() || self.vote_threshold < -1.0 {
-            let remedy =
-                "give a number of votes, or a share of the maximum as a negative number from -1 to 0";
-            return Err(Error::invalid("vote_threshold", self.vote_threshold, remedy));
         }
         Ok(())
     }
@@ -241,7 +224,7 @@ fn bounding_box(votes: &[Vote]) -> Option<(Point3<f64>, Vector3<f64>)> {
 }
 
 fn check_bins(range: f64, side: f64) -> Result<()> {
-    if range / side < MAX_BINS {
+    if range / side < MAX_BINS as f64 {
         return Ok(());
     }
     let remedy =

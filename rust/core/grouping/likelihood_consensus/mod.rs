@@ -35,9 +35,9 @@ use crate::consensus::landing::{Landing, landings};
 use crate::consensus::likelihood::Likelihood;
 use crate::consensus::likelihood::levels::levels;
 use crate::consensus::modes::{Mode, find_modes};
-use crate::error::at_least_one;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::{Alternative, mask_of};
+use crate::options::method;
 use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
@@ -56,20 +56,16 @@ const SEEDS: usize = 1_000;
 /// Correspondences whose cliques are sought.
 const MOST_VERTICES: usize = 2_500;
 
-/// Parameters of likelihood consensus.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LikelihoodConsensus {
-    /// Greatest distance difference of two that agree, a length; default 3 resolutions. All other lengths follow.
-    pub tolerance: Option<f64>,
-    /// Most poses that are returned, the best among them.
-    pub modes: usize,
-    /// Most rigid motions whose groups are returned.
-    pub instances: usize,
-}
-
-impl Default for LikelihoodConsensus {
-    fn default() -> Self {
-        Self { tolerance: None, modes: 40, instances: 1 }
+method! {
+    /// Parameters of likelihood consensus.
+    pub struct LikelihoodConsensus = "lc", ["source", "target"],
+        optional ["ratio", "source_lrf", "target_lrf", "resolution"], {
+        /// Greatest distance difference of two that agree, a length; default 3 resolutions. All other lengths follow.
+        pub tolerance: Option<f64> = None;
+        /// Most poses that are returned, the best among them.
+        pub modes: usize = 40;
+        /// Most rigid motions whose groups are returned.
+        pub instances: usize = 1;
     }
 }
 
@@ -100,12 +96,10 @@ struct Answer {
 }
 
 impl GroupingMethod for LikelihoodConsensus {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("lc")?;
         let tolerance = correspondences.length("tolerance", self.tolerance, 3.0)?;
-        let modes = at_least_one("modes", self.modes)?;
-        let instances = at_least_one("instances", self.instances)?;
-        let problem = Problem { source, target, tolerance, modes, execution };
+        let problem = Problem { source, target, tolerance, modes: self.modes, execution };
         let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
         let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
         let joined = problem.join()?;
@@ -117,7 +111,7 @@ impl GroupingMethod for LikelihoodConsensus {
         if let Some(rotations) = &rotations {
             answer = frames::with_frames(&judge, answer, rotations, &joined, &cliques)?;
         }
-        let grouping = judge.judged(problem.report(&answer)?, &answer, instances)?;
+        let grouping = judge.judged(problem.report(&answer)?, &answer, self.instances)?;
         let rule = Rule::bounded(Kind::Residual, problem.group_radius()).or_equal();
         let grouping = grouping.by(rule.agreeing(Agreement::difference(tolerance)));
         let grouping = grouping.with("hypotheses", cliques.len() as f64);

@@ -26,9 +26,10 @@ use rayon::prelude::*;
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
 use crate::consensus::choice::{Choice, best_pose, group_of, inliers_of};
-use crate::error::{Error, at_least_one, positive};
+use crate::error::positive;
 use crate::geometry::rigid::{Rigid, fit_rows};
 use crate::memory;
+use crate::options::{BELOW_ONE, ROUNDS, at_least, method};
 use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result};
@@ -39,44 +40,31 @@ use walk::Clique;
 /// Most paths of two edges: W takes as many steps. Where there are more, the vertices of the least degree are left out.
 const MOST_PATHS: f64 = (1_u64 << 30) as f64;
 
-/// Parameters of MAC.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MaximalCliques {
-    /// Residuals below this length belong to the group; default 5 resolutions.
-    pub tolerance: Option<f64>,
-    /// Greatest distance difference of two that agree, a length; default a fifth of the tolerance.
-    pub max_distance_difference: Option<f64>,
-    /// Weight of two that differ by that much, in 0..1.
-    pub min_weight: f64,
-    /// Least members of a clique, three or more.
-    pub min_clique_size: usize,
-    /// Ends of the search for cliques, which are maximal cliques or dead ends.
-    pub max_cliques: usize,
-    /// Cliques that propose a motion, the heaviest; all where there is no number.
-    pub max_hypotheses: Option<usize>,
-    /// Whether the best motion is refined.
-    pub refine: bool,
-}
-
-impl Default for MaximalCliques {
-    fn default() -> Self {
-        Self {
-            tolerance: None,
-            max_distance_difference: None,
-            min_weight: 0.99,
-            min_clique_size: 3,
-            max_cliques: 1_000_000,
-            max_hypotheses: None,
-            refine: true,
-        }
+method! {
+    /// Parameters of MAC.
+    pub struct MaximalCliques = "mac", ["source", "target"], optional ["resolution"], {
+        /// Residuals below this length belong to the group; default 5 resolutions.
+        pub tolerance: Option<f64> = None;
+        /// Greatest distance difference of two that agree, a length; default a fifth of the tolerance.
+        pub max_distance_difference: Option<f64> = None;
+        /// Weight of two that differ by that much, in 0..1.
+        pub min_weight: f64 = 0.99, BELOW_ONE;
+        /// Least members of a clique, three or more.
+        pub min_clique_size: usize = 3, at_least(3);
+        /// Ends of the search for cliques, which are maximal cliques or dead ends.
+        pub max_cliques: usize = 1_000_000, ROUNDS;
+        /// Cliques that propose a motion, the heaviest; all where there is no number.
+        pub max_hypotheses: Option<usize> = None;
+        /// Whether the best motion is refined.
+        pub refine: bool = true;
     }
 }
 
 impl GroupingMethod for MaximalCliques {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("mac")?;
         let tolerance = correspondences.length("tolerance", self.tolerance, 5.0)?;
-        let search = self.search()?;
+        let search = Search { min_size: self.min_clique_size, max_ends: self.max_cliques };
         let kernel = self.kernel(tolerance)?;
         let agreement = Agreement::difference(kernel.bound).or_equal();
         let rule = Rule::bounded(Kind::Residual, tolerance).agreeing(agreement);
@@ -106,25 +94,7 @@ impl GroupingMethod for MaximalCliques {
 }
 
 impl MaximalCliques {
-    fn search(&self) -> Result<Search> {
-        if self.min_clique_size < 3 {
-            let remedy = "a motion takes three correspondences; give at least 3";
-            return Err(Error::invalid("min_clique_size", self.min_clique_size, remedy));
-        }
-        if let Some(most) = self.max_hypotheses {
-            at_least_one("max_hypotheses", most)?;
-        }
-        Ok(Search {
-            min_size: self.min_clique_size,
-            max_ends: at_least_one("max_cliques", self.max_cliques)?,
-        })
-    }
-
     fn kernel(&self, tolerance: f64) -> Result<Kernel> {
-        if !(0.0..1.0).contains(&self.min_weight) {
-            let remedy = "give a number from 0 to less than 1";
-            return Err(Error::invalid("min_weight", self.min_weight, remedy));
-        }
         let bound = self.max_distance_difference.unwrap_or(tolerance / 5.0);
         Ok(Kernel { bound: positive("max_distance_difference", bound)?, min_weight: self.min_weight })
     }
@@ -204,7 +174,7 @@ mod tests {
             MaximalCliques { max_distance_difference: Some(0.0), ..default },
         ] {
             let refused = method.group(&input, &Execution::default());
-            assert!(matches!(refused, Err(Error::InvalidInput { .. })), "{method:?}");
+            assert!(matches!(refused, Err(crate::Error::InvalidInput { .. })), "{method:?}");
         }
         Ok(())
     }

@@ -28,7 +28,7 @@ pub fn dense_part(graph: &SecondOrderGraph, execution: &Execution) -> Result<Vec
         return memory::collect(all);
     }
     let Coefficients { of_vertices, pooled } = coefficients(graph, execution)?;
-    let cut = otsu(&of_vertices, OtsuMode::Legacy { bins: DEFAULT_BINS })?.threshold;
+    let cut = otsu(&of_vertices, OtsuMode::Legacy, DEFAULT_BINS)?.threshold;
     let otsu = cut.unwrap_or(of_vertices[0]); // all are equal where there is none
     let mean = of_vertices.iter().sum::<f64>() / of_vertices.len() as f64;
     if otsu.min(mean).min(pooled) <= DENSE {

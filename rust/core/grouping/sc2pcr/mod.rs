@@ -36,39 +36,27 @@ use self::seeds::{confidence, seeds};
 use super::GroupingMethod;
 use crate::compatibility::graph::AgreementGraph;
 use crate::consensus::choice::{Choice, best_pose, group_of, poses_among};
-use crate::error::{at_least_one, fraction};
 use crate::geometry::rigid::Rigid;
+use crate::options::{SHARE, method};
 use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest_in_order;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// Parameters of SC2-PCR.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sc2Pcr {
-    /// An inlier's residual is less than this length; default 5 resolutions.
-    pub tolerance: Option<f64>,
-    /// Bound on `|ds - dt|` of two that are compatible, a length; default the tolerance.
-    pub max_distance_difference: Option<f64>,
-    /// Share of the correspondences that are seeds; one is at least.
-    pub seed_ratio: f64,
-    /// A seed is the most confident within this length in the source; default the tolerance.
-    pub nms_radius: Option<f64>,
-    /// Members of a consensus set after its first stage.
-    pub k1: usize,
-    /// Members after its second stage.
-    pub k2: usize,
-}
-
-impl Default for Sc2Pcr {
-    fn default() -> Self {
-        Self {
-            tolerance: None,
-            max_distance_difference: None,
-            seed_ratio: 0.2,
-            nms_radius: None,
-            k1: 30,
-            k2: 20,
-        }
+method! {
+    /// Parameters of SC2-PCR.
+    pub struct Sc2Pcr = "sc2pcr", ["source", "target"], optional ["candidates", "resolution"], {
+        /// An inlier's residual is less than this length; default 5 resolutions.
+        pub tolerance: Option<f64> = None;
+        /// Bound on `|ds - dt|` of two that are compatible, a length; default the tolerance.
+        pub max_distance_difference: Option<f64> = None;
+        /// Share of the correspondences that are seeds; one is at least.
+        pub seed_ratio: f64 = 0.2, SHARE;
+        /// A seed is the most confident within this length in the source; default the tolerance.
+        pub nms_radius: Option<f64> = None;
+        /// Members of a consensus set after its first stage.
+        pub k1: usize = 30;
+        /// Members after its second stage.
+        pub k2: usize = 20;
     }
 }
 
@@ -80,7 +68,7 @@ struct Lengths {
 }
 
 impl GroupingMethod for Sc2Pcr {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("sc2pcr")?;
         let lengths = self.check(correspondences)?;
         let confidence = confidence(source, target, lengths.max_distance_difference, execution)?; // steps 1, 2
@@ -115,9 +103,6 @@ impl Sc2Pcr {
         let tolerance = correspondences.length("tolerance", self.tolerance, 5.0)?;
         let or_tolerance =
             |name, given: Option<f64>| correspondences.length(name, Some(given.unwrap_or(tolerance)), 5.0);
-        fraction("seed_ratio", self.seed_ratio)?;
-        at_least_one("k1", self.k1)?;
-        at_least_one("k2", self.k2)?;
         Ok(Lengths {
             tolerance,
             max_distance_difference: or_tolerance("max_distance_difference", self.max_distance_difference)?,

@@ -28,6 +28,7 @@ use crate::consensus::maximum_clique::{Found, maximum_clique};
 use crate::error::positive;
 use crate::geometry::rigid::{Rigid, fixes_rotation};
 use crate::grouping_result::mask_of;
+use crate::options::{self, Value, method, words};
 use crate::rule::{Agreement, Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 use rotation::truncated_rotation;
@@ -39,61 +40,49 @@ pub use rotation::Freedom;
 /// A correspondence is not joined with itself or its equal, but with others of the same point.
 const JOINED: EdgeLengths = EdgeLengths::SumAbove(0.0);
 
-/// What is kept of the graph.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Prune {
-    /// A maximum clique.
-    #[default]
-    Clique,
-    /// The vertices of the greatest core number.
-    Core,
+words! {
+    /// What is kept of the graph.
+    pub enum Prune {
+        /// A maximum clique.
+        Clique = Value::Word("clique"),
+        /// The vertices of the greatest core number.
+        Core = Value::Word("core"),
+    }
 }
 
-/// What is known of the scale.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Scale {
-    /// It is 1.
-    #[default]
-    Known,
-    /// Nothing.
-    Estimate,
+words! {
+    /// What is known of the scale.
+    pub enum Scale {
+        /// It is 1.
+        Known = Value::Word("known"),
+        /// Nothing.
+        Estimate = Value::Word("estimate"),
+    }
 }
 
 /// A smaller tolerance is taken to be this: its inverse square must be a number, and rounding hides it anyway.
 const LEAST_TOLERANCE: f64 = 1e-140;
 
-/// Parameters of TEASER++.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Teaser {
-    /// beta, the greatest error of a right correspondence, a length; default 2.5 resolutions.
-    pub tolerance: Option<f64>,
-    /// Bound on the distance difference of two that agree, a length; default twice the tolerance.
-    pub max_distance_difference: Option<f64>,
-    /// What is kept of the graph.
-    pub prune: Prune,
-    /// Of which kind the rotation is.
-    pub freedom: Freedom,
-    /// What is known of the scale.
-    pub scale: Scale,
-    /// Vertices that the clique's search may colour.
-    pub max_steps: usize,
-}
-
-impl Default for Teaser {
-    fn default() -> Self {
-        Self {
-            tolerance: None,
-            max_distance_difference: None,
-            prune: Prune::default(),
-            freedom: Freedom::default(),
-            scale: Scale::default(),
-            max_steps: 1_000_000,
-        }
+method! {
+    /// Parameters of TEASER++.
+    pub struct Teaser = "teaser", ["source", "target"], optional ["resolution"], {
+        /// beta, the greatest error of a right correspondence, a length; default 2.5 resolutions.
+        pub tolerance: Option<f64> = None;
+        /// Bound on the distance difference of two that agree, a length; default twice the tolerance.
+        pub max_distance_difference: Option<f64> = None;
+        /// What is kept of the graph.
+        pub prune: Prune = Prune::default();
+        /// Of which kind the rotation is.
+        pub dof: Freedom = Freedom::default();
+        /// What is known of the scale.
+        pub scale: Scale = Scale::default();
+        /// Vertices that the clique's search may colour.
+        pub max_steps: usize = 1_000_000, options::Kind::Rounds { least: 0 };
     }
 }
 
 impl GroupingMethod for Teaser {
-    fn group(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+    fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("teaser")?;
         let bound = correspondences.length("tolerance", self.tolerance, 2.5)?.max(LEAST_TOLERANCE);
         let difference = self.max_distance_difference.unwrap_or(2.0 * bound);
@@ -109,7 +98,7 @@ impl GroupingMethod for Teaser {
         let scaled = source.scaled(scale)?;
         let graph = AgreementGraph::with_edges(&scaled, target, difference, JOINED, execution)?;
         let kept = self.keep(&graph, execution)?;
-        let grouping = match fit(&kept.clique, &scaled, target, bound, self.freedom)? {
+        let grouping = match fit(&kept.clique, &scaled, target, bound, self.dof)? {
             None => Grouping::empty(source.len())?,
             Some(Fit { pose, members }) => Grouping {
                 mask: mask_of(source.len(), members)?,
@@ -223,7 +212,7 @@ mod tests {
                 (Freedom::Four, Scale::Known, 1.0),
                 (Freedom::Six, Scale::Estimate, 3.0),
             ] {
-                let method = Teaser { prune, freedom, scale, ..Teaser::default() };
+                let method = Teaser { prune, dof: freedom, scale, ..Teaser::default() };
                 let group = method.group(&problem(300, 60, factor)?, &Execution::default())?;
                 assert!(group.mask[..60].iter().all(|&selected| selected) && group.size() < 63, "{method:?}");
                 let model = group.model.unwrap_or_default();

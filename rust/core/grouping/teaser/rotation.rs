@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::geometry::rigid::rotation_from_covariance;
+use crate::options::{Value, words};
 use crate::{Result, memory};
 
 /// Factor by which the cost's convexity falls from step to step, change of the cost in squared bounds that ends the
@@ -15,14 +16,14 @@ const MOST_STEPS: usize = 100;
 /// Measurements that spread less across their main direction than this share of their spread along it are on a line.
 const FLAT: f64 = 1e-9;
 
-/// Of which kind a rotation is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Freedom {
-    /// Any rotation.
-    #[default]
-    Six,
-    /// About the z axis (Lim et al., *Quatro*, ICRA 2022).
-    Four,
+words! {
+    /// Of which kind a rotation is.
+    pub enum Freedom {
+        /// Any rotation.
+        Six = Value::Whole(6),
+        /// About the z axis (Lim et al., *Quatro*, ICRA 2022).
+        Four = Value::Whole(4),
+    }
 }
 
 /// The rotation R that most measurements hold for, `|q - R p| < bound`; nothing where none does, or where those that
