@@ -217,8 +217,7 @@ def find_correct(
 
 def _need_resolution(correspondences: Correspondences, name: str) -> float:
     if correspondences.resolution is None:
-        message = f"{name}: needed where no resolution is known; give it, or the resolution"
-        raise InputError(message)
+        raise InputError(name, remedy="needed where no resolution is known; give it, or the resolution")
     return correspondences.resolution
 
 
@@ -324,8 +323,7 @@ def write_table(path: str | os.PathLike[str], results: Iterable[MethodResult]) -
     """
     rows = table(results)
     if not rows:
-        message = "results: got none; give the results of one method or more"
-        raise InputError(message)
+        raise InputError("results", "none", "give the results of one method or more")
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()

@@ -39,8 +39,8 @@ class InputError(CgroupError, ValueError):
     ----------
     what : str
         The argument; or the whole message, where it is about no argument.
-    got : str, optional
-        What it was.
+    got : object, optional
+        What it was, as ``str()`` shows it.
     remedy : str, optional
         What to give instead.
 
@@ -48,8 +48,10 @@ class InputError(CgroupError, ValueError):
     ----------
     parameter : str or None
         The argument by its name, or several, such as "nms_radius, voxel".
-    got, remedy : str or None
-        As given.
+    got : str or None
+        What it was.
+    remedy : str or None
+        What to give instead.
 
     Examples
     --------
@@ -65,12 +67,12 @@ class InputError(CgroupError, ValueError):
     max_ratio, 8, give a number between 0 and 1
     """
 
-    def __init__(self, what: str, got: str | None = None, remedy: str | None = None) -> None:
-        self.parameter = None if remedy is None else what
-        self.got = got
+    def __init__(self, what: str, got: object = None, remedy: str | None = None) -> None:
+        reasons = [*([] if got is None else [f"got {got}"]), *([] if remedy is None else [remedy])]
+        self.parameter = what if reasons else None
+        self.got = None if got is None else str(got)
         self.remedy = remedy
-        reason = remedy if got is None else f"got {got}; {remedy}"
-        super().__init__(what if remedy is None else f"{what}: {reason}")
+        super().__init__(f"{what}: {'; '.join(reasons)}" if reasons else what)
 
 
 class OutOfMemoryError(CgroupError, MemoryError):

@@ -175,17 +175,18 @@ def _defaults(function: Callable[..., Grouping]) -> Mapping[str, Any]:
 def _refuse_unknown(method: str, options: Mapping[str, Any], known: Mapping[str, Any]) -> None:
     unknown = [name for name in options if name not in known]
     if unknown:
-        message = f"option: {method} has no {unknown[0]!r}; it takes {', '.join(known)}"
-        raise InputError(message)
+        raise InputError("option", remedy=f"{method} has no {unknown[0]!r}; it takes {', '.join(known)}")
 
 
 def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:
     for name in info.fields:
         if getattr(correspondences, name) is None:
             modest = [other.name for other in METHOD_INFO.values() if other.fields == ("source", "target")]
-            message = (
-                f"method: {info.name} needs `{name}`, which these correspondences lack; "
-                f"give `Correspondences` with it, or use a method that does without: {', '.join(modest)}"
+            raise InputError(
+                "method",
+                remedy=(
+                    f"{info.name} needs `{name}`, which these correspondences lack; give `Correspondences` "
+                    f"with it, or use a method that does without: {', '.join(modest)}"
+                ),
             )
-            raise InputError(message)
     return Fields(**{name: getattr(correspondences, name) for name in (*info.fields, *info.optional_fields)})

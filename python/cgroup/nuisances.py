@@ -89,8 +89,7 @@ def add_noise(cloud: PointCloud | ArrayLike, sigma: float, rng: np.random.Genera
     """
     cloud, deviation = as_cloud("cloud", cloud), as_number("sigma", sigma)
     if not (np.isfinite(deviation) and deviation >= 0):
-        message = f"sigma: got {deviation}; give a finite length, 0 or greater"
-        raise InputError(message)
+        raise InputError("sigma", deviation, "give a finite length, 0 or greater")
     noise = deviation * as_instance("rng", rng, np.random.Generator).normal(size=cloud.points.shape)
     return replace(cloud, points=cloud.points + noise, normals=None)
 
@@ -140,8 +139,7 @@ def decimate(
     as_instance("rng", rng, np.random.Generator)
     part = as_number("share", share)
     if not 0 < part <= 1:
-        message = f"share: got {part}; give the part of the points to keep, above 0 and at most 1"
-        raise InputError(message)
+        raise InputError("share", part, "give the part of the points to keep, above 0 and at most 1")
     cloud = as_cloud("cloud", cloud)
     count = round(part * len(cloud))
     _check_left(count, f"share {part}")
@@ -355,8 +353,10 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
         return common / (share * min(len(source), len(target)))
 
     if overlap_at(1) < level:
-        message = f"overlap: {pair.name} overlaps by only {overlap_at(1):.2f}; ask for less than {level}"
-        raise InputError(message)
+        raise InputError(
+            "overlap",
+            remedy=f"{pair.name} overlaps by only {overlap_at(1):.2f}; ask for less than {level}",
+        )
     share = _bisect(overlap_at, level)
     cut_pair = replace(
         pair,
@@ -412,8 +412,10 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     model, scene = apply(pair.T_target_source, pair.source.points), pair.target.points
     visible = within(model, scene, tolerance)
     if 1 - visible.mean() > level:
-        message = f"occlusion: {pair.name} has {1 - visible.mean():.2f} already; ask for more than {level}"
-        raise InputError(message)
+        raise InputError(
+            "occlusion",
+            remedy=f"{pair.name} has {1 - visible.mean():.2f} already; ask for more than {level}",
+        )
     heights = np.sort(model[visible] @ direction)
     edge = heights[min(round((1 - level) * len(model)), len(heights) - 1)]
     hidden = within(scene, model, tolerance) & (scene @ direction > edge)
@@ -464,8 +466,10 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     own = within(scene, apply(pair.T_target_source, pair.source.points), VISIBLE_WITHIN * pr)
     missing = round(np.count_nonzero(own) / (1 - level)) - len(scene)
     if missing < 0:
-        message = f"clutter: {pair.name} has {1 - own.mean():.2f} already; ask for more than {level}"
-        raise InputError(message)
+        raise InputError(
+            "clutter",
+            remedy=f"{pair.name} has {1 - own.mean():.2f} already; ask for more than {level}",
+        )
     stones = _stones(missing, scene, float(np.ptp(pair.source.points, axis=0).max()), pr, rng)
     target = PointCloud(np.concatenate([scene, stones]), faces=pair.target.faces)
     return replace(pair, target=target, facts={**pair.facts, "clutter": 1 - float(own.sum() / len(target))})
@@ -556,8 +560,7 @@ def _checked(pair: MatchingPair, level: float) -> tuple[MatchingPair, float]:
 
 def _check_share(name: str, level: float) -> None:
     if not 0 < level < 1:
-        message = f"{name}: got {level}; give a share above 0 and below 1"
-        raise InputError(message)
+        raise InputError(name, level, "give a share above 0 and below 1")
 
 
 def _check_left(count: int, cause: str) -> None:

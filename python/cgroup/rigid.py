@@ -101,8 +101,10 @@ def invert(transform: FloatArray) -> FloatArray:
     try:
         return np.linalg.inv(_matrix("transform", transform)).astype(np.float64, copy=False)
     except np.linalg.LinAlgError as error:
-        message = "transform: singular matrix, cannot be inverted; give a rigid transform"
-        raise InputError(message) from error
+        raise InputError(
+            "transform",
+            remedy="singular matrix, cannot be inverted; give a rigid transform",
+        ) from error
 
 
 def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
@@ -139,18 +141,15 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     """
     matrix = _matrix(as_instance("name", name, str), transform)
     if not np.isfinite(matrix).all():
-        message = f"{name}: holds a number that isn't finite"
-        raise InputError(message)
+        raise InputError(name, remedy="holds a number that isn't finite")
     if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9):
         hint = "; transpose it" if np.allclose(matrix[:, 3], (0, 0, 0, 1), atol=1e-9) else ""
-        message = f"{name}: last row is {matrix[3]}, not 0 0 0 1{hint}"
-        raise InputError(message)
+        raise InputError(name, remedy=f"last row is {matrix[3]}, not 0 0 0 1{hint}")
     rotation = matrix[:3, :3]
     deviation = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if deviation > RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
         kind = "a reflection" if deviation <= RIGID_TOLERANCE else "scaled or sheared"
-        message = f"{name}: its upper left 3x3 block is {kind}, not a rotation"
-        raise InputError(message)
+        raise InputError(name, remedy=f"its upper left 3x3 block is {kind}, not a rotation")
     return matrix
 
 
@@ -159,8 +158,11 @@ def _matrix(name: str, transform: ArrayLike) -> FloatArray:
     if matrix.shape == (3, 4):
         return np.concatenate([matrix, [[0.0, 0.0, 0.0, 1.0]]])
     if matrix.shape != (4, 4):
-        message = f"{name}: got shape {matrix.shape}; a rigid transform is a 4x4 matrix, or its first 3 rows"
-        raise InputError(message)
+        raise InputError(
+            name,
+            f"shape {matrix.shape}",
+            "a rigid transform is a 4x4 matrix, or its first 3 rows",
+        )
     return matrix
 
 

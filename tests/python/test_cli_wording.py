@@ -14,6 +14,7 @@ from cgroup import METHODS
 from cgroup.cli import app
 from cgroup.cli.wording import in_options
 from cgroup.datasets import standin_pair
+from cgroup.errors import CgroupError, InputError, NoConsensusError
 from cgroup.io import write_cloud
 
 if TYPE_CHECKING:
@@ -132,35 +133,39 @@ def test_no_error_speaks_python(files: dict[str, Any], capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize(
-    ("message", "expected"),
+    ("error", "expected"),
     [
-        ("voxel: got 0; give more", "--voxel: got 0; give more"),
-        ("nms_radius, voxel: got both", "--nms-radius, --voxel: got both"),
-        ("source: got 4 points; give a larger `voxel`", "source: got 4 points; give a larger --voxel"),
-        ("no pose; `effort='high'` may help", "no pose; --effort high may help"),
-        ("x: `similarity` is missing", "x: similarity is missing"),
-        ("give a `PointCloud` with them", "give a file with them"),
-        ("/a/voxel: no such file", "/a/voxel: no such file"),
-        ("a voxel that is `unknown_name=3`", "a voxel that is unknown_name"),
+        (InputError("voxel", 0, "give more"), "--voxel: got 0; give more"),
+        (InputError("nms_radius, voxel", "both"), "--nms-radius, --voxel: got both"),
         (
-            "tolerance: got nothing; give `resolution` (see cgroup.features.resolution) or `tolerance`",
+            InputError("source", "4 points", "give a larger `voxel`"),
+            "source: got 4 points; give a larger --voxel",
+        ),
+        (NoConsensusError("no pose; `effort='high'` may help"), "no pose; --effort high may help"),
+        (InputError("x", remedy="`similarity` is missing"), "x: similarity is missing"),
+        (InputError("give a `PointCloud` with them"), "give a file with them"),
+        (InputError("/a/voxel: no such file"), "/a/voxel: no such file"),
+        (InputError("a voxel that is `unknown_name=3`"), "a voxel that is unknown_name"),
+        (InputError("/a/quo`ted: no such file"), "/a/quo`ted: no such file"),
+        (
+            InputError("tolerance", "nothing", "give `resolution` (see cgroup.features.resolution)"),
             (
                 "tolerance: not known; give --resolution, the mean point spacing of the clouds, or --tolerance, "
                 "both in the file's unit"
             ),
         ),
         (
-            "deviation: got nothing; give `resolution` (see cgroup.features.resolution) or `deviation`",
+            InputError("deviation", "nothing", "give `resolution` (see cgroup.features.resolution)"),
             "resolution: not known; give --resolution, the mean point spacing of the clouds, in the file's unit",
         ),
         (
-            "max_memory: got 5; the graph takes 7 bytes; allow that many, or give fewer correspondences",
-            "not enough memory: the graph takes 7 bytes; give fewer correspondences",
+            InputError("max_memory", 5, "the graph takes 7 bytes; allow that many, or give fewer"),
+            "not enough memory: the graph takes 7 bytes; give fewer",
         ),
     ],
 )
-def test_messages_in_terms_of_options(message: str, expected: str) -> None:
-    assert in_options(message, OPTIONS) == expected
+def test_errors_in_terms_of_options(error: CgroupError, expected: str) -> None:
+    assert str(in_options(error, OPTIONS)) == expected
 
 
 def test_the_option_that_was_given_is_named(

@@ -58,11 +58,11 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
     except (InputError, MemoryError):
         raise
     except Exception as error:  # whatever the object's own conversion raises
-        message = (
-            f"{name}: got {type(value).__name__}, which is no array: {escape(cut(str(error)))}; "
-            "give a numpy array of numbers"
-        )
-        raise InputError(message) from error
+        raise InputError(
+            name,
+            f"{type(value).__name__}, which is no array: {escape(cut(str(error)))}",
+            "give a numpy array of numbers",
+        ) from error
 
 
 def _check_lists(name: str, value: object) -> None:
@@ -71,8 +71,7 @@ def _check_lists(name: str, value: object) -> None:
     for _ in range(_DEEPEST):
         kinds = set(map(type, items))
         if any(issubclass(kind, np.ma.MaskedArray) for kind in kinds):
-            message = f"{name}: got a masked array; drop its masked rows first, then give its `data`"
-            raise InputError(message)
+            raise InputError(name, "a masked array", "drop its masked rows first, then give its `data`")
         lists = {kind for kind in kinds if issubclass(kind, list | tuple)}
         if not lists:
             return
@@ -85,8 +84,7 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
     array = as_array(name, value)
     if array.dtype.kind not in "fiub":
         got = show(value) if array.ndim == 0 else f"an array of {array.dtype}"
-        message = f"{name}: got {got}; {remedy}"
-        raise InputError(message)
+        raise InputError(name, got, remedy)
     if array.dtype not in AS_THEY_ARE:
         with np.errstate(over="ignore"):  # to infinity, which is refused or not as any other
             array = array.astype(np.float64)
@@ -104,8 +102,7 @@ def real_points(name: str, value: ArrayLike) -> RealArray:
         return array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
         hint = "transpose it" if array.ndim == 2 and array.shape[0] == 3 else "one row of x, y, z per point"
-        message = f"{name}: got shape {_shape(array)}; give (n,3): {hint}"
-        raise InputError(message)
+        raise InputError(name, f"shape {_shape(array)}", f"give (n,3): {hint}")
     return array
 
 
@@ -114,8 +111,7 @@ def real_vector(name: str, value: ArrayLike, rows: int | None) -> RealArray:
     array = as_reals(name, value)
     if array.ndim != 1 or (rows is not None and len(array) != rows):
         expected = "(n,)" if rows is None else f"({rows},)"
-        message = f"{name}: got shape {_shape(array)}; give {expected}: one number per correspondence"
-        raise InputError(message)
+        raise InputError(name, f"shape {_shape(array)}", f"give {expected}: one number per correspondence")
     return array
 
 
@@ -125,11 +121,12 @@ def real_frames(name: str, value: ArrayLike, rows: int) -> RealArray:
     if array.size == 0 and rows == 0:
         return array.reshape(0, 3, 3)
     if array.shape != (rows, 3, 3):
-        message = (
-            f"{name}: got shape {_shape(array)}; give ({rows},3,3): one frame per correspondence, "
-            "its rows the x, y and z axes, NaN for no frame"
+        raise InputError(
+            name,
+            f"shape {_shape(array)}",
+            f"give ({rows},3,3): one frame per correspondence, its rows the x, y and z axes, NaN for no "
+            "frame",
         )
-        raise InputError(message)
     return array
 
 
@@ -139,11 +136,11 @@ def real_candidates(name: str, value: ArrayLike, rows: int) -> RealArray:
     if array.size == 0 and rows == 0:
         return array.reshape(0, 0, 3)
     if array.ndim != 3 or array.shape[0] != rows or array.shape[2] != 3:
-        message = (
-            f"{name}: got shape {_shape(array)}; give ({rows},k,3): k target points for each correspondence, "
-            "the likeliest first"
+        raise InputError(
+            name,
+            f"shape {_shape(array)}",
+            f"give ({rows},k,3): k target points for each correspondence, the likeliest first",
         )
-        raise InputError(message)
     return array
 
 
@@ -196,6 +193,5 @@ def _not_whole(name: str, value: ArrayLike, array: NDArray[Any], remedy: str) ->
 def _as_indices(name: str, array: NDArray[Any]) -> IndexArray:
     if (array < 0).any():
         row = np.unravel_index(int(np.argmax(array < 0)), array.shape)
-        message = f"{name}: got index {array[row]} in row {row[0]}; give rows of `points`, counted from 0"
-        raise InputError(message)
+        raise InputError(name, f"index {array[row]} in row {row[0]}", "give rows of `points`, counted from 0")
     return np.ascontiguousarray(array, dtype=np.int64)

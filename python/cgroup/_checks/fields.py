@@ -74,23 +74,22 @@ def check_scores(*, similarity: ArrayLike | None = None, ratio: ArrayLike | None
 def _check_frames_on_both_sides(source_lrf: ArrayLike | None, target_lrf: ArrayLike | None) -> None:
     if (source_lrf is None) != (target_lrf is None):
         missing = "source_lrf" if source_lrf is None else "target_lrf"
-        message = f"{missing}: missing; frames are needed on both sides or on neither"
-        raise InputError(message)
+        raise InputError(missing, remedy="missing; frames are needed on both sides or on neither")
 
 
 def _partners(target: ArrayLike, rows: int) -> RealArray:
     points = real_points("target", target)
     if len(points) != rows:
-        message = (
-            f"target: got {len(points)} rows, but source has {rows}; row i of one matches row i of the other"
+        raise InputError(
+            "target",
+            f"{len(points)} rows, but source has {rows}",
+            "row i of one matches row i of the other",
         )
-        raise InputError(message)
     return points
 
 
 def _centroid(value: ArrayLike) -> RealArray:
     array = as_reals("source_centroid", value)
     if array.shape != (3,):
-        message = f"source_centroid: got shape {array.shape}; give the three coordinates of one point"
-        raise InputError(message)
+        raise InputError("source_centroid", f"shape {array.shape}", "give the three coordinates of one point")
     return array

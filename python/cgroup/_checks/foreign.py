@@ -67,10 +67,11 @@ def as_host_array(name: str, value: Any) -> Any:  # noqa: ANN401 - whatever is p
         return np.from_dlpack(value) if only_dlpack else value
     device = str(getattr(value, "device", "cpu"))
     if "cpu" not in device.casefold():
-        message = (
-            f"{name}: got a {type(value).__name__} on {device}; copy it to the computer's memory: .cpu()"
+        raise InputError(
+            name,
+            f"a {type(value).__name__} on {device}",
+            "copy it to the computer's memory: .cpu()",
         )
-        raise InputError(message)
     for step in ("detach", "resolve_conj", "resolve_neg"):
         value = getattr(value, step, lambda same=value: same)()
     # NumPy has no such numbers; single precision holds them all.
@@ -89,8 +90,7 @@ def _parts_of_columns(name: str, columns: Iterable[Any], column: Callable[[Any],
             return None
         for each in wanted:
             if len(named[each]) > 1:
-                message = f"{name}: got several columns called {each!r}; keep one of them"
-                raise InputError(message)
+                raise InputError(name, f"several columns called {each!r}", "keep one of them")
         return _stack([column(named[each][0]) for each in wanted])
 
     points = find(("x", "y", "z"))
@@ -98,8 +98,7 @@ def _parts_of_columns(name: str, columns: Iterable[Any], column: Callable[[Any],
         points = _stack([column(key) for key in keys])
     if points is None:
         shown = ", ".join(str(key) for key in keys[:8]) + (", ..." if len(keys) > 8 else "")
-        message = f"{name}: got columns {shown}; call three of them x, y and z, or give these three alone"
-        raise InputError(message)
+        raise InputError(name, f"columns {shown}", "call three of them x, y and z, or give these three alone")
     normals = find(("nx", "ny", "nz"))
     return CloudParts(points, find(("normal_x", "normal_y", "normal_z")) if normals is None else normals)
 

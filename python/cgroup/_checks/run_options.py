@@ -42,6 +42,5 @@ def as_threads(threads: object) -> int | None:
         return None
     count = as_count("threads", threads, 1)
     if count > MOST_THREADS:
-        message = f"threads: got {count}; give at most {MOST_THREADS}"
-        raise InputError(message)
+        raise InputError("threads", count, f"give at most {MOST_THREADS}")
     return count

@@ -23,8 +23,7 @@ def explain_match(grouping: Grouping, index: int) -> Explanation:
     row, count = as_count("index", index, 0), len(grouping.mask)
     if row >= count:
         known = f"there are {count}, from 0 to {count - 1}" if count else "there are none"
-        message = f"index: got {row}; give the row of a match: {known}"
-        raise InputError(message)
+        raise InputError("index", row, f"give the row of a match: {known}")
     return _explain(Facts(grouping), row)
 
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from cgroup.cli.commands.register import registration_results
-from cgroup.cli.show.json import make_error, print_document
+from cgroup.cli.show.json import Document, make_document, print_document
 from cgroup.cli.streams import OutputError, write_error
-from cgroup.errors import CgroupError, NoConsensusError
+from cgroup.errors import CgroupError, InputError, NoConsensusError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,4 +68,7 @@ def print_failure(arguments: Sequence[str], error: Exception, status: int, messa
     command = " ".join(words[: 2 if words[:1] and words[0] in _NESTED else 1])
     guess = error.registration if isinstance(error, NoConsensusError) else None
     extra = {} if guess is None else {"guess": registration_results(guess)}
-    print_document(make_error(command, kind, message, status, **extra))
+    said: Document = {"kind": kind, "message": message, "exit_status": status}
+    if isinstance(error, InputError):
+        said |= {"parameter": error.parameter, "got": error.got, "remedy": error.remedy}
+    print_document(make_document(command, error=said, **extra))

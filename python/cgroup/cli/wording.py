@@ -1,25 +1,18 @@
 """Errors of the library in the terms of the command line: options in place of parameters.
 
-A message of the library reads ``what: got this; do that``. Where `what` names parameters of the command,
-its options stand in their place. In the rest, names of parameters stand between backticks, with a value
-where one is advised: ```effort='high'``` becomes ``--effort high``.
+The command's option stands for the parameter of an `InputError`. In the rest of a message, parameters stand
+between backticks, with a value where one is advised: ```effort='high'``` becomes ``--effort high``.
 """
 
 from __future__ import annotations
 
-import re
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from cgroup.errors import InputError, NoConsensusError
+from cgroup.errors import CgroupError, InputError, NoConsensusError
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Mapping
-
-    from cgroup.errors import CgroupError
-
-_NAMES = re.compile(r"[A-Za-z_]\w*(, [A-Za-z_]\w*)*(?=: )")
-_QUOTED = re.compile(r"`(?P<name>\w+)(?:=(?P<quote>['\"]?)(?P<value>[^`'\"]*)(?P=quote))?`")
 
 _SET_BY = {"source_viewpoint": "viewpoint", "target_viewpoint": "viewpoint"}
 """Options that a more general one sets, where it is given alone."""
@@ -27,8 +20,8 @@ _SET_BY = {"source_viewpoint": "viewpoint", "target_viewpoint": "viewpoint"}
 _IN_FILES = {"PointCloud": "file", "Correspondences": "a file"}
 """Objects of the library that the command line reads from files."""
 
-_MISSING_LENGTH = "got nothing"
-"""How the core begins where a length is known neither by itself nor by the resolution."""
+_MISSING_LENGTH = "nothing"
+"""What the core got where a length is known neither by itself nor by the resolution."""
 
 _NEEDS_MEMORY = "max_memory"
 """The parameter that the core names where a computation needs more memory than it may take."""
@@ -39,46 +32,40 @@ def reworded_errors(context: Any) -> Generator[None, None, None]:  # noqa: ANN40
     """Reword what the library raises within a command."""
     try:
         yield
-    except NoConsensusError as error:
-        reworded = NoConsensusError(reword(error, context))
-        reworded.registration = error.registration
-        raise reworded from error
-    except InputError as error:
-        raise InputError(reword(error, context)) from error
+    except (InputError, NoConsensusError) as error:
+        raise reword(error, context) from error
 
 
-def reword(error: CgroupError, context: Any) -> str:  # noqa: ANN401
-    """Return the message of an error in terms of the command's options."""
-    return in_options(str(error), _options_of(context))
+def reword(error: CgroupError, context: Any) -> CgroupError:  # noqa: ANN401
+    """Return an error in terms of the command's options."""
+    return in_options(error, _options_of(context))
 
 
-def in_options(message: str, options: Mapping[str, str]) -> str:
-    """Return a message with options in place of the parameters that it names.
+def in_options(error: CgroupError, options: Mapping[str, str]) -> CgroupError:
+    """Return an error with options in place of the parameters that it names.
 
     Parameters
     ----------
-    message : str
-        Of a `CgroupError`.
+    error : CgroupError
+        As the library raised it.
     options : mapping of str to str
         Option by parameter, of the command that met the error.
-
-    Returns
-    -------
-    str
-        The same statement.
     """
-    heads = _NAMES.match(message)
-    what, rest = ("", message) if heads is None else (heads[0], message[heads.end() :])
-    names = what.split(", ")
-    if rest.startswith(f": {_MISSING_LENGTH}; "):
-        unknown = names[0] if names[0] in options else "resolution"
-        return f"{unknown}: not known; {_advise_on_lengths(unknown, options)}"
-    if what == _NEEDS_MEMORY:
-        reason = rest.partition("; ")[2].replace("allow that many, or ", "")
-        return f"not enough memory: {reason}"
-    return ", ".join(options.get(name, name) for name in names) + _QUOTED.sub(
-        lambda quoted: _unquote(quoted, options), rest
-    )
+    if isinstance(error, NoConsensusError):
+        reworded = NoConsensusError(_unquote(str(error), options))
+        reworded.registration = error.registration
+        return reworded
+    if not isinstance(error, InputError) or error.parameter is None:
+        return InputError(_unquote(str(error), options))
+    if error.got == _MISSING_LENGTH:
+        unknown = error.parameter if error.parameter in options else "resolution"
+        return InputError(unknown, remedy=f"not known; {_advise_on_lengths(unknown, options)}")
+    remedy = None if error.remedy is None else _unquote(error.remedy, options)
+    if error.parameter == _NEEDS_MEMORY and remedy is not None:
+        return InputError("not enough memory", remedy=remedy.replace("allow that many, or ", ""))
+    named = ", ".join(options.get(name, name) for name in error.parameter.split(", "))
+    got = None if error.got is None else _unquote(error.got, options)
+    return InputError(named, got, remedy)
 
 
 def _advise_on_lengths(name: str, options: Mapping[str, str]) -> str:
@@ -87,11 +74,22 @@ def _advise_on_lengths(name: str, options: Mapping[str, str]) -> str:
     return f"{advice}{also} in the file's unit"
 
 
-def _unquote(quoted: re.Match[str], options: Mapping[str, str]) -> str:
-    option = options.get(quoted["name"], _IN_FILES.get(quoted["name"]))
+def _unquote(text: str, options: Mapping[str, str]) -> str:
+    """Put options where parameters stand between backticks."""
+    plain, *rest = text.split("`")
+    if len(rest) % 2:
+        return text  # a backtick of somebody else's
+    return plain + "".join(
+        _option_of(quoted, options) + after for quoted, after in zip(rest[::2], rest[1::2], strict=True)
+    )
+
+
+def _option_of(quoted: str, options: Mapping[str, str]) -> str:
+    name, _, value = quoted.partition("=")
+    option = options.get(name, _IN_FILES.get(name))
     if option is None:
-        return quoted["name"]
-    return option if quoted["value"] is None else f"{option} {quoted['value']}"
+        return name
+    return " ".join(filter(None, (option, value.strip("'\""))))
 
 
 def _options_of(context: Any) -> dict[str, str]:  # noqa: ANN401

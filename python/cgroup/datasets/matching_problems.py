@@ -360,12 +360,10 @@ def random_rotations(rng: np.random.Generator, n: int) -> FloatArray:
 
 def _check(n: int, **shares: float) -> None:
     if n < 0:
-        message = f"n: got {n}; give a number of matches, 0 or more"
-        raise InputError(message)
+        raise InputError("n", n, "give a number of matches, 0 or more")
     for name, share in shares.items():
         if not 0.0 <= share <= 1.0:
-            message = f"{name}: got {share}; give a share from 0 to 1"
-            raise InputError(message)
+            raise InputError(name, share, "give a share from 0 to 1")
 
 
 def _directions(rng: np.random.Generator, n: int) -> FloatArray:

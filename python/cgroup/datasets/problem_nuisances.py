@@ -162,12 +162,10 @@ def make_scene(
     """
     for name, given, known in (("scene", scene, SCENES), ("frames", frames, FRAMES)):
         if given not in known:
-            message = f"{name}: got {given!r}; choose one of {', '.join(known)}"
-            raise InputError(message)
+            raise InputError(name, f"{given!r}", f"choose one of {', '.join(known)}")
     share = _CANDIDATES * inliers if scene == "one-to-three" else inliers
     if share > 1:
-        message = f"inliers: got {inliers}; of one-to-three matches at most a third is right"
-        raise InputError(message)
+        raise InputError("inliers", inliers, "of one-to-three matches at most a third is right")
     problem = make_problem(rng, n, inlier_ratio=share, noise=noise, **FRAMES[frames])
     made = SCENES[scene](rng, problem)
     if frames == "none":

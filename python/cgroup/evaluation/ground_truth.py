@@ -58,8 +58,7 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
     moved = apply(check_rigid(T_target_source, "T_target_source"), as_points("source", source))
     there = as_points("target", target)
     if len(moved) != len(there):
-        message = f"target: got {len(there)} rows, `source` has {len(moved)}"
-        raise InputError(message)
+        raise InputError("target", f"{len(there)} rows, `source` has {len(moved)}")
     with np.errstate(invalid="ignore", over="ignore"):  # points that aren't finite have no distance
         return np.linalg.norm(moved - there, axis=1)
 
@@ -172,8 +171,7 @@ def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *,
     there = _finite_points("target", target)
     for name, points in (("source", moved), ("target", there)):
         if len(points) == 0:
-            message = f"{name}: got no points"
-            raise InputError(message)
+            raise InputError(name, "no points")
     limit = as_length("tolerance", tolerance)
     common = min(within(moved, there, limit).sum(), within(there, moved, limit).sum())
     return float(common / min(len(moved), len(there)))
@@ -326,8 +324,7 @@ def clutter_and_occlusion(
     model_area = triangle_areas(posed, _faces_of("model", posed, model_faces)).sum()
     for name, area in (("scene", areas.sum()), ("model", model_area)):
         if area <= 0:
-            message = f"{name}: its faces have no area"
-            raise InputError(message)
+            raise InputError(name, remedy="its faces have no area")
     limit = as_length("tolerance", tolerance)
     seen = areas[within(vertices, posed, limit)[triangles].all(axis=1)].sum()
     return float(1 - seen / areas.sum()), float(1 - seen / model_area)
@@ -337,16 +334,15 @@ def _finite_points(name: str, value: ArrayLike) -> FloatArray:
     points = as_points(name, value)
     if not np.isfinite(points).all():
         row = int(np.argmin(np.isfinite(points).all(axis=1)))
-        message = f"{name}: got a coordinate that isn't finite in row {row}; leave such points out"
-        raise InputError(message)
+        raise InputError(name, f"a coordinate that isn't finite in row {row}", "leave such points out")
     return points
 
 
 def _faces_of(name: str, vertices: FloatArray, faces: ArrayLike) -> IndexArray:
     triangles = as_faces(f"{name}_faces", faces)
     if triangles.max(initial=-1) >= len(vertices):
-        message = f"{name}_faces: got row {triangles.max()}, but {name} has {len(vertices)} vertices"
-        raise InputError(message)
+        parameter = f"{name}_faces"
+        raise InputError(parameter, f"row {triangles.max()}, but {name} has {len(vertices)} vertices")
     return triangles
 
 

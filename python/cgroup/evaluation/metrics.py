@@ -237,8 +237,7 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
     """
     group, truth = as_mask("mask", mask), as_mask("correct", correct)
     if len(group) != len(truth):
-        message = f"mask: got {len(group)} rows, `correct` has {len(truth)}"
-        raise InputError(message)
+        raise InputError("mask", f"{len(group)} rows, `correct` has {len(truth)}")
     counts = (len(group), int(truth.sum()), int(group.sum()), int((group & truth).sum()))
     return GroupScore(*counts)
 

@@ -38,6 +38,8 @@ def length_or_multiple(
         return factor * known
     computed = known_resolution(cloud, threads)
     if computed == 0:
-        message = f"{name}: the cloud's resolution is 0, as every point has a duplicate; give `{name}`"
-        raise InputError(message)
+        raise InputError(
+            name,
+            remedy=f"the cloud's resolution is 0, as every point has a duplicate; give `{name}`",
+        )
     return factor * computed

@@ -38,8 +38,7 @@ def refuse_options(*, density_weight: bool, count: int | None) -> None:
     """Refuse options of ISS that Open3D does not have."""
     for name, given in (("density_weight", density_weight), ("count", count is not None)):
         if given:
-            message = f"{name}: Open3D's detector has no such option; use backend='cgroup'"
-            raise InputError(message)
+            raise InputError(name, remedy="Open3D's detector has no such option; use backend='cgroup'")
 
 
 def _load() -> Any:  # noqa: ANN401 - Open3D has no types

@@ -17,6 +17,5 @@ def as_descriptors(name: str, value: ArrayLike) -> RealArray:
     """Return `value` as (n,d) float32 or float64."""
     array = as_reals(name, value)
     if array.ndim != 2 or array.shape[1] == 0:
-        message = f"{name}: got shape {array.shape}; give (n,d), one descriptor per row"
-        raise InputError(message)
+        raise InputError(name, f"shape {array.shape}", "give (n,d), one descriptor per row")
     return array

@@ -139,8 +139,7 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
     True
     """
     if not clouds:
-        message = "clouds: got none; give one cloud or more"
-        raise InputError(message)
+        raise InputError("clouds", "none", "give one cloud or more")
     most = as_count("voxels", voxels, 1)
     return _core.choose_voxel(
         [core_cloud(cloud, f"clouds[{row}]") for row, cloud in enumerate(clouds)], run_options(threads), most

@@ -103,10 +103,10 @@ def _refuse_columns_first(name: str, poses: FloatArray) -> None:
     rows = poses.shape[1]
     turned = poses.reshape(len(poses), 4, rows).transpose(0, 2, 1)
     if _are_rigid(_with_last_row(turned)).all():
-        message = (
-            f"{name}: its {4 * rows} numbers are a pose column by column; transpose it: write row by row"
+        raise InputError(
+            name,
+            remedy=f"its {4 * rows} numbers are a pose column by column; transpose it: write row by row",
         )
-        raise InputError(message)
 
 
 def _are_rigid(poses: FloatArray) -> NDArray[np.bool_]:

@@ -170,8 +170,7 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike,
     path, rows = as_path("path", path), as_rows("indices", indices)
     cloud = as_cloud("cloud", cloud)
     if rows.max(initial=-1) >= len(cloud):
-        message = f"indices: got row {rows.max()}, but the cloud has {len(cloud)} points"
-        raise InputError(message)
+        raise InputError("indices", f"row {rows.max()}, but the cloud has {len(cloud)} points")
     if path.suffix.lower() == ".npz":
         write_file(path, npz_bytes(indices=rows, points=cloud.points[rows]))
         return
@@ -268,8 +267,7 @@ def _table(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> Any
     array = as_reals(name, value)
     if array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
         wanted = ",".join("d" if n is None else str(n) for n in shape)
-        message = f"{name}: got shape {array.shape}, not ({wanted}); its arrays differ in length"
-        raise InputError(message)
+        raise InputError(name, f"shape {array.shape}, not ({wanted})", "its arrays differ in length")
     return array
 
 

@@ -86,8 +86,7 @@ def comparison_page(
         as_instance("results", each, MethodResult) for each in as_items("results", results, "give several")
     ]
     if not found:
-        message = "results: got none; give at least one MethodResult"
-        raise InputError(message)
+        raise InputError("results", "none", "give at least one MethodResult")
     pose = check_rigid(T_target_source, "T_target_source")
     if correct is None:
         correct = find_correct(correspondences, pose, tolerance=tolerance)

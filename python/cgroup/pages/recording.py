@@ -127,8 +127,7 @@ def _pose(grouping: Grouping) -> FloatArray:
     try:
         return grouping.transform()
     except NoConsensusError as error:
-        message = "T_target_source: the group fixes no pose; give one"
-        raise InputError(message) from error
+        raise InputError("T_target_source", remedy="the group fixes no pose; give one") from error
 
 
 def _load_rerun() -> Any:  # noqa: ANN401 - a module
@@ -144,8 +143,10 @@ def _open(rerun: Any, path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN4
     if path is None:
         recording = rerun.get_global_data_recording()
         if recording is None:
-            message = "path: there is no recording; give a path, or call rerun.init(..., spawn=True) before"
-            raise InputError(message)
+            raise InputError(
+                "path",
+                remedy="there is no recording; give a path, or call rerun.init(..., spawn=True) before",
+            )
         return recording
     recording = rerun.RecordingStream("cgroup")
     try:

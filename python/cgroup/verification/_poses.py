@@ -22,8 +22,7 @@ def as_poses(value: ArrayLike, name: str = "poses") -> FloatArray:
     if poses.ndim == 2:
         poses = poses[None]
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) == 0:
-        message = f"{name}: got shape {poses.shape}; give (m,4,4), at least one rigid transform"
-        raise InputError(message)
+        raise InputError(name, f"shape {poses.shape}", "give (m,4,4), at least one rigid transform")
     rotations = poses[:, :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
         squares = np.einsum("kji,kjl->kil", rotations, rotations)
@@ -34,11 +33,13 @@ def as_poses(value: ArrayLike, name: str = "poses") -> FloatArray:
         side = np.einsum("ij,ij->i", np.cross(rotations[:, 0], rotations[:, 1]), rotations[:, 2])
         right &= (np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1) <= 1e-9) & (side > 0)
     if not right.all():
-        message = (
-            f"{name}: pose {int(np.argmin(right))} of {len(poses)} is not rigid: [R t; 0 0 0 1] with a "
-            "rotation R; leave out those of matches without frames"
+        raise InputError(
+            name,
+            remedy=(
+                f"pose {int(np.argmin(right))} of {len(poses)} is not rigid: [R t; 0 0 0 1] with a rotation "
+                "R; leave out those of matches without frames"
+            ),
         )
-        raise InputError(message)
     return poses
 
 
@@ -46,6 +47,5 @@ def as_pose(value: ArrayLike) -> FloatArray:
     """Return a single rigid transform, as (1,4,4)."""
     poses = as_poses(value, "pose")
     if len(poses) != 1:
-        message = f"pose: got {len(poses)} poses; give one (4,4) rigid transform"
-        raise InputError(message)
+        raise InputError("pose", f"{len(poses)} poses", "give one (4,4) rigid transform")
     return poses

@@ -72,10 +72,11 @@ class Surface:
     ) -> None:
         rows, directions = real_points("points", points), real_points("normals", normals)
         if len(rows) != len(directions):
-            message = (
-                f"normals: got {len(directions)} for {len(rows)} points; give one per point, NaN for none"
+            raise InputError(
+                "normals",
+                f"{len(directions)} for {len(rows)} points",
+                "give one per point, NaN for none",
             )
-            raise InputError(message)
         self._unit = as_number("unit", unit)
         eye = None if viewpoint is None else as_place("viewpoint", viewpoint)
         known = eye is not None if oriented is None else as_flag("oriented", oriented)

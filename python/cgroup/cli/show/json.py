@@ -30,12 +30,6 @@ def make_document(command: str, **parts: Any) -> Document:  # noqa: ANN401 - pla
     return {**head, **_plain(parts)}
 
 
-def make_error(command: str, kind: str, message: str, status: int, **parts: Any) -> Document:  # noqa: ANN401
-    """Put together what is printed in place of a result."""
-    error = {"kind": kind, "message": message, "exit_status": status}
-    return make_document(command, error=error, **parts)
-
-
 def print_document(document: Document) -> None:
     """Print a document, and nothing else."""
     print_text(as_text(document))

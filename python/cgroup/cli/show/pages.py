@@ -49,7 +49,7 @@ def page_of_refused(
         yield
     except NoConsensusError as error:
         if wanted and error.registration is not None:
-            refusal = reword(error, context)
+            refusal = str(reword(error, context))
             write_registration_page(make_folder(folder), clouds, error.registration, title, refusal)
             where = escape(str(folder))
             write_error(f"cgroup: wrote {REGISTRATION_PAGE} of the guess that is refused to {where}/")

@@ -70,14 +70,11 @@ def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixel
 
 def _check(*, turn: float, noise: float, pixels: int) -> None:
     if not 0 <= turn <= 180:
-        message = f"turn: got {turn}; give degrees from 0 to 180"
-        raise InputError(message)
+        raise InputError("turn", turn, "give degrees from 0 to 180")
     if not (np.isfinite(noise) and noise >= 0):
-        message = f"noise: got {noise}; give a finite number, 0 or greater"
-        raise InputError(message)
+        raise InputError("noise", noise, "give a finite number, 0 or greater")
     if pixels < 16:
-        message = f"pixels: got {pixels}; give at least 16"
-        raise InputError(message)
+        raise InputError("pixels", pixels, "give at least 16")
 
 
 def _scan(
