@@ -150,7 +150,7 @@ class MethodInfo:
 
     @property
     def options(self) -> Mapping[str, MethodOption]:
-        """What each of its options takes, by the option's name, in the order of the signature.
+        """What each option takes, by the option's name and in the signature's order.
 
         Examples
         --------

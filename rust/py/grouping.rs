@@ -7,7 +7,7 @@ use numpy::ndarray::Ix2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::convert::{self, Fields, PyGrouping, PyParts, Reals};
+use crate::convert::{self, Fields, PyParts, Reals};
 use crate::options::method_with;
 use crate::run::{RunOptions, run, run_inline};
 

@@ -26,8 +26,8 @@ def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever th
     """
     module_name, _, attribute = as_word(what, reference).partition(":")
     if not all(part.isidentifier() for part in module_name.split(".")):
-        message = f"{what}: {module_name!r} is no name of a module; write module:attribute"
-        raise InputError(message)
+        remedy = f"{module_name!r} is no name of a module; write module:attribute"
+        raise InputError(what, remedy=remedy)
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:
@@ -37,6 +37,6 @@ def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever th
         )
         raise InputError(message) from error
     if not attribute or not hasattr(module, attribute):
-        message = f"{what}: module {module_name!r} has no {attribute!r}; write module:attribute"
-        raise InputError(message)
+        remedy = f"module {module_name!r} has no {attribute!r}; write module:attribute"
+        raise InputError(what, remedy=remedy)
     return getattr(module, attribute)

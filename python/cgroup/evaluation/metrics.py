@@ -97,8 +97,8 @@ def score_counts(
     every, right, chosen, hits = (as_floats(name, count) for name, count in counts.items())
     shapes = [count.shape for count in (every, right, chosen, hits)]
     if len(set(shapes)) > 1:
-        message = f"{', '.join(counts)}: got shapes {', '.join(map(str, shapes))}; give all of one shape"
-        raise InputError(message)
+        got = f"shapes {', '.join(map(str, shapes))}"
+        raise InputError(", ".join(counts), got, "give all of one shape")
     precision, recall = divide(hits, chosen), divide(hits, right)
     return Scores(
         inlier_ratio=divide(right, every),

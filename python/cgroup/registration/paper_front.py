@@ -118,7 +118,7 @@ class PaperFront:
             remedy = "give two radii in pr: of the scatter, and of the non-maximum suppression"
             radii = as_items("iss_radii", self.iss_radii, remedy)
             if len(radii) != 2:
-                raise refusal("iss_radii", self.iss_radii, remedy)  # noqa: EM101 - the parameter's name
+                raise refusal("iss_radii", self.iss_radii, remedy)
             for radius in radii:
                 as_length("iss_radii", radius)
 
@@ -209,8 +209,11 @@ def correspond_by(
     given, normals = front.resolution, front.normals
     pr = common_resolution(*scans, threads) if given is None else scans[0].unit(given, threads)
     if not any(scan.has(normals) for scan in scans):
-        message = f"normals: got {normals!r}, but neither cloud has {NEEDED_FOR[normals]}; choose 'pca'"
-        raise InputError(message)
+        raise InputError(
+            "normals",
+            f"{normals!r}, but neither cloud has {NEEDED_FOR[normals]}",
+            "choose 'pca'",
+        )
     described: list[DescribedCloud] = []
     for scan, viewpoint in zip(scans, viewpoints, strict=True):
 
@@ -231,11 +234,9 @@ def common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
     """Average the resolutions of two clouds that are in the same unit."""
     resolutions = source.resolution(threads), target.resolution(threads)
     if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):
-        message = (
-            f"source, target: their points lie {resolutions[0]:.3g} and {resolutions[1]:.3g} apart; "
-            "scale them to the same unit"
-        )
-        raise InputError(message)
+        both = "source, target"
+        apart = f"their points lie {resolutions[0]:.3g} and {resolutions[1]:.3g} apart"
+        raise InputError(both, remedy=f"{apart}; scale them to the same unit")
     return sum(resolutions) / 2
 
 
@@ -454,12 +455,17 @@ def _times(pr: float, *radii: float | None) -> list[float | None]:
 def _find_normals(scan: Scan, normals: Normals, viewpoint: Viewpoint, threads: int | None) -> FloatArray:
     """Find the normals of a checked cloud."""
     if not scan.has(normals):
-        message = f"normals: got {normals!r}, but the cloud has no {NEEDED_FOR[normals]}; choose 'pca'"
-        raise InputError(message)
+        raise InputError(
+            "normals",
+            f"{normals!r}, but the cloud has no {NEEDED_FOR[normals]}",
+            "choose 'pca'",
+        )
     if normals == "given" and scan.normals is not None:
         if not (np.isfinite(scan.normals).all(axis=1) & scan.normals.any(axis=1)).any():
-            message = f"normals: all of those that came with the {scan.name} are zero or NaN; choose 'pca'"
-            raise InputError(message)
+            raise InputError(
+                "normals",
+                remedy=f"all of those that came with the {scan.name} are zero or NaN; choose 'pca'",
+            )
         return scan.normals
     if normals == "mesh" and scan.faces is not None:
         return features.mesh_normals(scan.cloud, scan.faces)

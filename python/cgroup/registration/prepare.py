@@ -236,11 +236,12 @@ def fine_surfaces(
         both = source.fine_surface(share), target.fine_surface(share)
         if both[0] is not None and both[1] is not None:
             return both[0], both[1]
-    message = (
-        f"voxel: got {source.voxel:.4g}, at which source or target has too few points next to each other for "
-        "the last refinement; give a larger `voxel`"
+    raise InputError(
+        "voxel",
+        f"{source.voxel:.4g}, at which source or target has too few points next to each other for the "
+        "last refinement",
+        "give a larger `voxel`",
     )
-    raise InputError(message)
 
 
 def prepare(
@@ -301,8 +302,8 @@ def prepare(
     """
     as_choice("normals", normals, NORMALS)
     if normals != "pca" and viewpoint is not None:
-        message = f"viewpoint, normals: got both, but {normals!r} normals are those of whole models; give one"
-        raise InputError(message)
+        both = "viewpoint, normals"
+        raise InputError(both, f"both, but {normals!r} normals are those of whole models", "give one")
     scan = as_scan("cloud", cloud) if normals == "pca" else as_model("cloud", cloud, normals, voxel)
     radii = DenseFront() if front is None else as_instance("front", front, DenseFront)
     shared = Preparation(_choose_voxel([scan], voxel, threads), radii, threads)
@@ -428,12 +429,10 @@ def _refuse_late_options(
 ) -> None:
     """Raise `InputError` for options that the preparation of a scan should have had."""
     if viewpoint is not None and scan.scan.viewpoint(viewpoint) != scan.viewpoint:
-        got = f"{viewpoint_name(name)}: {name} is prepared, with viewpoint={scan.viewpoint}"
-        message = f"{got}; prepare it anew"
-        raise InputError(message)
+        remedy = f"{name} is prepared, with viewpoint={scan.viewpoint}; prepare it anew"
+        raise InputError(viewpoint_name(name), remedy=remedy)
     if front is not None and front != scan.front:
-        message = f"front: got {front}, but {name} is prepared, with {scan.front}; prepare it anew"
-        raise InputError(message)
+        raise InputError("front", f"{front}, but {name} is prepared, with {scan.front}", "prepare it anew")
 
 
 def _shared_voxel(prepared: Sequence[PreparedScan], voxel: float | None) -> float:
@@ -444,8 +443,10 @@ def _shared_voxel(prepared: Sequence[PreparedScan], voxel: float | None) -> floa
         return first.voxel
     sizes = " and ".join(dict.fromkeys(f"{scan.voxel:.4g}" for scan in prepared))
     asked = "" if voxel is None else f", voxel={voxel}"
-    message = f"scans: prepared with voxels of {sizes}{asked}; prepare them with the same voxel and front"
-    raise InputError(message)
+    raise InputError(
+        "scans",
+        remedy=f"prepared with voxels of {sizes}{asked}; prepare them with the same voxel and front",
+    )
 
 
 def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | None) -> float:
@@ -457,28 +458,27 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
 
 def _check_voxels(scan: Scan, voxel: float, count: int) -> None:
     """Refuse voxels that leave too little or too much of a cloud."""
-    got = f"{scan.name}: {len(scan.cloud)} points, {scan.cloud.diagonal:.4g} across, leave {count} voxels"
+    size = f"{len(scan.cloud)} points, {scan.cloud.diagonal:.4g} across"
+    left = f"{size}, leave {count} voxels of {voxel:.4g}"
     if count < LEAST_VOXELS:
-        message = (
-            f"{got} of {voxel:.4g}, and {LEAST_VOXELS} are the least; give more points, a smaller `voxel`, "
-            "or both clouds in the same unit"
-        )
-        raise InputError(message)
+        advice = "give more points, a smaller `voxel`, or both clouds in the same unit"
+        raise InputError(scan.name, remedy=f"{left}, and {LEAST_VOXELS} are the least; {advice}")
     if count > MOST_VOXELS:
-        message = f"{got} of {voxel:.4g}, and {MOST_VOXELS} are the most; give a larger `voxel`"
-        raise InputError(message)
+        raise InputError(scan.name, remedy=f"{left}, and {MOST_VOXELS} are the most; give a larger `voxel`")
 
 
 def _check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
     """Refuse a cloud that is no surface at the size of its voxels."""
     planes = int(np.isfinite(normals).all(axis=1).sum())
     if planes < max(LEAST_PLANES * len(normals), LEAST_PLANAR_VOXELS):
-        message = (
-            f"{scan.name}: {planes} of its {len(normals)} voxels of {voxel:.4g} have neighbours that fix a "
-            "plane; the points lie too far apart for such voxels, or on a line: give a larger `voxel`, or a "
-            "cloud of a surface"
+        raise InputError(
+            scan.name,
+            remedy=(
+                f"{planes} of its {len(normals)} voxels of {voxel:.4g} have neighbours that fix a plane; the "
+                "points lie too far apart for such voxels, or on a line: give a larger `voxel`, or a cloud "
+                "of a surface"
+            ),
         )
-        raise InputError(message)
 
 
 def _signs(normals: FloatArray, towards: FloatArray) -> FloatArray:

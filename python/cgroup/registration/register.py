@@ -199,8 +199,7 @@ def register_many(
         as_instance("front", front, DenseFront)
     given = as_items("scans", scans, "give two clouds or more")
     if not given:
-        message = "scans: got none; give two or more"
-        raise InputError(message)
+        raise InputError("scans", "none", "give two or more")
     wanted = _as_pairs(pairs, len(given))
     places = _as_viewpoints(viewpoints, len(given))
     direction = None if axis is None else as_axis(axis)
@@ -241,7 +240,7 @@ def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
         return (front, None) if isinstance(front, DenseFront) else (None, front)
     if not isinstance(front, str) or front not in FRONTS:
         remedy = f"choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
-        raise refusal("front", front, remedy)  # noqa: EM101 - no message, but the parameter's name
+        raise refusal("front", front, remedy)
     return None, None if front == "dense" else PaperFront()
 
 
@@ -258,8 +257,7 @@ def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple
             raise refusal(name, pair, remedy)
         source, target = (as_count(name, row, 0) for row in rows)
         if max(source, target) >= scans:
-            message = f"{name}: got {(source, target)}, but there are {scans} scans; rows begin with 0"
-            raise InputError(message)
+            raise InputError(name, f"{(source, target)}, but there are {scans} scans", "rows begin with 0")
         checked.append((source, target))
     return checked
 
@@ -270,6 +268,9 @@ def _as_viewpoints(viewpoints: Sequence[Viewpoint | None] | None, scans: int) ->
         return [None] * scans
     places = as_items("viewpoints", viewpoints, "give one per scan, or None for it")
     if len(places) != scans:
-        message = f"viewpoints: got {len(places)} for {scans} scans; give one per scan, or None for it"
-        raise InputError(message)
+        raise InputError(
+            "viewpoints",
+            f"{len(places)} for {scans} scans",
+            "give one per scan, or None for it",
+        )
     return places

@@ -82,8 +82,7 @@ class Scan:
         """Return the unit pr of the cloud."""
         resolution = features.resolution(self.cloud, threads=threads)
         if resolution <= 0:
-            message = f"{self.name}: all its points coincide with others"
-            raise InputError(message)
+            raise InputError(self.name, remedy="all its points coincide with others")
         return resolution
 
     def unit(self, given: float | None, threads: int | None) -> float:
@@ -91,11 +90,11 @@ class Scan:
         if given is None:
             return self.resolution(threads)
         if as_length("resolution", given) > self.cloud.diagonal:
-            message = (
-                f"resolution: got {given}, but the whole cloud is {self.cloud.diagonal:.3g} across; "
-                "give it in the cloud's unit"
+            raise InputError(
+                "resolution",
+                f"{given}, but the whole cloud is {self.cloud.diagonal:.3g} across",
+                "give it in the cloud's unit",
             )
-            raise InputError(message)
         return given
 
     def viewpoint(self, place: ArrayLike) -> Viewpoint:
@@ -105,11 +104,12 @@ class Scan:
         with np.errstate(over="ignore"):  # to infinity, which is too far
             away = float(np.linalg.norm(np.array([x, y, z]) - self.cloud.points[0]))
         if away > MAX_RANGE * self.cloud.diagonal:
-            message = (
-                f"{name}: got ({x:.4g}, {y:.4g}, {z:.4g}), {away:.3g} from a cloud that is "
-                f"{self.cloud.diagonal:.3g} across; give the scanner's place in the cloud's frame and unit"
+            raise InputError(
+                name,
+                f"({x:.4g}, {y:.4g}, {z:.4g}), {away:.3g} from a cloud that is {self.cloud.diagonal:.3g} "
+                "across",
+                "give the scanner's place in the cloud's frame and unit",
             )
-            raise InputError(message)
         return x, y, z
 
 
@@ -131,12 +131,10 @@ def as_scan(name: str, cloud: Scan | PointCloud | Cloud | ArrayLike) -> Scan:
     else:
         points = cloud.points if isinstance(cloud, Cloud) else real_points(name, cloud)
     if len(points) <= NORMAL_NEIGHBORS:
-        message = f"{name}: got {len(points)} points; descriptors need more than {NORMAL_NEIGHBORS}"
-        raise InputError(message)
+        raise InputError(name, f"{len(points)} points", f"descriptors need more than {NORMAL_NEIGHBORS}")
     ready = cloud if isinstance(cloud, Cloud) else Cloud(points, name=name)
     if ready.diagonal == 0:
-        message = f"{name}: all its points coincide; give a cloud of a surface"
-        raise InputError(message)
+        raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
     return Scan(ready, normals, faces, name)
 
 
@@ -145,11 +143,11 @@ def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | 
     normals = None if cloud.normals is None else as_points(f"{name}.normals", cloud.normals)
     faces = None if cloud.faces is None else as_faces(f"{name}.faces", cloud.faces)
     if normals is not None and len(normals) != count:
-        message = f"{name}.normals: got {len(normals)} for {count} points; give one per point, NaN for none"
-        raise InputError(message)
+        parameter = f"{name}.normals"
+        raise InputError(parameter, f"{len(normals)} for {count} points", "give one per point, NaN for none")
     if faces is not None and faces.max(initial=-1) >= count:
-        message = f"{name}.faces: got row {faces.max()}, but there are {count} points"
-        raise InputError(message)
+        parameter = f"{name}.faces"
+        raise InputError(parameter, f"row {faces.max()}, but there are {count} points")
     return normals, faces
 
 
@@ -158,22 +156,25 @@ def check_sizes(scans: Sequence[Scan]) -> None:
     sizes = [scan.cloud.diagonal for scan in scans]
     if max(sizes) > MAX_SIZE_RATIO * min(sizes):
         one, other = (scans[row] for row in sorted([sizes.index(min(sizes)), sizes.index(max(sizes))]))
-        message = (
-            f"{one.name}, {other.name}: {one.cloud.diagonal:.3g} and {other.cloud.diagonal:.3g} across; "
-            "scale them to the same unit, or drop points far from all others"
+        parameter = f"{one.name}, {other.name}"
+        raise InputError(
+            parameter,
+            remedy=(
+                f"{one.cloud.diagonal:.3g} and {other.cloud.diagonal:.3g} across; scale them to the same "
+                "unit, or drop points far from all others"
+            ),
         )
-        raise InputError(message)
 
 
 def as_model(name: str, cloud: PointCloud | Cloud | ArrayLike, normals: Normals, voxel: float | None) -> Scan:
     """Check a whole model, whose normals or faces tell its outside."""
     cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:
-        message = (
-            f"{name}: got no {NEEDED_FOR[normals]}, which tell the outside of a model; give a `PointCloud` "
-            "with them, or another library's cloud or mesh"
+        raise InputError(
+            name,
+            f"no {NEEDED_FOR[normals]}, which tell the outside of a model",
+            "give a `PointCloud` with them, or another library's cloud or mesh",
         )
-        raise InputError(message)
     if normals == "given":
         return as_scan(name, cloud)
     return as_scan(
@@ -213,11 +214,13 @@ def _sample_mesh(mesh: PointCloud, spacing: float | None) -> PointCloud:
     parts = np.maximum(np.ceil(longest / spacing), 1)
     total = len(points) + float((parts**2).sum()) / 2
     if total > _MOST_POINTS:
-        message = (
-            f"model: {total:.3g} points would lie {spacing:.3g} apart on its faces; "
-            "give it in the scene's unit, or a larger `voxel`"
+        raise InputError(
+            "model",
+            remedy=(
+                f"{total:.3g} points would lie {spacing:.3g} apart on its faces; "
+                "give it in the scene's unit, or a larger `voxel`"
+            ),
         )
-        raise InputError(message)
     # An area with a side: that of the normals of its corners.
     inwards = np.einsum("fx,fx->f", across, np.nansum(normals[faces], axis=1)) < 0
     outwards = np.where(inwards, -1.0, 1.0)[:, None] * across

@@ -164,8 +164,11 @@ def as_axis(axis: ArrayLike) -> FloatArray:
     direction = np.array(as_place("axis", axis))
     largest = float(np.abs(direction).max())
     if largest == 0:
-        message = "axis: got a zero vector; give the direction that both clouds share, such as (0, 0, 1)"
-        raise InputError(message)
+        raise InputError(
+            "axis",
+            "a zero vector",
+            "give the direction that both clouds share, such as (0, 0, 1)",
+        )
     direction /= largest  # squares of the largest numbers are infinite, of the least zero
     return direction / np.linalg.norm(direction)
 

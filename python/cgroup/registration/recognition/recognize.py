@@ -196,12 +196,11 @@ def _prepare_all(
     """Make models and scene ready with one voxel, and normals on the same side."""
     clock.start("voxel size")
     if not isinstance(models, Mapping):
-        raise refusal("models", models, "give a dict of clouds by name")  # noqa: EM101 - as there
+        raise refusal("models", models, "give a dict of clouds by name")
     if viewpoint is not None:
         as_place("viewpoint", viewpoint)
     if not models:
-        message = "models: got none; give one or more, by name"
-        raise InputError(message)
+        raise InputError("models", "none", "give one or more, by name")
     target = as_given("scene", scene, viewpoint)
     by_frames = target.by_frames
     sources = [_as_model(name, model, None, by_frames=by_frames) for name, model in models.items()]
@@ -226,8 +225,10 @@ def _as_model(
     label = f"model {show(name)}"
     if isinstance(model, PreparedScan):
         if model.by_frames and not by_frames:
-            message = f"{label}: prepared without its outside; prepare it with normals='mesh' or 'given'"
-            raise InputError(message)
+            raise InputError(
+                label,
+                remedy="prepared without its outside; prepare it with normals='mesh' or 'given'",
+            )
         return as_given(label, model)
     model = as_point_cloud(label, model)
     has_faces = isinstance(model, PointCloud) and model.faces is not None
@@ -235,11 +236,11 @@ def _as_model(
     if by_frames and not has_faces:
         return as_given(label, model)
     if not has_faces and not has_normals:
-        message = (
-            f"{label}: got neither faces nor normals, which tell its outside; give a `PointCloud` with them, "
-            "or leave out `viewpoint`"
+        raise InputError(
+            label,
+            "neither faces nor normals, which tell its outside",
+            "give a `PointCloud` with them, or leave out `viewpoint`",
         )
-        raise InputError(message)
     return as_given(label, as_model(label, model, "mesh" if has_faces else "given", voxel))
 
 
