@@ -11,32 +11,12 @@ from cgroup.plots.style import TEXT, method_style
 from cgroup.registry import find_method
 from method_figures.drawing import FONT, finish, name_below, new_figure
 from method_figures.measured import load_methods
+from method_figures.sweeps import beside
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-BESIDE = {
-    "ss": ("nnsr", "gtm", "lc"),
-    "nnsr": ("ss", "gtm", "lc"),
-    "si": ("cv", "hough3d", "lc"),
-    "cv": ("si", "hough3d", "lc"),
-    "ransac": ("gtm", "turboreg", "lc"),
-    "st": ("gtm", "gc", "lc"),
-    "gc": ("st", "clipper", "lc"),
-    "hough3d": ("cv", "ransac", "lc"),
-    "gtm": ("st", "ransac", "lc"),
-    "lc": ("mac", "sc2pcr", "ransac"),
-    "mac": ("sc2pcr", "lc", "ransac"),
-    "sc2pcr": ("mac", "lc", "gtm"),
-    "turboreg": ("sc2pcr", "lc", "ransac"),
-    "teaser": ("clipper", "mac", "lc"),
-    "clipper": ("teaser", "gc", "lc"),
-}
-"""Whom each method is shown beside, unless it is these."""
-
-_BESIDE_OTHERS = ("lc", "ransac", "gtm")
 
 NEEDS_FRAMES = ("si", "cv", "hough3d")
 _KINDS = {
@@ -55,7 +35,7 @@ def draw_limits(method: str) -> Figure:
     figure = new_figure(3.0)
     first, second, third = figure.subplots(1, 3, sharey=True)
     table = load_methods()
-    shown = (method, *BESIDE.get(method, _BESIDE_OTHERS))
+    shown = (method, *beside(method))
     for place, name in reversed(list(enumerate(shown))):
         strong = name == method
         rows = _of(table, name)
@@ -130,7 +110,7 @@ def _curve(axes: Axes, name: str, values: pd.Series, *, strong: bool, joined: bo
 def name_methods(figure: Figure, method: str) -> None:
     """Name the method and those beside it, in its order."""
     handles = []
-    for name in (method, *BESIDE.get(method, _BESIDE_OTHERS)):
+    for name in (method, *beside(method)):
         look = method_style(find_method(name).name)
         strong = name == method
         handles.append(
@@ -155,7 +135,7 @@ def draw_cost(method: str) -> Figure:
     table = load_methods()
     chosen = table[table["set"].isin(["200", "1000", "5000", "20000"]) & (table["inliers"] == 0.1)]
     for axes, column in zip(panels, ("milliseconds", "mebibytes"), strict=True):
-        shown = (method, *BESIDE.get(method, _BESIDE_OTHERS))
+        shown = (method, *beside(method))
         for name, rows in chosen.groupby("method"):
             if name not in [find_method(each).name for each in shown]:
                 values = rows.set_index("n")[column].sort_index()

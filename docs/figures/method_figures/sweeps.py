@@ -152,3 +152,27 @@ SWEEPS = (
     Sweep("clipper", "variant", ("densest", "maximum"), "densest"),
 )
 """What is tried, by the function's name."""
+
+_BESIDE = {
+    "ss": ("nnsr", "gtm", "lc"),
+    "nnsr": ("ss", "gtm", "lc"),
+    "si": ("cv", "hough3d", "lc"),
+    "cv": ("si", "hough3d", "lc"),
+    "ransac": ("gtm", "turboreg", "lc"),
+    "st": ("gtm", "gc", "lc"),
+    "gc": ("st", "clipper", "lc"),
+    "hough3d": ("cv", "ransac", "lc"),
+    "gtm": ("st", "ransac", "lc"),
+    "lc": ("mac", "sc2pcr", "ransac"),
+    "mac": ("sc2pcr", "lc", "ransac"),
+    "sc2pcr": ("mac", "lc", "gtm"),
+    "turboreg": ("sc2pcr", "lc", "ransac"),
+    "teaser": ("clipper", "mac", "lc"),
+    "clipper": ("teaser", "gc", "lc"),
+}
+_BESIDE_OTHERS = ("lc", "ransac", "gtm")
+
+
+def beside(function: str) -> tuple[str, ...]:
+    """Return the functions that a method is shown beside."""
+    return _BESIDE.get(function, _BESIDE_OTHERS)

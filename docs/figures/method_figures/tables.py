@@ -1,4 +1,4 @@
-"""Tables of the methods' pages that are made from the measured figures, between two marks in the page."""
+"""Tables of the methods' pages that are made from the measured figures and docstrings, between two marks."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from cgroup.registry import METHOD_INFO, find_method
 from method_figures.measured import METHODS_CSV, heading, load_methods
+from method_figures.option_table import option_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,7 +23,7 @@ SHARES = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
 CLOSE = 0.02
 """Methods whose F is less than this below the best are as good."""
 
-_OPENING = re.compile(r"<!-- measured: ([^\n]+?) -->\n.*?<!-- end of measured -->", re.DOTALL)
+_OPENING = re.compile(r"<!-- (made|measured): ([^\n]+?) -->\n.*?<!-- end of \1 -->", re.DOTALL)
 
 _INFOS = METHOD_INFO.values()
 GROUPS = {
@@ -31,6 +32,8 @@ GROUPS = {
     "modern": tuple(info for info in _INFOS if not info.in_paper),
 }
 """Methods by kind, as the pages list them."""
+
+_CAPTIONS = {"individual": "Individual", "group": "Group-based", "modern": "Modern"}
 
 _NEEDS = {"source": "points", "similarity": "similarities", "ratio": "ratios", "source_lrf": "frames"}
 
@@ -46,15 +49,23 @@ def fill(text: str) -> str:
     """Return the text of a page with its tables made anew."""
 
     def render(found: re.Match[str]) -> str:
-        what = found[1]
-        return f"<!-- measured: {what} -->\n{_render(what)}\n<!-- end of measured -->"
+        how, what = found.groups()
+        return f"<!-- {how}: {what} -->\n{_render(what)}\n<!-- end of {how} -->"
 
     return _OPENING.sub(render, text)
 
 
 def _render(what: str) -> str:
     kind, _, name = what.partition(" ")
-    return {"cost": cost_table, "all": all_table, "best": best_table, "needs": needs_table}[kind](name)
+    tables = {
+        "cost": cost_table,
+        "all": all_table,
+        "best": best_table,
+        "needs": needs_table,
+        "options": option_table,
+        "toctree": toctree,
+    }
+    return tables[kind](name)
 
 
 def sized(n: int | None = None, share: float | None = None) -> pd.DataFrame:
@@ -102,6 +113,12 @@ def _method_row(info: MethodInfo) -> str:
         f"| {link(info.name)} | {info.idea} | {needs} | {info.complexity} | {scores} "
         f"| {time(rows['milliseconds'][0.1])} |"
     )
+
+
+def toctree(group: str) -> str:
+    """List the pages of a group of methods."""
+    names = [info.function.__name__ for info in GROUPS[group]]
+    return "\n".join(["```{toctree}", ":hidden:", f":caption: {_CAPTIONS[group]}", "", *names, "```"])
 
 
 def best_table(_: str) -> str:

@@ -51,9 +51,10 @@ def gtm(
         Pairs that share a point earn nothing; the distance ratio implies it.
     payoff : {"distance_ratio", "distance_difference"}
         ``min(ds/dt, dt/ds)``; or 1 where ``|ds - dt|`` is at most `tolerance`, else 0.
-    resolution, tolerance : float, optional
-        Mean nearest-neighbour distance of the clouds, and greatest ``|ds - dt|``, a length, for the second
-        payoff; the default tolerance is ``3 * resolution``.
+    resolution : float, optional
+        Mean nearest-neighbour distance of the clouds, for the second payoff.
+    tolerance : float, optional
+        Greatest ``|ds - dt|`` of the second payoff, a length; default ``3 * resolution``.
     convergence_tolerance : float, optional
         Stop once a step moves the population by less (L1 norm); infection-immunisation stops at this
         Nash error, 1e-8 by default.

@@ -52,8 +52,10 @@ def gc(
         Descriptor similarity, for the visiting order of the clique variant.
     min_cluster_size : int
         Clique variant: a set with no more members is no cluster.
-    iterations, seed : int
-        Clique variant: samples of the RANSAC filter, and the key of its random numbers.
+    iterations : int
+        Clique variant: samples of the RANSAC filter.
+    seed : int
+        Clique variant: key of the filter's random numbers.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     max_memory : int, optional

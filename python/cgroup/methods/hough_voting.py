@@ -63,8 +63,10 @@ def hough3d(
         Descriptor similarity, for `distance_weight`.
     vote_threshold : float
         "pcl" variant: least value of a maximum; from -1 to 0, a share of the greatest value.
-    iterations, seed : int
-        "pcl" variant: samples of the RANSAC filter, and the key of its random numbers.
+    iterations : int
+        "pcl" variant: samples of the RANSAC filter.
+    seed : int
+        "pcl" variant: key of the filter's random numbers.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     progress : callable, optional

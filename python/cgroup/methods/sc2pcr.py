@@ -62,8 +62,10 @@ def sc2pcr(
     nms_radius : float, optional
         Seeds are first the most confident within this length in the source, then the others by confidence;
         default `tolerance`.
-    k1, k2 : int
-        Members of a consensus set after its first and its second stage.
+    k1 : int
+        Members of a consensus set after its first stage.
+    k2 : int
+        Members of a consensus set after its second stage.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     max_memory : int, optional
