@@ -78,7 +78,10 @@ def test_everything_kept_is_everything(rng: np.random.Generator, pair: MatchingP
     ("words", "call"),
     [
         *(("sigma", lambda p, r, s=s: add_noise(p, s, r)) for s in (-1.0, np.nan, np.inf)),
-        *(("share: got .*give the part", lambda p, r, s=s: decimate(p, s, r)) for s in (0.0, -0.1, 1.1, np.nan)),
+        *(
+            ("share: got .*give the part", lambda p, r, s=s: decimate(p, s, r))
+            for s in (0.0, -0.1, 1.1, np.nan)
+        ),
         ("leaves 5 points", lambda p, r: decimate(p, 5 / len(p), r)),
         ("method", lambda p, r: decimate(p, 0.5, r, method="grid")),
     ],

@@ -61,10 +61,10 @@ class Matched:
 class Result:
     """The outcome of a solver on a problem, both named by their keys.
 
-    `threads` is 0 for all cores; `machine` is the id of the only machine that the result holds on (times), else
-    empty; `limit` and `seconds` are those of the solver; `mask` has one bit per match, `pose` 16 float64;
-    `numbers` is JSON of all other numbers, by the names of their columns; `skipped` says why the solver
-    wasn't run, or not to its end.
+    `threads` is 0 for all cores. `machine` is the id of the machine whose times these are; empty for other
+    results. `limit` and `seconds` are those of the solver. `mask` has one bit per match, `pose` 16 float64.
+    `numbers` is JSON of all other numbers, by the names of their columns. `skipped` says why the solver did
+    not run, or not to its end.
     """
 
     problem: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
 from cgroup.benchmark.paper.evidence import mean_times
@@ -171,7 +171,7 @@ def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[Chart, Tab
         return None
     fitted = exponents(timing).set_index("method")["exponent"].to_dict()
     sources = ", ".join(timing["dataset"].unique())
-    looks = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": pictures.styles}
+    looks: dict[str, Any] = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": pictures.styles}
     pictures.save("time", timing_figure(times, **looks, title=f"Time per grouping, {sources}"))
     last = times.iloc[-1].dropna()
     alt = (
