@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from cgroup.benchmark.records.growth import FITTED_FROM, fit_exponent
+from cgroup.benchmark.tables import FITTED_FROM, fit_exponent
 from peers.catalogue import COMMON_SHARE, PEERS
 
 if TYPE_CHECKING:

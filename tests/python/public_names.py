@@ -15,8 +15,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 
 from _site.reference import GROUPS
 
-MODULES = (*GROUPS, "cgroup.group", "cgroup.methods")
-"""The last two on the page of cgroup, which exports what they have."""
+MODULES = (*sorted(GROUPS, key=lambda module: module == "cgroup.io"), "cgroup.group", "cgroup.methods")
+"""With `cgroup.io` after those whose names it exports too; the last two are on the page of cgroup."""
 
 PROPERTIES = (property, functools.cached_property)
 
