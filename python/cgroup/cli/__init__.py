@@ -8,8 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 try:
     import typer
 
-    from cgroup.cli import benchmark
-    from cgroup.cli.commands import compare, demo, describe, detect, group, recognize, register, results
+    from cgroup.cli.commands import (
+        benchmark,
+        compare,
+        demo,
+        describe,
+        detect,
+        group,
+        recognize,
+        register,
+        results,
+    )
     from cgroup.cli.failures import TRACEBACK, explain, print_failure
     from cgroup.cli.help import examples, make_app
     from cgroup.cli.show.terminal import print_line
