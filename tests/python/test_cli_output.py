@@ -273,7 +273,11 @@ def test_errors_as_json(line: str, command: str, kind: str, capsys: pytest.Captu
     status, out, err = run(capsys, *line.split())
     document = parse(out)
     assert document["command"] == command
+    parts = {
+        name: document["error"].pop(name) for name in ("parameter", "got", "remedy") if kind == "InputError"
+    }
     assert document["error"] == {"kind": kind, "message": err[len("cgroup: ") : -1], "exit_status": status}
+    assert all(part is None or part in err for part in parts.values())
     assert status == 2
 
 

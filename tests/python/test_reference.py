@@ -8,13 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as hst
 from method_cases import CASES, Options, call_reference
 
-import reference
 from cgroup.evaluation import score_group as quality
+from reference.consistency_voting import cv
+from reference.game_theory import gtm
+from reference.geometric_consistency import gc
+from reference.hough_voting import hough3d
+from reference.nearest_neighbor_ratio import nnsr
 from reference.otsu import otsu_split
 from reference.pairwise import distance_difference, distance_ratio
-from reference.ransac import enough, sample_triples
+from reference.ransac import enough, ransac, sample_triples
 from reference.result import ReferenceGrouping
 from reference.rigid import apply, determines_rotation, kabsch
+from reference.search_of_inliers import si
+from reference.similarity_score import ss
+from reference.spectral import st
 from strategies import Problem, make_problem, problems, random_motion, random_rotations
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -205,17 +212,17 @@ def test_first_samples_are_pinned() -> None:
 
 def test_ss_ignores_zero_descriptors() -> None:
     similarity = np.array([-np.inf, 0.1, 0.9, 0.0, 1.0, -np.inf])
-    group = reference.ss(similarity)
+    group = ss(similarity)
     assert group.threshold == 0.5
     assert np.flatnonzero(group.mask).tolist() == [2, 4]
-    assert np.flatnonzero(reference.ss(similarity, threshold=0.9).mask).tolist() == [2, 4]
-    assert not reference.ss(np.full(3, -np.inf)).mask.any()
-    assert not reference.ss(np.full(3, -np.inf), threshold=-np.inf).mask.any()
+    assert np.flatnonzero(ss(similarity, threshold=0.9).mask).tolist() == [2, 4]
+    assert not ss(np.full(3, -np.inf)).mask.any()
+    assert not ss(np.full(3, -np.inf), threshold=-np.inf).mask.any()
 
 
 def test_nnsr_border_belongs_to_the_group() -> None:
     ratio = np.array([0.8, np.nextafter(0.8, 1.0), 0.0, 1.0])
-    group = reference.nnsr(ratio)
+    group = nnsr(ratio)
     assert group.mask.tolist() == [True, False, True, False]
     assert group.scores == pytest.approx(1.0 - ratio)
 
@@ -238,16 +245,16 @@ def square_with_outlier() -> dict[str, Any]:
 def test_si_by_hand() -> None:
     data = square_with_outlier()
     # 4 local and 4 global voters each; the outlier agrees with nobody.
-    group = reference.si(**data, tolerance=1.0)
+    group = si(**data, tolerance=1.0)
     assert group.scores == pytest.approx(np.array([0.75, 0.75, 0.75, 0.75, 0.0]))
     assert group.mask.tolist() == [True] * 4 + [False]
     # Without frame only the local half of the votes is left.
     data["target_lrf"][1] = np.nan
-    group = reference.si(**data, tolerance=1.0)
+    group = si(**data, tolerance=1.0)
     assert group.scores == pytest.approx(np.array([0.75, 3 / 8, 0.75, 0.75, 0.0]))
     # Only row 0 passes Lowe's test and leads the ranking: one voter for all but row 0.
     data["ratio"] = np.array([0.5, 0.8, 0.9, 0.9, 0.9])
-    group = reference.si(**data, tolerance=1.0, neighbors=1)
+    group = si(**data, tolerance=1.0, neighbors=1)
     # Nearest other point: 4 for all corners, 0 for row 4 (tie of four, lowest index).
     # Row 0: C_L = {}, C_G = {}; row 4: C_L = C_G = {0}, both disagree.
     assert group.scores == pytest.approx(np.array([0.0, 0.0, 1.0, 1.0, 0.0]))
@@ -269,13 +276,13 @@ def test_cv_by_hand() -> None:
         "distance_scale": 10.0,
     }
     # delta = 10 and L = 10 degrees: D = exp(-1 - 1).
-    group = reference.cv(**given_data, voters=1)
+    group = cv(**given_data, voters=1)
     assert group.scores == pytest.approx(np.array([1.0, np.exp(-2.0)]))
-    group = reference.cv(**given_data, angle_scale=20.0, exclude_self=True)
+    group = cv(**given_data, angle_scale=20.0, exclude_self=True)
     assert group.scores == pytest.approx(np.full(2, np.exp(-1.25)))
     assert group.mask.all()  # constant positive scores
     given_data["source_lrf"][0] = np.nan
-    assert reference.cv(**given_data).scores == pytest.approx(np.array([0.0, 1.0]))
+    assert cv(**given_data).scores == pytest.approx(np.array([0.0, 1.0]))
 
 
 # --- Group methods, by hand ---------------------------------------------------------
@@ -284,19 +291,19 @@ def test_cv_by_hand() -> None:
 def test_ransac_options() -> None:
     problem = make_problem(np.random.default_rng(3), 80, inlier_ratio=0.4, noise=1.0)
     points = problem.source, problem.target
-    plain = reference.ransac(*points, resolution=1.0, iterations=1000)
+    plain = ransac(*points, resolution=1.0, iterations=1000)
     assert plain.details["best_count"] == plain.mask.sum()
     assert quality(plain.mask, problem.inlier_mask).precision > 0.95
-    refined = reference.ransac(*points, resolution=1.0, iterations=1000, refine=True)
+    refined = ransac(*points, resolution=1.0, iterations=1000, refine=True)
     rotation, translation = kabsch(problem.source[plain.mask], problem.target[plain.mask])
     error = np.linalg.norm(apply(rotation, translation, problem.source) - problem.target, axis=1)
     assert (refined.mask == (error < 5.0)).all()
     transform = refined.details["transform"]
     assert transform == pytest.approx(problem.T_target_source, rel=0.1, abs=1.0)
-    stopped = reference.ransac(*points, resolution=1.0, confidence=0.99)
+    stopped = ransac(*points, resolution=1.0, confidence=0.99)
     assert stopped.details["iterations"] < 10_000
     assert stopped.details["iterations"] % 256 == 0
-    picky = reference.ransac(*points, resolution=1.0, iterations=50, edge_ratio=0.999)
+    picky = ransac(*points, resolution=1.0, iterations=50, edge_ratio=0.999)
     assert picky.details["best_count"] == 0
     assert not picky.mask.any()
 
@@ -311,35 +318,35 @@ def test_early_stop_rule() -> None:
 
 def test_ransac_needs_three_points_that_are_not_in_line() -> None:
     line = np.outer(np.arange(6.0), [1.0, 2.0, 3.0])
-    assert not reference.ransac(line, line, tolerance=1.0, iterations=100).mask.any()
-    assert reference.ransac(TRIANGLE, TRIANGLE, tolerance=1.0, iterations=1).mask.all()
+    assert not ransac(line, line, tolerance=1.0, iterations=100).mask.any()
+    assert ransac(TRIANGLE, TRIANGLE, tolerance=1.0, iterations=1).mask.all()
 
 
 def test_st_of_two() -> None:
     source = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     for stretch, expected in ((1.5, [True, True]), (2.0, [True, False])):
-        group = reference.st(source, source * stretch)
+        group = st(source, source * stretch)
         assert group.mask.tolist() == expected
         assert group.scores == pytest.approx(np.full(2, np.sqrt(0.5)))
-    assert not reference.st(source, source * 0.0).mask.any()
-    assert not reference.st(source[:1], source[:1], diagonal="one").mask.any()
+    assert not st(source, source * 0.0).mask.any()
+    assert not st(source[:1], source[:1], diagonal="one").mask.any()
 
 
 def test_st_eigenvector_and_conflicts() -> None:
     problem = make_problem(np.random.default_rng(5), 60, noise=1.0)
     for affinity in ("raw", "threshold", "binary"):
-        power = reference.st(problem.source, problem.target, affinity=affinity)
-        dense = reference.st(problem.source, problem.target, affinity=affinity, eigensolver="dense")
+        power = st(problem.source, problem.target, affinity=affinity)
+        dense = st(problem.source, problem.target, affinity=affinity, eigensolver="dense")
         assert power.scores == pytest.approx(dense.scores, abs=1e-8)
         matrix, v = power.details["matrix"], power.scores
         assert matrix @ v == pytest.approx((v @ matrix @ v) * v, abs=1e-6)
         inside = np.ix_(power.mask, power.mask)
         np.fill_diagonal(power.details["conflicts"], val=False)
         assert not power.details["conflicts"][inside].any()
-    recomputed = reference.st(problem.source, problem.target, recompute=True)
+    recomputed = st(problem.source, problem.target, recompute=True)
     assert quality(recomputed.mask, problem.inlier_mask).f_score > 0.8
     all_in = noiseless(12)
-    assert reference.st(all_in.source, all_in.target, recompute=True).mask.all()
+    assert st(all_in.source, all_in.target, recompute=True).mask.all()
 
 
 def on_a_line(positions: list[float]) -> np.ndarray:
@@ -349,15 +356,15 @@ def on_a_line(positions: list[float]) -> np.ndarray:
 
 def test_gc_star_by_hand() -> None:
     source, target = on_a_line([0, 1, 2, 3]), on_a_line([0, 1, 2, 10])
-    group = reference.gc(source, target, tolerance=0.5)
+    group = gc(source, target, tolerance=0.5)
     assert group.scores.tolist() == [3.0, 3.0, 3.0, 1.0]
     assert group.mask.tolist() == [True, True, True, False]
     # Strict: 0 and 3 differ by exactly 7.
-    assert reference.gc(source, target, tolerance=7.0).scores.tolist() == [3, 3, 3, 1]
+    assert gc(source, target, tolerance=7.0).scores.tolist() == [3, 3, 3, 1]
     # Two clusters of two, all four at different scales.
     target = on_a_line([0, 1, 102, 103])
-    lowest = reference.gc(source, target, tolerance=0.5)
-    union = reference.gc(source, target, tolerance=0.5, ties="union")
+    lowest = gc(source, target, tolerance=0.5)
+    union = gc(source, target, tolerance=0.5, ties="union")
     assert lowest.mask.tolist() == [True, True, False, False]
     assert union.mask.all()
 
@@ -367,15 +374,13 @@ def test_gc_clique_takes_the_largest_filtered_set() -> None:
     source = rng.normal(size=(12, 3)) * 10.0
     target = source.copy()
     target[8:] = source[8:] + np.array([0.0, 0.0, 50.0])
-    group = reference.gc(source, target, tolerance=1e-3, variant="clique", iterations=50)
+    group = gc(source, target, tolerance=1e-3, variant="clique", iterations=50)
     assert [members.tolist() for members in group.details["sets"]] == [list(range(8)), list(range(8, 12))]
     assert np.flatnonzero(group.mask).tolist() == list(range(8))
     similarity = (np.arange(12) >= 8).astype(float)
-    group = reference.gc(
-        source, target, tolerance=1e-3, variant="clique", iterations=50, similarity=similarity
-    )
+    group = gc(source, target, tolerance=1e-3, variant="clique", iterations=50, similarity=similarity)
     assert [members.tolist() for members in group.details["sets"]] == [list(range(8, 12)), list(range(8))]
-    assert not reference.gc(source, target, tolerance=1e-3, variant="clique", min_cluster_size=8).mask.any()
+    assert not gc(source, target, tolerance=1e-3, variant="clique", min_cluster_size=8).mask.any()
 
 
 def hough_line(target_x: list[float]) -> dict[str, Any]:
@@ -394,21 +399,21 @@ def hough_line(target_x: list[float]) -> dict[str, Any]:
 def test_hough_grid_by_hand() -> None:
     # 15 bins of side 1 on x: bins 0, 0, 1, 2, 14; y and z are flat.
     data = hough_line([0.0, 0.5, 1.5, 2.5, 15.0])
-    group = reference.hough3d(**data)
+    group = hough3d(**data)
     assert group.details["cells"][:, 0].tolist() == [0, 0, 1, 2, 14]
     assert group.mask.tolist() == [True, True, True, False, False]
-    assert reference.hough3d(**data, neighbors=0).mask.tolist() == [*[True, True, False, False, False]]
+    assert hough3d(**data, neighbors=0).mask.tolist() == [*[True, True, False, False, False]]
     # Three bins of side 5: 0, 0, 0, 0, 2; the border belongs to the last bin.
-    assert reference.hough3d(**data, bins=3).details["cells"][:, 0].tolist() == [*[0, 0, 0, 0, 2]]
+    assert hough3d(**data, bins=3).details["cells"][:, 0].tolist() == [*[0, 0, 0, 0, 2]]
     # Cubes of side 5: floor(15/5) + 1 = 4 bins.
-    assert reference.hough3d(**data, bin_size=5.0).details["cells"][:, 0].tolist() == [*[0, 0, 0, 0, 3]]
+    assert hough3d(**data, bin_size=5.0).details["cells"][:, 0].tolist() == [*[0, 0, 0, 0, 3]]
     data["source_lrf"][0] = np.nan
-    assert not reference.hough3d(**data).mask[0]
+    assert not hough3d(**data).mask[0]
 
 
 def test_hough_votes_undo_the_frames() -> None:
     problem = noiseless(20)
-    group = reference.hough3d(
+    group = hough3d(
         problem.source, problem.target, source_centroid=problem.source_centroid, **frames(problem)
     )
     transform = problem.T_target_source
@@ -420,7 +425,7 @@ def test_hough_votes_undo_the_frames() -> None:
 
 def test_hough_pcl_by_hand() -> None:
     data = hough_line([0.0, 0.2, 0.4, 2.5, 3.5])
-    group = reference.hough3d(**data, variant="pcl", bin_size=1.0, interpolation=False)
+    group = hough3d(**data, variant="pcl", bin_size=1.0, interpolation=False)
     space = group.details["space"]
     # ceil(3.5) = 4 bins on x, one on the flat axes.
     assert {cell: set(voters) for cell, voters in space.items()} == {
@@ -431,15 +436,13 @@ def test_hough_pcl_by_hand() -> None:
     assert not group.mask.any()  # coincident source points fix no motion
     # Flat axes: position 0 is half a bin below the first centre, so half the weight is
     # lost on y and z each. Row 3 at 2.5 is the centre of bin 2: one bin gets all.
-    space = reference.hough3d(**data, variant="pcl", bin_size=1.0).details["space"]
+    space = hough3d(**data, variant="pcl", bin_size=1.0).details["space"]
     assert space[2, 0, 0] == {3: 0.25}
     assert space[0, 0, 0] == pytest.approx({0: 0.125, 1: 0.7 / 4, 2: 0.9 / 4})
     # Range an exact multiple of the side: the upper border is outside.
     data = hough_line([0.0, 2.0])
     for interpolation in (True, False):
-        space = reference.hough3d(**data, variant="pcl", bin_size=1.0, interpolation=interpolation).details[
-            "space"
-        ]
+        space = hough3d(**data, variant="pcl", bin_size=1.0, interpolation=interpolation).details["space"]
         assert 1 not in set().union(*space.values())
 
 
@@ -453,7 +456,7 @@ def test_hough_pcl_finds_the_exact_inliers() -> None:
         {"vote_threshold": -0.5},
         {"distance_weight": True, "similarity": similarity},
     ):
-        group = reference.hough3d(
+        group = hough3d(
             problem.source,
             problem.target,
             source_centroid=problem.source_centroid,
@@ -477,7 +480,7 @@ def isosceles(third: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_gtm_one_step_by_hand() -> None:
     # Pi x = (1.5, 1.5, 1) / 3, x' Pi x = 4/9, so x becomes (3/8, 3/8, 1/4).
-    group = reference.gtm(*isosceles(2.0), iterations=1)
+    group = gtm(*isosceles(2.0), iterations=1)
     assert group.scores == pytest.approx(np.array([0.375, 0.375, 0.25]))
     assert group.threshold == pytest.approx(0.3125)
     assert group.mask.tolist() == [True, True, False]
@@ -485,25 +488,23 @@ def test_gtm_one_step_by_hand() -> None:
 
 def test_gtm_payoffs() -> None:
     source, target = isosceles(2.0)
-    pi = reference.gtm(source, target, payoff="distance_difference", tolerance=0.5).details["payoff"]
+    pi = gtm(source, target, payoff="distance_difference", tolerance=0.5).details["payoff"]
     assert pi.tolist() == [[0, 1, 0], [1, 0, 0], [0, 0, 0]]
     target[1] = target[0]
     for one_to_one, expected in ((False, 1.0), (True, 0.0)):
-        pi = reference.gtm(
-            source, target, payoff="distance_difference", tolerance=1.0, one_to_one=one_to_one
-        ).details["payoff"]
+        pi = gtm(source, target, payoff="distance_difference", tolerance=1.0, one_to_one=one_to_one).details[
+            "payoff"
+        ]
         assert pi[0, 1] == expected
 
 
 def test_infection_immunisation_finds_the_equilibrium() -> None:
     # {0, 1} play 1/2 each and earn 1/2; strategy 2 earns 0.4 against them.
-    group = reference.gtm(*isosceles(2.5), dynamics="infection_immunisation")
+    group = gtm(*isosceles(2.5), dynamics="infection_immunisation")
     assert group.scores == pytest.approx(np.array([0.5, 0.5, 0.0]), abs=1e-7)
     assert group.mask.tolist() == [True, True, False]
     problem = make_problem(np.random.default_rng(2), 60, inlier_ratio=0.5, noise=1.0)
-    group = reference.gtm(
-        problem.source, problem.target, dynamics="infection_immunisation", iterations=20_000
-    )
+    group = gtm(problem.source, problem.target, dynamics="infection_immunisation", iterations=20_000)
     x, pi = group.scores, group.details["payoff"]
     mean = x @ pi @ x
     assert group.details["iterations"] < 20_000
@@ -517,14 +518,14 @@ def test_gtm_population_and_payoff(seed: int) -> None:
     problem = make_problem(np.random.default_rng(seed), 50)
     earlier = 0.0
     for iterations in (0, 1, 2, 5, 20, 100):
-        group = reference.gtm(problem.source, problem.target, iterations=iterations)
+        group = gtm(problem.source, problem.target, iterations=iterations)
         x = group.scores
         assert x.sum() == pytest.approx(1.0)
         assert (x >= 0.0).all()
         payoff = x @ group.details["payoff"] @ x
         assert payoff >= earlier * (1.0 - 1e-12)
         earlier = payoff
-    loose = reference.gtm(problem.source, problem.target, convergence_tolerance=0.1)
+    loose = gtm(problem.source, problem.target, convergence_tolerance=0.1)
     assert 0 < loose.details["iterations"] < 100
 
 
@@ -577,8 +578,8 @@ def test_exact_inliers_are_all_selected(method: str) -> None:
 
 def test_cv_is_symmetric_in_the_sides() -> None:
     p = make_problem(np.random.default_rng(4), 50, missing_frames=0.2)
-    forth = reference.cv(p.source, p.target, ratio=p.ratio, resolution=1.0, **frames(p))
-    back = reference.cv(
+    forth = cv(p.source, p.target, ratio=p.ratio, resolution=1.0, **frames(p))
+    back = cv(
         p.target, p.source, ratio=p.ratio, resolution=1.0, source_lrf=p.target_lrf, target_lrf=p.source_lrf
     )
     assert back.scores == pytest.approx(forth.scores, rel=1e-12)
@@ -629,13 +630,13 @@ def test_input_is_not_modified(method: str) -> None:
 
 
 def test_missing_lengths_are_explained() -> None:
-    for method in ("ransac", "gc"):
+    for method in (ransac, gc):
         with pytest.raises(ValueError, match="resolution"):
-            getattr(reference, method)(TRIANGLE, TRIANGLE)
+            method(TRIANGLE, TRIANGLE)
     with pytest.raises(ValueError, match="bin_size"):
-        reference.hough3d(**hough_line([0.0]), variant="pcl")
+        hough3d(**hough_line([0.0]), variant="pcl")
     with pytest.raises(ValueError, match="similarity"):
-        reference.st(TRIANGLE, TRIANGLE, diagonal="score")
+        st(TRIANGLE, TRIANGLE, diagonal="score")
 
 
 # --- The strategies -----------------------------------------------------------------
@@ -709,10 +710,10 @@ def test_readings_that_section_13_tells_apart(large: dict[float, Problem]) -> No
     def recall(group: ReferenceGrouping) -> float:
         return quality(group.mask, problem.inlier_mask).recall
 
-    assert recall(reference.nnsr(problem.ratio, max_ratio=0.2)) < 0.02
-    assert recall(reference.gtm(*points, iterations=500)) < 0.6
-    assert reference.st(*points, conflict="one_to_one").mask.mean() > 0.85
-    assert recall(reference.gc(*points, resolution=1.0)) > 0.85
+    assert recall(nnsr(problem.ratio, max_ratio=0.2)) < 0.02
+    assert recall(gtm(*points, iterations=500)) < 0.6
+    assert st(*points, conflict="one_to_one").mask.mean() > 0.85
+    assert recall(gc(*points, resolution=1.0)) > 0.85
     narrow = {"resolution": 1.0, "variant": "clique", "iterations": 500}
-    assert recall(reference.gc(*points, **narrow)) < 0.5
-    assert recall(reference.hough3d(*points, bin_size=10.0, **frames(problem))) < 0.4
+    assert recall(gc(*points, **narrow)) < 0.5
+    assert recall(hough3d(*points, bin_size=10.0, **frames(problem))) < 0.4

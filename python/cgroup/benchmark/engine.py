@@ -144,8 +144,8 @@ class Worker:
                 start_new_session=True,  # out of reach of the terminal's signals
             )
         except OSError as error:
-            message = f"workers: the system starts no process ({error.strerror or error}); try fewer workers"
-            raise InputError(message) from error
+            remedy = f"the system starts no process ({error.strerror or error}); try fewer workers"
+            raise InputError("workers", remedy=remedy) from error
 
     def _kill(self, process: subprocess.Popen[bytes]) -> None:
         with self._lock:
@@ -181,8 +181,7 @@ def open_workers(
         If the backend is unknown or not installed, or no scheduler can be reached; later, if it is lost.
     """
     if backend not in BACKENDS:
-        message = f"backend: got {backend!r}; choose one of {', '.join(BACKENDS)}"
-        raise InputError(message)
+        raise InputError("backend", repr(backend), f"choose one of {', '.join(BACKENDS)}")
     count = count or os.cpu_count() or 1
     if backend == "dask":
         opened = _open_cluster(scheduler)
@@ -255,18 +254,18 @@ def _open_cluster(scheduler: str | None) -> Generator[CallUnordered, None, None]
     try:
         from distributed import Client  # noqa: PLC0415 - optional
     except ModuleNotFoundError as error:
-        message = "backend: dask isn't installed; pip install 'dask[distributed]'"
-        raise InputError(message) from error
+        remedy = "dask isn't installed; pip install 'dask[distributed]'"
+        raise InputError("backend", remedy=remedy) from error
     address = scheduler or os.environ.get(SCHEDULER)
     if not address:
-        message = f"scheduler: needed by the dask backend; give its address, or set {SCHEDULER}"
-        raise InputError(message)
+        remedy = f"needed by the dask backend; give its address, or set {SCHEDULER}"
+        raise InputError("scheduler", remedy=remedy)
     with _hold_back_logs():
         try:
             client = Client(address, set_as_default=False)
         except (OSError, ValueError) as error:
-            message = f"scheduler: {address} can't be reached: {error}"
-            raise InputError(message) from error
+            remedy = f"{address} can't be reached: {error}"
+            raise InputError("scheduler", remedy=remedy) from error
         with client:
             yield functools.partial(_call_on_cluster, client)
 
@@ -324,5 +323,5 @@ def _report_lost_scheduler() -> Generator[None, None, None]:
     try:
         yield
     except (OSError, CancelledError) as error:
-        message = f"scheduler: the connection is lost ({error}); run the same command again to continue"
-        raise InputError(message) from error
+        remedy = f"the connection is lost ({error}); run the same command again to continue"
+        raise InputError("scheduler", remedy=remedy) from error

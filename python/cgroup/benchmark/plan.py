@@ -84,8 +84,8 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     missing = {name: why for each in planned for name, why in (each.missing or {}).items()}
     if not opened.found:
         name, why = next(iter(missing.items()))
-        message = f"data: none of the data sets is at hand; {name}: {why}"
-        raise InputError(message)
+        remedy = f"none of the data sets is at hand; {name}: {why}"
+        raise InputError("data", remedy=remedy)
     facts = tuple(_describe(name, found, planned) for name, found in opened.found.items())
     if config.timing is not None:
         planned.append(_plan_timing(config, config.timing, opened))
