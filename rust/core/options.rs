@@ -130,7 +130,7 @@ fn grouped(number: u64) -> String {
         .fold(first.to_owned(), |text, group| text + "," + &String::from_utf8_lossy(group))
 }
 
-/// The description of a method, beside its parameters: [`method!`] makes it.
+/// The description of a method, beside its parameters: `method!` makes it.
 pub trait Described {
     /// The public name.
     fn name(&self) -> &'static str;

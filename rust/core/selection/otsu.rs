@@ -75,7 +75,7 @@ impl Threshold {
     /// Selects the scores above the threshold; Otsu's is laid out by a mode, in the default number of bins. Scores of minus infinity are never selected.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub fn above(&self, scores: &[f64], mode: OtsuMode) -> Result<Cut> {
         match *self {
             Self::Fixed(threshold) => cut(scores, threshold),
@@ -87,7 +87,7 @@ impl Threshold {
 /// Selects the scores above Otsu's threshold.
 ///
 /// # Errors
-/// [`Error::OutOfMemory`].
+/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
 pub fn otsu(scores: &[f64], mode: OtsuMode, bins: usize) -> Result<Cut> {
     let finite = memory::collect(scores.iter().copied().filter(|s| s.is_finite()))?;
     let low = finite.iter().copied().fold(f64::INFINITY, f64::min);
