@@ -227,3 +227,14 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     """
     difference = check_rigid(estimated, "estimated")[:3, 3] - check_rigid(true, "true")[:3, 3]
     return float(np.linalg.norm(difference))
+
+
+def turn(x: ArrayLike, y: ArrayLike, z: ArrayLike, w: ArrayLike) -> FloatArray:
+    """Rotations (...,3,3) of unit quaternions, whose parts (...) are given one by one."""
+    x, y, z, w = (np.asarray(part, dtype=np.float64) for part in (x, y, z, w))
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

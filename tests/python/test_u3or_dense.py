@@ -99,7 +99,7 @@ def test_models_lie_on_the_smooth_surface_and_know_their_outside(dense: U3ORDens
 
 def test_noise_is_along_normals_and_lines_of_sight(dense: U3ORDense, monkeypatch: pytest.MonkeyPatch) -> None:
     def make() -> tuple[dict[str, np.ndarray], np.ndarray]:
-        return dense._sample("T-rex"), dense._look_closely(12, dense._poses_in(12))["points"]
+        return dense._sample("T-rex"), dense._look_closely(12)["points"]
 
     model, scene = make()
     monkeypatch.setattr(u3or_dense, "NOISE", 0.0)

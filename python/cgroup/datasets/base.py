@@ -1,4 +1,4 @@
-"""Base class of data sets, and the search for their files."""
+"""Base classes of data sets, and the search for their files."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
-from cgroup.evaluation import overlap, within
+from cgroup.evaluation import clutter_and_occlusion, overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.features import ORIGIN, resolution
 from cgroup.rigid import apply, invert
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Iterable, Mapping
 
     from cgroup.features import Viewpoint
-    from cgroup.types import Correspondences, FloatArray, PointCloud
+    from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
 
 Role: TypeAlias = Literal["full-full", "full-partial", "partial-partial", "correspondences"]
 Origin: TypeAlias = Literal["real", "semi-synthetic", "synthetic"]
@@ -32,7 +32,8 @@ Entry = TypeVar("Entry")
 MIN_FITTING = 0.05
 """A pose is taken to be wrong when fewer of the source points than this share come to lie on the target."""
 
-_NAMED_LACKING = 3  # pairs, of those that lack files
+FITTING_WITHIN = 2.0
+"""pr. A source point lies on the target when it is so close."""
 
 _FITTING_SAMPLE = 3000  # source points that a pose is checked with
 
@@ -120,7 +121,7 @@ class Dataset(ABC):
     origin : {"real", "semi-synthetic", "synthetic"}
         Where the clouds come from; `origin_of` says it of a single pair, which may differ.
     protocols : tuple of str
-        Names in `cgroup.evaluation.PROTOCOLS` that make sense here.
+        Names in `cgroup.evaluation.PROTOCOLS` that make sense here; by default those for any unit.
     citation : str
         Whom to cite.
     single_views : bool
@@ -132,8 +133,7 @@ class Dataset(ABC):
     >>> from cgroup.datasets import Dataset, standin_pair
     >>> class Stones(Dataset):
     ...     name, title = "stones", "Two stones"
-    ...     role, origin = "partial-partial", "synthetic"
-    ...     protocols, citation = ("precision>0.1", "rmse<=5pr"), "none"
+    ...     role, origin, citation = "partial-partial", "synthetic", "none"
     ...
     ...     def pair_names(self):
     ...         return ["0", "1"]
@@ -149,7 +149,7 @@ class Dataset(ABC):
     title: ClassVar[str]
     role: ClassVar[Role]
     origin: ClassVar[Origin]
-    protocols: ClassVar[tuple[str, ...]]
+    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr")
     citation: ClassVar[str]
     single_views: ClassVar[bool] = False
 
@@ -157,14 +157,12 @@ class Dataset(ABC):
 
     @abstractmethod
     def pair_names(self) -> list[str]:
-        """Return the names of all pairs that can be loaded, always in the same order.
-
-        No cloud is read for it. Pairs of which a file isn't there belong into `lacking_pairs`.
+        """Return the names of all pairs that can be loaded, without reading a cloud.
 
         Returns
         -------
         list of str
-            What `load` takes.
+            What `load` takes; always in the same order, without `lacking_pairs`.
 
         Examples
         --------
@@ -242,8 +240,7 @@ class Dataset(ABC):
         Returns
         -------
         mapping of str to Path
-            The first missing file of each pair that the data set should have; empty unless a subclass knows
-            of some.
+            The first missing file of each pair that the data set should have, as far as it knows.
 
         Examples
         --------
@@ -270,10 +267,12 @@ class Dataset(ABC):
         lacking = self.lacking_pairs()
         if not lacking:
             return ""
-        named = list(itertools.islice(lacking.items(), _NAMED_LACKING))
-        listed = ", ".join(f"{name} (no {_short(path)})" for name, path in named)
+        named = [
+            f"{name} (no {'/'.join(path.parts[-2:])})" for name, path in itertools.islice(lacking.items(), 3)
+        ]
         more = ", ..." if len(lacking) > len(named) else ""
-        return f"{len(lacking)} of {len(lacking) + len(self.pair_names())} pairs lack files: {listed}{more}"
+        wanted = len(lacking) + len(self.pair_names())
+        return f"{len(lacking)} of {wanted} pairs lack files: {', '.join(named)}{more}"
 
     def origin_of(self, name: str) -> Origin:
         """Return where the clouds of one pair come from.
@@ -386,35 +385,77 @@ class Dataset(ABC):
             raise InputError(message)
 
 
-def split_by_files(
-    pairs: Mapping[str, Entry], find_lacking: Callable[[Entry], Path | None]
-) -> tuple[dict[str, Entry], dict[str, Path]]:
-    """Tell pairs that can be loaded from those of which a file isn't there.
+class FileDataset(Dataset, Generic[Entry]):
+    """Pairs in files of one folder: a subclass lists them, says what files each needs, and reads one.
 
     Parameters
     ----------
-    pairs : mapping of str to anything
-        By name.
-    find_lacking : callable
-        Returns the first file that a pair needs and that isn't there, or None.
+    root : path-like, optional
+        Data root; see `data_root`. What its `folder` holds is said by the subclass.
 
-    Returns
-    -------
-    pairs, lacking : dict
-        Those that can be loaded, and the missing files of the others; in the order given.
+    Attributes
+    ----------
+    folder : str
+        Its name below the data root.
+    url : str
+        Where the files are got from.
+    example : str
+        A file in the folder, for the error where no pair is listed; empty where that is none.
     """
-    found = {name: find_lacking(entry) for name, entry in pairs.items()}
-    lacking = {name: path for name, path in found.items() if path is not None}
-    return {name: entry for name, entry in pairs.items() if name not in lacking}, lacking
 
+    folder: ClassVar[str]
+    url: ClassVar[str]
+    example: ClassVar[str] = ""
 
-def first_missing(*paths: Path) -> Path | None:
-    """Return the first path that is no file; None where all are."""
-    return next((path for path in paths if not path.is_file()), None)
+    def __init__(self, root: Path | str | None = None) -> None:
+        self._folder = self._find_folder(data_root(root))
+        listed = self._list_pairs()
+        first_missing = {name: self._find_lacking(entry) for name, entry in listed.items()}
+        self._lacking = {name: path for name, path in first_missing.items() if path is not None}
+        self._pairs = {name: entry for name, entry in listed.items() if name not in self._lacking}
+        if not self._pairs and (self._lacking or self.example):
+            raise self._missing(next(iter(self._lacking.values()), self._folder / self.example))
 
+    def pair_names(self) -> list[str]:
+        """Return the names of all pairs whose files are there."""
+        return list(self._pairs)
 
-def _short(path: Path) -> str:
-    return "/".join(path.parts[-2:])
+    def _find_folder(self, root: Path) -> Path:
+        path = root / self.folder
+        if not path.is_dir():
+            message = (
+                f"{path}: no such folder, so {self.title} isn't there; get it from {self.url} "
+                "(docs/datasets.md)"
+            )
+            raise InputError(message)
+        return path
+
+    @abstractmethod
+    def _list_pairs(self) -> dict[str, Entry]:
+        """List all pairs by name, those too that lack files."""
+
+    def _needed(self, entry: Entry) -> Iterable[tuple[Path, ...]]:
+        """Return the files of a pair, each as the places that it may be in; an error names the first."""
+        raise NotImplementedError
+
+    def _find_lacking(self, entry: Entry) -> Path | None:
+        lacking = (places[0] for places in self._needed(entry) if not any(map(Path.is_file, places)))
+        return next(lacking, None)
+
+    def _entry(self, name: str) -> Entry:
+        self.check_name(name)
+        return self._pairs[name]
+
+    def _locate(self, places: tuple[Path, ...]) -> Path:
+        """Return the first place where there is a file."""
+        found = next(filter(Path.is_file, places), None)
+        if found is None:
+            raise self._missing(places[0])
+        return found
+
+    def _missing(self, path: Path) -> InputError:
+        message = f"{path}: isn't there, but {self.title} needs it; get it from {self.url} (docs/datasets.md)"
+        return InputError(message)
 
 
 def data_root(given: Path | str | None = None) -> Path:
@@ -458,30 +499,49 @@ def data_root(given: Path | str | None = None) -> Path:
     return root
 
 
-def dataset_folder(root: Path | str | None, folder: str, *, title: str, url: str) -> Path:
-    """Folder of one data set inside the data root; a missing one is an error that says where to get it."""
-    path = data_root(root) / folder
-    if not path.is_dir():
-        message = f"{path}: no such folder, so {title} isn't there; get it from {url} (docs/datasets.md)"
-        raise InputError(message)
-    return path
-
-
-def missing_file(path: Path, title: str, url: str) -> InputError:
-    """Error for a data set that lacks a file."""
-    return InputError(f"{path}: isn't there, but {title} needs it; get it from {url} (docs/datasets.md)")
+def mean_resolution(source: PointCloud, target: PointCloud) -> float:
+    """Return the mean of the resolutions of two clouds, the unit of bounds for both."""
+    return (resolution(source.points) + resolution(target.points)) / 2
 
 
 def measure_overlap(
     source: PointCloud, target: PointCloud, T_target_source: FloatArray, bound: float = OVERLAP_WITHIN
 ) -> float:
     """Overlap of two views, with a bound in units of the mean of their resolutions."""
-    pr = (resolution(source.points) + resolution(target.points)) / 2
+    pr = mean_resolution(source, target)
     return overlap(source.points, target.points, T_target_source, tolerance=as_length("bound", bound) * pr)
 
 
+def measure_clutter(
+    model: PointCloud, scene: PointCloud, T_scene_model: FloatArray, bound: float
+) -> dict[str, float]:
+    """Clutter and occlusion of a model in a scene, two meshes, with a bound as in `measure_overlap`."""
+    clutter, occlusion = clutter_and_occlusion(
+        model.points,
+        faces_of(model),
+        scene.points,
+        faces_of(scene),
+        T_scene_model,
+        tolerance=as_length("bound", bound) * mean_resolution(model, scene),
+    )
+    return {"clutter": clutter, "occlusion": occlusion}
+
+
+def faces_of(cloud: PointCloud) -> IndexArray:
+    """Return the faces of a model or scene; `InputError` where it has none."""
+    if cloud.faces is None:
+        message = "a model or scan has no faces; clutter and normals need meshes"
+        raise InputError(message)
+    return cloud.faces
+
+
 def fitting_pose(
-    pose: FloatArray, source: FloatArray, target: FloatArray, *, tolerance: float, origin: str
+    pose: FloatArray,
+    source: PointCloud,
+    target: PointCloud,
+    *,
+    origin: str,
+    tolerance: float | None = None,
 ) -> FloatArray:
     """Return the pose or its inverse, whichever lays more of the source on the target.
 
@@ -489,12 +549,13 @@ def fitting_pose(
     ----------
     pose : (4,4) array of float64
         As read; files differ in the direction they mean.
-    source, target : (N,3) and (M,3) array of float64
+    source, target : PointCloud
         Whole clouds.
-    tolerance : float
-        A source point lies on the target when it is so close, in the data's unit.
     origin : str
         Where the pose was read, for the error.
+    tolerance : float, optional
+        A source point lies on the target when it is so close, in the data's unit; by default
+        `FITTING_WITHIN`, in units of the mean of the resolutions.
 
     Returns
     -------
@@ -506,9 +567,10 @@ def fitting_pose(
     InputError
         If neither lays `MIN_FITTING` of the source points on the target.
     """
-    sample = source[:: max(1, len(source) // _FITTING_SAMPLE)]
+    near = FITTING_WITHIN * mean_resolution(source, target) if tolerance is None else tolerance
+    sample = source.points[:: max(1, len(source) // _FITTING_SAMPLE)]
     candidates = (pose, invert(pose))
-    shares = [float(within(apply(T, sample), target, tolerance).mean()) for T in candidates]
+    shares = [float(within(apply(T, sample), target.points, near).mean()) for T in candidates]
     best = int(np.argmax(shares))
     if shares[best] < MIN_FITTING:
         message = (

@@ -5,22 +5,20 @@ Zhou, Park and Koltun: Fast global registration, ECCV 2016.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup import features
 from cgroup.datasets.base import (
     CorrespondencePair,
-    Dataset,
+    FileDataset,
     MatchingPair,
-    dataset_folder,
-    first_missing,
+    mean_resolution,
     measure_overlap,
-    missing_file,
-    split_by_files,
 )
-from cgroup.datasets.redwood_log import read_log
+from cgroup.datasets.pose_lists import read_log
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import read_content
@@ -28,44 +26,31 @@ from cgroup.io._numpy_files import read_arrays
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
-    from cgroup.datasets.base import Origin, Role
     from cgroup.types import FloatArray, IndexArray, PointCloud
-
-URL = "https://github.com/isl-org/FastGlobalRegistration (folder dataset)"
 
 _NEIGHBORS = "fpfh_nn.npz"
 _SOURCE, _TARGET = 1, 0  # gt.log maps cloud 1 into the frame of cloud 0
 
 
-class _FGRPairs(Dataset):
-    """Pairs in folders; what is made of them is left to subclasses."""
+class _FGRPairs(FileDataset[Path]):
+    """Pairs in folders, named as these; what is made of them is left to subclasses."""
 
-    origin: ClassVar[Origin] = "synthetic"
-    citation: ClassVar[str] = "Zhou, Park, Koltun: Fast global registration, ECCV 2016"
+    origin = "synthetic"
+    citation = "Zhou, Park, Koltun: Fast global registration, ECCV 2016"
+    folder, example = "fgr", "pairwise_noise_xyz_level_01_01_rot_05/gt.log"
+    url = "https://github.com/isl-org/FastGlobalRegistration (folder dataset)"
 
-    def __init__(self, root: Path | str | None = None) -> None:
-        self._folder = dataset_folder(root, "fgr", title=self.title, url=URL)
-        listed = {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
-        self._pairs, self._lacking = split_by_files(listed, self._find_lacking)
-        if not self._pairs:
-            usual = self._folder / "pairwise_noise_xyz_level_01_01_rot_05" / "gt.log"
-            raise missing_file(next(iter(self._lacking.values()), usual), self.title, URL)
+    def _list_pairs(self) -> dict[str, Path]:
+        return {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
 
-    def _find_lacking(self, folder: Path) -> Path | None:
-        return first_missing(*(_cloud_file(folder, number) for number in (_TARGET, _SOURCE)))
-
-    def pair_names(self) -> list[str]:
-        """Return the names of the pairs' folders."""
-        return list(self._pairs)
+    def _needed(self, entry: Path) -> list[tuple[Path, ...]]:
+        return [(_cloud_file(entry, number),) for number in (_TARGET, _SOURCE)]
 
     def _read(self, name: str) -> tuple[PointCloud, PointCloud, FloatArray]:
         """Read source, target and pose."""
-        self.check_name(name)
-        folder = self._pairs[name]
+        folder = self._entry(name)
         target, source = (read_cloud(_cloud_file(folder, number)) for number in (_TARGET, _SOURCE))
         pose = read_log(folder / "gt.log").get((_TARGET, _SOURCE))
         if pose is None:
@@ -80,57 +65,41 @@ class FGR(_FGRPairs):
     Every point of cloud 1 whose nearest feature in cloud 0 has it for its own nearest is a match. They have a
     ratio, but neither a similarity nor frames. The resolution is that of the clouds.
 
-    Parameters
-    ----------
-    root : path-like, optional
-        Data root; see `data_root`. Its folder ``fgr`` holds one folder per pair with ``Depth_0000.ply``,
-        ``Depth_0001.ply``, ``gt.log`` and the features: ``features_0000.bin`` and ``features_0001.bin``, or
-        their nearest neighbours both ways, ``fpfh_nn.npz``.
+    The folder ``fgr`` holds one folder per pair with ``Depth_0000.ply``, ``Depth_0001.ply``, ``gt.log`` and
+    the features: ``features_0000.bin`` and ``features_0001.bin``, or their nearest neighbours both ways,
+    ``fpfh_nn.npz``.
     """
 
-    name: ClassVar[str] = "fgr"
-    title: ClassVar[str] = "FGR"
-    role: ClassVar[Role] = "correspondences"
-    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1",)
+    name, title, role = "fgr", "FGR", "correspondences"
+    protocols = ("precision>0.1",)
 
-    def _find_lacking(self, folder: Path) -> Path | None:
-        cloud = super()._find_lacking(folder)
-        if cloud or (folder / _NEIGHBORS).is_file():
-            return cloud
-        return first_missing(*(_feature_file(folder, number) for number in (_TARGET, _SOURCE)))
+    def _needed(self, entry: Path) -> list[tuple[Path, ...]]:
+        numbers = _TARGET, _SOURCE
+        described = [(_feature_file(entry, number), entry / _NEIGHBORS) for number in numbers]
+        return [*super()._needed(entry), *described]
 
     def load(self, name: str) -> CorrespondencePair:
         """Read both clouds, and match their features."""
-        clouds = self._read(name)
-        source, target, pose = clouds[0].points, clouds[1].points, clouds[2]
-        folder = self._pairs[name]
+        source, target, pose = self._read(name)
+        folder = self._entry(name)
         rows, partners, ratio = _matches(folder)
         if len(rows) and (rows.max() >= len(source) or partners.max() >= len(target)):
             message = f"{folder}: the features belong to other clouds; there are fewer points than features"
             raise InputError(message)
-        correspondences = Correspondences(
-            source[rows],
-            target[partners],
+        matches = Correspondences(
+            source.points[rows],
+            target.points[partners],
             ratio=ratio,
-            resolution=(features.resolution(source) + features.resolution(target)) / 2,
-            source_centroid=source.mean(axis=0),
+            resolution=mean_resolution(source, target),
+            source_centroid=source.points.mean(axis=0),
         )
-        return CorrespondencePair(name, correspondences, pose)
+        return CorrespondencePair(name, matches, pose)
 
 
 class FGRClouds(_FGRPairs):
-    """The clouds of FGR's pairs; synthetic, the viewpoints aren't known.
+    """The clouds of FGR's pairs, without the features; synthetic, the viewpoints aren't known."""
 
-    Parameters
-    ----------
-    root : path-like, optional
-        Data root; see `data_root`. Its folder ``fgr`` is that of `FGR`; the features aren't needed.
-    """
-
-    name: ClassVar[str] = "fgr-clouds"
-    title: ClassVar[str] = "FGR's clouds"
-    role: ClassVar[Role] = "partial-partial"
-    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr")
+    name, title, role = "fgr-clouds", "FGR's clouds", "partial-partial"
 
     def load(self, name: str) -> MatchingPair:
         """Read both clouds, and compute their overlap."""

@@ -5,20 +5,17 @@ from __future__ import annotations
 import hashlib
 import itertools
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup.datasets.base import CorrespondencePair, Dataset
 from cgroup.datasets.problem_nuisances import FRAMES, SCENES, make_scene
 from cgroup.errors import InputError
-from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from cgroup.datasets.base import Origin, Role
 
 _NUMBER = r"[0-9.]+(?:e-?[0-9]+)?"
 _NAME = re.compile(
@@ -55,12 +52,8 @@ class GeneratedMatches(Dataset):
     to be found.
     """
 
-    name: ClassVar[str] = "generated-matches"
-    title: ClassVar[str] = "Generated matches"
-    role: ClassVar[Role] = "correspondences"
-    origin: ClassVar[Origin] = "synthetic"
-    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr")
-    citation: ClassVar[str] = "this library"
+    name, title = "generated-matches", "Generated matches"
+    role, origin, citation = "correspondences", "synthetic", "this library"
 
     def __init__(self, root: Path | str | None = None) -> None:
         del root  # needs no data
@@ -88,17 +81,9 @@ class GeneratedMatches(Dataset):
             scene=recipe.scene,
             frames=recipe.frames,
         )
-        framed = recipe.frames != "none"
-        matches = Correspondences(
-            drawn.source,
-            drawn.target,
-            similarity=drawn.similarity,
-            ratio=drawn.ratio,
-            source_lrf=drawn.source_lrf if framed else None,
-            target_lrf=drawn.target_lrf if framed else None,
-            resolution=drawn.resolution,
-            source_centroid=drawn.source_centroid,
-        )
+        matches = drawn.correspondences()
+        if recipe.frames == "none":
+            matches = replace(matches, source_lrf=None, target_lrf=None)
         return CorrespondencePair(name, matches, drawn.T_target_source)
 
 
@@ -111,11 +96,5 @@ def read_recipe(name: str) -> Recipe:
             f"of {', '.join(SCENES)} and frames {', '.join(FRAMES)}"
         )
         raise InputError(message)
-    return Recipe(
-        found["scene"],
-        int(found["n"]),
-        float(found["inliers"]),
-        float(found["noise"]),
-        found["frames"],
-        int(found["number"]),
-    )
+    scene, n, inliers, noise, frames, number = found.groups()
+    return Recipe(scene, int(n), float(inliers), float(noise), frames, int(number))

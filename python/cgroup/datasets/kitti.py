@@ -6,19 +6,11 @@ Choy, Park and Koltun: Fully convolutional geometric features, ICCV 2019 (the pa
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import (
-    Dataset,
-    MatchingPair,
-    data_root,
-    dataset_folder,
-    first_missing,
-    missing_file,
-    split_by_files,
-)
+from cgroup.datasets.base import FileDataset, MatchingPair
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_transform
 from cgroup.io._files import load_numbers, load_text, parse_file
@@ -28,10 +20,7 @@ from cgroup.verification import FineSurface, align
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cgroup.datasets.base import Origin, Role
     from cgroup.types import FloatArray, PointCloud
-
-URL = "https://www.cvlibs.net/datasets/kitti/eval_odometry.php"
 
 SEQUENCES = (8, 9, 10)
 """The test sequences."""
@@ -51,74 +40,56 @@ class _Entry(NamedTuple):
     source: int
     target: int
 
-    @property
-    def name(self) -> str:
-        return f"{self.sequence:02d}/{self.source}-{self.target}"
 
-
-class KITTI(Dataset):
-    """Pairs of KITTI's sequences 8 to 10, all 555 if they are there; unit m.
+class KITTI(FileDataset[_Entry]):
+    """Pairs ``sequence/source-target`` of KITTI's sequences 8 to 10, all 555 if they are there; unit m.
 
     The odometry's poses are some decimetres off. They are replaced by those in ``icp``, where FCGF has left
     its refined ones, or else refined here by `cgroup.verification.align`.
 
-    Parameters
-    ----------
-    root : path-like, optional
-        Data root; see `data_root`. Its folder ``kitti``, or the root itself, holds
-        ``sequences/08/velodyne/*.bin``, ``sequences/08/calib.txt`` and ``poses/08.txt``; ``icp/8_0_13.npy``
-        may be there.
+    The folder ``kitti``, or the root itself, holds ``sequences/08/velodyne/*.bin``,
+    ``sequences/08/calib.txt`` and ``poses/08.txt``; ``icp/8_0_13.npy`` may be there.
     """
 
-    name: ClassVar[str] = "kitti"
-    title: ClassVar[str] = "KITTI odometry"
-    role: ClassVar[Role] = "partial-partial"
-    origin: ClassVar[Origin] = "real"
-    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "kitti", "kitti-2m")
-    citation: ClassVar[str] = "Geiger et al.: KITTI, CVPR 2012; Choy et al.: FCGF, ICCV 2019 (pairs)"
-    single_views: ClassVar[bool] = True
-
-    def __init__(self, root: Path | str | None = None) -> None:
-        base = data_root(root)
-        inside = not (base / "kitti").is_dir() and (base / "sequences").is_dir()
-        self._folder = base if inside else dataset_folder(root, "kitti", title=self.title, url=URL)
-        listed = [entry for number in SEQUENCES for entry in self._list_pairs(number)]
-        wanted = {entry.name: entry for entry in listed if tuple(entry) not in LEFT_OUT}
-        self._entries, self._lacking = split_by_files(wanted, self._find_lacking)
-        if not self._entries:
-            example = next(iter(self._lacking.values()), self._scan(SEQUENCES[0], 0))
-            raise missing_file(example, self.title, URL)
-
-    def pair_names(self) -> list[str]:
-        """Return ``sequence/source-target``, with the numbers of the scans."""
-        return list(self._entries)
+    name, title = "kitti", "KITTI odometry"
+    role, origin, single_views = "partial-partial", "real", True
+    protocols = ("precision>0.1", "kitti", "kitti-2m")
+    citation = "Geiger et al.: KITTI, CVPR 2012; Choy et al.: FCGF, ICCV 2019 (pairs)"
+    folder, example = "kitti", "sequences/08/velodyne/000000.bin"
+    url = "https://www.cvlibs.net/datasets/kitti/eval_odometry.php"
 
     def load(self, name: str) -> MatchingPair:
         """Read two scans, and refine their pose."""
-        self.check_name(name)
-        entry = self._entries[name]
-        source, target = (self._read_scan(entry.sequence, number) for number in (entry.source, entry.target))
-        return MatchingPair(name, source, target, self._find_pose(entry, source, target))
-
-    def _list_pairs(self, sequence: int) -> list[_Entry]:
-        """List the pairs of a sequence, which depend on the poses alone."""
-        poses = self._poses(sequence)
-        if not poses.is_file():
-            return []
-        return [_Entry(sequence, *both) for both in pair_scans(_read_poses(poses)[:, :3, 3])]
+        entry = self._entry(name)
+        source, target = (read_cloud(self._scan(entry.sequence, number)) for number in entry[1:])
+        return MatchingPair(name, source, target, self._find_pose(name, entry, source, target))
 
     def note(self) -> str:
         """Return a sentence about the pairs whose scans, and the sequences whose poses, aren't there."""
-        absent = [self._poses(number) for number in SEQUENCES if not self._poses(number).is_file()]
-        listed = ", ".join(path.name for path in absent)
-        poses = f"no pairs are known of sequences without poses ({listed})" if absent else ""
+        files = [self._poses(sequence) for sequence in SEQUENCES]
+        absent = ", ".join(path.name for path in files if not path.is_file())
+        poses = f"no pairs are known of sequences without poses ({absent})" if absent else ""
         return "; ".join(filter(None, (super().note(), poses)))
 
-    def _find_lacking(self, entry: _Entry) -> Path | None:
-        scans = first_missing(*(self._scan(entry.sequence, number) for number in entry[1:]))
-        if scans or self._refined(entry).is_file():
-            return scans
-        return first_missing(self._calibration(entry.sequence))
+    def _find_folder(self, root: Path) -> Path:
+        inside = not (root / self.folder).is_dir() and (root / "sequences").is_dir()
+        return root if inside else super()._find_folder(root)
+
+    def _list_pairs(self) -> dict[str, _Entry]:
+        """List the pairs, which depend on the poses alone."""
+        there = [(sequence, self._poses(sequence)) for sequence in SEQUENCES]
+        entries = [
+            _Entry(sequence, *both)
+            for sequence, path in there
+            if path.is_file()
+            for both in pair_scans(_read_poses(path)[:, :3, 3])
+        ]
+        wanted = [entry for entry in entries if tuple(entry) not in LEFT_OUT]
+        return {f"{each.sequence:02d}/{each.source}-{each.target}": each for each in wanted}
+
+    def _needed(self, entry: _Entry) -> list[tuple[Path, ...]]:
+        scans = [(self._scan(entry.sequence, number),) for number in entry[1:]]
+        return [*scans, (self._calibration(entry.sequence), self._refined(entry))]
 
     def _poses(self, sequence: int) -> Path:
         return self._folder / "poses" / f"{sequence:02d}.txt"
@@ -129,31 +100,18 @@ class KITTI(Dataset):
     def _calibration(self, sequence: int) -> Path:
         return self._folder / "sequences" / f"{sequence:02d}" / "calib.txt"
 
-    def _find_pose(self, entry: _Entry, source: PointCloud, target: PointCloud) -> FloatArray:
+    def _scan(self, sequence: int, number: int) -> Path:
+        return self._folder / "sequences" / f"{sequence:02d}" / "velodyne" / f"{number:06d}.bin"
+
+    def _find_pose(self, name: str, entry: _Entry, source: PointCloud, target: PointCloud) -> FloatArray:
         refined = self._refined(entry)
         if refined.is_file():
             return read_transform(refined)
         poses = _read_poses(self._poses(entry.sequence))
-        camera = self._read_calibration(entry.sequence)
+        camera = _read_calibration(self._calibration(entry.sequence))
         rough = invert(poses[entry.target] @ camera) @ poses[entry.source] @ camera
         fixed, moved = FineSurface(target.points, _FINE_SPACING), FineSurface(source.points, _FINE_SPACING)
-        return align(moved, fixed, check_rigid(rough, entry.name)).T_target_source
-
-    def _read_calibration(self, sequence: int) -> FloatArray:
-        """Read the pose of the scanner in the camera's frame."""
-        path = self._calibration(sequence)
-        for line in load_text(path).splitlines():
-            name, _, numbers = line.partition(":")
-            if name == "Tr":
-                return _as_poses(np.array(numbers.split(), dtype=float)[None])[0]
-        message = f"{path}: has no line that begins with Tr:"
-        raise InputError(message)
-
-    def _scan(self, sequence: int, number: int) -> Path:
-        return self._folder / "sequences" / f"{sequence:02d}" / "velodyne" / f"{number:06d}.bin"
-
-    def _read_scan(self, sequence: int, number: int) -> PointCloud:
-        return read_cloud(self._scan(sequence, number))
+        return align(moved, fixed, check_rigid(rough, name)).T_target_source
 
 
 def pair_scans(places: FloatArray) -> list[tuple[int, int]]:
@@ -188,6 +146,16 @@ def _read_poses(path: Path) -> FloatArray:
     except ValueError as error:
         message = f"{path}: not a list of poses, 12 numbers a line ({error})"
         raise InputError(message) from error
+
+
+def _read_calibration(path: Path) -> FloatArray:
+    """Read the pose of the scanner in the camera's frame."""
+    for line in load_text(path).splitlines():
+        name, _, numbers = line.partition(":")
+        if name == "Tr":
+            return _as_poses(np.array(numbers.split(), dtype=float)[None])[0]
+    message = f"{path}: has no line that begins with Tr:"
+    raise InputError(message)
 
 
 def _as_poses(rows: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.errors import InputError
+from cgroup.rigid import turn
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
@@ -350,12 +351,7 @@ def random_rotations(rng: np.random.Generator, n: int) -> FloatArray:
     """Draw n rotations (n,3,3), all alike: from random unit quaternions."""
     quaternion = rng.normal(size=(n, 4))
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    return turn(x, y, z, w)
 
 
 def _check(n: int, **shares: float) -> None:

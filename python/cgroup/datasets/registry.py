@@ -8,12 +8,11 @@ from cgroup._checks.values import guess_word, refuse_word
 from cgroup._runtime.plugins import load_plugin
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
-from cgroup.datasets.correspondence_files import CorrespondenceFiles, OneToThreeFiles
+from cgroup.datasets.demos import CorrespondenceFiles, LidarScans, OneToThreeFiles
 from cgroup.datasets.fgr import FGR, FGRClouds
 from cgroup.datasets.generated.stones import StandinClutter, StandinFull, StandinViews
 from cgroup.datasets.generated_matches import GeneratedMatches
 from cgroup.datasets.kitti import KITTI
-from cgroup.datasets.lidar import LidarScans
 from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.threedmatch import ThreeDLoMatchTest, ThreeDMatch, ThreeDMatchTest
 from cgroup.datasets.u3m import U3M

@@ -7,33 +7,23 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import (
-    Dataset,
-    MatchingPair,
-    dataset_folder,
-    measure_overlap,
-    missing_file,
-    split_by_files,
-)
+from cgroup.datasets.base import FileDataset, MatchingPair, measure_overlap
 from cgroup.datasets.cache import cached
-from cgroup.datasets.manifest import manifest_entry
+from cgroup.datasets.pose_lists import manifest_pairs
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import load_text
-from cgroup.rigid import invert
+from cgroup.rigid import invert, turn
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cgroup.datasets.base import Origin, Role
     from cgroup.features import Viewpoint
     from cgroup.types import FloatArray
-
-URL = "http://graphics.stanford.edu/data/3Dscanrep (range data of bunny, happy buddha, ...)"
 
 MIN_OVERLAP = 0.1
 """Pairs of views that share less than this are left out."""
@@ -48,53 +38,35 @@ class _View:
     T_world_view: FloatArray
 
 
-class _Listed(NamedTuple):
-    folder: str
+class _Entry(NamedTuple):
+    home: str
     source: str
     target: str
 
 
-class StanfordViews(Dataset):
-    """Pairs of range views with an overlap of at least `MIN_OVERLAP`; unit m.
+class StanfordViews(FileDataset[_Entry]):
+    """Pairs ``object/source-target`` of range views with an overlap of at least `MIN_OVERLAP`; unit m.
 
-    Parameters
-    ----------
-    root : path-like, optional
-        Data root; see `data_root`. Its folder ``stanford_views`` holds one folder per object, each with the
-        views and their ``.conf``, as in Stanford's archives.
+    The folder ``stanford_views`` holds one folder per object, each with the views and their ``.conf``, as in
+    Stanford's archives. Pairs are taken from the root's manifest where it lists them; else they are found by
+    looking at all views, which takes a minute the first time.
     """
 
-    name: ClassVar[str] = "stanford"
-    title: ClassVar[str] = "Stanford views"
-    role: ClassVar[Role] = "partial-partial"
-    origin: ClassVar[Origin] = "real"
-    protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr")
-    citation: ClassVar[str] = (
-        "Stanford 3D Scanning Repository; Turk, Levoy: Zippered polygon meshes, SIGGRAPH 1994"
-    )
-    single_views: ClassVar[bool] = True
-
-    def __init__(self, root: Path | str | None = None) -> None:
-        self._folder = dataset_folder(root, "stanford_views", title=self.title, url=URL)
-        self._objects, self._absent = _objects(self._folder)
-        self._listed, self._lacking = split_by_files(self._list_pairs(), self._find_lacking)
-        if self._lacking and not self._listed:
-            raise missing_file(next(iter(self._lacking.values())), self.title, URL)
-        self._names = list(self._listed)
+    name, title = "stanford", "Stanford views"
+    role, origin, single_views = "partial-partial", "real", True
+    citation = "Stanford 3D Scanning Repository; Turk, Levoy: Zippered polygon meshes, SIGGRAPH 1994"
+    folder = "stanford_views"
+    url = "http://graphics.stanford.edu/data/3Dscanrep (range data of bunny, happy buddha, ...)"
 
     def pair_names(self) -> list[str]:
-        """Return ``object/source-target`` of all pairs that overlap enough.
-
-        They are taken from the root's manifest where it lists them; else found by looking at all views, which
-        takes a minute the first time.
-        """
-        if not self._names:
-            self._names = self._overlapping()
-        return list(self._names)
+        """Return the names of the listed pairs, or of all that overlap enough."""
+        if not self._pairs:
+            self._pairs = {_name_of(entry): entry for entry in self._overlapping()}
+        return list(self._pairs)
 
     def note(self) -> str:
         """Return a sentence about listed pairs, or views of Stanford's own lists, that aren't there."""
-        if self._listed or not self._absent:
+        if self._are_listed or not self._absent:
             return super().note()
         return (
             f"pairs of views that aren't there are left out ({len(self._absent)}, such as {self._absent[0]})"
@@ -102,68 +74,49 @@ class StanfordViews(Dataset):
 
     def subject_of(self, name: str) -> str:
         """Return the object's folder."""
-        self.check_name(name)
-        return name.rpartition("/")[0]
+        return self._entry(name).home
 
     def load(self, name: str) -> MatchingPair:
         """Read two views and compute their overlap."""
-        self.check_name(name)
-        first, second = self._views(name)
-        source, target = read_cloud(first.path), read_cloud(second.path)
-        pose = _between(first, second)
+        entry = self._entry(name)
+        first, second = (self._objects[entry.home][stem] for stem in (entry.source, entry.target))
+        source, target, pose = read_cloud(first.path), read_cloud(second.path), _between(first, second)
         shared = measure_overlap(source, target, pose)
         return MatchingPair(name, source, target, pose, SCANNER, SCANNER, facts={"overlap": shared})
 
-    def _find_lacking(self, pair: _Listed) -> Path | None:
-        views = self._objects.get(pair.folder, {})
-        lacking = [stem for stem in (pair.source, pair.target) if stem not in views]
-        return self._folder / pair.folder / f"{lacking[0]}.ply" if lacking else None
+    def _list_pairs(self) -> dict[str, _Entry]:
+        self._objects: dict[str, dict[str, _View]] = {}
+        self._absent: list[str] = []
+        for configuration in sorted(self._folder.rglob("*.conf")):
+            home = configuration.parent
+            named = home.parent if home.name == "data" else home
+            views, files = _read_configuration(configuration)
+            self._absent += [(home / file).relative_to(self._folder).as_posix() for file in files]
+            self._objects.setdefault(named.relative_to(self._folder).as_posix(), {}).update(views)
+        if not any(len(views) > 1 for views in self._objects.values()):
+            raise self._missing(self._folder / (self._absent[0] if self._absent else "bunny/bun.conf"))
+        pairs = manifest_pairs(self._folder.parent, self.folder)
+        entries = [_Entry(pair["set"], _stem(pair["src"]), _stem(pair["tgt"])) for pair in pairs]
+        self._are_listed = bool(entries)
+        return {_name_of(entry): entry for entry in entries}
 
-    def _views(self, name: str) -> tuple[_View, _View]:
-        folder, _, pair = name.rpartition("/")
-        views = self._objects[folder]
-        for source, target in itertools.permutations(views, 2):
-            if pair == f"{source}-{target}":
-                return views[source], views[target]
-        message = f"{self.name}: has no pair {name!r}"
-        raise InputError(message)
+    def _find_lacking(self, entry: _Entry) -> Path | None:
+        views = self._objects.get(entry.home, {})
+        lacking = [stem for stem in (entry.source, entry.target) if stem not in views]
+        return self._folder / entry.home / f"{lacking[0]}.ply" if lacking else None
 
-    def _list_pairs(self) -> dict[str, _Listed]:
-        entry = manifest_entry(self._folder.parent, "stanford_views")
-        pairs = [
-            _Listed(pair["set"], _stem(pair["src"]), _stem(pair["tgt"]))
-            for pair in (entry["pairs"] if entry else [])
-        ]
-        return {f"{pair.folder}/{pair.source}-{pair.target}": pair for pair in pairs}
-
-    def _overlapping(self) -> list[str]:
-        names: list[str] = []
-        for folder, views in self._objects.items():
-            pairs = list(itertools.combinations(views, 2))
+    def _overlapping(self) -> list[_Entry]:
+        found: list[_Entry] = []
+        for home, views in self._objects.items():
             key = ["overlap", *(part for view in views.values() for part in _fingerprint(view))]
-            clouds = {stem: view.path for stem, view in views.items()}
-            shares = cached("stanford", key, lambda v=views, c=clouds: {"overlap": _all_overlaps(v, c)})[
-                "overlap"
-            ]
-            listed = zip(pairs, shares, strict=True)
-            names += [f"{folder}/{a}-{b}" for (a, b), share in listed if share >= MIN_OVERLAP]
-        return names
+            shares = cached("stanford", key, lambda each=views: {"overlap": _all_overlaps(each)})["overlap"]
+            pairs = zip(itertools.combinations(views, 2), shares, strict=True)
+            found += [_Entry(home, *pair) for pair, share in pairs if share >= MIN_OVERLAP]
+        return found
 
 
-def _objects(folder: Path) -> tuple[dict[str, dict[str, _View]], list[str]]:
-    """List the views of each object, by the object's folder and the view's name; and those not there."""
-    found: dict[str, dict[str, _View]] = {}
-    absent: list[str] = []
-    for configuration in sorted(folder.rglob("*.conf")):
-        home = configuration.parent
-        named = home.parent if home.name == "data" else home
-        views, files = _read_configuration(configuration)
-        absent += [(home / file).relative_to(folder).as_posix() for file in files]
-        found.setdefault(named.relative_to(folder).as_posix(), {}).update(views)
-    if not any(len(views) > 1 for views in found.values()):
-        example = absent[0] if absent else "bunny/bun.conf"
-        raise missing_file(folder / example, StanfordViews.title, URL)
-    return found, absent
+def _name_of(entry: _Entry) -> str:
+    return f"{entry.home}/{entry.source}-{entry.target}"
 
 
 def _read_configuration(path: Path) -> tuple[dict[str, _View], list[str]]:
@@ -174,45 +127,29 @@ def _read_configuration(path: Path) -> tuple[dict[str, _View], list[str]]:
         words = line.split()
         if len(words) != 9 or words[0] != "bmesh":
             continue
-        if (path.parent / words[1]).is_file():
-            try:
-                numbers = np.array([float(word) for word in words[2:]])
-            except ValueError as error:
-                message = f"{path}: can't read the pose in the line {line!r}"
-                raise InputError(message) from error
-            views[_stem(words[1])] = _View(path.parent / words[1], _pose(numbers[:3], numbers[3:]))
-        else:
+        if not (path.parent / words[1]).is_file():
             absent.append(words[1])
+            continue
+        try:
+            numbers = np.array([float(word) for word in words[2:]])
+        except ValueError as error:
+            message = f"{path}: can't read the pose in the line {line!r}"
+            raise InputError(message) from error
+        pose = np.eye(4)  # Stanford's quaternions turn the other way round
+        pose[:3, :3] = turn(*(numbers[3:] / np.linalg.norm(numbers[3:]))).T
+        pose[:3, 3] = numbers[:3]
+        views[_stem(words[1])] = _View(path.parent / words[1], pose)
     return views, absent
-
-
-def _pose(translation: FloatArray, quaternion: FloatArray) -> FloatArray:
-    """View to world: p_world = R(q)^T p + t; Stanford's quaternions turn the other way round."""
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
-    transform = np.eye(4)
-    transform[:3, :3] = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
-            [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
-            [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    transform[:3, 3] = translation
-    return transform
 
 
 def _between(source: _View, target: _View) -> FloatArray:
     return invert(target.T_world_view) @ source.T_world_view
 
 
-def _all_overlaps(views: dict[str, _View], files: dict[str, Path]) -> FloatArray:
-    clouds = {stem: read_cloud(path) for stem, path in files.items()}
-    return np.array(
-        [
-            measure_overlap(clouds[a], clouds[b], _between(views[a], views[b]))
-            for a, b in itertools.combinations(views, 2)
-        ]
-    )
+def _all_overlaps(views: dict[str, _View]) -> FloatArray:
+    clouds = {stem: read_cloud(view.path) for stem, view in views.items()}
+    pairs = itertools.combinations(views, 2)
+    return np.array([measure_overlap(clouds[a], clouds[b], _between(views[a], views[b])) for a, b in pairs])
 
 
 def _fingerprint(view: _View) -> tuple[str, str, bytes]:

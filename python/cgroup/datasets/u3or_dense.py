@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup import features
 from cgroup.datasets.cache import cached
-from cgroup.datasets.generated.scanner import Mesh, merge, range_image
+from cgroup.datasets.generated.scanner import Mesh
 from cgroup.datasets.subdivision import Surface, longest_edges, subdivide
-from cgroup.datasets.u3or import U3OR, pose_before_scanner
+from cgroup.datasets.u3or import U3OR
 from cgroup.io import read_cloud
 from cgroup.types import PointCloud
 
@@ -71,19 +71,9 @@ class U3ORDense(U3OR):
     owners' models and scans needs `U3OR` only.
 
     Models and simulated scenes are kept in the cache (`cgroup.datasets.cache.cache_folder`).
-
-    Parameters
-    ----------
-    root : path-like, optional
-        Data root; see `data_root`. Its folder ``u3or`` holds what `U3OR` needs, and the real scan.
     """
 
-    name: ClassVar[str] = "u3or-dense"
-    title: ClassVar[str] = "U3OR sampled densely"
-
-    def __init__(self, root: Path | str | None = None) -> None:
-        super().__init__(root)
-        self._dense_models: dict[str, PointCloud] = {}  # read once: each is in many pairs
+    name, title = "u3or-dense", "U3OR sampled densely"
 
     def origin_of(self, name: str) -> Origin:
         """Return "semi-synthetic": every model is interpolated."""
@@ -93,14 +83,14 @@ class U3ORDense(U3OR):
     def load(self, name: str) -> MatchingPair:
         """Load the pair of `U3OR`, and put the dense clouds in the place of its own."""
         pair = super().load(name)
-        scene, model = self._parse(name)
-        clouds = self.dense_model(model), self.dense_scene(scene)
-        return replace(pair, source=clouds[0], target=clouds[1], normals="given")
+        scene, model = self._entry(name)
+        source, target = self.dense_model(model), self.dense_scene(scene)
+        return replace(pair, source=source, target=target, normals="given")
 
     def dense_model(self, name: str) -> PointCloud:
         """Sample the smooth surface of a model, with its normals."""
         if name not in self._dense_models:
-            key = [*_SETTINGS, self._model_file(name).read_bytes()]
+            key = [*_SETTINGS, self._locate(self._model_places(name)).read_bytes()]
             arrays = cached("u3or-dense", key, lambda: self._sample(name))
             self._dense_models[name] = PointCloud(arrays["points"], arrays["normals"])
         return self._dense_models[name]
@@ -111,9 +101,12 @@ class U3ORDense(U3OR):
         if path is not None:
             scan = read_cloud(path).points @ _FROM_PCL.T
             return PointCloud(features.voxel_downsample(scan, VOXEL).points)
-        poses = self._poses_in(number)
-        key = [*_SETTINGS, str(number), *self._content(poses)]
-        return PointCloud(cached("u3or-dense", key, lambda: self._look_closely(number, poses))["points"])
+        key = [*_SETTINGS, str(number), *self._content(number)]
+        return PointCloud(cached("u3or-dense", key, lambda: self._look_closely(number))["points"])
+
+    @cached_property
+    def _dense_models(self) -> dict[str, PointCloud]:
+        return {}  # read once: each is in many pairs
 
     @cached_property
     def _full_scans(self) -> dict[int, Path]:
@@ -125,9 +118,8 @@ class U3ORDense(U3OR):
         # The facts are computed on the scene of U3OR, which needs no model only where it is a scan as well.
         return super()._has_scan(number) and number in self._full_scans
 
-    def _look_closely(self, number: int, poses: dict[str, Path]) -> dict[str, FloatArray]:
-        parts = [pose_before_scanner(self._facets(model), path) for model, path in poses.items()]
-        image = range_image(merge(parts), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
+    def _look_closely(self, number: int) -> dict[str, FloatArray]:
+        image = self._look(number, self._facets, PIXEL)
         ranges = image.ranges()
         noise = np.random.default_rng(number).normal(0, NOISE, len(ranges))
         return {"points": image.rays() * (ranges + noise)[:, None]}

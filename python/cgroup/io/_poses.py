@@ -8,7 +8,7 @@ import numpy as np
 
 from cgroup._checks.arrays import as_floats
 from cgroup.errors import InputError
-from cgroup.rigid import RIGID_TOLERANCE, check_rigid
+from cgroup.rigid import RIGID_TOLERANCE, check_rigid, turn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,9 +90,7 @@ def _from_quaternions(name: str, rows: FloatArray) -> FloatArray:
     x, y, z, w = (rows[:, 3:] / lengths[:, None]).T
     poses = np.zeros((len(rows), 3, 4))
     poses[:, :, 3] = rows[:, :3]
-    poses[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=1)
-    poses[:, 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=1)
-    poses[:, 2, :3] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=1)
+    poses[:, :, :3] = turn(x, y, z, w)
     return poses
 
 

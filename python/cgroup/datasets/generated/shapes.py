@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.datasets.generated.scanner import Mesh
+from cgroup.rigid import turn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -71,13 +72,7 @@ def random_pose(rng: np.random.Generator) -> FloatArray:
     quaternion = rng.normal(size=4)
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
     pose = np.eye(4)
-    pose[:3, :3] = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    pose[:3, :3] = turn(x, y, z, w)
     pose[:3, 3] = 3 * RADIUS * random_direction(rng)
     return pose
 
