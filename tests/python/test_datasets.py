@@ -31,7 +31,7 @@ from cgroup.datasets.cache import cache_folder, cached
 from cgroup.datasets.generated import stones
 from cgroup.datasets.generated.scanner import Mesh, range_image
 from cgroup.datasets.generated.shapes import stone
-from cgroup.datasets.problem_nuisances import FRAMES, SCENES, make_scene
+from cgroup.datasets.matching_problems import FRAMES, SCENES, make_scene
 from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.datasets.base import CorrespondencePair, Dataset
-from cgroup.datasets.problem_nuisances import FRAMES, SCENES, make_scene
+from cgroup.datasets.matching_problems import FRAMES, SCENES, make_scene
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:

@@ -2,7 +2,8 @@
 
 No clouds, detectors or descriptors are involved: points, frames, similarities and ratios are drawn directly,
 so that problems of any size and share of inliers take no time. The tests and the comparison with other
-libraries run on these; in Rust ``tests/common/mod.rs`` draws from the same distribution.
+libraries run on these; in Rust ``tests/common/mod.rs`` draws from the same distribution. `SCENES` change what
+the wrong matches of a problem do.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.errors import InputError
-from cgroup.rigid import turn
+from cgroup.rigid import apply, turn
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from cgroup.types import BoolArray, FloatArray
@@ -24,9 +27,23 @@ if TYPE_CHECKING:
 CORRECT_WITHIN = 5.0
 """pr. A match is correct where the true pose leaves no greater distance."""
 
+RIVALS = 0.8
+"""Matches that follow a rival of the true motion, per match that follows the true one."""
+
+ROOM = 150.0
+"""pr. Edge length of the walls in `planes`."""
+
+FRAMES = {
+    "good": {"frame_error": 8.0, "random_frames": 0.1},
+    "bad": {"frame_error": 30.0, "random_frames": 0.7},
+    "none": {},
+}
+"""Arguments of `make_problem` by the quality of the frames; ``none`` leaves the frames out."""
+
 _AXES = np.array([1.0, 0.7, 0.5])  # of the ellipsoid, in units of the longest
 _DISTANCE = 50.0  # pr, standard deviation of the translation per axis
 _FEW_INLIERS = 0.1  # share below which the ratios of inliers are nearly those of outliers
+_CANDIDATES = 3  # of each source point, in one-to-three problems
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,12 +136,12 @@ class MatchingProblem:
         Parameters
         ----------
         rows : (m,) array of int
-            Which, in the order that they are to have.
+            Which, in their new order.
 
         Returns
         -------
         MatchingProblem
-            Of m matches, with the same pose.
+            With the same pose.
 
         Raises
         ------
@@ -139,16 +156,8 @@ class MatchingProblem:
         >>> problem.subset(np.flatnonzero(problem.inlier_mask)).inlier_mask.all().item()
         True
         """
-        return replace(
-            self,
-            source=self.source[rows],
-            target=self.target[rows],
-            ratio=self.ratio[rows],
-            similarity=self.similarity[rows],
-            source_lrf=self.source_lrf[rows],
-            target_lrf=self.target_lrf[rows],
-            inlier_mask=self.inlier_mask[rows],
-        )
+        names = ("source", "target", "ratio", "similarity", "source_lrf", "target_lrf", "inlier_mask")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def moved(self, source_motion: FloatArray, target_motion: FloatArray) -> MatchingProblem:
         """Return the problem after a rigid motion of each side, frames included.
@@ -177,11 +186,11 @@ class MatchingProblem:
         inverse = np.linalg.inv(source_motion)
         return replace(
             self,
-            source=_move(source_motion, self.source),
-            target=_move(target_motion, self.target),
+            source=apply(source_motion, self.source),
+            target=apply(target_motion, self.target),
             source_lrf=self.source_lrf @ source_motion[:3, :3].T,
             target_lrf=self.target_lrf @ target_motion[:3, :3].T,
-            source_centroid=_move(source_motion, self.source_centroid[None])[0],
+            source_centroid=apply(source_motion, self.source_centroid[None])[0],
             T_target_source=target_motion @ self.T_target_source @ inverse,
         )
 
@@ -289,17 +298,21 @@ def make_problem(
     >>> problem
     MatchingProblem(n=1000, inliers=98)
     """
-    _check(
-        n,
-        inlier_ratio=inlier_ratio,
-        repeated_targets=repeated_targets,
-        duplicated_sources=duplicated_sources,
-        clutter=clutter,
-        missing_frames=missing_frames,
-        random_frames=random_frames,
-        zero_descriptors=zero_descriptors,
-        missing_second=missing_second,
-    )
+    shares = {
+        "inlier_ratio": inlier_ratio,
+        "repeated_targets": repeated_targets,
+        "duplicated_sources": duplicated_sources,
+        "clutter": clutter,
+        "missing_frames": missing_frames,
+        "random_frames": random_frames,
+        "zero_descriptors": zero_descriptors,
+        "missing_second": missing_second,
+    }
+    if n < 0:
+        raise InputError("n", n, "give a number of matches, 0 or more")
+    for name, share in shares.items():
+        if not 0.0 <= share <= 1.0:
+            raise InputError(name, share, "give a share from 0 to 1")
     source = _surface(_directions(rng, n), radius)
     rotation, translation = random_rotations(rng, 1)[0], rng.normal(size=3) * _DISTANCE
     is_inlier = rng.permutation(n) < round(inlier_ratio * n)
@@ -312,16 +325,26 @@ def make_problem(
 
     target = source @ rotation.T + translation + rng.normal(size=(n, 3)) * noise
     target_lrf = _turned(rng, source_lrf @ rotation.T, frame_error)
-    elsewhere = _away_from(source, _directions(rng, n), radius) @ rotation.T + translation
+    directions = _directions(rng, n)
+    near = _are_near(source, _surface(directions, radius), CORRECT_WITHIN)  # these would be right by accident
+    elsewhere = _surface(np.where(near, -directions, directions), radius) @ rotation.T + translation
     target[~is_inlier] = elsewhere[~is_inlier]
     unrelated = ~is_inlier | (rng.random(n) < random_frames)
     target_lrf[unrelated] = random_rotations(rng, n)[unrelated]
 
     kind = rng.random(n)
-    _scatter(rng, target, translation, ~is_inlier & (kind < clutter))
-    _repeat(rng, target, target_lrf, ~is_inlier & (kind >= 1.0 - repeated_targets))
-    _drop_frames(rng, source_lrf, target_lrf, missing_frames)
-    ratio = _ratios(rng, is_inlier, indistinct=inlier_ratio < _FEW_INLIERS)
+    box = 2.0 * np.ptp(target, axis=0) if n else np.zeros(3)
+    anywhere = translation + (rng.random(target.shape) - 0.5) * box
+    scattered, repeated = ~is_inlier & (kind < clutter), ~is_inlier & (kind >= 1.0 - repeated_targets)
+    target[scattered] = anywhere[scattered]
+    partners = rng.integers(0, max(n, 1), size=int(repeated.sum()))
+    target[repeated], target_lrf[repeated] = target[partners], target_lrf[partners]
+
+    no_frame, on_source = rng.random(n) < missing_frames, rng.random(n) < 0.5
+    source_lrf[no_frame & on_source] = np.nan
+    target_lrf[no_frame & ~on_source] = np.nan
+    of_inliers = rng.beta(6.0, 1.4, n) if inlier_ratio < _FEW_INLIERS else rng.beta(4.0, 1.8, n)
+    ratio = np.where(is_inlier, of_inliers, rng.beta(9.0, 1.2, n))
     ratio[rng.random(n) < missing_second] = 1.0
     similarity = np.where(is_inlier, rng.beta(5.0, 2.0, n), rng.beta(4.0, 3.0, n))
     similarity[rng.random(n) < zero_descriptors] = -np.inf
@@ -332,8 +355,7 @@ def make_problem(
     transform[:3, :3] = rotation
     transform[:3, 3] = scale * (translation + far_target - rotation @ far_source)
     source, target = scale * (source + far_source), scale * (target + far_target)
-    error = np.linalg.norm(_move(transform, source) - target, axis=1)
-    return MatchingProblem(
+    problem = MatchingProblem(
         source=source,
         target=target,
         ratio=ratio,
@@ -342,9 +364,136 @@ def make_problem(
         target_lrf=target_lrf,
         resolution=scale,
         source_centroid=scale * far_source,
-        inlier_mask=error <= CORRECT_WITHIN * scale,
+        inlier_mask=is_inlier,
         T_target_source=transform,
     )
+    return _judged(problem)
+
+
+def make_scene(
+    rng: np.random.Generator, n: int, *, inliers: float, noise: float, scene: str, frames: str
+) -> MatchingProblem:
+    """Draw a matching problem that is hard in one way.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        The only source of randomness.
+    n : int
+        Number of matches; up to two more in ``one-to-three``.
+    inliers : float
+        Share of right ones.
+    noise : float
+        Their standard deviation per axis, in pr.
+    scene : {"uniform", "second-pose", "planes", "mirror", "one-to-three"}
+        What the wrong matches do: lie anywhere; follow a second motion, as many as 0.8 of the right ones; all
+        points lie on a few walls; follow a mirrored motion; or each source point has three matches, one of
+        which may be right.
+    frames : {"good", "bad", "none"}
+        Whether local reference frames are off by 8 degrees and 10 % unrelated, or by 30 degrees and 70 %;
+        with "none" they are all missing (NaN).
+
+    Returns
+    -------
+    MatchingProblem
+        Its arrays are the caller's own.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or a share can't be had: at most a third of one-to-three matches is right.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import make_scene
+    >>> kind = {"scene": "one-to-three", "frames": "good"}
+    >>> problem = make_scene(
+    ...     np.random.default_rng(0), 300, inliers=0.1, noise=1.0, **kind
+    ... )
+    >>> len(problem), len(np.unique(problem.source, axis=0))
+    (300, 100)
+    """
+    for name, given, known in (("scene", scene, SCENES), ("frames", frames, FRAMES)):
+        if given not in known:
+            raise InputError(name, f"{given!r}", f"choose one of {', '.join(known)}")
+    share = _CANDIDATES * inliers if scene == "one-to-three" else inliers
+    if share > 1:
+        raise InputError("inliers", inliers, "of one-to-three matches at most a third is right")
+    problem = make_problem(rng, n, inlier_ratio=share, noise=noise, **FRAMES[frames])
+    made = SCENES[scene](rng, problem)
+    if frames == "none":
+        missing = np.full_like(made.source_lrf, np.nan)
+        made = replace(made, source_lrf=missing, target_lrf=missing.copy())
+    return replace(made, recipe=f"{scene}, n={n}, inliers={inliers}, noise={noise}, frames={frames}")
+
+
+def second_pose(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Let some of the wrong matches follow a second rigid motion: `RIVALS` for each right one."""
+    rotation = random_rotations(rng, 1)[0]
+    return _rival(rng, problem, problem.source @ rotation.T, rotation)
+
+
+def mirror_image(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Let some of the wrong matches follow a mirrored motion: `RIVALS` for each right one.
+
+    They keep all distances, but no rigid motion explains them.
+    """
+    rotation = random_rotations(rng, 1)[0]
+    mirrored = (problem.source * np.array([-1.0, 1.0, 1.0])) @ rotation.T
+    return _rival(rng, problem, mirrored, rotation)
+
+
+def planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Put all points on a floor and two walls, where many wrong matches agree with each other by chance.
+
+    Right matches keep their noise.
+    """
+    scale, right = problem.resolution, problem.inlier_mask
+    source = _on_walls(rng, len(problem)) * scale
+    noise = problem.target - apply(problem.T_target_source, problem.source)
+    others = _on_walls(rng, len(problem)) * scale
+    near = _are_near(source, others, CORRECT_WITHIN * scale)  # these would be right by accident
+    partners = np.where(near, np.roll(others, 1, axis=0), others)
+    target = apply(problem.T_target_source, np.where(right[:, None], source, partners))
+    target[right] += noise[right]
+    centroid = source.mean(axis=0) if len(source) else problem.source_centroid
+    return _judged(replace(problem, source=source, target=target, source_centroid=centroid))
+
+
+def one_to_three(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Give every source point three partners in a row, at most one of them right.
+
+    Two thirds of the matches are new ones, so that their share of right ones falls to a third; a problem of
+    as many matches as before is returned, or one or two more.
+    """
+    kept = rng.permutation(len(problem))[: -(-len(problem) // _CANDIDATES)]
+    groups = np.repeat(kept, _CANDIDATES)
+    # The first of each three stays; the partners of the others are those of other matches.
+    partners = rng.integers(0, max(len(problem), 1), size=len(groups))
+    partners[::_CANDIDATES] = kept
+    first = np.arange(len(groups)) % _CANDIDATES == 0
+    rows = problem.subset(groups)
+    unlike = rng.beta(9.0, 1.2, len(groups))
+    tripled = replace(
+        rows,
+        target=problem.target[partners],
+        target_lrf=problem.target_lrf[partners],
+        ratio=np.where(first, rows.ratio, np.maximum(rows.ratio, unlike)),
+        similarity=np.where(first, rows.similarity, rng.beta(4.0, 3.0, len(groups))),
+    )
+    order = np.argsort(rng.random((len(kept), _CANDIDATES)), axis=1)  # within each three
+    return _judged(tripled.subset((order + _CANDIDATES * np.arange(len(order))[:, None]).ravel()))
+
+
+SCENES: dict[str, Callable[[np.random.Generator, MatchingProblem], MatchingProblem]] = {
+    "uniform": lambda _, problem: problem,
+    "second-pose": second_pose,
+    "planes": planes,
+    "mirror": mirror_image,
+    "one-to-three": one_to_three,
+}
+"""What wrong matches are like, by name."""
 
 
 def random_rotations(rng: np.random.Generator, n: int) -> FloatArray:
@@ -352,14 +501,6 @@ def random_rotations(rng: np.random.Generator, n: int) -> FloatArray:
     quaternion = rng.normal(size=(n, 4))
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
     return turn(x, y, z, w)
-
-
-def _check(n: int, **shares: float) -> None:
-    if n < 0:
-        raise InputError("n", n, "give a number of matches, 0 or more")
-    for name, share in shares.items():
-        if not 0.0 <= share <= 1.0:
-            raise InputError(name, share, "give a share from 0 to 1")
 
 
 def _directions(rng: np.random.Generator, n: int) -> FloatArray:
@@ -374,12 +515,6 @@ def _surface(directions: FloatArray, radius: float) -> FloatArray:
     return directions * _AXES * (radius / _AXES.mean() * bumps)[:, None]
 
 
-def _away_from(source: FloatArray, directions: FloatArray, radius: float) -> FloatArray:
-    """(n,3) points of the surface; those that would be right by accident go to the opposite side."""
-    near = np.linalg.norm(_surface(directions, radius) - source, axis=1) <= CORRECT_WITHIN
-    return _surface(np.where(near[:, None], -directions, directions), radius)
-
-
 def _turned(rng: np.random.Generator, frames: FloatArray, degrees: float) -> FloatArray:
     """(n,3,3) frames, each turned by the given angle about a random axis."""
     x, y, z = _directions(rng, len(frames)).T
@@ -390,35 +525,36 @@ def _turned(rng: np.random.Generator, frames: FloatArray, degrees: float) -> Flo
     return frames @ np.swapaxes(rotation, 1, 2)
 
 
-def _scatter(rng: np.random.Generator, target: FloatArray, center: FloatArray, rows: BoolArray) -> None:
-    """Move points anywhere in twice the target's bounding box."""
-    box = 2.0 * np.ptp(target, axis=0) if len(target) else np.zeros(3)
-    anywhere = center + (rng.random(target.shape) - 0.5) * box
-    target[rows] = anywhere[rows]
+def _rival(
+    rng: np.random.Generator, problem: MatchingProblem, moved: FloatArray, rotation: FloatArray
+) -> MatchingProblem:
+    """Let wrong matches follow a motion `moved` of the source, placed beside the true image."""
+    wrong = np.flatnonzero(~problem.inlier_mask)
+    wanted = round(RIVALS * np.count_nonzero(problem.inlier_mask))
+    chosen = rng.permutation(wrong)[:wanted]
+    right = problem.inlier_mask
+    noise = problem.target[right] - apply(problem.T_target_source, problem.source[right])
+    spread = float(noise.std()) if len(noise) else 0.0
+    target, frames = problem.target.copy(), problem.target_lrf.copy()
+    center = apply(problem.T_target_source, problem.source).mean(axis=0) if len(target) else np.zeros(3)
+    shift = center - moved.mean(axis=0) if len(moved) else center
+    target[chosen] = moved[chosen] + shift + rng.normal(scale=spread, size=(len(chosen), 3))
+    frames[chosen] = problem.source_lrf[chosen] @ rotation.T
+    return _judged(replace(problem, target=target, target_lrf=frames))
 
 
-def _repeat(rng: np.random.Generator, target: FloatArray, target_lrf: FloatArray, rows: BoolArray) -> None:
-    """Give matches the partner of another match."""
-    partners = rng.integers(0, max(len(target), 1), size=int(rows.sum()))
-    target[rows], target_lrf[rows] = target[partners], target_lrf[partners]
+def _judged(problem: MatchingProblem) -> MatchingProblem:
+    """Find anew which matches are right."""
+    errors = np.linalg.norm(apply(problem.T_target_source, problem.source) - problem.target, axis=1)
+    return replace(problem, inlier_mask=errors <= CORRECT_WITHIN * problem.resolution)
 
 
-def _drop_frames(
-    rng: np.random.Generator, source_lrf: FloatArray, target_lrf: FloatArray, share: float
-) -> None:
-    """Take the frame of either side from a share of the matches."""
-    no_frame = rng.random(len(source_lrf)) < share
-    on_source = rng.random(len(source_lrf)) < 0.5
-    source_lrf[no_frame & on_source] = np.nan
-    target_lrf[no_frame & ~on_source] = np.nan
+def _on_walls(rng: np.random.Generator, n: int) -> FloatArray:
+    """Draw (n,3) points on three faces of a cube that meet in a corner, in pr."""
+    points = rng.random((n, 3)) * ROOM
+    points[np.arange(n), rng.integers(0, 3, size=n)] = 0.0
+    return points
 
 
-def _ratios(rng: np.random.Generator, is_inlier: BoolArray, *, indistinct: bool) -> FloatArray:
-    n = len(is_inlier)
-    of_inliers = rng.beta(6.0, 1.4, n) if indistinct else rng.beta(4.0, 1.8, n)
-    return np.where(is_inlier, of_inliers, rng.beta(9.0, 1.2, n))
-
-
-def _move(transform: FloatArray, points: FloatArray) -> FloatArray:
-    """(n,3) points after the rigid motion (4,4)."""
-    return points @ transform[:3, :3].T + transform[:3, 3]
+def _are_near(source: FloatArray, others: FloatArray, distance: float) -> BoolArray:
+    return np.linalg.norm(others - source, axis=1, keepdims=True) <= distance
