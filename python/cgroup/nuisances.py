@@ -1,8 +1,7 @@
 """Nuisances: noise, lower density, less overlap.
 
-`add_noise` and `decimate` work on clouds. `NUISANCES` holds what `apply_nuisance` does to a pair at a level;
-they change the target (``overlap`` both clouds) and never the pose. All randomness comes from the generator
-that the caller passes.
+`add_noise` and `decimate` work on clouds; `apply_nuisance`, and the functions in `NUISANCES`, on pairs: they
+change the target (``overlap`` both clouds), never the pose.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy as np
 from cgroup import features
 from cgroup._checks.values import as_choice, as_instance, as_number, as_word, guess_word, refuse_word
 from cgroup._runtime.plugins import load_plugin
-from cgroup.datasets.base import MatchingPair
+from cgroup.datasets.base import MatchingPair, mean_resolution
 from cgroup.datasets.generated.shapes import random_direction, stone
 from cgroup.datasets.voxels import voxel_means
 from cgroup.errors import InputError
@@ -51,7 +50,6 @@ __all__ = [
 LEAST_POINTS = 100
 """A nuisance that would leave fewer points than this is refused."""
 
-_VOXEL_STEPS = 30  # of the bisection for the cell size
 _STONE_GAP = 1.3  # diameters between the centres of what clutter puts beside the model
 
 
@@ -75,7 +73,7 @@ def add_noise(cloud: PointCloud | ArrayLike, sigma: float, rng: np.random.Genera
     Raises
     ------
     InputError
-        If sigma is negative or not finite, `cloud` is no `PointCloud`, or `rng` no generator.
+        If sigma is negative or not finite, or an argument is of another type.
 
     Examples
     --------
@@ -123,8 +121,8 @@ def decimate(
     Raises
     ------
     InputError
-        If the share is out of range or leaves fewer than 100 points, the method is unknown, `cloud` is no
-        `PointCloud`, or `rng` no generator.
+        If the share is out of range or leaves fewer than 100 points, the method is unknown, or an argument is
+        of another type.
 
     Examples
     --------
@@ -180,11 +178,9 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     >>> import numpy as np
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.nuisances import apply_nuisance
-    >>> harder = apply_nuisance(
-    ...     "noise", standin_pair(pixels=60), 0.5, np.random.default_rng(0)
-    ... )
-    >>> harder.name, dict(harder.facts)
-    ('standin-0', {'noise': 0.5})
+    >>> pair = standin_pair(pixels=60)
+    >>> dict(apply_nuisance("noise", pair, 0.5, np.random.default_rng(0)).facts)
+    {'noise': 0.5}
     """
     word = as_word("name", name)
     nuisance: Nuisance | None = load_plugin("nuisance", word) if ":" in word else NUISANCES.get(word)
@@ -213,7 +209,7 @@ def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matchin
     Raises
     ------
     InputError
-        If the level is negative or no number, `pair` is no `MatchingPair`, or `rng` no generator.
+        If the level is negative, or an argument is of another type.
 
     Examples
     --------
@@ -248,8 +244,7 @@ def density(pair: MatchingPair, level: float, rng: np.random.Generator) -> Match
     Raises
     ------
     InputError
-        If the level is out of range or leaves fewer than 100 points, `pair` is no `MatchingPair`, or `rng` no
-        generator.
+        If the level is out of range or leaves fewer than 100 points, or an argument is of another type.
 
     Examples
     --------
@@ -284,8 +279,7 @@ def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) ->
     Raises
     ------
     InputError
-        If the level is out of range or leaves fewer than 100 points, `pair` is no `MatchingPair`, or `rng` no
-        generator.
+        If the level is out of range or leaves fewer than 100 points, or an argument is of another type.
 
     Examples
     --------
@@ -317,14 +311,13 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     Returns
     -------
     MatchingPair
-        With the fact ``overlap``, the share that is reached, at 4 resolutions: it may fall short of the
-        level.
+        With the fact ``overlap``, the share that is reached, at 4 resolutions; it may be below the level.
 
     Raises
     ------
     InputError
-        If the level is out of range, or more than the clouds overlap anyway, or leaves fewer than 100 points;
-        if `pair` is no `MatchingPair`, or `rng` no generator.
+        If the level is out of range, is more than the clouds overlap anyway, or leaves fewer than 100 points;
+        or an argument is of another type.
 
     Examples
     --------
@@ -336,10 +329,9 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     >>> len(cut.source) < len(pair.source), 0.2 < cut.facts["overlap"] <= 0.5
     (True, True)
     """
-    pair, level = _checked(pair, level)
-    _check_share("overlap", level)
+    pair, level = _checked(pair, level, "overlap")
     direction = random_direction(as_instance("rng", rng, np.random.Generator))
-    tolerance = OVERLAP_WITHIN * _common_resolution(pair)
+    tolerance = OVERLAP_WITHIN * mean_resolution(pair.source, pair.target)
     source, target = apply(pair.T_target_source, pair.source.points), pair.target.points
     source_height, target_height = source @ direction, target @ direction
     source_shared, target_shared = within(source, target, tolerance), within(target, source, tolerance)
@@ -353,11 +345,12 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
         return common / (share * min(len(source), len(target)))
 
     if overlap_at(1) < level:
-        raise InputError(
-            "overlap",
-            remedy=f"{pair.name} overlaps by only {overlap_at(1):.2f}; ask for less than {level}",
-        )
-    share = _bisect(overlap_at, level)
+        remedy = f"{pair.name} overlaps by only {overlap_at(1):.2f}; ask for less than {level}"
+        raise InputError("overlap", remedy=remedy)
+    low, share = 0.01, 1.0
+    for _ in range(30):
+        middle = (low + share) / 2
+        low, share = (middle, share) if overlap_at(middle) < level else (low, middle)
     cut_pair = replace(
         pair,
         source=_keep(pair.source, source_height <= np.quantile(source_height, share)),
@@ -372,8 +365,6 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
 def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
     """Cut the model's points out of the target, until a share of the model is hidden.
 
-    The cut runs across a random direction.
-
     Parameters
     ----------
     pair : MatchingPair
@@ -381,20 +372,19 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     level : float
         Share of the model that about is hidden then, between 0 and 1.
     rng : numpy.random.Generator
-        Draws the direction.
+        Draws the direction that the cut runs across.
 
     Returns
     -------
     MatchingPair
-        With the fact ``occlusion``. A model vertex is visible when the target has a point within 2
-        resolutions; the fact is the share of the vertices that isn't, so it is exact for models with even
-        density only.
+        With the fact ``occlusion``, the share of the model's vertices with no point of the target within 2
+        resolutions: exact for even density only.
 
     Raises
     ------
     InputError
-        If the level is out of range, or less than what is hidden already, or leaves fewer than 100 points; if
-        `pair` is no `MatchingPair`, or `rng` no generator.
+        If the level is out of range, is less than what is hidden already, or leaves fewer than 100 points; or
+        an argument is of another type.
 
     Examples
     --------
@@ -405,17 +395,14 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     >>> 0.7 < hidden.facts["occlusion"] < 0.85
     True
     """
-    pair, level = _checked(pair, level)
-    _check_share("occlusion", level)
+    pair, level = _checked(pair, level, "occlusion")
     direction = random_direction(as_instance("rng", rng, np.random.Generator))
-    tolerance = VISIBLE_WITHIN * _common_resolution(pair)
+    tolerance = VISIBLE_WITHIN * mean_resolution(pair.source, pair.target)
     model, scene = apply(pair.T_target_source, pair.source.points), pair.target.points
     visible = within(model, scene, tolerance)
     if 1 - visible.mean() > level:
-        raise InputError(
-            "occlusion",
-            remedy=f"{pair.name} has {1 - visible.mean():.2f} already; ask for more than {level}",
-        )
+        remedy = f"{pair.name} has {1 - visible.mean():.2f} already; ask for more than {level}"
+        raise InputError("occlusion", remedy=remedy)
     heights = np.sort(model[visible] @ direction)
     edge = heights[min(round((1 - level) * len(model)), len(heights) - 1)]
     hidden = within(scene, model, tolerance) & (scene @ direction > edge)
@@ -441,13 +428,13 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     Returns
     -------
     MatchingPair
-        With the fact ``clutter``, which counts points, so that it is exact for even density only.
+        With the fact ``clutter``, which counts points: exact for even density only.
 
     Raises
     ------
     InputError
-        If the level is out of range, or less than the clutter that is there already; if `pair` is no
-        `MatchingPair`, or `rng` no generator.
+        If the level is out of range or less than the clutter that is there already, or an argument is of
+        another type.
 
     Examples
     --------
@@ -458,18 +445,15 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     >>> round(cluttered.facts["clutter"], 2)
     0.8
     """
-    pair, level = _checked(pair, level)
-    _check_share("clutter", level)
+    pair, level = _checked(pair, level, "clutter")
     as_instance("rng", rng, np.random.Generator)
     scene = pair.target.points
-    pr = _common_resolution(pair)
+    pr = mean_resolution(pair.source, pair.target)
     own = within(scene, apply(pair.T_target_source, pair.source.points), VISIBLE_WITHIN * pr)
     missing = round(np.count_nonzero(own) / (1 - level)) - len(scene)
     if missing < 0:
-        raise InputError(
-            "clutter",
-            remedy=f"{pair.name} has {1 - own.mean():.2f} already; ask for more than {level}",
-        )
+        remedy = f"{pair.name} has {1 - own.mean():.2f} already; ask for more than {level}"
+        raise InputError("clutter", remedy=remedy)
     stones = _stones(missing, scene, float(np.ptp(pair.source.points, axis=0).max()), pr, rng)
     target = PointCloud(np.concatenate([scene, stones]), faces=pair.target.faces)
     return replace(pair, target=target, facts={**pair.facts, "clutter": 1 - float(own.sum() / len(target))})
@@ -492,25 +476,16 @@ def _stones(
     """So many points on stones that surround the scene without touching it."""
     apart = _STONE_GAP * max(size, float(np.ptp(scene, axis=0).max()))
     middle = (scene.max(axis=0) + scene.min(axis=0)) / 2
+    steps = np.arange(-4.0, 5.0)  # of a cubic lattice around the scene, whose nearest places come first
+    places = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
     shapes: list[FloatArray] = [np.empty((0, 3))]
-    for place in _places():
+    for place in places[np.argsort(np.linalg.norm(places, axis=1), kind="stable")][1:]:
         if count <= sum(len(shape) for shape in shapes):
             break
         vertices = stone(rng, max(8, round(size / (2 * spacing)))).vertices
         shape = vertices * (size / np.ptp(vertices, axis=0).max())
         shapes.append(voxel_means(shape, spacing) + middle + apart * place)
     return np.concatenate(shapes)[:count]
-
-
-def _places() -> FloatArray:
-    """Places of a cubic lattice around its centre, the nearest first."""
-    steps = np.arange(-4, 5)
-    places = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3).astype(np.float64)
-    return places[np.argsort(np.linalg.norm(places, axis=1), kind="stable")][1:]
-
-
-def _common_resolution(pair: MatchingPair) -> float:
-    return (features.resolution(pair.source.points) + features.resolution(pair.target.points)) / 2
 
 
 def _voxel_subset(points: FloatArray, count: int) -> FloatArray:
@@ -520,22 +495,13 @@ def _voxel_subset(points: FloatArray, count: int) -> FloatArray:
     extent = float(np.ptp(points, axis=0).max())
     smallest, largest = extent / len(points), extent
     best = points
-    for _ in range(_VOXEL_STEPS):
+    for _ in range(30):
         size = float(np.sqrt(smallest * largest))
         means = voxel_means(points, size)
         if abs(len(means) - count) < abs(len(best) - count):
             best = means
         smallest, largest = (size, largest) if len(means) > count else (smallest, size)
     return best
-
-
-def _bisect(function: Callable[[float], float], value: float) -> float:
-    """Where a growing function of a share takes a value."""
-    low, high = 0.01, 1.0
-    for _ in range(30):
-        middle = (low + high) / 2
-        low, high = (middle, high) if function(middle) < value else (low, middle)
-    return high
 
 
 def _keep(cloud: PointCloud, keep: BoolArray) -> PointCloud:
@@ -554,13 +520,12 @@ def _rows(cloud: PointCloud, rows: IndexArray) -> PointCloud:
     return PointCloud(cloud.points[rows], normals, None, colors, cloud.dropped)
 
 
-def _checked(pair: MatchingPair, level: float) -> tuple[MatchingPair, float]:
-    return as_instance("pair", pair, MatchingPair), as_number("level", level)
-
-
-def _check_share(name: str, level: float) -> None:
-    if not 0 < level < 1:
-        raise InputError(name, level, "give a share above 0 and below 1")
+def _checked(pair: MatchingPair, level: float, share: str = "") -> tuple[MatchingPair, float]:
+    """Refuse what isn't a pair and a number; or a level that is out of range for the share of a name."""
+    pair, level = as_instance("pair", pair, MatchingPair), as_number("level", level)
+    if share and not 0 < level < 1:
+        raise InputError(share, level, "give a share above 0 and below 1")
+    return pair, level
 
 
 def _check_left(count: int, cause: str) -> None:

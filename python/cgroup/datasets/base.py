@@ -545,27 +545,9 @@ def fitting_pose(
 ) -> FloatArray:
     """Return the pose or its inverse, whichever lays more of the source on the target.
 
-    Parameters
-    ----------
-    pose : (4,4) array of float64
-        As read; files differ in the direction they mean.
-    source, target : PointCloud
-        Whole clouds.
-    origin : str
-        Where the pose was read, for the error.
-    tolerance : float, optional
-        A source point lies on the target when it is so close, in the data's unit; by default
-        `FITTING_WITHIN`, in units of the mean of the resolutions.
-
-    Returns
-    -------
-    (4,4) array of float64
-        ``T_target_source``.
-
-    Raises
-    ------
-    InputError
-        If neither lays `MIN_FITTING` of the source points on the target.
+    Files differ in the direction that their poses mean. A source point lies on the target when it is within
+    the tolerance, in the data's unit; by default `FITTING_WITHIN`, in units of the mean of the resolutions.
+    Where neither lays `MIN_FITTING` of them there, an `InputError` names the origin of the pose.
     """
     near = FITTING_WITHIN * mean_resolution(source, target) if tolerance is None else tolerance
     sample = source.points[:: max(1, len(source) // _FITTING_SAMPLE)]

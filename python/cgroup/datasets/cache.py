@@ -37,36 +37,18 @@ def cache_folder() -> Path:
 
 
 def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], Arrays]) -> Arrays:
-    """Arrays from the cache, or made and put there.
+    """Arrays of a kind from the cache, or made and put there; the key is all that they depend on.
 
     A cache that can't be read or written is no error: the arrays are then made each time.
-
-    Parameters
-    ----------
-    kind : str
-        Folder within the cache.
-    key : iterable of str or bytes
-        All that the arrays depend on.
-    make : callable
-        Returns the arrays.
-
-    Returns
-    -------
-    dict of str to array
-        As `make` returned them, now or earlier.
     """
     path = cache_folder() / kind / f"{_digest(key)}.npz"
-    with contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile):
-        return _read(path)
+    unreadable = contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile)
+    with unreadable, path.open("rb") as file, np.load(file) as archive:
+        return dict(archive)
     arrays = make()
     with contextlib.suppress(OSError):
         _write(path, arrays)
     return arrays
-
-
-def _read(path: Path) -> Arrays:
-    with path.open("rb") as file, np.load(file) as archive:
-        return dict(archive)
 
 
 def _digest(key: Iterable[str | bytes]) -> str:

@@ -117,15 +117,7 @@ class KITTI(FileDataset[_Entry]):
 def pair_scans(places: FloatArray) -> list[tuple[int, int]]:
     """Pair scans as 3DFeatNet and FCGF do: from each on to the last before the scanner is `DISTANCE` away.
 
-    Parameters
-    ----------
-    places : (m,3) array of float64
-        Where the scanner stood.
-
-    Returns
-    -------
-    list of (int, int)
-        Source and target; the next pair begins behind the target.
+    Where it stood is given as (m,3); the next pair begins behind the target.
     """
     pairs: list[tuple[int, int]] = []
     source = 0

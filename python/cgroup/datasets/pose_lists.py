@@ -18,23 +18,10 @@ if TYPE_CHECKING:
 
 
 def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
-    """Read a ``gt.log``, as 3DMatch, 3DLoMatch and FGR have it.
+    """Read a ``gt.log``, as 3DMatch, 3DLoMatch and FGR have it: ``T_i_j`` by (i, j), in the file's order.
 
-    Parameters
-    ----------
-    path : Path
-        Text, five lines per pair: ``i j n`` and four rows of a 4x4 transform that maps cloud j into the
-        frame of cloud i.
-
-    Returns
-    -------
-    dict of (int, int) to (4,4) array of float64
-        By (i, j), in the file's order: ``T_i_j``.
-
-    Raises
-    ------
-    InputError
-        If the file can't be read, or isn't such a list.
+    It is a text of five lines per pair: ``i j n``, and four rows of a 4x4 transform that maps cloud j into
+    the frame of cloud i.
     """
     try:
         lines = [line.split() for line in load_text(path).splitlines() if line.strip()]

@@ -28,19 +28,10 @@ class Surface(NamedTuple):
 def subdivide(surface: Surface, parts: int) -> Surface:
     """Cut every triangle into equal parts, curved by the normals of its corners.
 
-    Parameters
-    ----------
-    surface : Surface
-        Any triangles: open, of several pieces, with edges of more than two triangles. An edge bends as its
-        ends' normals say; at an end without a normal it is straight.
-    parts : int
-        How many parts an edge is cut into, at least 1; a triangle has the square of it.
-
-    Returns
-    -------
-    Surface
-        The vertices as they were, then those on edges, then those within triangles. Normals are quadratic
-        interpolants of those at the corners; faces are wound as their triangle was.
+    Any triangles will do: open, of several pieces, with edges of more than two triangles. An edge is cut into
+    so many parts, at least 1, and a triangle into the square of it; at an end without a normal an edge is
+    straight. The vertices come as they were, then those on edges, then those within triangles. Normals are
+    quadratic interpolants of those at the corners; faces are wound as their triangle was.
     """
     bends = np.nan_to_num(surface.normals)
     ends, edge_of = _edges(surface.faces)

@@ -59,13 +59,11 @@ class U3OR(FileDataset[_Posed]):
     A scene whose scan is there is used as it is and its pairs are *real*. Any other is simulated: the models
     are posed as published and seen by a range scanner in software, without noise; its pairs are
     *semi-synthetic*. Simulated scenes hold only models with a published pose, so there is less clutter in
-    them. They are kept in the cache (`cgroup.datasets.cache.cache_folder`).
+    them; they are kept in the cache (`cgroup.datasets.cache.cache_folder`).
 
     The fact ``occlusion`` is the published one, for simulated scenes too; where none is published for the
-    pose, it is computed. ``clutter`` isn't published: it is computed from the scene that is used, by
-    `cgroup.evaluation.clutter_and_occlusion`, with models and scenes as meshes.
-
-    The folder ``u3or`` holds models, scenes and ground truth, in any folders.
+    pose, it is computed. ``clutter`` is computed from the scene that is used, with models and scenes as
+    meshes. The folder ``u3or`` holds models, scenes and ground truth, in any folders.
     """
 
     name, title = "u3or", "U3OR"

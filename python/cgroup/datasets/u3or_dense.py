@@ -58,19 +58,15 @@ class U3ORDense(U3OR):
     The models of U3OR in circulation are simplified, to points 0.8 to 1.7 mm apart, which leaves a pair some
     560 matches where the paper's have thousands. Here a model is the smooth surface through its vertices and
     across their normals (curved PN triangles, `cgroup.datasets.subdivision`), sampled evenly and given
-    `NOISE`. A simulated scene is these surfaces as posed, seen by the scanner in software with narrower
-    pixels and the same noise. Scene rs1 is the real scan in full resolution, thinned, where ``pcl/rs1.pcd``
-    is there; else it is simulated too.
-
-    The scanner's own spacing is `SCANNER_SPACING`, which would give a pair more than 10,000 matches;
-    `SPACING` gives some 3,400. Models get 68,000 to 176,000 points, the owners' have 135,000 to 185,000.
+    `NOISE`: 68,000 to 176,000 points, where the owners' have 135,000 to 185,000. A simulated scene is these
+    surfaces as posed, seen by the scanner in software with narrower pixels and the same noise. Scene rs1 is
+    the real scan in full resolution, thinned, where ``pcl/rs1.pcd`` is there. A pair gets some 3,400 matches;
+    it would get more than 10,000 at `SCANNER_SPACING`.
 
     What a model shows below the length of its edges, 3 mm for chef and T-rex and 1.5 mm for the others, is
     interpolated and not measured. So all pairs are *semi-synthetic*, those of scene rs1 too. True poses and
     the facts ``clutter`` and ``occlusion`` are those of `U3OR`: levels hold the same pairs. Whoever has the
-    owners' models and scans needs `U3OR` only.
-
-    Models and simulated scenes are kept in the cache (`cgroup.datasets.cache.cache_folder`).
+    owners' models and scans needs `U3OR` only. Models and simulated scenes are kept in the cache.
     """
 
     name, title = "u3or-dense", "U3OR sampled densely"

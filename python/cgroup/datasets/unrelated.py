@@ -27,10 +27,9 @@ class UnrelatedPair:
 
     Examples
     --------
-    >>> from cgroup.datasets import mix, standin_pair
-    >>> unrelated = mix(standin_pair(pixels=60), standin_pair(seed=1, pixels=60))
-    >>> len(unrelated.source) > 1000, unrelated.source_viewpoint
-    (True, (0.0, 0.0, 0.0))
+    >>> from cgroup.datasets import mirror, standin_pair
+    >>> mirror(standin_pair(pixels=60)).source_viewpoint
+    (0.0, 0.0, 0.0)
     """
 
     source: PointCloud
@@ -50,8 +49,7 @@ def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
     Returns
     -------
     list of (str, str)
-        Names of the pair that gives the source and of the pair that gives the target; always in the same
-        order. Empty where all pairs show one subject.
+        Names of the pairs that give the source and the target, always in the same order.
 
     Examples
     --------
@@ -71,12 +69,12 @@ def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
     Parameters
     ----------
     first, second : MatchingPair
-        Pairs that show different things; `mixed_names` lists such ones of a data set.
+        Pairs that show different things, such as `mixed_names` lists.
 
     Returns
     -------
     UnrelatedPair
-        The source of the first and the target of the second, with their viewpoints.
+        The first's source and the second's target, with their viewpoints.
 
     Examples
     --------

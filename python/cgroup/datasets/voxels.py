@@ -13,20 +13,7 @@ _MOST_CELLS = 1e6  # along an axis, so that the number of a cell fits into 64 bi
 
 
 def voxel_means(points: FloatArray, size: float) -> FloatArray:
-    """Mean of the points in each occupied cell, ordered by cell.
-
-    Parameters
-    ----------
-    points : (N,3) array of float64
-        Whole cloud.
-    size : float
-        Edge length of a cell, in the data's unit.
-
-    Returns
-    -------
-    (M,3) array of float64
-        M <= N.
-    """
+    """Mean of the points (N,3) in each occupied cell of a grid, ordered by cell; cells are `size` wide."""
     above = points - points.min(axis=0)
     width = max(size, above.max() / _MOST_CELLS)
     cells = np.floor(above / width).astype(np.int64)

@@ -15,15 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Bins:
-    """Levels of a fact about pairs.
+    """Levels of a fact about pairs, evenly spaced and ascending.
 
-    Attributes
-    ----------
-    levels : tuple of float
-        Evenly spaced, ascending.
-    rule : "nearest" or "from"
-        Whether a level stands for the values nearest to it, with no limit at either end; or for
-        those from it up to the next level, the last one up to and with one spacing more.
+    By the rule "nearest" a level stands for the values nearest to it, with no limit at either end; by "from"
+    for those from it up to the next level, the last one up to and with one spacing more.
     """
 
     levels: tuple[float, ...]
@@ -42,20 +37,7 @@ _ROUNDING = 1e-9  # 0.7 read from a file belongs to the level 0.7
 
 
 def binned(values: ArrayLike, bins: Bins) -> FloatArray:
-    """Replace each value by its level.
-
-    Parameters
-    ----------
-    values : (n,) array_like of float
-        Clutter, occlusion or overlap, in [0,1].
-    bins : Bins
-        The levels.
-
-    Returns
-    -------
-    (n,) array of float64
-        Levels; NaN for a value that belongs to none.
-    """
+    """Replace each value (n,) in [0,1] by its level; NaN for a value that belongs to none."""
     given = np.asarray(values, dtype=np.float64)
     levels = np.array(bins.levels)
     step = levels[1] - levels[0]

@@ -136,9 +136,8 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
 def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float) -> float:
     """Share of the smaller view that the other one sees too.
 
-    Number of corresponding points divided by the size of the smaller view. Corresponding are
-    points that have a point of the other view within the tolerance under the true pose; counted
-    in both directions, the smaller count is taken.
+    Points correspond that have a point of the other view within the tolerance under the true pose. They are
+    counted in both directions; the smaller count is divided by the size of the smaller view.
 
     Parameters
     ----------
@@ -222,10 +221,7 @@ def alignment_error(
         apply(check_rigid(pose, name), points) for name, pose in (("true", true), ("estimated", estimated))
     )
     counted = within(expected, _finite_points("target", target), limit)
-    if not counted.any():
-        return float("nan")
-    gap = reached[counted] - expected[counted]
-    return float(np.linalg.norm(gap, axis=1).mean())
+    return _mean_length(reached[counted] - expected[counted])
 
 
 def mean_displacement(points: ArrayLike, estimated: ArrayLike, true: ArrayLike) -> float:
@@ -261,8 +257,8 @@ def mean_displacement(points: ArrayLike, estimated: ArrayLike, true: ArrayLike) 
     array = as_points("points", points)
     if len(array) == 0:
         return float("nan")
-    gap = apply(check_rigid(estimated, "estimated"), array) - apply(check_rigid(true, "true"), array)
-    return float(np.linalg.norm(gap, axis=1).mean())
+    reached, expected = check_rigid(estimated, "estimated"), check_rigid(true, "true")
+    return _mean_length(apply(reached, array) - apply(expected, array))
 
 
 def clutter_and_occlusion(
@@ -301,8 +297,8 @@ def clutter_and_occlusion(
     Raises
     ------
     InputError
-        If a mesh has no area, faces that are no rows of its vertices, or a vertex that isn't finite; or if
-        the transform or tolerance is invalid.
+        If a mesh has no area, faces that are no rows of its vertices, or a vertex that isn't finite; or the
+        transform or tolerance is invalid.
 
     Examples
     --------
@@ -315,10 +311,8 @@ def clutter_and_occlusion(
     ... )
     (0.75, 0.0)
     """
-    posed, vertices = (
-        apply(check_rigid(T_scene_model, "T_scene_model"), _finite_points("model", model)),
-        _finite_points("scene", scene),
-    )
+    posed = apply(check_rigid(T_scene_model, "T_scene_model"), _finite_points("model", model))
+    vertices = _finite_points("scene", scene)
     triangles = _faces_of("scene", vertices, scene_faces)
     areas = triangle_areas(vertices, triangles)
     model_area = triangle_areas(posed, _faces_of("model", posed, model_faces)).sum()
@@ -330,6 +324,10 @@ def clutter_and_occlusion(
     return float(1 - seen / areas.sum()), float(1 - seen / model_area)
 
 
+def _mean_length(vectors: FloatArray) -> float:
+    return float(np.linalg.norm(vectors, axis=1).mean()) if len(vectors) else float("nan")
+
+
 def _finite_points(name: str, value: ArrayLike) -> FloatArray:
     points = as_points(name, value)
     if not np.isfinite(points).all():
@@ -339,9 +337,9 @@ def _finite_points(name: str, value: ArrayLike) -> FloatArray:
 
 
 def _faces_of(name: str, vertices: FloatArray, faces: ArrayLike) -> IndexArray:
-    triangles = as_faces(f"{name}_faces", faces)
+    parameter = f"{name}_faces"
+    triangles = as_faces(parameter, faces)
     if triangles.max(initial=-1) >= len(vertices):
-        parameter = f"{name}_faces"
         raise InputError(parameter, f"row {triangles.max()}, but {name} has {len(vertices)} vertices")
     return triangles
 

@@ -39,9 +39,7 @@ class Scores(NamedTuple):
     Examples
     --------
     >>> from cgroup.evaluation import score_counts
-    >>> scores = score_counts(
-    ...     matches=[10, 10], correct=[4, 4], selected=[5, 0], selected_correct=[3, 0]
-    ... )
+    >>> scores = score_counts([10, 10], [4, 4], [5, 0], selected_correct=[3, 0])
     >>> scores.precision, scores.recall
     (array([0.6, 0. ]), array([0.75, 0.  ]))
     >>> scores.registered
@@ -88,17 +86,13 @@ def score_counts(
     >>> float(scores.precision)
     0.75
     """
-    counts = {
-        "matches": matches,
-        "correct": correct,
-        "selected": selected,
-        "selected_correct": selected_correct,
-    }
-    every, right, chosen, hits = (as_floats(name, count) for name, count in counts.items())
-    shapes = [count.shape for count in (every, right, chosen, hits)]
+    names = ("matches", "correct", "selected", "selected_correct")
+    given = (matches, correct, selected, selected_correct)
+    counts = [as_floats(name, count) for name, count in zip(names, given, strict=True)]
+    every, right, chosen, hits = counts
+    shapes = [count.shape for count in counts]
     if len(set(shapes)) > 1:
-        got = f"shapes {', '.join(map(str, shapes))}"
-        raise InputError(", ".join(counts), got, "give all of one shape")
+        raise InputError(", ".join(names), f"shapes {', '.join(map(str, shapes))}", "give all of one shape")
     precision, recall = divide(hits, chosen), divide(hits, right)
     return Scores(
         inlier_ratio=divide(right, every),
@@ -143,8 +137,7 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
-        >>> score.precision
+        >>> GroupScore(100, 20, 16, selected_correct=12).precision
         0.75
         """
         return float(self._scores.precision)
@@ -156,8 +149,7 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
-        >>> score.recall
+        >>> GroupScore(100, 20, 16, selected_correct=12).recall
         0.6
         """
         return float(self._scores.recall)
@@ -169,8 +161,7 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
-        >>> round(score.f_score, 3)
+        >>> round(GroupScore(100, 20, 16, selected_correct=12).f_score, 3)
         0.667
         """
         return float(self._scores.f_score)
@@ -182,8 +173,7 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
-        >>> score.inlier_ratio
+        >>> GroupScore(100, 20, 16, selected_correct=12).inlier_ratio
         0.2
         """
         return float(self._scores.inlier_ratio)
@@ -195,8 +185,7 @@ class GroupScore:
         Examples
         --------
         >>> from cgroup.evaluation import GroupScore
-        >>> score = GroupScore(matches=100, correct=20, selected=16, selected_correct=12)
-        >>> score.registered
+        >>> GroupScore(100, 20, 16, selected_correct=12).registered
         True
         """
         return bool(self._scores.registered)
@@ -229,9 +218,7 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
     Examples
     --------
     >>> from cgroup.evaluation import score_group
-    >>> score = score_group(
-    ...     mask=[True, True, False, False], correct=[True, True, True, False]
-    ... )
+    >>> score = score_group([True, True, False, False], [True, True, True, False])
     >>> score.precision, round(score.recall, 2)
     (1.0, 0.67)
     """

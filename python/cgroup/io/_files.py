@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import stat
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
 from cgroup import _core
@@ -13,7 +14,7 @@ from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Generator
     from pathlib import Path
 
     from cgroup.types import FloatArray
@@ -61,24 +62,27 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
         raise InputError(message) from error
 
 
+def written_path(path: str | os.PathLike[str], suffix: str, what: str) -> Path:
+    """Return where to write; `InputError` unless it ends in the suffix of the only format for it."""
+    path = as_path("path", path)
+    if path.suffix.lower() != suffix:
+        message = f"{path}: {what} are written as {suffix[1:].upper()}; use a name that ends in {suffix}"
+        raise InputError(message)
+    return path
+
+
+@contextmanager
+def naming(path: Path) -> Generator[None]:
+    """Put the name of the file before what is wrong with its content."""
+    try:
+        yield
+    except InputError as error:
+        message = f"{path}: {error}"
+        raise InputError(message) from error
+
+
 def read_content(path: str | os.PathLike[str]) -> bytes:
-    """Read a regular file, as long as it says that it is; reading a pipe or a device might never end.
-
-    Parameters
-    ----------
-    path : path-like
-        A file, or a link to one.
-
-    Returns
-    -------
-    bytes
-        At least one.
-
-    Raises
-    ------
-    InputError
-        If it is missing, empty, unreadable, or something else than a file.
-    """
+    """Read a regular file that isn't empty; reading a pipe or a device might never end."""
     path = as_path("path", path)
     try:
         # Opening a device can do something to it, so its kind is looked at before; and after, when it stays.
@@ -146,11 +150,5 @@ def load_numbers(content: bytes) -> FloatArray:
 
 
 def load_text(path: str | os.PathLike[str]) -> str:
-    """Read a text: UTF-8, with or without its mark; bytes that aren't become question marks.
-
-    Raises
-    ------
-    InputError
-        As `read_content`.
-    """
+    """Read a text: UTF-8, with or without its mark; bytes that aren't become question marks."""
     return read_content(path).decode("utf-8-sig", errors="replace")

@@ -12,7 +12,7 @@ from numpy.lib import format as npy_format
 
 from cgroup._checks.arrays import as_array
 from cgroup.errors import InputError
-from cgroup.io._files import parse_file, printable
+from cgroup.io._files import parse_file, printable, write_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -34,10 +34,14 @@ _MOST_GROWTH = 100
 """Larger ones grow at most so many times; numbers that were measured grow a few times."""
 
 
-def npy_bytes(array: NDArray[Any]) -> bytes:
+def write_array(path: Path, array: NDArray[Any], lines: Iterable[str]) -> None:
+    """Write an array as NPY where the suffix says so, or else the lines of a text."""
+    if path.suffix.lower() != ".npy":
+        write_file(path, "".join(f"{line}\n" for line in lines).encode())
+        return
     buffer = io.BytesIO()
     np.save(buffer, array, allow_pickle=False)
-    return buffer.getvalue()
+    write_file(path, buffer.getvalue())
 
 
 def npz_bytes(**arrays: ArrayLike) -> bytes:
@@ -62,13 +66,12 @@ def read_arrays(
             entries = _entries(archive)
             wanted = [name for name in [*needed, *optional] if name in entries]
             if not entries.keys() >= set(needed):
-                return sorted(entries), {}
-            return [], {name: _unpack(archive, name, entries[name]) for name in wanted}
+                wanted = []
+            return sorted(entries), {name: _unpack(archive, name, entries[name]) for name in wanted}
 
     found, arrays = parse_file(path, load)
-    missing = [name for name in needed if name not in arrays]
-    if missing:
-        lacking = next(name for name in missing if name not in found)
+    lacking = next((name for name in needed if name not in found), None)
+    if lacking is not None:
         message = f"{path}: has no array {lacking!r}; it holds {printable(_listed(found))}"
         raise InputError(message)
     return arrays
@@ -121,12 +124,7 @@ def _read_array(file: IO[bytes], size: int) -> NDArray[Any]:
         message = f"an array of shape {shape} takes {needed} bytes, and {rest} are there"
         raise InputError(message)
     flat = np.empty(math.prod(shape), dtype=dtype)
-    _fill(flat.view(np.uint8), file)
-    return flat.reshape(shape, order="F" if is_fortran else "C")
-
-
-def _fill(plain: NDArray[np.uint8], file: IO[bytes]) -> None:
-    start = 0
+    plain, start = flat.view(np.uint8), 0
     while start < len(plain):
         chunk = file.read(min(_CHUNK, len(plain) - start))
         if not chunk:
@@ -134,6 +132,7 @@ def _fill(plain: NDArray[np.uint8], file: IO[bytes]) -> None:
             raise InputError(message)
         plain[start : start + len(chunk)] = np.frombuffer(chunk, dtype=np.uint8)
         start += len(chunk)
+    return flat.reshape(shape, order="F" if is_fortran else "C")
 
 
 def single_number(path: Path, value: ArrayLike) -> float:

@@ -11,7 +11,7 @@ from cgroup._checks.arrays import as_reals, as_rows
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
-from cgroup.io._files import parse_file, write_file
+from cgroup.io._files import naming, parse_file, write_file, written_path
 from cgroup.io._numpy_files import npz_bytes, read_arrays, single_number
 from cgroup.io.cloud_formats import PARSERS, CloudContent
 from cgroup.types import PointCloud, as_cloud
@@ -107,20 +107,18 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike) -> 
     >>> bool((read_cloud("scan.ply").points == scan.points).all())
     True
     """
-    path = as_path("path", path)
-    if path.suffix.lower() != ".ply":
-        message = f"{path}: point clouds are written as PLY; use a name that ends in .ply"
-        raise InputError(message)
+    path = written_path(path, ".ply", "point clouds")
     cloud = as_cloud("cloud", cloud)
     columns: list[tuple[str, str, str, NDArray[Any]]] = [
-        (name, "<f8", "double", cloud.points[:, i]) for i, name in enumerate("xyz")
+        (name, kind, word, values[:, i])
+        for names, kind, word, values in (
+            (("x", "y", "z"), "<f8", "double", cloud.points),
+            (("nx", "ny", "nz"), "<f4", "float", cloud.normals),
+            (("red", "green", "blue"), "u1", "uchar", cloud.colors),
+        )
+        if values is not None
+        for i, name in enumerate(names)
     ]
-    if cloud.normals is not None:
-        names = ("nx", "ny", "nz")
-        columns += [(n, "<f4", "float", cloud.normals[:, i]) for i, n in enumerate(names)]
-    if cloud.colors is not None:
-        names = ("red", "green", "blue")
-        columns += [(n, "u1", "uchar", cloud.colors[:, i]) for i, n in enumerate(names)]
     vertices = np.empty(len(cloud), dtype=[(name, kind) for name, kind, _, _ in columns])
     for name, _, _, values in columns:
         vertices[name] = values
@@ -204,10 +202,7 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     >>> len(read_descriptors("scan.npz")) == len(described)
     True
     """
-    path = as_path("path", path)
-    if path.suffix.lower() != ".npz":
-        message = f"{path}: descriptors are written as NPZ; use a name that ends in .npz"
-        raise InputError(message)
+    path = written_path(path, ".npz", "descriptors")
     as_instance("described", described, DescribedCloud)
     write_file(path, npz_bytes(**{name: getattr(described, name) for name in _DESCRIBED_FIELDS}))
 
@@ -243,23 +238,11 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
     path = as_path("path", path)
     arrays = read_arrays(path, _DESCRIBED_FIELDS)
     count = len(np.atleast_1d(arrays["indices"]))
-    try:
+    shapes = {"points": (count, 3), "lrf": (count, 3, 3), "descriptors": (count, None), "centroid": (3,)}
+    with naming(path):
         indices = as_rows("indices", arrays["indices"])
-        points, lrf, descriptors, centroid = (
-            _table(name, arrays[name], shape)
-            for name, shape in (
-                ("points", (count, 3)),
-                ("lrf", (count, 3, 3)),
-                ("descriptors", (count, None)),
-                ("centroid", (3,)),
-            )
-        )
-    except InputError as error:
-        message = f"{path}: {error}"
-        raise InputError(message) from error
-    return DescribedCloud(
-        indices, points, lrf, descriptors, single_number(path, arrays["resolution"]), centroid
-    )
+        tables = {name: _table(name, arrays[name], shape) for name, shape in shapes.items()}
+    return DescribedCloud(indices, resolution=single_number(path, arrays["resolution"]), **tables)
 
 
 def _table(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> Any:  # noqa: ANN401 - as written

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from cgroup._checks.arrays import as_mask
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
-from cgroup.io._files import load_numbers, parse_file, write_file
-from cgroup.io._numpy_files import load_npy, npy_bytes, npz_bytes, read_arrays, single_number
+from cgroup.io._files import load_numbers, naming, parse_file, write_file, written_path
+from cgroup.io._numpy_files import load_npy, npz_bytes, read_arrays, single_number, write_array
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from cgroup.types import FloatArray
 
-_COLUMNS = 6
 _NAME = re.compile(rb"(\xef\xbb\xbf)?\s*[\"']?(?!nan\b|inf)[A-Za-z_]", re.IGNORECASE)
 """How a line of a table's names begins, perhaps behind the mark of UTF-8."""
 
@@ -31,9 +30,9 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     Parameters
     ----------
     path : path-like
-        ``.npz`` with arrays named as the fields of `Correspondences` (``source`` and ``target``
-        are needed), or six columns, x y z of the source and x y z of the target: ``.npy``, or text
-        of any other suffix; the first line of a ``.csv`` may name them.
+        ``.npz`` with arrays named as the fields of `Correspondences` (``source`` and ``target`` are needed);
+        or six columns, x y z of the source and of the target: ``.npy``, or text of any other suffix; the
+        first line of a ``.csv`` may name them.
 
     Returns
     -------
@@ -61,18 +60,15 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     optional: dict[str, Any] = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
     if "resolution" in optional:
         optional["resolution"] = single_number(path, optional["resolution"])
-    try:
+    with naming(path):
         return Correspondences(arrays["source"], arrays["target"], **optional)
-    except InputError as error:
-        message = f"{path}: {error}"
-        raise InputError(message) from error
 
 
 def _read_table(path: Path) -> dict[str, Any]:
     """Read six columns: coordinates of the source, then of the target."""
     loaders = {".npy": load_npy, ".csv": _load_csv}
     table = parse_file(path, loaders.get(path.suffix.lower(), load_numbers))
-    if table.ndim != 2 or table.shape[1] != _COLUMNS:
+    if table.ndim != 2 or table.shape[1] != 6:
         got = f"{table.shape[1]} columns" if table.ndim == 2 else f"an array of shape {table.shape}"
         message = f"{path}: has {got}; correspondences have six: x y z of the source, x y z of the target"
         raise InputError(message)
@@ -110,13 +106,9 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
     >>> read_correspondences("matches.npz").resolution
     0.1
     """
-    path = as_path("path", path)
-    if path.suffix.lower() != ".npz":
-        message = f"{path}: correspondences are written as NPZ; use a name that ends in .npz"
-        raise InputError(message)
+    path = written_path(path, ".npz", "correspondences")
     as_instance("correspondences", correspondences, Correspondences)
-    names = ("source", "target", *OPTIONAL_FIELDS)
-    values = {name: getattr(correspondences, name) for name in names}
+    values = {name: getattr(correspondences, name) for name in ("source", "target", *OPTIONAL_FIELDS)}
     write_file(path, npz_bytes(**{name: value for name, value in values.items() if value is not None}))
 
 
@@ -145,7 +137,4 @@ def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
     """
     path = as_path("path", path)
     values = as_mask("mask", mask)
-    if path.suffix.lower() == ".npy":
-        write_file(path, npy_bytes(values))
-    else:
-        write_file(path, "".join(f"{int(value)}\n" for value in values).encode())
+    write_array(path, values, (str(int(value)) for value in values))

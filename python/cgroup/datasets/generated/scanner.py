@@ -48,14 +48,8 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
 class RangeImage:
     """What the scanner sees.
 
-    Attributes
-    ----------
-    depth : (W,H) array of float64
-        Distance from the scanner's plane per pixel; infinite where nothing returns.
-    corner : (2,) array of float64
-        Where pixel 0, 0 lies on the plane z = -1.
-    step : float
-        Distance of two pixels on that plane.
+    The depth (W,H) is the distance from the scanner's plane per pixel, infinite where nothing returns; the
+    corner (2,) is where pixel 0, 0 lies on the plane z = -1; the step is the distance of two pixels there.
     """
 
     depth: FloatArray
@@ -95,24 +89,12 @@ class RangeImage:
 
 
 def range_image(mesh: Mesh, *, step: float, offset: FloatArray, two_sided: bool = False) -> RangeImage:
-    """Look at a mesh that is given in the scanner's frame.
+    """Look at a mesh that is given in the scanner's frame, all of it before the scanner.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        In front of the scanner: all z below 0.
-    step : float
-        Distance of two pixels on the plane z = -1, about the angle between two rays in radians.
-    offset : (2,) array of float64
-        The image begins so many pixels before the mesh.
-    two_sided : bool
-        Whether triangles are also seen from behind: for meshes that are open or not wound alike. Otherwise
-        their corners run counter-clockwise as seen from outside.
-
-    Returns
-    -------
-    RangeImage
-        Nearest surface per pixel, left out where it is seen at more than `MAX_INCIDENCE`.
+    Pixels are a step apart on the plane z = -1, about the angle between two rays in radians; the image begins
+    an offset (2,) of pixels before the mesh. Each shows the nearest surface, and nothing where that is seen
+    at more than `MAX_INCIDENCE`. A mesh that is open or not wound alike is to be seen as two-sided; otherwise
+    the corners of triangles run counter-clockwise as seen from outside.
     """
     screen = mesh.vertices[:, :2] / -mesh.vertices[:, 2:]
     corner = screen.min(axis=0) - step * offset

@@ -30,20 +30,10 @@ _BUMPS = ((150, 60.0, 0.06), (500, 300.0, 0.03))
 
 
 def stone(rng: np.random.Generator, grid: int) -> Mesh:
-    """Make a closed, star-shaped mesh of mean radius `RADIUS` around the origin, wound outwards.
+    """Make a closed, star-shaped mesh of mean radius `RADIUS` in mm around the origin, wound outwards.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Another state, another shape; the grid doesn't change it.
-    grid : int
-        Vertices along each edge of the cube that is blown up to the ball; there are 6 grid^2 vertices, those
-        on the edges several times.
-
-    Returns
-    -------
-    Mesh
-        In mm.
+    The generator says the shape, the grid does not: it is the number of vertices along each edge of the cube
+    that is blown up to the ball. There are 6 grid^2 vertices, those on the edges several times.
     """
     directions, faces = _ball(grid)
     columns = np.ascontiguousarray(directions.T)
