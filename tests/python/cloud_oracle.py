@@ -4,7 +4,7 @@ import io
 import itertools
 import re
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pypcd4
@@ -14,16 +14,8 @@ from trimesh.exchange.off import load_off
 from trimesh.exchange.ply import load_ply
 from trimesh.exchange.stl import load_stl
 
-from cgroup.types import FloatArray, IndexArray
-
-
-class CloudContent(NamedTuple):
-    """What a file holds; see `cgroup.io.PointCloud`."""
-
-    points: FloatArray
-    normals: FloatArray | None = None
-    faces: IndexArray | None = None
-    colors: NDArray[np.uint8] | None = None
+from cgroup.io.cloud_formats import CloudContent
+from cgroup.types import FloatArray
 
 
 def _points(array: ArrayLike) -> FloatArray:
@@ -42,11 +34,6 @@ def _numbers(content: bytes) -> FloatArray:
 def parse_text(content: bytes) -> CloudContent:
     """Read x y z from the first three columns."""
     return CloudContent(_points(_numbers(content)[:, :3]))
-
-
-def parse_npy(content: bytes) -> CloudContent:
-    """Read an (N,3) array."""
-    return CloudContent(_points(np.load(io.BytesIO(content))))
 
 
 def parse_ply(content: bytes) -> CloudContent:
@@ -188,12 +175,10 @@ def _unpack_colors(packed: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 PARSERS: dict[str, Callable[[bytes], CloudContent]] = {
-    ".npy": parse_npy,
     ".obj": parse_obj,
     ".off": parse_off,
     ".pcd": parse_pcd,
     ".ply": parse_ply,
     ".stl": parse_stl,
-    ".txt": parse_text,
     ".xyz": parse_text,
 }

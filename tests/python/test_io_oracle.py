@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import trimesh
 from cloud_oracle import PARSERS as ORACLES
-from cloud_oracle import CloudContent
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pypcd4 import Encoding
@@ -18,7 +17,7 @@ from pypcd4 import PointCloud as PcdCloud
 from shared_data import shared_file
 
 from cgroup.io import PointCloud, read_cloud, write_cloud
-from cgroup.io.cloud_formats import PARSERS
+from cgroup.io.cloud_formats import PARSERS, CloudContent
 from cgroup.types import FloatArray, IndexArray
 
 
@@ -91,9 +90,8 @@ def test_stl(mesh: tuple[FloatArray, IndexArray], file_type: str) -> None:
 
 
 @given(
-    st.lists(
-        st.tuples(*[coordinates(np.float32)] * 3), min_size=2, max_size=40
-    ),  # pypcd4 can't read one in ASCII
+    # At least two: pypcd4 can't read one in ASCII.
+    st.lists(st.tuples(*[coordinates(np.float32)] * 3), min_size=2, max_size=40),
     st.sampled_from(["ascii", "binary", "binary_compressed"]),
     st.sampled_from([np.float32, np.float64]),
     st.booleans(),
@@ -141,6 +139,8 @@ def test_own_files(
         "b3r/models/bunny.ply",
         "stanford_views/bunny/bun045.ply",
         "u3or/models/chicken3.ply",
+        "u3or/models/cheff_small.ply",
+        "lidar/small_gicp_source.ply",
         "u3or/pcl/rs1.pcd",
         "pcl/bun4.pcd",
         "threedmatch/7-scenes-redkitchen/cloud_bin_7.pcd",
