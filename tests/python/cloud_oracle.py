@@ -14,7 +14,7 @@ from trimesh.exchange.off import load_off
 from trimesh.exchange.ply import load_ply
 from trimesh.exchange.stl import load_stl
 
-from cgroup.io.cloud_formats import CloudContent
+from cgroup.io.clouds import CloudContent
 from cgroup.types import FloatArray
 
 

@@ -230,7 +230,7 @@ def look(share):
         entered.set()
         print("parsing", flush=True)
 
-import cgroup.io.cloud_formats as formats
+import cgroup.io.clouds as formats
 formats.run_options = lambda **_: run_options(threads=1, progress=look)
 try:
     while True:

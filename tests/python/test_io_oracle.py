@@ -17,7 +17,7 @@ from pypcd4 import PointCloud as PcdCloud
 from shared_data import shared_file
 
 from cgroup.io import PointCloud, read_cloud, write_cloud
-from cgroup.io.cloud_formats import PARSERS, CloudContent
+from cgroup.io.clouds import PARSERS, CloudContent
 from cgroup.types import FloatArray, IndexArray
 
 

@@ -1,7 +1,7 @@
 """Data sets: pairs of clouds, or of matched points, with a true pose."""
 
 from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair, data_root
-from cgroup.datasets.generated.pairs import standin_pair
+from cgroup.datasets.generated.stones import standin_pair
 from cgroup.datasets.matching_problems import MatchingProblem, make_problem, make_scene
 from cgroup.datasets.registry import DATASETS, open_dataset
 from cgroup.datasets.unrelated import UnrelatedPair, mirror, mix, mixed_names

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from cgroup import features
-from cgroup.datasets.base import FITTING_WITHIN, FileDataset, MatchingPair, fitting_pose
+from cgroup.datasets.base import FITTING_WITHIN, FileDataset, MatchingPair, fitting_pose, posed_pair
 from cgroup.errors import InputError
-from cgroup.features import ORIGIN
 from cgroup.io import read_cloud, read_transform
 from cgroup.io._files import load_text
 from cgroup.rigid import apply
@@ -117,14 +116,6 @@ class B3R(B3RClean):
 
     name = "b3r"
     levels = NOISE_LEVELS
-
-
-def posed_pair(
-    name: str, model: PointCloud, scene: PointCloud, pose: FloatArray, *, noise: float
-) -> MatchingPair:
-    """Move the viewpoint with the model, so that normals have the same sign in both clouds."""
-    x, y, z = (float(value) for value in pose[:3, 3])
-    return MatchingPair(name, model, scene, pose, ORIGIN, (x, y, z), facts={"noise": noise})
 
 
 def _read_config(path: Path) -> configparser.ConfigParser:

@@ -535,6 +535,14 @@ def faces_of(cloud: PointCloud) -> IndexArray:
     return cloud.faces
 
 
+def posed_pair(
+    name: str, model: PointCloud, scene: PointCloud, pose: FloatArray, *, noise: float
+) -> MatchingPair:
+    """Move the viewpoint with the model, so that normals have the same sign in both clouds."""
+    x, y, z = (float(value) for value in pose[:3, 3])
+    return MatchingPair(name, model, scene, pose, ORIGIN, (x, y, z), facts={"noise": noise})
+
+
 def fitting_pose(
     pose: FloatArray,
     source: PointCloud,

@@ -61,7 +61,7 @@ class KITTI(FileDataset[_Entry]):
     def load(self, name: str) -> MatchingPair:
         """Read two scans, and refine their pose."""
         entry = self._entry(name)
-        source, target = (read_cloud(self._scan(entry.sequence, number)) for number in entry[1:])
+        source, target = map(read_cloud, self._scans(entry))
         return MatchingPair(name, source, target, self._find_pose(name, entry, source, target))
 
     def note(self) -> str:
@@ -77,19 +77,16 @@ class KITTI(FileDataset[_Entry]):
 
     def _list_pairs(self) -> dict[str, _Entry]:
         """List the pairs, which depend on the poses alone."""
-        there = [(sequence, self._poses(sequence)) for sequence in SEQUENCES]
-        entries = [
-            _Entry(sequence, *both)
-            for sequence, path in there
-            if path.is_file()
-            for both in pair_scans(_read_poses(path)[:, :3, 3])
-        ]
-        wanted = [entry for entry in entries if tuple(entry) not in LEFT_OUT]
-        return {f"{each.sequence:02d}/{each.source}-{each.target}": each for each in wanted}
+        pairs: dict[str, _Entry] = {}
+        for sequence in filter(lambda number: self._poses(number).is_file(), SEQUENCES):
+            for source, target in pair_scans(_read_poses(self._poses(sequence))[:, :3, 3]):
+                if (sequence, source, target) not in LEFT_OUT:
+                    pairs[f"{sequence:02d}/{source}-{target}"] = _Entry(sequence, source, target)
+        return pairs
 
     def _needed(self, entry: _Entry) -> list[tuple[Path, ...]]:
-        scans = [(self._scan(entry.sequence, number),) for number in entry[1:]]
-        return [*scans, (self._calibration(entry.sequence), self._refined(entry))]
+        either = self._calibration(entry), self._refined(entry)
+        return [*((scan,) for scan in self._scans(entry)), either]
 
     def _poses(self, sequence: int) -> Path:
         return self._folder / "poses" / f"{sequence:02d}.txt"
@@ -97,18 +94,19 @@ class KITTI(FileDataset[_Entry]):
     def _refined(self, entry: _Entry) -> Path:
         return self._folder / "icp" / f"{entry.sequence}_{entry.source}_{entry.target}.npy"
 
-    def _calibration(self, sequence: int) -> Path:
-        return self._folder / "sequences" / f"{sequence:02d}" / "calib.txt"
+    def _calibration(self, entry: _Entry) -> Path:
+        return self._folder / f"sequences/{entry.sequence:02d}/calib.txt"
 
-    def _scan(self, sequence: int, number: int) -> Path:
-        return self._folder / "sequences" / f"{sequence:02d}" / "velodyne" / f"{number:06d}.bin"
+    def _scans(self, entry: _Entry) -> list[Path]:
+        home = self._folder / f"sequences/{entry.sequence:02d}/velodyne"
+        return [home / f"{number:06d}.bin" for number in (entry.source, entry.target)]
 
     def _find_pose(self, name: str, entry: _Entry, source: PointCloud, target: PointCloud) -> FloatArray:
         refined = self._refined(entry)
         if refined.is_file():
             return read_transform(refined)
         poses = _read_poses(self._poses(entry.sequence))
-        camera = _read_calibration(self._calibration(entry.sequence))
+        camera = _read_calibration(self._calibration(entry))
         rough = invert(poses[entry.target] @ camera) @ poses[entry.source] @ camera
         fixed, moved = FineSurface(target.points, _FINE_SPACING), FineSurface(source.points, _FINE_SPACING)
         return align(moved, fixed, check_rigid(rough, name)).T_target_source

@@ -428,22 +428,6 @@ def make_scene(
     return replace(made, recipe=f"{scene}, n={n}, inliers={inliers}, noise={noise}, frames={frames}")
 
 
-def second_pose(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
-    """Let some of the wrong matches follow a second rigid motion: `RIVALS` for each right one."""
-    rotation = random_rotations(rng, 1)[0]
-    return _rival(rng, problem, problem.source @ rotation.T, rotation)
-
-
-def mirror_image(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
-    """Let some of the wrong matches follow a mirrored motion: `RIVALS` for each right one.
-
-    They keep all distances, but no rigid motion explains them.
-    """
-    rotation = random_rotations(rng, 1)[0]
-    mirrored = (problem.source * np.array([-1.0, 1.0, 1.0])) @ rotation.T
-    return _rival(rng, problem, mirrored, rotation)
-
-
 def planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
     """Put all points on a floor and two walls, where many wrong matches agree with each other by chance.
 
@@ -488,9 +472,9 @@ def one_to_three(rng: np.random.Generator, problem: MatchingProblem) -> Matching
 
 SCENES: dict[str, Callable[[np.random.Generator, MatchingProblem], MatchingProblem]] = {
     "uniform": lambda _, problem: problem,
-    "second-pose": second_pose,
+    "second-pose": lambda rng, problem: _rival(rng, problem, (1.0, 1.0, 1.0)),
     "planes": planes,
-    "mirror": mirror_image,
+    "mirror": lambda rng, problem: _rival(rng, problem, (-1.0, 1.0, 1.0)),
     "one-to-three": one_to_three,
 }
 """What wrong matches are like, by name."""
@@ -526,9 +510,14 @@ def _turned(rng: np.random.Generator, frames: FloatArray, degrees: float) -> Flo
 
 
 def _rival(
-    rng: np.random.Generator, problem: MatchingProblem, moved: FloatArray, rotation: FloatArray
+    rng: np.random.Generator, problem: MatchingProblem, flip: tuple[float, float, float]
 ) -> MatchingProblem:
-    """Let wrong matches follow a motion `moved` of the source, placed beside the true image."""
+    """Let wrong matches follow another motion, `RIVALS` for each right one, beside the true image.
+
+    Mirrored ones keep all distances, but no rigid motion explains them.
+    """
+    rotation = random_rotations(rng, 1)[0]
+    moved = (problem.source * np.array(flip)) @ rotation.T
     wrong = np.flatnonzero(~problem.inlier_mask)
     wanted = round(RIVALS * np.count_nonzero(problem.inlier_mask))
     chosen = rng.permutation(wrong)[:wanted]

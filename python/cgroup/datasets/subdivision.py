@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from cgroup.types import FloatArray, IndexArray
 
 
@@ -72,7 +70,7 @@ def _middle_normal(a: FloatArray, b: FloatArray, normal_a: FloatArray, normal_b:
     edge, total = b - a, normal_a + normal_b
     length2 = np.sum(edge * edge, axis=-1, keepdims=True)
     share = 2 * np.sum(edge * total, axis=-1, keepdims=True) / np.where(length2 == 0, 1, length2)
-    return _directions(total - share * edge)
+    return _unit(total - share * edge, 1.0)
 
 
 def _on_edges(
@@ -153,13 +151,7 @@ def _small_triangles(grid: IndexArray) -> IndexArray:
     return small[(small >= 0).all(axis=1)]
 
 
-def _directions(vectors: FloatArray) -> FloatArray:
-    """Vectors of length 1, and 0 where there is no direction."""
+def _unit(vectors: FloatArray, length_of_none: float = np.nan) -> FloatArray:
+    """Vectors of length 1; NaN where there is no direction, or 0 if its length is taken for 1."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length == 0, 1, length)
-
-
-def _unit(vectors: NDArray[np.float64]) -> FloatArray:
-    """Vectors of length 1, and NaN where there is no direction."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(length == 0, np.nan, length)
+    return vectors / np.where(length == 0, length_of_none, length)

@@ -116,9 +116,8 @@ class U3ORDense(U3OR):
 
     def _look_closely(self, number: int) -> dict[str, FloatArray]:
         image = self._look(number, self._facets, PIXEL)
-        ranges = image.ranges()
-        noise = np.random.default_rng(number).normal(0, NOISE, len(ranges))
-        return {"points": image.rays() * (ranges + noise)[:, None]}
+        noise = np.random.default_rng(number).normal(0, NOISE, len(image.ranges()))
+        return {"points": image.points(noise)}
 
     def _facets(self, model: str) -> Mesh:
         """Triangles of a few pixels on the smooth surface of a model."""

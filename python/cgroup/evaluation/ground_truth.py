@@ -146,7 +146,7 @@ def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *,
     T_target_source : (4,4) array_like of float
         True pose.
     tolerance : float
-        In the data's unit; `OVERLAP_WITHIN` times the resolution is usual.
+        In the data's unit; 4 times the resolution is usual.
 
     Returns
     -------
@@ -177,12 +177,7 @@ def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *,
 
 
 def alignment_error(
-    source: ArrayLike,
-    target: ArrayLike,
-    estimated: ArrayLike,
-    true: ArrayLike,
-    *,
-    tolerance: float,
+    source: ArrayLike, target: ArrayLike, estimated: ArrayLike, true: ArrayLike, *, tolerance: float
 ) -> float:
     """Mean displacement of the overlapping source points under an estimated pose.
 
@@ -193,8 +188,8 @@ def alignment_error(
     estimated, true : (4,4) array_like of float
         Poses of the source in the target's frame.
     tolerance : float
-        Source points count that lie so close to the target under the true pose, in the data's
-        unit; `OVERLAP_WITHIN` times the resolution is usual.
+        Source points count that are so close to the target under the true pose, in the data's unit; 4 times
+        the resolution is usual.
 
     Returns
     -------

@@ -2,49 +2,47 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Generator
     from pathlib import Path
+
+_NO_FOLDER = "can't be made a folder for the results"
 
 
 def check_folder(path: Path) -> Path:
     """See that a folder for results can be made and written to, without making it."""
-    try:
+    with _refusing(path, _NO_FOLDER):
         there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
         TemporaryFile(dir=there).close()
-    except (OSError, ValueError) as error:
-        raise _no_folder(path, error) from error
     return path
 
 
 def make_folder(path: Path) -> Path:
     """Make a folder for results, unless it is there."""
-    try:
+    with _refusing(path, _NO_FOLDER):
         path.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        raise _no_folder(path, error) from error
     return path
 
 
 def check_file(path: Path) -> None:
     """See that a file can be written, without a change to one that is there."""
-    try:
+    with _refusing(path, "can't be written"):
         if path.exists():
             path.open("ab").close()
         else:
             TemporaryFile(dir=path.parent).close()
+
+
+@contextmanager
+def _refusing(path: Path, what: str) -> Generator[None]:
+    try:
+        yield
     except (OSError, ValueError) as error:
-        message = f"{path}: can't be written ({_reason(error)})"
+        message = f"{path}: {what} ({getattr(error, 'strerror', None) or error})"
         raise InputError(message) from error
-
-
-def _no_folder(path: Path, error: Exception) -> InputError:
-    return InputError(f"{path}: can't be made a folder for the results ({_reason(error)})")
-
-
-def _reason(error: Exception) -> str:
-    return str(getattr(error, "strerror", None) or error)

@@ -1,33 +1,51 @@
-"""Read and write point clouds, keypoints and descriptors."""
+"""Read and write point clouds, keypoints and descriptors.
+
+The core parses all formats of clouds but NumPy's own, and LAS and LAZ, for which laspy is loaded where it is
+needed. A parser makes arrays of bytes; it may raise anything.
+"""
 
 from __future__ import annotations
 
+import io
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from cgroup import _core
 from cgroup._checks.arrays import as_reals, as_rows
+from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.io._files import naming, parse_file, write_file, written_path
-from cgroup.io._numpy_files import npz_bytes, read_arrays, single_number
-from cgroup.io.cloud_formats import PARSERS, CloudContent
+from cgroup.io._numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
 from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Callable
     from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
 
-    from cgroup.types import BoolArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray
 
 _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
 _CLOUD_COLOR = (190, 190, 190)
 _KEYPOINT_COLOR = (213, 94, 0)
+_LAS_POINTS = 1_000_000  # that laspy unpacks at a time
+
+
+class CloudContent(NamedTuple):
+    """What a file holds, before points that aren't finite are left out."""
+
+    points: FloatArray
+    normals: FloatArray | None = None
+    faces: IndexArray | None = None
+    colors: NDArray[np.uint8] | None = None
 
 
 def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
@@ -272,3 +290,67 @@ def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:
     normals = None if normals is None else normals[keep]
     colors = None if colors is None else colors[keep]
     return PointCloud(points[keep], normals, faces, colors, dropped)
+
+
+def _parse_in_core(suffix: str, content: bytes) -> CloudContent:
+    return CloudContent(*_core.parse_cloud(content, suffix, run_options(threads=1)))
+
+
+def _parse_npy(content: bytes) -> CloudContent:
+    return CloudContent(_points(load_npy(content)))
+
+
+def _parse_npz(content: bytes) -> CloudContent:
+    return CloudContent(_points(load_npz_points(content)))
+
+
+def _points(array: NDArray[Any]) -> FloatArray:
+    if array.ndim != 2 or array.shape[1] != 3:
+        message = f"points have shape {array.shape} instead of (N, 3)"
+        raise InputError(message)
+    return np.asarray(array, dtype=np.float64)
+
+
+def _parse_las(content: bytes) -> CloudContent:
+    import laspy  # noqa: PLC0415 - an extra
+
+    parts: list[tuple[FloatArray, NDArray[np.uint16] | None]] = []
+    try:
+        with laspy.open(io.BytesIO(content)) as file:
+            declared = file.header.point_count
+            has_colors = {"red", "green", "blue"} <= set(file.header.point_format.dimension_names)
+            parts += [_las_part(part, has_colors) for part in file.chunk_iterator(_LAS_POINTS)]
+    except (KeyboardInterrupt, SystemExit, MemoryError):
+        raise
+    except BaseException as error:  # what a panic of its decompressor becomes isn't an Exception
+        raise InputError(str(error) or type(error).__name__) from error
+    points = np.concatenate([np.empty((0, 3)), *(part[0] for part in parts)])
+    if len(points) != declared:
+        message = f"{len(points)} of {declared} points"
+        raise InputError(message)
+    colors = [part[1] for part in parts if part[1] is not None]
+    return CloudContent(points, colors=_bytes(np.concatenate(colors)) if colors else None)
+
+
+def _las_part(part: Any, has_colors: bool) -> tuple[FloatArray, NDArray[np.uint16] | None]:  # noqa: ANN401, FBT001 - laspy's
+    points = np.stack([np.asarray(part[name], dtype=np.float64) for name in "xyz"], axis=1)
+    if not has_colors:
+        return points, None
+    return points, np.stack([np.asarray(part[name]) for name in ("red", "green", "blue")], axis=1)
+
+
+def _bytes(colors: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """Colours of 16 bits, as the format has them, or of eight, as some write them."""
+    return (colors >> 8 if colors.max(initial=0) > 255 else colors).astype(np.uint8)
+
+
+_IN_CORE = ("bin", "csv", "obj", "off", "pcd", "ply", "pts", "stl", "txt", "xyz")
+
+PARSERS: dict[str, Callable[[bytes], CloudContent]] = {
+    **{f".{name}": partial(_parse_in_core, name) for name in _IN_CORE},
+    ".las": _parse_las,
+    ".laz": _parse_las,
+    ".npy": _parse_npy,
+    ".npz": _parse_npz,
+}
+"""By the suffix of a file."""

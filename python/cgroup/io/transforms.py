@@ -78,9 +78,9 @@ def read_transforms(path: str | os.PathLike[str]) -> FloatArray:
     Parameters
     ----------
     path : path-like
-        ``.npy``, ``.json``, or text of any suffix: one pose per row, as 16 or 12 numbers row by row (as KITTI
-        writes them), as ``tx ty tz qx qy qz qw``, or as these after a time (as TUM writes them); or 4x4
-        matrices below each other, or a JSON list or NumPy array of matrices.
+        ``.npy``, ``.json``, or text of any suffix: one pose per row, as 16 or 12 numbers row by row (KITTI),
+        as ``tx ty tz qx qy qz qw``, or as these after a time (TUM); or 4x4 matrices below each other, in a
+        JSON list or in a NumPy array.
 
     Returns
     -------

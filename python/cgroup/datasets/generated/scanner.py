@@ -71,9 +71,9 @@ class RangeImage:
         """Depths in the order of `rays`."""
         return self.depth[self.seen]
 
-    def points(self) -> FloatArray:
-        """Points seen, in the order of `rays`."""
-        return self.rays() * self.ranges()[:, None]
+    def points(self, noise: FloatArray | float = 0.0) -> FloatArray:
+        """Points seen, in the order of `rays`, with noise of each range."""
+        return self.rays() * (self.ranges() + noise)[:, None]
 
     def faces(self) -> IndexArray:
         """Triangles between neighbouring pixels that lie on one surface, as rows of `points`."""
