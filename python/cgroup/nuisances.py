@@ -121,8 +121,7 @@ def decimate(
     Raises
     ------
     InputError
-        If the share is out of range or leaves fewer than 100 points, the method is unknown, or an argument is
-        of another type.
+        If the share is out of range or leaves fewer than 100 points, or another argument is wrong.
 
     Examples
     --------
@@ -158,8 +157,8 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     pair : MatchingPair
         Left as it is.
     level : float
-        For noise its standard deviation, in resolutions of the target; else a share: of the points that are
-        kept, of overlap, of occlusion, of clutter.
+        For noise its standard deviation, in resolutions of the target; else the share of points kept, or of
+        overlap, occlusion or clutter.
     rng : numpy.random.Generator
         The only source of randomness.
 
@@ -274,7 +273,7 @@ def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) ->
     Returns
     -------
     MatchingPair
-        With a target of the means of the points in each cell, without faces, normals and colours.
+        With a target of the means of the points in each cell, alone.
 
     Raises
     ------
@@ -295,9 +294,7 @@ def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) ->
 
 
 def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut both clouds from opposite sides, until they overlap by about the level.
-
-    The cuts run across a random direction, and each cloud keeps the same share of its points.
+    """Cut the same share of both clouds from opposite sides, until they overlap so.
 
     Parameters
     ----------
@@ -306,7 +303,7 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     level : float
         Share of the smaller cloud that the other one shares with it, between 0 and 1.
     rng : numpy.random.Generator
-        Draws the direction.
+        Draws the direction that the cuts run across.
 
     Returns
     -------
@@ -316,8 +313,8 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     Raises
     ------
     InputError
-        If the level is out of range, is more than the clouds overlap anyway, or leaves fewer than 100 points;
-        or an argument is of another type.
+        If the level is out of range, more than the overlap now, or leaves fewer than 100 points; or an
+        argument is of another type.
 
     Examples
     --------
@@ -383,8 +380,8 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     Raises
     ------
     InputError
-        If the level is out of range, is less than what is hidden already, or leaves fewer than 100 points; or
-        an argument is of another type.
+        If the level is out of range, less than the occlusion now, or leaves fewer than 100 points; or an
+        argument is of another type.
 
     Examples
     --------
@@ -412,9 +409,7 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
 
 
 def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Put generated stones around the target, until a share of it isn't the model's.
-
-    The stones are about as large as the source, and as dense.
+    """Put generated stones, as large and dense as the source, around the target.
 
     Parameters
     ----------
@@ -433,8 +428,7 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     Raises
     ------
     InputError
-        If the level is out of range or less than the clutter that is there already, or an argument is of
-        another type.
+        If the level is out of range or less than the clutter now, or an argument is of another type.
 
     Examples
     --------

@@ -48,8 +48,7 @@ class GeneratedMatches(Dataset):
     """Matches drawn by `make_scene`, at any size; unit pr.
 
     Every name of the form ``planes/n1000/inliers0.02/noise1.5/good-frames/0`` is a pair; those listed are
-    some usual ones. The same name gives the same problem. Without right ones (``inliers0``) there is nothing
-    to be found.
+    some usual ones. The same name gives the same problem; ``inliers0`` has nothing to be found.
     """
 
     name, title = "generated-matches", "Generated matches"

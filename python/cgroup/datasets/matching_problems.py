@@ -54,10 +54,8 @@ class MatchingProblem:
     ----------
     source, target : (n,3) ndarray of float64
         Matched points.
-    ratio : (n,) ndarray of float64
-        Distance to the nearest descriptor over that to the second nearest, 0 to 1.
-    similarity : (n,) ndarray of float64
-        Of the descriptors; -inf where there is none.
+    ratio, similarity : (n,) ndarray of float64
+        Of the descriptors: nearest over second nearest distance, 0 to 1; and -inf where there is none.
     source_lrf, target_lrf : (n,3,3) ndarray of float64
         Local reference frames, rows are axes; NaN where there is none.
     resolution : float
@@ -248,8 +246,8 @@ def make_problem(
     """Draw a matching problem.
 
     Source points are strewn over a bumpy ellipsoid. An inlier's partner is its image under a random rigid
-    motion, plus noise; that of an outlier lies anywhere on the moved surface but where it would be right.
-    Ratios and similarities are beta-distributed: better for inliers, with much overlap.
+    motion, plus noise; an outlier's lies anywhere else on the moved surface. Ratios and similarities are
+    beta-distributed: better for inliers, with much overlap.
 
     Parameters
     ----------
@@ -386,9 +384,8 @@ def make_scene(
     noise : float
         Their standard deviation per axis, in pr.
     scene : {"uniform", "second-pose", "planes", "mirror", "one-to-three"}
-        What the wrong matches do: lie anywhere; follow a second motion, as many as 0.8 of the right ones; all
-        points lie on a few walls; follow a mirrored motion; or each source point has three matches, one of
-        which may be right.
+        What wrong matches do: lie anywhere; follow a second motion, 0.8 for each right one; lie, as all
+        points, on a few walls; follow a mirrored motion; or share their source point, three by three.
     frames : {"good", "bad", "none"}
         Whether local reference frames are off by 8 degrees and 10 % unrelated, or by 30 degrees and 70 %;
         with "none" they are all missing (NaN).

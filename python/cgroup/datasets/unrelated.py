@@ -89,8 +89,7 @@ def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
 def mirror(pair: MatchingPair) -> UnrelatedPair:
     """Reflect the target at the plane x = 0, and its viewpoint with it.
 
-    Shapes stay as they are, but left is right: what is not mirror-symmetric itself fits nowhere. Faces and
-    normals are dropped.
+    What isn't mirror-symmetric itself then fits nowhere. Faces and normals are dropped.
 
     Parameters
     ----------

@@ -188,8 +188,7 @@ def alignment_error(
     estimated, true : (4,4) array_like of float
         Poses of the source in the target's frame.
     tolerance : float
-        Source points count that are so close to the target under the true pose, in the data's unit; 4 times
-        the resolution is usual.
+        How close source points that count are to the target under the true pose, in the data's unit.
 
     Returns
     -------
@@ -280,14 +279,13 @@ def clutter_and_occlusion(
     T_scene_model : (4,4) array_like of float
         True pose of the model in the scene.
     tolerance : float
-        Scene vertices so close to the posed model belong to it, in the data's unit; twice the resolution is
-        usual.
+        How close scene vertices that belong to the model are to it; twice the resolution is usual.
 
     Returns
     -------
     clutter, occlusion : float
-        1 - visible area / scene area, and 1 - visible area / model area, where visible are the
-        scene's triangles whose three corners belong to the model.
+        1 - visible / scene area, and 1 - visible / model area; visible are the scene's triangles whose three
+        corners belong to the model.
 
     Raises
     ------

@@ -59,10 +59,8 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     Points with a NaN or infinite coordinate, which range scanners write where they saw nothing, are left out
     and counted in `PointCloud.dropped`. STL and OBJ repeat the corners of their triangles: points of exactly
     equal coordinates are made one. Other formats are taken as they are, in the file's order. Polygons are cut
-    into triangles that share their first corner. Colours that are given as shares of one become bytes.
-
-    What a file declares is checked against its length before memory is taken for it, so a file of a few bytes
-    can't ask for much. Ctrl-C is heard.
+    into triangles that share their first corner. Colours that are given as shares of one become bytes. What a
+    file declares is checked against its length before memory is taken for it. Ctrl-C is heard.
 
     Parameters
     ----------
@@ -77,8 +75,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     Raises
     ------
     InputError
-        If the file is missing, unreadable, cut off, of an unknown format, no regular file, or has no finite
-        point.
+        If the file is missing, unreadable, cut off, of an unknown format, no file, or has no finite point.
 
     Examples
     --------
@@ -158,8 +155,7 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike,
     Parameters
     ----------
     path : path-like
-        ``.npz`` with the arrays ``indices`` and ``points``, or ``.ply``: the whole cloud in grey, its
-        keypoints in vermilion.
+        ``.npz`` with arrays ``indices`` and ``points``, or ``.ply``: grey, with keypoints in vermilion.
     cloud : PointCloud or (N,3) array_like of float
         The whole cloud.
     indices : (m,) array_like of int
@@ -168,8 +164,7 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike,
     Raises
     ------
     InputError
-        If the suffix is another one, `cloud` is no cloud, a row is none of its points, or the file
-        can't be written.
+        If the suffix or `cloud` is wrong, a row is none of its points, or the file can't be written.
 
     Examples
     --------

@@ -52,15 +52,13 @@ def standin_pair(*, seed: int = 0, turn: float = 35.0, noise: float = 0.1, pixel
     noise : float
         Standard deviation of the noise along the line of sight, in units of the point spacing.
     pixels : int
-        Pixels along the larger side of the shape, at least 16; a view has about two thirds of the
-        square of that in points.
+        Pixels along the larger side of the shape, at least 16; two thirds of its square are points.
 
     Returns
     -------
     MatchingPair
-        Unit mm. Each view is in its scanner's frame: scanner at the origin, looking along -z, y up.
-        With the default arguments the views share 0.8 to 0.95 of their points (within 4 pr), and 5 to 14 %
-        of the matches of Harris keypoints by SHOT are correct, depending on the seed.
+        Unit mm; scanners at the origin of each view, looking along -z, y up. By default the views share 0.8
+        to 0.95 of their points (within 4 pr); 5 to 14 % of matches of Harris keypoints by SHOT are correct.
 
     Raises
     ------
