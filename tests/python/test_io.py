@@ -159,19 +159,6 @@ def test_bad_paths(tmp_path: Path) -> None:
             write(tmp_path / "a.obj", content)
 
 
-def test_cloud_round_trip_is_exact(tmp_path: Path, rng: np.random.Generator) -> None:
-    points = rng.normal(size=(50, 3)) * 1e3 + 4.5e6  # coordinates as large as in surveying
-    normals = rng.normal(size=(50, 3)).astype(np.float32).astype(np.float64)
-    colors = rng.integers(0, 256, size=(50, 3)).astype(np.uint8)
-    faces = rng.integers(0, 50, size=(20, 3))
-    write_cloud(tmp_path / "a.ply", PointCloud(points, normals, faces, colors))
-    read = read_cloud(tmp_path / "a.ply")
-    for found, written in zip(
-        (read.points, read.normals, read.faces, read.colors), (points, normals, faces, colors), strict=True
-    ):
-        np.testing.assert_array_equal(found, written)
-
-
 def test_transformed_moves_points_and_turns_normals() -> None:
     cloud = PointCloud(TETRAHEDRON, normals=np.eye(4)[:, :3]).transformed(TURN)
     np.testing.assert_array_equal(cloud.points[1], [5, -5, 7])
@@ -207,13 +194,6 @@ def test_only_rigid_transforms(matrix: np.ndarray, says: str, tmp_path: Path) ->
         check_rigid(matrix)
     np.savetxt(tmp_path / "T.txt", matrix)
     with pytest.raises(InputError, match=r"T\.txt: .*" + says):
-        read_transform(tmp_path / "T.txt")
-
-
-@pytest.mark.parametrize("content", [b"", b"no numbers", b"1 2 3\n4 5\n", b"# only a comment\n"])
-def test_unreadable_transform(content: bytes, tmp_path: Path) -> None:
-    (tmp_path / "T.txt").write_bytes(content)
-    with pytest.raises(InputError, match=r"T\.txt"):
         read_transform(tmp_path / "T.txt")
 
 

@@ -119,6 +119,8 @@ COLUMNS_FIRST = POSE.T.ravel().tolist()
         (rows([row[:3] for row in WORDS[:3]]), "got 3 rows of 3 numbers; a pose is 4 rows of 4 numbers, or 3"),
         ("0.1 0.2 0.3 1 2 3", "got 1 row of 6 numbers; a pose is"),
         ("1", "got 1 row of 1 numbers; a pose is"),
+        ("", "the file is empty"),
+        ("# only a comment\n", "no numbers|got"),
         ("0 0 0 0 0 0 1.01", "its quaternion is of length 1.01, not 1"),
         ("0 0 0 0 0 0 0", "its quaternion is of length 0, not 1"),
         ("0.5 0.5 0.5 0.5 10 20 30", "the first four numbers are one: write tx ty tz qx qy qz qw"),

@@ -52,17 +52,6 @@ def test_demo_pair_is_partial() -> None:
         assert (cloud.points[:, 2] < 0).all()  # the scanner looks along -z
 
 
-def test_more_turn_less_overlap() -> None:
-    shares = []
-    for turn in (20, 60, 100):
-        pair = standin_pair(turn=turn, pixels=SMALL)
-        step = spacing(pair.source.points)
-        shares.append(
-            overlap(pair.source.points, pair.target.points, pair.T_target_source, tolerance=2 * step)
-        )
-    assert shares[0] > shares[1] > shares[2]
-
-
 def test_noise_is_along_the_line_of_sight() -> None:
     clean, noisy = (standin_pair(noise=noise, pixels=SMALL).source.points for noise in (0, 0.5))
     assert len(clean) == len(noisy)

@@ -6,10 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cloud_files import write_pcd
+from pair_measures import matching, share_of_agreeing_normals
+from scipy.spatial import cKDTree
 from shared_data import data_folder
 
 from cgroup import features
-from cgroup.benchmark import matching, paper
+from cgroup.benchmark import matching as benchmark_matching
+from cgroup.benchmark import paper
 from cgroup.benchmark.problem import Problem, load_pair
 from cgroup.datasets import MatchingPair, mirror, open_dataset, u3or_dense
 from cgroup.datasets.generated.shapes import stone
@@ -28,7 +31,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CGROUP_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
-    matching.forget_pairs()
+    benchmark_matching.forget_pairs()
 
 
 @pytest.fixture(scope="module")
@@ -52,17 +55,10 @@ def dense(root: Path) -> U3ORDense:
     return dataset
 
 
-def load(dataset: U3ORDense, name: str) -> MatchingPair:
-    pair = dataset.load(name)
-    assert isinstance(pair, MatchingPair)
-    return pair
-
-
 def distances(pair: MatchingPair) -> np.ndarray:
     """How far points of the scene lie from the posed model, of those that are near it."""
-    spatial = pytest.importorskip("scipy.spatial")
     model = apply(pair.T_target_source, pair.source.points)
-    found, _ = spatial.cKDTree(model).query(pair.target.points)
+    found, _ = cKDTree(model).query(pair.target.points)
     return found[found < 2]
 
 
@@ -70,7 +66,7 @@ def test_pairs_are_those_of_u3or_with_more_points(root: Path, dense: U3ORDense) 
     coarse = open_dataset("u3or", root)
     assert dense.pair_names() == coarse.pair_names() == ["rs12-T-rex", "rs12-chef"]
     for name in dense.pair_names():
-        pair, plain = load(dense, name), coarse.load(name)
+        pair, plain = matching(dense, name), coarse.load(name)
         assert len(pair.source) > 8 * len(plain.source)
         assert len(pair.target) > 4 * len(plain.target)
         np.testing.assert_array_equal(pair.T_target_source, plain.T_target_source)
@@ -79,18 +75,17 @@ def test_pairs_are_those_of_u3or_with_more_points(root: Path, dense: U3ORDense) 
 
 
 def test_points_are_as_far_apart_as_promised(dense: U3ORDense) -> None:
-    pair = load(dense, "rs12-chef")
+    pair = matching(dense, "rs12-chef")
     for cloud in (pair.source, pair.target):
         assert features.resolution(cloud.points) == pytest.approx(SPACING, rel=0.06)
     assert np.median(distances(pair)) < 0.7 * SPACING
 
 
 def test_models_lie_on_the_smooth_surface_and_know_their_outside(dense: U3ORDense) -> None:
-    spatial = pytest.importorskip("scipy.spatial")
     coarse, fine = dense.model("chef"), dense.dense_model("chef")
     np.testing.assert_allclose(np.linalg.norm(fine.normals, axis=1), 1)
     outside = features.mesh_normals(coarse.points, coarse.faces)
-    gaps, nearest = spatial.cKDTree(fine.points).query(coarse.points)
+    gaps, nearest = cKDTree(fine.points).query(coarse.points)
     assert gaps.max() < 1.5 * SPACING
     agreement = np.sum(fine.normals[nearest] * outside, axis=1)
     assert agreement.min() > 0
@@ -115,10 +110,10 @@ def test_noise_is_along_normals_and_lines_of_sight(dense: U3ORDense, monkeypatch
 
 
 def test_clouds_come_from_the_cache(root: Path, dense: U3ORDense, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = load(dense, "rs12-chef")
+    before = matching(dense, "rs12-chef")
     for name in ("_sample", "_look_closely"):
         monkeypatch.setattr(U3ORDense, name, None)
-    again = load(U3ORDense(root), "rs12-chef")
+    again = matching(U3ORDense(root), "rs12-chef")
     np.testing.assert_array_equal(again.source.points, before.source.points)
     np.testing.assert_array_equal(again.target.points, before.target.points)
 
@@ -139,18 +134,18 @@ def test_scan_in_full_resolution_is_moved_and_thinned(root: Path, dense: U3ORDen
 
 def test_benchmark_takes_the_given_normals(root: Path, dense: U3ORDense) -> None:
     case = Problem("experiment", "u3or-dense", "rs12-chef", matches="C1")
-    (record,) = matching.match_problems([case], str(root))
+    (record,) = benchmark_matching.match_problems([case], str(root))
     assert record.error == ""
     pair = load_pair("u3or-dense", "rs12-chef", str(root))
     assert isinstance(pair, MatchingPair)
-    model, scene = matching.add_normals(pair, pair.normals)
+    model, scene = benchmark_matching.add_normals(pair, pair.normals)
     np.testing.assert_array_equal(model.normals, dense.dense_model("chef").normals)
     towards = -np.sum(scene.normals * scene.points, axis=1)
     assert (towards[np.isfinite(towards)] >= 0).all()
 
 
 def test_normals_that_a_pair_has_lost_are_fitted(dense: U3ORDense) -> None:
-    pair = load(dense, "rs12-chef")
+    pair = matching(dense, "rs12-chef")
     assert usable_normals("given", pair.source, mirror(pair).target) == "given"
     assert usable_normals("given", mirror(pair).target) == "pca"
     assert usable_normals("mesh", pair.source, pair.target) == "pca"
@@ -162,7 +157,7 @@ def test_normals_that_a_pair_has_lost_are_fitted(dense: U3ORDense) -> None:
 
 @pytest.fixture(scope="module")
 def real() -> MatchingPair:
-    return load(U3ORDense(data_folder("u3or")), "rs1-chicken")
+    return matching(U3ORDense(data_folder("u3or")), "rs1-chicken")
 
 
 def test_real_scan_lies_on_the_dense_model(real: MatchingPair) -> None:
@@ -174,14 +169,7 @@ def test_real_scan_lies_on_the_dense_model(real: MatchingPair) -> None:
 
 
 def test_real_normals_agree_with_the_scan(real: MatchingPair) -> None:
-    spatial = pytest.importorskip("scipy.spatial")
-    turned = real.source.normals @ real.T_target_source[:3, :3].T
-    seen = features.normals(real.target.points, viewpoint=real.target_viewpoint)
-    found, nearest = spatial.cKDTree(apply(real.T_target_source, real.source.points)).query(
-        real.target.points
-    )
-    close = found < 1
-    assert (np.sum(turned[nearest[close]] * seen[close], axis=1) > 0).mean() > 0.97
+    assert share_of_agreeing_normals(real, real.source.normals, 1) > 0.97
 
 
 def test_scanner_spacing_is_that_of_the_real_scan() -> None:
