@@ -37,6 +37,7 @@ _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 _CLOUD_COLOR = (190, 190, 190)
 _KEYPOINT_COLOR = (213, 94, 0)
 _LAS_POINTS = 1_000_000  # that laspy unpacks at a time
+_LAS_COLORS = ("red", "green", "blue")
 
 
 class CloudContent(NamedTuple):
@@ -309,12 +310,15 @@ def _points(array: NDArray[Any]) -> FloatArray:
 def _parse_las(content: bytes) -> CloudContent:
     import laspy  # noqa: PLC0415 - an extra
 
-    parts: list[tuple[FloatArray, NDArray[np.uint16] | None]] = []
     try:
         with laspy.open(io.BytesIO(content)) as file:
             declared = file.header.point_count
-            has_colors = {"red", "green", "blue"} <= set(file.header.point_format.dimension_names)
-            parts += [_las_part(part, has_colors) for part in file.chunk_iterator(_LAS_POINTS)]
+            colored = set(_LAS_COLORS) <= set(file.header.point_format.dimension_names)
+            groups = ("xyz", _LAS_COLORS) if colored else ("xyz",)
+            parts = [
+                [np.stack([np.asarray(part[name]) for name in group], axis=1) for group in groups]
+                for part in file.chunk_iterator(_LAS_POINTS)
+            ]
     except (KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException as error:  # what a panic of its decompressor becomes isn't an Exception
@@ -323,20 +327,11 @@ def _parse_las(content: bytes) -> CloudContent:
     if len(points) != declared:
         message = f"{len(points)} of {declared} points"
         raise InputError(message)
-    colors = [part[1] for part in parts if part[1] is not None]
-    return CloudContent(points, colors=_bytes(np.concatenate(colors)) if colors else None)
-
-
-def _las_part(part: Any, has_colors: bool) -> tuple[FloatArray, NDArray[np.uint16] | None]:  # noqa: ANN401, FBT001 - laspy's
-    points = np.stack([np.asarray(part[name], dtype=np.float64) for name in "xyz"], axis=1)
-    if not has_colors:
-        return points, None
-    return points, np.stack([np.asarray(part[name]) for name in ("red", "green", "blue")], axis=1)
-
-
-def _bytes(colors: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """Colours of 16 bits, as the format has them, or of eight, as some write them."""
-    return (colors >> 8 if colors.max(initial=0) > 255 else colors).astype(np.uint8)
+    if not (colored and parts):
+        return CloudContent(points)
+    colors = np.concatenate([part[1] for part in parts])
+    # Of 16 bits, as the format has them, or of eight, as some write them.
+    return CloudContent(points, colors=(colors >> 8 if colors.max() > 255 else colors).astype(np.uint8))
 
 
 _IN_CORE = ("bin", "csv", "obj", "off", "pcd", "ply", "pts", "stl", "txt", "xyz")

@@ -172,35 +172,33 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
 def _find_poses(name: str, numbers: NDArray[Any]) -> FloatArray:
     """Return the poses (m,4,4) that numbers stand for, told by their shape; errors count poses from 1."""
     values = as_floats(name, numbers)
-    rows, columns = (values.shape[-2:]) if values.ndim >= 2 else (1, values.size)
-    if values.ndim == 2 and columns == 1:
-        rows, columns = 1, rows
-    if values.ndim <= 2 and rows and columns in (7, 8):
-        poses = _from_quaternions(name, values.reshape(rows, columns)[:, -7:])
-    elif values.ndim <= 2 and rows and columns in (12, 16):
-        poses = values.reshape(rows, -1, 4)
-        _refuse_columns_first(name, poses)
-    elif values.size and columns == 4 and _are_matrices(values):
-        poses = values.reshape(-1, min(rows, 4), 4)
+    table = values.reshape(1, -1) if values.ndim < 2 or values.shape[1:] == (1,) else values
+    rows, columns = table.shape[-2:]
+    if table.ndim == 2 and rows and columns in (7, 8):
+        poses = _from_quaternions(name, table[:, -7:])
+    elif table.ndim == 2 and rows and columns in (12, 16):
+        poses = _with_last_row(table.reshape(rows, -1, 4))
+        turned = _with_last_row(table.reshape(rows, 4, -1).transpose(0, 2, 1))
+        if not _are_rigid(poses).all() and _are_rigid(turned).all():
+            remedy = f"its {columns} numbers are a pose column by column; transpose it: write row by row"
+            raise InputError(name, remedy=remedy)
+    elif (
+        table.size and columns == 4 and (rows in (3, 4) if table.ndim == 3 else _are_below_each_other(table))
+    ):
+        poses = _with_last_row(table.reshape(-1, min(rows, 4), 4))
     else:
         raise _refusal(name, values)
-    poses = _with_last_row(poses)
     for row in np.flatnonzero(~_are_rigid(poses)):
         check_rigid(poses[row], _pose_name(name, int(row), len(poses)))
     return poses
 
 
-def _are_matrices(values: FloatArray) -> bool:
-    """Whether they are a stack of matrices, a 3x4 matrix, or 4x4 matrices below each other."""
-    if values.ndim == 3:
-        return values.shape[1] in (3, 4)
-    return values.ndim == 2 and (len(values) == 3 or len(values) % 4 == 0)
+def _are_below_each_other(table: FloatArray) -> bool:
+    return table.ndim == 2 and (len(table) == 3 or len(table) % 4 == 0)
 
 
 def _with_last_row(poses: FloatArray) -> FloatArray:
-    if poses.shape[1] == 4:
-        return poses
-    last = np.broadcast_to([[0.0, 0.0, 0.0, 1.0]], (len(poses), 1, 4))
+    last = np.broadcast_to([[0.0, 0.0, 0.0, 1.0]], (len(poses), 4 - poses.shape[1], 4))
     return np.concatenate([poses, last], axis=1)
 
 
@@ -218,21 +216,9 @@ def _from_quaternions(name: str, rows: FloatArray) -> FloatArray:
         )
         raise InputError(message)
     x, y, z, w = (rows[:, 3:] / lengths[:, None]).T
-    poses = np.zeros((len(rows), 3, 4))
-    poses[:, :, 3] = rows[:, :3]
-    poses[:, :, :3] = turn(x, y, z, w)
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = turn(x, y, z, w), rows[:, :3]
     return poses
-
-
-def _refuse_columns_first(name: str, poses: FloatArray) -> None:
-    """Refuse rows of numbers that are poses only when they are read column by column."""
-    if _are_rigid(_with_last_row(poses)).all():
-        return
-    rows = poses.shape[1]
-    turned = poses.reshape(len(poses), 4, rows).transpose(0, 2, 1)
-    if _are_rigid(_with_last_row(turned)).all():
-        remedy = f"its {4 * rows} numbers are a pose column by column; transpose it: write row by row"
-        raise InputError(name, remedy=remedy)
 
 
 def _are_rigid(poses: FloatArray) -> NDArray[np.bool_]:
