@@ -78,11 +78,9 @@ def add_noise(cloud: PointCloud | ArrayLike, sigma: float, rng: np.random.Genera
     Examples
     --------
     >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
     >>> from cgroup.nuisances import add_noise
-    >>> scan = standin_pair(pixels=60).source
-    >>> noisy = add_noise(scan, 0.5, np.random.default_rng(0))
-    >>> round(float((noisy.points - scan.points).std()), 1)
+    >>> noisy = add_noise(np.zeros((999, 3)), 0.5, np.random.default_rng(0))
+    >>> round(float(noisy.points.std()), 1)
     0.5
     """
     cloud, deviation = as_cloud("cloud", cloud), as_number("sigma", sigma)
@@ -126,11 +124,9 @@ def decimate(
     Examples
     --------
     >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
     >>> from cgroup.nuisances import decimate
-    >>> scan = standin_pair(pixels=60).source
-    >>> len(scan), len(decimate(scan, 0.5, np.random.default_rng(0)))
-    (2554, 1277)
+    >>> len(decimate(np.zeros((1000, 3)), 0.5, np.random.default_rng(0)))
+    500
     """
     as_choice("method", method, ("random", "voxel"))
     as_instance("rng", rng, np.random.Generator)
@@ -285,9 +281,9 @@ def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) ->
     >>> import numpy as np
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.nuisances import voxel_density
-    >>> thin = voxel_density(standin_pair(pixels=60), 0.25, np.random.default_rng(0))
-    >>> 550 < len(thin.target) < 600  # of 2299
-    True
+    >>> pair = standin_pair(pixels=60)
+    >>> len(voxel_density(pair, 0.25, np.random.default_rng(0)).target)  # of 2299
+    575
     """
     pair, level = _checked(pair, level)
     return replace(pair, target=decimate(pair.target, level, rng, method="voxel"))

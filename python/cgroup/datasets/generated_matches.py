@@ -6,16 +6,12 @@ import hashlib
 import itertools
 import re
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup.datasets.base import CorrespondencePair, Dataset
 from cgroup.datasets.matching_problems import FRAMES, SCENES, make_scene
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _NUMBER = r"[0-9.]+(?:e-?[0-9]+)?"
 _NAME = re.compile(
@@ -53,9 +49,6 @@ class GeneratedMatches(Dataset):
 
     name, title = "generated-matches", "Generated matches"
     role, origin, citation = "correspondences", "synthetic", "this library"
-
-    def __init__(self, root: Path | str | None = None) -> None:
-        del root  # needs no data
 
     def pair_names(self) -> list[str]:
         """Return usual ones: each scene at some sizes and shares of right matches."""

@@ -73,11 +73,8 @@ class MatchingProblem:
     --------
     >>> import numpy as np
     >>> from cgroup.datasets import make_problem
-    >>> problem = make_problem(np.random.default_rng(0), 100, inlier_ratio=0.3)
-    >>> problem
-    MatchingProblem(n=100, inliers=30)
-    >>> problem.source.shape, problem.source_lrf.shape
-    ((100, 3), (100, 3, 3))
+    >>> make_problem(np.random.default_rng(0), 100, inlier_ratio=0.3).source_lrf.shape
+    (100, 3, 3)
     """
 
     source: FloatArray
@@ -111,10 +108,8 @@ class MatchingProblem:
         Examples
         --------
         >>> import numpy as np
-        >>> from cgroup import group
         >>> from cgroup.datasets import make_problem
-        >>> problem = make_problem(np.random.default_rng(0), 100)
-        >>> len(group(problem.correspondences(), "gtm").mask)
+        >>> len(make_problem(np.random.default_rng(0), 100).correspondences())
         100
         """
         return Correspondences(
@@ -175,11 +170,9 @@ class MatchingProblem:
         >>> import numpy as np
         >>> from cgroup.datasets import make_problem
         >>> problem = make_problem(np.random.default_rng(0), 100)
-        >>> upwards = np.eye(4)
-        >>> upwards[2, 3] = 7.0
-        >>> moved = problem.moved(np.eye(4), upwards)
-        >>> (moved.T_target_source - problem.T_target_source)[:3, 3].round(6)
-        array([0., 0., 7.])
+        >>> aligned = problem.moved(problem.T_target_source, np.eye(4))
+        >>> bool(np.allclose(aligned.T_target_source, np.eye(4)))
+        True
         """
         inverse = np.linalg.inv(source_motion)
         return replace(
@@ -209,9 +202,8 @@ class MatchingProblem:
         --------
         >>> import numpy as np
         >>> from cgroup.datasets import make_problem
-        >>> problem = make_problem(np.random.default_rng(0), 100)
-        >>> problem.resolution, problem.scaled(0.001).resolution
-        (1.0, 0.001)
+        >>> make_problem(np.random.default_rng(0), 100).scaled(0.001).resolution
+        0.001
         """
         transform = self.T_target_source.copy()
         transform[:3, 3] *= factor
@@ -292,8 +284,7 @@ def make_problem(
     --------
     >>> import numpy as np
     >>> from cgroup.datasets import make_problem
-    >>> problem = make_problem(np.random.default_rng(0), 1000, inlier_ratio=0.1)
-    >>> problem
+    >>> make_problem(np.random.default_rng(0), 1000, inlier_ratio=0.1)
     MatchingProblem(n=1000, inliers=98)
     """
     shares = {

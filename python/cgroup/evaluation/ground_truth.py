@@ -91,9 +91,8 @@ def correct_matches(
     --------
     >>> import numpy as np
     >>> from cgroup.evaluation import correct_matches
-    >>> source, target = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]]
-    >>> correct_matches(source, target, np.eye(4), tolerance=1.0)
-    array([ True, False])
+    >>> correct_matches(np.eye(3), np.eye(3) * [1, 1, 2], np.eye(4), tolerance=0.5)
+    array([ True,  True, False])
     """
     limit = as_length("tolerance", tolerance)
     return match_errors(source, target, T_target_source) <= limit
@@ -204,10 +203,9 @@ def alignment_error(
     --------
     >>> import numpy as np
     >>> from cgroup.evaluation import alignment_error
-    >>> points = np.random.default_rng(0).uniform(size=(100, 3))
     >>> shifted = np.eye(4)
     >>> shifted[0, 3] = 0.25
-    >>> alignment_error(points, points, shifted, np.eye(4), tolerance=0.1)
+    >>> alignment_error(np.eye(3), np.eye(3), shifted, np.eye(4), tolerance=0.1)
     0.25
     """
     points, limit = _finite_points("source", source), as_length("tolerance", tolerance)

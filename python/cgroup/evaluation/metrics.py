@@ -39,11 +39,8 @@ class Scores(NamedTuple):
     Examples
     --------
     >>> from cgroup.evaluation import score_counts
-    >>> scores = score_counts([10, 10], [4, 4], [5, 0], selected_correct=[3, 0])
-    >>> scores.precision, scores.recall
-    (array([0.6, 0. ]), array([0.75, 0.  ]))
-    >>> scores.registered
-    array([ True, False])
+    >>> score_counts([10, 10], [4, 4], [5, 0], [3, 0]).precision
+    array([0.6, 0. ])
     """
 
     inlier_ratio: FloatArray
@@ -82,8 +79,7 @@ def score_counts(
     Examples
     --------
     >>> from cgroup.evaluation import score_counts
-    >>> scores = score_counts(100, 20, 16, selected_correct=12)
-    >>> float(scores.precision)
+    >>> float(score_counts(100, 20, 16, selected_correct=12).precision)
     0.75
     """
     names = ("matches", "correct", "selected", "selected_correct")

@@ -21,12 +21,8 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-_CHUNK = 16 << 20
-"""Bytes read at a time; a signal is heard in between."""
-
-_SHOWN = 160
-"""Characters of a parser's reason that an error shows."""
-
+_CHUNK = 16 << 20  # bytes read at a time; a signal is heard in between
+_SHOWN = 160  # characters of a parser's reason that an error shows
 _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 
 

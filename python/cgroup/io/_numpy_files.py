@@ -21,17 +21,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-_KINDS = "biuf"
-"""Numbers and truth values; others are texts, dates or pickled objects."""
-
-_CHUNK = 16 << 20
-"""Bytes unpacked at a time."""
-
-_TRUSTED = 64 << 20
-"""An array of at most so many bytes may be packed as tightly as it will."""
-
-_MOST_GROWTH = 100
-"""Larger ones grow at most so many times; numbers that were measured grow a few times."""
+_KINDS = "biuf"  # numbers and truth values; others are texts, dates or pickled objects
+_CHUNK = 16 << 20  # bytes unpacked at a time
+_TRUSTED = 64 << 20  # an array of at most so many bytes may be packed as tightly as it will
+_MOST_GROWTH = 100  # times that larger ones grow; numbers that were measured grow a few times
 
 
 def write_array(path: Path, array: NDArray[Any], lines: Iterable[str]) -> None:

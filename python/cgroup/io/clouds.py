@@ -116,12 +116,10 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike) -> 
 
     Examples
     --------
-    >>> from cgroup.datasets import standin_pair
     >>> from cgroup.io import read_cloud, write_cloud
-    >>> scan = standin_pair(pixels=60).source
-    >>> write_cloud("scan.ply", scan)
-    >>> bool((read_cloud("scan.ply").points == scan.points).all())
-    True
+    >>> write_cloud("scan.ply", [[0, 0, 0], [0, 0.1, 1e6]])
+    >>> read_cloud("scan.ply").points.tolist()
+    [[0.0, 0.0, 0.0], [0.0, 0.1, 1000000.0]]
     """
     path = written_path(path, ".ply", "point clouds")
     cloud = as_cloud("cloud", cloud)
@@ -170,14 +168,10 @@ def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike,
     Examples
     --------
     >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
     >>> from cgroup.io import write_keypoints
-    >>> from cgroup.registration import detect
-    >>> scan = standin_pair(pixels=60).source
-    >>> rows = detect(scan, keypoints=50)
-    >>> write_keypoints("keypoints.npz", scan, rows)
-    >>> bool((np.load("keypoints.npz")["points"] == scan.points[rows]).all())
-    True
+    >>> write_keypoints("keypoints.npz", np.eye(3), [2])
+    >>> np.load("keypoints.npz")["points"]
+    array([[0., 0., 1.]])
     """
     path, rows = as_path("path", path), as_rows("indices", indices)
     cloud = as_cloud("cloud", cloud)
@@ -209,12 +203,9 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     Examples
     --------
     >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.io import read_descriptors, write_descriptors
+    >>> from cgroup.io import write_descriptors
     >>> from cgroup.registration import describe
-    >>> described = describe(standin_pair(pixels=60).source, descriptor="rcs")
-    >>> write_descriptors("scan.npz", described)
-    >>> len(read_descriptors("scan.npz")) == len(described)
-    True
+    >>> write_descriptors("scan.npz", describe(standin_pair(pixels=60).source))
     """
     path = written_path(path, ".npz", "descriptors")
     as_instance("described", described, DescribedCloud)
@@ -244,8 +235,8 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.io import read_descriptors, write_descriptors
     >>> from cgroup.registration import describe
-    >>> described = describe(standin_pair(pixels=60).source, descriptor="rcs")
-    >>> write_descriptors("scan.npz", described)
+    >>> scan = standin_pair(pixels=60).source
+    >>> write_descriptors("scan.npz", describe(scan, descriptor="rcs"))
     >>> read_descriptors("scan.npz").descriptors.shape[1]
     72
     """
