@@ -9,21 +9,15 @@ import sys
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-Arrays: TypeAlias = dict[str, Any]
-"""NumPy arrays by name."""
-
-_CACHES = {
-    "darwin": ("XDG_CACHE_HOME", "Library/Caches"),
-    "win32": ("LOCALAPPDATA", "AppData/Local"),
-}
-"""The variable that names the folder for caches, and that folder in the home otherwise; by platform."""
+# The variable that names the folder for caches, and that folder in the home otherwise; by platform.
+_CACHES = {"darwin": ("XDG_CACHE_HOME", "Library/Caches"), "win32": ("LOCALAPPDATA", "AppData/Local")}
 
 
 def cache_folder() -> Path:
@@ -36,7 +30,7 @@ def cache_folder() -> Path:
     return (named if named.is_absolute() else Path.home() / usual) / "cgroup"
 
 
-def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], Arrays]) -> Arrays:
+def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Arrays of a kind from the cache, or made and put there; the key is all that they depend on.
 
     A cache that can't be read or written is no error: the arrays are then made each time.
@@ -59,7 +53,7 @@ def _digest(key: Iterable[str | bytes]) -> str:
     return digest.hexdigest()
 
 
-def _write(path: Path, arrays: Arrays) -> None:
+def _write(path: Path, arrays: dict[str, Any]) -> None:
     """Write all or nothing: another process may be reading or writing the same file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, unfinished = tempfile.mkstemp(dir=path.parent, suffix=".part")

@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 
     from cgroup.types import FloatArray, IndexArray, PointCloud
 
+# Of the target and the source: gt.log maps cloud 1 into the frame of cloud 0.
+_CLOUDS = ("Depth_0000.ply", "Depth_0001.ply")
+_FEATURES = ("features_0000.bin", "features_0001.bin")
 _NEIGHBORS = "fpfh_nn.npz"
-_SOURCE, _TARGET = 1, 0  # gt.log maps cloud 1 into the frame of cloud 0
 
 
 class _FGRPairs(FileDataset[Path]):
@@ -46,13 +48,13 @@ class _FGRPairs(FileDataset[Path]):
         return {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
 
     def _needed(self, entry: Path) -> list[tuple[Path, ...]]:
-        return [(_cloud_file(entry, number),) for number in (_TARGET, _SOURCE)]
+        return [(entry / file,) for file in _CLOUDS]
 
     def _read(self, name: str) -> tuple[PointCloud, PointCloud, FloatArray]:
         """Read source, target and pose."""
         folder = self._entry(name)
-        target, source = (read_cloud(_cloud_file(folder, number)) for number in (_TARGET, _SOURCE))
-        pose = read_log(folder / "gt.log").get((_TARGET, _SOURCE))
+        target, source = (read_cloud(folder / file) for file in _CLOUDS)
+        pose = read_log(folder / "gt.log").get((0, 1))
         if pose is None:
             message = f"{folder / 'gt.log'}: has no pose of cloud 1 in the frame of cloud 0"
             raise InputError(message)
@@ -74,9 +76,7 @@ class FGR(_FGRPairs):
     protocols = ("precision>0.1",)
 
     def _needed(self, entry: Path) -> list[tuple[Path, ...]]:
-        numbers = _TARGET, _SOURCE
-        described = [(_feature_file(entry, number), entry / _NEIGHBORS) for number in numbers]
-        return [*super()._needed(entry), *described]
+        return [*super()._needed(entry), *((entry / file, entry / _NEIGHBORS) for file in _FEATURES)]
 
     def load(self, name: str) -> CorrespondencePair:
         """Read both clouds, and match their features."""
@@ -108,20 +108,12 @@ class FGRClouds(_FGRPairs):
         return MatchingPair(name, source, target, pose, facts={"overlap": shared})
 
 
-def _cloud_file(folder: Path, number: int) -> Path:
-    return folder / f"Depth_{number:04d}.ply"
-
-
-def _feature_file(folder: Path, number: int) -> Path:
-    return folder / f"features_{number:04d}.bin"
-
-
 def _matches(folder: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
     """Rows of the source, their partners in the target, and the ratio of each match."""
     neighbors = folder / _NEIGHBORS
     if neighbors.is_file():
         return _mutual(neighbors)
-    target, source = (_read_features(_feature_file(folder, number)) for number in (_TARGET, _SOURCE))
+    target, source = (_read_features(folder / file) for file in _FEATURES)
     found = features.match(source, target, mutual=True)
     return found.source_indices, found.target_indices, found.ratio
 
