@@ -109,10 +109,8 @@ class Dataset(ABC):
 
     Attributes
     ----------
-    name : str
-        As `open_dataset` knows it.
-    title : str
-        For figures and tables.
+    name, title : str
+        For `open_dataset`, and for figures and tables.
     role : {"full-full", "full-partial", "partial-partial", "correspondences"}
         What is matched with what.
     origin : {"real", "semi-synthetic", "synthetic"}

@@ -90,11 +90,9 @@ class MatchingProblem:
     recipe: str = ""
 
     def __repr__(self) -> str:
-        """Tell how the problem was made, instead of all its numbers."""
         return f"MatchingProblem({self.recipe or f'n={len(self)}, inliers={int(self.inlier_mask.sum())}'})"
 
     def __len__(self) -> int:
-        """Return the number of matches."""
         return len(self.source)
 
     def correspondences(self) -> Correspondences:
@@ -370,10 +368,8 @@ def make_scene(
         The only source of randomness.
     n : int
         Number of matches; up to two more in ``one-to-three``.
-    inliers : float
-        Share of right ones.
-    noise : float
-        Their standard deviation per axis, in pr.
+    inliers, noise : float
+        Share of right ones, and their standard deviation per axis in pr.
     scene : {"uniform", "second-pose", "planes", "mirror", "one-to-three"}
         What wrong matches do: lie anywhere; follow a second motion, 0.8 for each right one; lie, as all
         points, on a few walls; follow a mirrored motion; or share their source point, three by three.

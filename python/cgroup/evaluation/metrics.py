@@ -57,14 +57,10 @@ def score_counts(
 
     Parameters
     ----------
-    matches : array_like of int
-        Correspondences that a method was given, of each group; NaN where a count isn't known.
-    correct : array_like of int
-        How many of those are correct.
-    selected : array_like of int
-        Size of the group.
-    selected_correct : array_like of int
-        How many in the group are correct. All four are of one shape.
+    matches, correct : array_like of int
+        Correspondences that a method was given, of each group, and how many are correct; NaN where not known.
+    selected, selected_correct : array_like of int
+        Size of the group, and how many in it are correct. All four are of one shape.
 
     Returns
     -------
@@ -105,14 +101,10 @@ class GroupScore:
 
     Attributes
     ----------
-    matches : int
-        Correspondences that the method was given.
-    correct : int
-        How many of those are correct.
-    selected : int
-        Size of the group.
-    selected_correct : int
-        How many in the group are correct.
+    matches, correct : int
+        Correspondences that the method was given, and how many are correct.
+    selected, selected_correct : int
+        Size of the group, and how many in it are correct.
 
     Examples
     --------

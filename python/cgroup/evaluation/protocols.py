@@ -33,12 +33,9 @@ class Protocol:
         Its key in `PROTOCOLS`.
     precision_above : float or None
         The group's precision has to be greater.
-    max_rotation : float or None
-        Largest rotation error in degrees, inclusive.
-    max_translation : float or None
-        Largest translation error in the data's unit, inclusive; all limits here are for data in m.
-    max_rmse : float or None
-        Largest `cgroup.evaluation.alignment_error` in pr, inclusive.
+    max_rotation, max_translation, max_rmse : float or None
+        Largest errors, inclusive: of the rotation in degrees, of the translation in m, and
+        `cgroup.evaluation.alignment_error` in pr.
 
     Examples
     --------
@@ -62,13 +59,9 @@ class Protocol:
         ----------
         precision : float
             Of the group; 0 for an empty one.
-        rotation_error : float
-            In degrees.
-        translation_error : float
-            In the data's unit.
-        rmse_pr : float
-            `cgroup.evaluation.alignment_error` in pr.
-            All errors are infinite where the group fixes no pose, and NaN where they can't be known.
+        rotation_error, translation_error, rmse_pr : float
+            In degrees, in the data's unit, and `cgroup.evaluation.alignment_error` in pr; infinite where the
+            group fixes no pose, and NaN where they can't be known.
 
         Returns
         -------
