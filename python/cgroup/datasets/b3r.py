@@ -80,9 +80,8 @@ class B3RClean(FileDataset[_Entry]):
             return read_cloud(published)
         lowest = self._published_scene(entry)
         if len(lowest) != len(model):
-            message = (
-                f"{self._folder}: scene {entry.number} has {len(lowest)} vertices, its model {len(model)}"
-            )
+            counts = f"{len(lowest)} vertices, its model {len(model)}"
+            message = f"{self._folder}: scene {entry.number} has {counts}"
             raise InputError(message)
         clean = apply(pose, model.points)
         points = clean + entry.noise / NOISE_LEVELS[0] * (lowest.points - clean)

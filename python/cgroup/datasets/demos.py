@@ -50,9 +50,8 @@ class _Matches(NamedTuple):
 class CorrespondenceFiles(FileDataset[_Matches]):
     """Ready-made matches with a pose; unit m.
 
-    The resolution is set to a fifth of the inlier distance that the matches' makers use, so that 5 pr, the
-    usual threshold here, is that distance. There are only positions, so methods that need a ratio or frames
-    can't be run.
+    The resolution is a fifth of the inlier distance that the matches' makers use, so that 5 pr, the usual
+    threshold here, is that distance. Methods that need a ratio or frames can't be run: there are none.
 
     The folder ``corr`` holds folders in one of two layouts: ``corr.txt`` (six columns) with ``GTmat.txt``, as
     MAC and SuperRANSAC have them, taken to be of 3DMatch; or ``<id>_fpfh_kpts_src.txt``,

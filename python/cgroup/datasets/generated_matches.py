@@ -34,10 +34,8 @@ class Recipe:
     @property
     def name(self) -> str:
         """Name of the pair."""
-        return (
-            f"{self.scene}/n{self.n}/inliers{self.inliers:g}/noise{self.noise:g}/{self.frames}-frames/"
-            f"{self.number}"
-        )
+        drawn = f"n{self.n}/inliers{self.inliers:g}/noise{self.noise:g}"
+        return f"{self.scene}/{drawn}/{self.frames}-frames/{self.number}"
 
 
 class GeneratedMatches(Dataset):

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
     """Read a ``gt.log``, as 3DMatch, 3DLoMatch and FGR have it: ``T_i_j`` by (i, j), in the file's order.
 
-    It is a text of five lines per pair: ``i j n``, and four rows of a 4x4 transform that maps cloud j into
-    the frame of cloud i.
+    It has five lines per pair: ``i j n``, and a 4x4 transform that maps cloud j into the frame of cloud i.
     """
     try:
         lines = [line.split() for line in load_text(path).splitlines() if line.strip()]

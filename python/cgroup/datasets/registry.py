@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from cgroup._checks.values import guess_word, refuse_word
 from cgroup._runtime.plugins import load_plugin
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    DatasetFactory: TypeAlias = Callable[[Path | None], Dataset]
-
-DATASETS: dict[str, DatasetFactory] = {
+DATASETS: dict[str, Callable[[Path | None], Dataset]] = {
     kind.name: kind
     for kind in (
         B3R,

@@ -39,8 +39,7 @@ class ThreeDMatch(FileDataset[_Entry]):
     """Pairs of the 3DMatch and 3DLoMatch test sets, thinned out to `VOXEL`; unit m.
 
     Pairs named ``3DMatch/scene/target-source`` overlap by at least 30 %, pairs named ``3DLoMatch/...`` by 10
-    to 30 %, as their owners count; the fact ``overlap`` is computed like that of the other data sets. A pair
-    that both benchmarks list is listed twice.
+    to 30 %, as their owners count; the fact ``overlap`` is measured. What both list is listed twice.
 
     The folder ``threedmatch`` holds a folder of ``cloud_bin_*`` per scene. Poses are read from every
     ``gt.log`` in it: in ``<scene>-evaluation`` as 3DMatch has them, or in ``3DLoMatch/<scene>`` as Predator

@@ -36,8 +36,8 @@ class _Entry(NamedTuple):
 class U3M(FileDataset[_Entry]):
     """Pairs ``model/source-target`` of views listed with a pose; unit mm, scanner at the origin of each view.
 
-    The owners publish the views, one folder per model, but no poses: whoever has made or been given some puts
-    them in a `LIST_FILE` beside the views.
+    The owners publish the views, one folder per model, but no poses: whoever has some puts them in a
+    `LIST_FILE` beside the views.
     """
 
     name, title = "u3m", "U3M"

@@ -155,9 +155,8 @@ class U3OR(FileDataset[_Posed]):
         for model, path in self._poses_in(number).items():
             posed.append(make_mesh(model).move(read_transform(path)))
             if posed[-1].vertices[:, 2].max() >= 0:
-                message = (
-                    f"{path}: this pose puts the model behind the scanner; it has to be model to scene, in mm"
-                )
+                got = f"{path}: this pose puts the model behind the scanner"
+                message = f"{got}; it has to be model to scene, in mm"
                 raise InputError(message)
         return range_image(merge(posed), step=pixel, offset=np.array([1.0, 1.0]), two_sided=True)
 

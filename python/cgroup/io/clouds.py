@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 
 _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
-_CLOUD_COLOR = (190, 190, 190)
-_KEYPOINT_COLOR = (213, 94, 0)
+_CLOUD_COLOR, _KEYPOINT_COLOR = (190, 190, 190), (213, 94, 0)
 _LAS_POINTS = 1_000_000  # that laspy unpacks at a time
 _LAS_COLORS = ("red", "green", "blue")
 

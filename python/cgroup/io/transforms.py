@@ -203,10 +203,8 @@ def _from_quaternions(name: str, rows: FloatArray) -> FloatArray:
     if len(wrong):
         first = abs(firsts[wrong[0]] - 1) <= RIGID_TOLERANCE
         hint = "; the first four numbers are one: write tx ty tz qx qy qz qw" if first else ""
-        message = (
-            f"{_pose_name(name, int(wrong[0]), len(rows))}: its quaternion is of length "
-            f"{lengths[wrong[0]]:.6g}, not 1{hint}"
-        )
+        where = _pose_name(name, int(wrong[0]), len(rows))
+        message = f"{where}: its quaternion is of length {lengths[wrong[0]]:.6g}, not 1{hint}"
         raise InputError(message)
     x, y, z, w = (rows[:, 3:] / lengths[:, None]).T
     poses = np.tile(np.eye(4), (len(rows), 1, 1))

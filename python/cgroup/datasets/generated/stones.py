@@ -142,8 +142,7 @@ class StandinClutter(_Standin):
     """Whole stones in range scans of heaps of stones; unit mm.
 
     Each of the scenes holds five stones, four of which are looked for. The scanner is at the origin of the
-    scene and looks along -z; the nearer stones partly hide the others, from scene to scene more. The facts
-    ``clutter`` and ``occlusion`` are those of `cgroup.evaluation.clutter_and_occlusion`.
+    scene and looks along -z; the nearer stones partly hide the others, from scene to scene more.
     """
 
     name, title, role = "standin-clutter", "Stones, full to partial", "full-partial"
