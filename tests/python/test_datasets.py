@@ -114,20 +114,18 @@ def test_data_root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         data_root()
 
 
-def test_unknown_dataset() -> None:
-    with pytest.raises(InputError, match=r"choose one of b3r.*module:attribute"):
-        open_dataset("b4r")
-
-
 def test_dataset_from_outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code = "from cgroup.datasets.generated.stones import StandinFull\nclass Mine(StandinFull):\n    name = 'mine'\n"
     (tmp_path / "outside_dataset.py").write_text(f"{code}def wrong(root): return 3\n")
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     assert open_dataset("outside_dataset:Mine").name == "mine"
-    with pytest.raises(InputError, match="made a int"):
-        open_dataset("outside_dataset:wrong")
-    with pytest.raises(InputError, match="has no 'Yours'"):
-        open_dataset("outside_dataset:Yours")
+    for name, says in (
+        ("b4r", r"choose one of b3r.*module:attribute"),
+        ("outside_dataset:wrong", "made a int"),
+        ("outside_dataset:Yours", "has no 'Yours'"),
+    ):
+        with pytest.raises(InputError, match=says):
+            open_dataset(name)
 
 
 @pytest.mark.parametrize("name", DATASETS)
@@ -542,9 +540,7 @@ def test_threedmatch_test_sets_are_whole_fragments_of_one_benchmark(
     assert whole.pair_names() == ["3DMatch/kitchen/0-2"]
     assert low.pair_names() == ["3DLoMatch/kitchen/2-0"]
     np.testing.assert_allclose(matching(whole, "3DMatch/kitchen/0-2").target.points, views.target.points / 10)
-
-
-def test_threedmatch_in_the_layout_of_pointdsc(threedmatch: Path) -> None:
+    # In the layout of PointDSC:
     for folder, scene in (("fragments", "kitchen"), ("gt_result", "kitchen-evaluation")):
         (threedmatch / folder).mkdir()
         (threedmatch / "threedmatch" / scene).rename(threedmatch / folder / scene)
@@ -785,15 +781,17 @@ def test_rivals_keep_distances_among_themselves(scene: str) -> None:
     assert agree.mean() == pytest.approx((240 / 700) ** 2, rel=0.05)
 
 
-@pytest.mark.parametrize("name", ["planes/n10", "hills/n10/inliers0.2/noise1/good-frames/0"])
-def test_generated_matches_refuse_other_names(name: str) -> None:
-    with pytest.raises(InputError, match="names are like"):
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("planes/n10", "names are like"),
+        ("hills/n10/inliers0.2/noise1/good-frames/0", "names are like"),
+        ("one-to-three/n90/inliers0.5/noise1/good-frames/0", "at most a third"),
+    ],
+)
+def test_generated_matches_refuse_other_names(name: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
         open_dataset("generated-matches").load(name)
-
-
-def test_of_one_to_three_matches_a_third_is_right_at_most() -> None:
-    with pytest.raises(InputError, match="at most a third"):
-        make_scene(np.random.default_rng(0), 90, inliers=0.5, noise=1, scene="one-to-three", frames="good")
 
 
 def test_u3m_reads_the_list_beside_the_views(tmp_path: Path, views: MatchingPair) -> None:
