@@ -61,7 +61,7 @@ def _explain(grouping: Grouping, index: int) -> Explanation:
 
 
 def _draw(drawing: _Drawing) -> _Any:  # noqa: ANN401 - matplotlib's Figure
-    from cgroup.plots.results import figure_of  # noqa: PLC0415 - as above
+    from cgroup.plots.matches import figure_of  # noqa: PLC0415 - as above
 
     return figure_of(drawing)
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from cgroup._checks.arrays import as_points, as_rows
 from cgroup.plots import style
+from cgroup.plots.scene import caption, show
 from cgroup.plots.shading import face_broadside, find_front, shade
 
 if TYPE_CHECKING:
@@ -66,8 +67,7 @@ def keypoints_figure(
     >>> figure.savefig("keypoints.png")
     """
     cloud = as_points("points", points)
-    view = face_broadside(cloud, viewpoint)
-    projected = view.project(cloud)
+    projected = face_broadside(cloud, viewpoint).project(cloud)
     picture, visible = shade(projected, style.TARGET_TINT), find_front(projected)
     left, right, bottom, top = picture.extent
     columns = min(_COLUMNS, len(keypoints))
@@ -80,12 +80,10 @@ def keypoints_figure(
         axes.set_axis_off()
         axes.set_aspect("equal", anchor="N")
     for axes, (name, found) in zip(panels, keypoints.items(), strict=False):
-        axes.imshow(picture.rgba, extent=picture.extent, origin="lower", interpolation="nearest")
+        show(axes, picture)
         rows_shown = as_rows(name, found)
         seen = projected[rows_shown[visible[rows_shown]]]
         axes.scatter(seen[:, 0], seen[:, 1], s=9, color=style.WRONG, edgecolors="white", linewidths=0.3)
-        axes.set_title(name, loc="left", fontsize=11, fontweight="bold", color=style.TEXT)
-        shown = f"{len(rows_shown)} keypoints, {len(seen)} on this side"
-        axes.set_title(shown, loc="right", fontsize=9, color=style.QUIET_TEXT)
+        caption(axes, name, f"{len(rows_shown)} keypoints, {len(seen)} on this side")
     figure.suptitle(title, color=style.TEXT)
     return figure

@@ -13,14 +13,14 @@ from matplotlib.lines import Line2D
 
 from cgroup.evaluation import score_group
 from cgroup.plots import style
-from cgroup.plots.scene import Scene
+from cgroup.plots.scene import Scene, caption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
+    from cgroup._show.drawing import Drawing
     from cgroup.types import BoolArray, Correspondences, FloatArray
 
 _COLUMNS = 3
@@ -81,17 +81,13 @@ def registration_figure(
     ... )
     >>> figure.savefig("registration.png")
     """
-    scene = Scene.of(source, target, T_target_source)
-    widths, height = scene.widths, scene.height
-    size = (_WIDTH, float(np.clip(_WIDTH * height / sum(widths), 2.5, 9)) + 0.9)
-    figure = Figure(figsize=size, dpi=style.DOTS_PER_INCH, layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=widths)
+    scene = Scene(source, target, T_target_source)
+    figure = _figure(0.9 + float(np.clip(_WIDTH * scene.height / sum(scene.widths), 2.5, 9)), title)
+    left, right = figure.subplots(1, 2, width_ratios=scene.widths)
     scene.draw_clouds(left)
-    drawn = scene.draw_lines(left, correspondences, np.flatnonzero(mask), style.GROUPED)
-    _caption(left, "Grouped matches", _format_count(drawn, int(mask.sum())))
+    caption(left, "Grouped matches", scene.draw_selection(left, correspondences, mask, None))
     scene.draw_overlay(right)
-    _caption(right, "Source placed on target", "")
-    figure.suptitle(title, color=style.TEXT)
+    caption(right, "Source placed on target")
     tints = {"source": style.SOURCE_TINT, "target": style.TARGET_TINT}
     _legend(figure, tints, marker="o", linestyle="")
     return figure
@@ -157,20 +153,18 @@ def comparison_figure(
     >>> figure.savefig("methods.png")
     """
     rows = -(-len(masks) // _COLUMNS)
-    scene = Scene.of(source, target, T_target_source)
+    scene = Scene(source, target, T_target_source)
     height = float(np.clip(0.97 * _WIDTH / _COLUMNS * scene.height / scene.widths[0], 1.2, 6)) + 0.3
-    figure = Figure(figsize=(_WIDTH, rows * height + 0.75), dpi=style.DOTS_PER_INCH, layout="constrained")
+    figure = _figure(rows * height + 0.75, title)
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).reshape(-1)
     for axes, (method, mask) in zip(panels, masks.items(), strict=False):
         scene.draw_clouds(axes)
         drawn = scene.draw_selection(axes, correspondences, mask, correct)
         score = score_group(mask, correct)
         numbers = f"P {score.precision:.2f}   R {score.recall:.2f}   F {score.f_score:.2f}"
-        label = style.as_it_is(style.method_style(method).label)
-        _caption(axes, label, f"{numbers}   {_format_count(drawn, score.selected)}")
+        caption(axes, style.as_it_is(style.method_style(method).label), f"{numbers}   {drawn}")
     for axes in panels[len(masks) :]:
         axes.set_axis_off()
-    figure.suptitle(title, color=style.TEXT)
     _legend(figure, _JUDGED)
     return figure
 
@@ -226,29 +220,31 @@ def matches_figure(
     >>> [text.get_text() for text in figure.legends[0].get_texts()]
     ['selected']
     """
-    scene = Scene.of(source, target, T_target_source)
-    height = float(np.clip(_WIDTH * scene.height / scene.widths[0], 2.5, 9)) + 0.7
-    figure = Figure(figsize=(_WIDTH, height), dpi=style.DOTS_PER_INCH, layout="constrained")
+    scene = Scene(source, target, T_target_source)
+    figure = _figure(float(np.clip(_WIDTH * scene.height / scene.widths[0], 2.5, 9)) + 0.7)
     axes = figure.subplots()
     scene.draw_clouds(axes)
-    if correct is None:
-        drawn = scene.draw_lines(axes, correspondences, np.flatnonzero(mask), style.GROUPED)
-    else:
-        drawn = scene.draw_selection(axes, correspondences, mask, correct)
-    _caption(axes, title, _format_count(drawn, int(mask.sum())))
+    caption(axes, title, scene.draw_selection(axes, correspondences, mask, correct))
     _legend(figure, {"selected": style.GROUPED} if correct is None else _JUDGED)
+    return figure
+
+
+def figure_of(drawing: Drawing) -> Figure:
+    """Draw what a result is made of, for its method `plot`."""
+    given: dict[str, Any] = {"mask": drawing.mask, "T_target_source": drawing.pose, "title": drawing.title}
+    clouds = drawing.source, drawing.target
+    if drawing.is_placed and drawing.correct is None:
+        return registration_figure(*clouds, drawing.matches, **given)
+    return matches_figure(*clouds, drawing.matches, correct=drawing.correct, **given)
+
+
+def _figure(height: float, title: str | None = None) -> Figure:
+    figure = Figure(figsize=(_WIDTH, height), dpi=style.DOTS_PER_INCH, layout="constrained")
+    if title is not None:
+        figure.suptitle(title, color=style.TEXT)
     return figure
 
 
 def _legend(figure: Figure, colors: Mapping[str, Any], **line: Any) -> None:  # noqa: ANN401 - of a `Line2D`
     handles = [Line2D([], [], color=color, label=name, **line) for name, color in colors.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
-
-
-def _caption(axes: Axes, name: str, numbers: str) -> None:
-    axes.set_title(name, loc="left", fontsize=11, fontweight="bold", color=style.TEXT)
-    axes.set_title(numbers, loc="right", fontsize=9, color=style.QUIET_TEXT)
-
-
-def _format_count(drawn: int, total: int) -> str:
-    return f"{total} selected" if drawn == total else f"{drawn} of {total} shown"

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,10 +16,14 @@ from cgroup.plots.shading import Picture, face_broadside, overlay, shade
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
+    from typing import TypeAlias
+
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
     from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
+
+    Extent: TypeAlias = tuple[float, float, float, float]
 
 MAX_LINES = 150
 """More lines than this hide each other; an evenly spaced part of them is drawn, and the figure says so."""
@@ -29,104 +32,60 @@ _FEW = 1500
 """Fewer points than this are drawn as dots: shaded, they would be coarse cells."""
 
 _GAP = 0.35  # between the two clouds, in widths of the wider one
+_TINTS = (style.SOURCE_TINT, style.TARGET_TINT)
 
 
-@dataclass(frozen=True, eq=False)
 class Scene:
     """Source and target in one plane, the source on the left; shared by all panels of a figure."""
 
-    to_plane: FloatArray  # (2,3)
-    pose: FloatArray  # (4,4)
-    shift: FloatArray  # (2,), of the target in the plane
-    pictures: tuple[Picture, Picture]  # of source and target, both where the pose puts them
-    overlay: Picture
-    projected: tuple[FloatArray, FloatArray]  # both clouds, in the plane
-
-    @classmethod
-    def of(cls, source: ArrayLike, target: ArrayLike, pose: FloatArray) -> Scene:
-        """Make the scene of two clouds and a pose between them."""
+    def __init__(self, source: ArrayLike, target: ArrayLike, pose: FloatArray) -> None:
         where = as_points("target", target)
         view = face_broadside(where)
-        placed = view.project(apply(pose, as_points("source", source)))
-        there = view.project(where)
-        tints = (style.SOURCE_TINT, style.TARGET_TINT)
-        pictures = shade(placed, tints[0]), shade(there, tints[1])
-        (left, right, *_), (start, end, *_) = (picture.extent for picture in pictures)
-        gap = _GAP * max(right - left, end - start)
-        return cls(
-            view.axes[:2],
-            pose,
-            np.array([right - start + gap, 0.0]),
-            pictures,
-            overlay(placed, there, tints),
-            (placed[:, :2], there[:, :2]),
-        )
-
-    @property
-    def target_extent(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom, top of the target, where it stands beside the source."""
-        left, right, bottom, top = self.pictures[1].extent
-        return left + self.shift[0], right + self.shift[0], bottom, top
-
-    @property
-    def widths(self) -> tuple[float, float]:
-        """Of the two clouds side by side, and of the two on each other."""
-        left, right, *_ = self.overlay.extent
-        return self.target_extent[1] - self.pictures[0].extent[0], right - left
-
-    @property
-    def height(self) -> float:
-        """Of the two clouds on each other."""
-        bottom, top = self.overlay.extent[2:]
-        return top - bottom
+        self._axes, self._pose = view.axes[:2], pose
+        self._clouds = view.project(apply(pose, as_points("source", source))), view.project(where)
+        self._pictures = shade(self._clouds[0], _TINTS[0]), shade(self._clouds[1], _TINTS[1])
+        self._overlay = overlay(*self._clouds, _TINTS)
+        (left, right, *_), (start, end, bottom, top) = (picture.extent for picture in self._pictures)
+        aside = right - start + _GAP * max(right - left, end - start)
+        self._shift = np.array([aside, 0.0])  # of the target
+        self._extents = self._pictures[0].extent, (start + aside, end + aside, bottom, top)
+        begin, stop, low, high = self._overlay.extent
+        self.widths = end + aside - left, stop - begin  # of the clouds side by side, and on each other
+        self.height = high - low
 
     def draw_clouds(self, axes: Axes) -> None:
         """Draw the two clouds side by side."""
-        source, target = self.pictures
-        extents = source.extent, self.target_extent
-        if max(map(len, self.projected)) < _FEW:
-            self._draw_dots(axes)
+        if max(map(len, self._clouds)) < _FEW:
+            for cloud, tint, shift in zip(self._clouds, _TINTS, (0.0, self._shift), strict=True):
+                x, y = (cloud[:, :2] + shift).T
+                axes.scatter(x, y, s=12, color=tuple(0.85 * part for part in tint), linewidths=0)
         else:
-            _show(axes, source, extents[0])
-            _show(axes, target, extents[1])
-        _fit(axes, *extents)
-
-    def _draw_dots(self, axes: Axes) -> None:
-        tints = (style.SOURCE_TINT, style.TARGET_TINT)
-        shifts = (np.zeros(2), self.shift)
-        for points, tint, shift in zip(self.projected, tints, shifts, strict=True):
-            x, y = (points + shift).T
-            axes.scatter(x, y, s=12, color=tuple(0.85 * part for part in tint), linewidths=0)
+            for picture, extent in zip(self._pictures, self._extents, strict=True):
+                show(axes, picture, extent)
+        _fit(axes, *self._extents)
 
     def draw_overlay(self, axes: Axes) -> None:
         """Draw the two clouds on each other."""
-        _show(axes, self.overlay, self.overlay.extent)
-        _fit(axes, self.overlay.extent)
+        show(axes, self._overlay)
+        _fit(axes, self._overlay.extent)
 
     def draw_selection(
-        self, axes: Axes, correspondences: Correspondences, mask: BoolArray, correct: BoolArray
-    ) -> int:
-        """Draw the correct and the wrong ones of a group, of both the same share; returns how many."""
-        share = min(1.0, MAX_LINES / max(int(mask.sum()), 1))
-        drawn = 0
-        for chosen, color in ((mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)):
+        self, axes: Axes, matches: Correspondences, mask: BoolArray, correct: BoolArray | None
+    ) -> str:
+        """Draw the matches of a group, of the correct and the wrong ones the same share; say how many."""
+        kinds = [(mask, style.GROUPED)]
+        if correct is not None:
+            kinds = [(mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)]
+        total, drawn = int(mask.sum()), 0
+        share = min(1.0, MAX_LINES / max(total, 1))
+        for chosen, color in kinds:
             rows = np.flatnonzero(chosen)
-            drawn += self.draw_lines(axes, correspondences, rows, color, round(share * len(rows)))
-        return drawn
+            drawn += self._draw_lines(axes, matches, spread(rows, round(share * len(rows))), color)
+        return f"{total} selected" if drawn == total else f"{drawn} of {total} shown"
 
-    def draw_lines(
-        self,
-        axes: Axes,
-        correspondences: Correspondences,
-        rows: IndexArray,
-        color: str,
-        limit: int = MAX_LINES,
-    ) -> int:
-        """Draw at most `limit` of the rows; returns how many."""
-        rows = spread(rows, limit)
-        source = apply(self.pose, correspondences.source[rows])
-        start = source @ self.to_plane.T
-        end = correspondences.target[rows] @ self.to_plane.T + self.shift
+    def _draw_lines(self, axes: Axes, matches: Correspondences, rows: IndexArray, color: str) -> int:
+        start = apply(self._pose, matches.source[rows]) @ self._axes.T
+        end = matches.target[rows] @ self._axes.T + self._shift
         lines = np.stack([start, end], axis=1)
         axes.add_collection(LineCollection(list(lines), colors=color, linewidths=0.6, alpha=0.75))
         ends = lines.reshape(-1, 2)
@@ -141,11 +100,18 @@ def spread(rows: IndexArray, most: int) -> IndexArray:
     return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
-def _show(axes: Axes, picture: Picture, extent: tuple[float, float, float, float]) -> None:
-    axes.imshow(picture.rgba, extent=extent, origin="lower", interpolation="nearest")
+def show(axes: Axes, picture: Picture, extent: Extent | None = None) -> None:
+    """Draw a picture, at its place or another."""
+    axes.imshow(picture.rgba, extent=extent or picture.extent, origin="lower", interpolation="nearest")
 
 
-def _fit(axes: Axes, *extents: tuple[float, float, float, float]) -> None:
+def caption(axes: Axes, name: str, numbers: str = "") -> None:
+    """Write a name above the left end of a panel, and numbers above its right end."""
+    axes.set_title(name, loc="left", fontsize=11, fontweight="bold", color=style.TEXT)
+    axes.set_title(numbers, loc="right", fontsize=9, color=style.QUIET_TEXT)
+
+
+def _fit(axes: Axes, *extents: Extent) -> None:
     left, right, bottom, top = zip(*extents, strict=True)
     margin = 0.02 * (max(right) - min(left))
     axes.set_xlim(min(left) - margin, max(right) + margin)

@@ -35,17 +35,7 @@ class View:
 def face_broadside(points: FloatArray, viewpoint: tuple[float, float, float] = (0, 0, 0)) -> View:
     """Find the view that shows most of a cloud: along its thinnest direction, from the scanner's side.
 
-    Parameters
-    ----------
-    points : (N,3) array of float64
-        The cloud.
-    viewpoint : tuple of float
-        Where the scanner stood.
-
-    Returns
-    -------
-    View
-        With the y axis of the data upwards, or z where y points at the viewer.
+    The y axis of the data points upwards, or z where y points at the viewer.
     """
     center = points.mean(axis=0)
     scatter = (points - center).T @ (points - center)
@@ -60,55 +50,21 @@ def face_broadside(points: FloatArray, viewpoint: tuple[float, float, float] = (
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A shaded picture in the plane of projection.
+    """A shaded picture in the plane of projection."""
 
-    Attributes
-    ----------
-    rgba : (height,width,4) array of float64
-        Transparent where there is no point; first row at the bottom.
-    extent : tuple of float
-        Left, right, bottom, top.
-    """
-
-    rgba: FloatArray
-    extent: tuple[float, float, float, float]
+    rgba: FloatArray  # (height,width,4), transparent where there is no point; first row at the bottom
+    extent: tuple[float, float, float, float]  # left, right, bottom, top
 
 
 def shade(projected: FloatArray, tint: Tint) -> Picture:
-    """Shade a projected cloud by the slope of its nearest points.
-
-    Parameters
-    ----------
-    projected : (N,3) array of float64
-        From `View.project`.
-    tint : tuple of float
-        Colour of a surface that faces the light.
-
-    Returns
-    -------
-    Picture
-        In the coordinates of `projected`.
-    """
+    """Shade a projected cloud by the slope of its nearest points; the tint is that of lit surfaces."""
     projected = _drop_strays(projected)
     grid = _Grid.over(projected)
     return grid.picture(_light(_surface(projected, grid), grid.cell, tint))
 
 
 def overlay(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) -> Picture:
-    """Shade two projected clouds in one picture; each cell shows the cloud in front.
-
-    Parameters
-    ----------
-    first, second : (N,3) array of float64
-        From the same `View.project`.
-    tints : tuple of tuple of float
-        Colours of the two clouds.
-
-    Returns
-    -------
-    Picture
-        Where the clouds lie on each other, the two colours are speckled.
-    """
+    """Shade two projected clouds in one picture; each cell shows the cloud in front."""
     first, second = _drop_strays(first), _drop_strays(second)
     grid = _Grid.over(np.concatenate([first, second]))
     surfaces = [_surface(cloud, grid) for cloud in (first, second)]
@@ -118,18 +74,7 @@ def overlay(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) -> 
 
 
 def find_front(projected: FloatArray) -> BoolArray:
-    """Tell the points that no nearer part of the cloud hides.
-
-    Parameters
-    ----------
-    projected : (N,3) array of float64
-        From `View.project`.
-
-    Returns
-    -------
-    (N,) array of bool
-        True for the front layer.
-    """
+    """(N,) whether no nearer part of the projected cloud hides a point."""
     return _front_layer(projected, _Grid.over(projected))[1]
 
 

@@ -24,34 +24,15 @@ if TYPE_CHECKING:
 
 
 class MethodStyle(NamedTuple):
-    """How one method is drawn.
-
-    Attributes
-    ----------
-    label : str
-        What figures and tables call it.
-    color : str
-        As #RRGGBB.
-    marker : str or Path
-        In matplotlib's notation.
-    symbol : str
-        The same marker by plotly's name.
-    size : float
-        Of the marker, beside that of a disk: pointed ones look smaller than they are.
-    dashes : line style
-        In matplotlib's notation.
-    """
+    """How one method is drawn."""
 
     label: str
-    color: str
-    marker: str | Path
-    symbol: str
-    size: float = 1.0
+    color: str  # as #RRGGBB
+    marker: str | Path  # matplotlib's
+    symbol: str  # the same marker by plotly's name
+    size: float = 1.0  # beside that of a disk: pointed markers look smaller than they are
     dashes: LineStyleType = "-"
 
-
-_POINTED = 1.55
-_INDIVIDUAL: LineStyleType = (0, (4, 1.5))
 
 SYMBOLS = {
     "o": "circle",
@@ -78,23 +59,14 @@ METHOD_STYLES = {
         info.color,
         info.marker,
         SYMBOLS[info.marker],
-        _POINTED if info.marker == "*" else 1.0,
-        _INDIVIDUAL if info.individual else "-",
+        1.55 if info.marker == "*" else 1.0,
+        (0, (4, 1.5)) if info.individual else "-",
     )
     for info in METHOD_INFO.values()
 }
 """Those of the package."""
 
-OWN_COLORS = (
-    "#0000FF",
-    "#D20F00",
-    "#D2A5B4",
-    "#784B4B",
-    "#7878FF",
-    "#78000F",
-    "#B4C396",
-    "#9687B4",
-)
+OWN_COLORS = ("#0000FF", "#D20F00", "#D2A5B4", "#784B4B", "#7878FF", "#78000F", "#B4C396", "#9687B4")
 """Of methods from outside, in this order."""
 
 
@@ -141,29 +113,10 @@ PRINT_WIDTH = 7.2
 def method_styles(
     methods: Iterable[str], chosen: Mapping[str, MethodStyle] | None = None
 ) -> dict[str, MethodStyle]:
-    """Choose how methods are drawn.
+    """Choose how all methods of a figure, or of a report, are drawn.
 
-    Parameters
-    ----------
-    methods : iterable of str
-        Public names, and labels of methods from outside: all that a figure shows, or all of a report, in
-        which a method has to look the same everywhere.
-    chosen : mapping of str to MethodStyle, optional
-        Looks that are chosen already, such as those of the whole report.
-
-    Returns
-    -------
-    dict of str to MethodStyle
-        For `METHOD_STYLES` and those chosen, theirs; for others the next of `OWN_COLORS` and `OWN_MARKERS`,
-        in the order in which they appear, and for a label the name as it is given.
-
-    Examples
-    --------
-    >>> styles = method_styles(["gtm", "mine", "My other one"])
-    >>> [look.label for look in styles.values()]
-    ['GTM', 'mine', 'My other one']
-    >>> [styles[name].color for name in ("mine", "My other one")]
-    ['#0000FF', '#D20F00']
+    Methods of the package and those chosen already keep their looks; each of the others takes the next of
+    `OWN_COLORS` and `OWN_MARKERS`, and its name as the label.
     """
     names = list(dict.fromkeys(methods))
     known = METHOD_STYLES | dict(chosen or {})
@@ -183,10 +136,12 @@ def as_it_is(text: str) -> str:
 
 def own_styles(names: Iterable[str], used: int = 0) -> dict[str, MethodStyle]:
     """Choose how things from outside are drawn, after so many others; the first 64 all look different."""
-    return {name: _own_style(name, place) for place, name in enumerate(names, used)}
-
-
-def _own_style(name: str, place: int) -> MethodStyle:
-    color = OWN_COLORS[place % len(OWN_COLORS)]
-    marker, symbol, size = OWN_MARKERS[(place + place // len(OWN_COLORS)) % len(OWN_MARKERS)]
-    return MethodStyle(name, color, marker, symbol, size)
+    colors = len(OWN_COLORS)
+    return {
+        name: MethodStyle(
+            name,
+            OWN_COLORS[place % colors],
+            *OWN_MARKERS[(place + place // colors) % len(OWN_MARKERS)],
+        )
+        for place, name in enumerate(names, used)
+    }
