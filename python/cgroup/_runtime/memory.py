@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
@@ -47,12 +48,9 @@ def default_max_memory() -> int:
 
 
 def _free_on_machine() -> int:
-    try:
-        for line in (PROC / "meminfo").read_text(encoding="ascii").splitlines():
-            if line.startswith("MemAvailable:"):
-                return int(line.split()[1]) << 10
-    except (OSError, ValueError):
-        pass
+    available = _number_in(PROC / "meminfo", "MemAvailable:")
+    if available is not None:
+        return available << 10
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
     except (OSError, ValueError, AttributeError):
@@ -100,18 +98,19 @@ def _free_in_group(folder: Path, names: _Names) -> int:
         free = limit - int((folder / names.used).read_text(encoding="ascii")) if limit < _NO_LIMIT else plenty
     except (OSError, ValueError):  # "max", or nothing
         return plenty
-    return free if free >= plenty else free + _reclaimable(folder, names)
+    if free >= plenty:
+        return free
+    # The system keeps some files only while nobody needs the memory.
+    return free + (_number_in(folder / "memory.stat", names.reclaimable) or 0)
 
 
-def _reclaimable(folder: Path, names: _Names) -> int:
-    """Bytes of files that the system keeps only while nobody needs the memory."""
-    try:
-        for line in (folder / "memory.stat").read_text(encoding="ascii").splitlines():
-            if line.startswith(names.reclaimable + " "):
+def _number_in(path: Path, name: str) -> int | None:
+    """Return the number after a name in a file of the system, if it is there."""
+    with suppress(OSError, ValueError):
+        for line in path.read_text(encoding="ascii").splitlines():
+            if line.split()[:1] == [name]:
                 return int(line.split()[1])
-    except (OSError, ValueError):
-        pass
-    return 0
+    return None
 
 
 @cache
@@ -127,12 +126,8 @@ def _groups() -> list[tuple[Path, _Names]]:
 
 def _memberships() -> list[tuple[_Names, Path, str, str]]:
     """Return, for each version in use, its mount point, the group mounted there, and the process's group."""
-    try:
-        lines = (PROC / "self/cgroup").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
     found = []
-    for line in lines:
+    for line in _lines_of("self/cgroup"):
         _, controllers, path = line.split(":", 2)
         if not controllers:
             found.append((_SECOND, *_mount("cgroup2", ""), path))
@@ -143,11 +138,7 @@ def _memberships() -> list[tuple[_Names, Path, str, str]]:
 
 def _mount(kind: str, controller: str) -> tuple[Path, str]:
     """Return the mount point of a hierarchy of control groups, and the group that is mounted there."""
-    try:
-        lines = (PROC / "self/mountinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    for line in lines:
+    for line in _lines_of("self/mountinfo"):
         place, _, rest = line.partition(" - ")
         fields, described = place.split(), rest.split()
         if len(fields) < 5 or not described or described[0] != kind:
@@ -155,6 +146,13 @@ def _mount(kind: str, controller: str) -> tuple[Path, str]:
         if not controller or controller in described[-1].split(","):
             return Path(_unescaped(fields[4])), _unescaped(fields[3])
     return CONTROL_GROUPS / controller, "/"
+
+
+def _lines_of(name: str) -> list[str]:
+    try:
+        return (PROC / name).read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return []
 
 
 def _with_ancestors(place: Path, root: str, path: str) -> list[Path]:

@@ -10,20 +10,7 @@ from cgroup.errors import InputError
 
 
 def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever the name stands for
-    """Import what a reference of the form "module:attribute" names.
-
-    Parameters
-    ----------
-    what : str
-        What it is to be, for the error: "data set".
-    reference : str
-        "module:attribute"; the module must be importable.
-
-    Raises
-    ------
-    InputError
-        If the module can't be imported, or has no such attribute.
-    """
+    """Import what a reference names; errors call it by `what` it is to be, such as "data set"."""
     module_name, _, attribute = as_word(what, reference).partition(":")
     if not all(part.isidentifier() for part in module_name.split(".")):
         remedy = f"{module_name!r} is no name of a module; write module:attribute"

@@ -21,16 +21,10 @@ def as_stage_function(progress: object) -> Callable[[str], Any]:
 
 
 class StageClock:
-    """Takes the time of stages and passes on their names.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Wall time of each stage that has ended, in order; the sum where it was entered again.
-    """
+    """Takes the time of stages and passes on their names."""
 
     def __init__(self, progress: Callable[[str], Any] = ignore_progress) -> None:
-        self.seconds: dict[str, float] = {}
+        self.seconds: dict[str, float] = {}  # wall time of each stage that has ended, summed up
         self._progress = progress
         self._stage: str | None = None
         self._since = 0.0

@@ -26,15 +26,8 @@ def work_side_by_side(
 ) -> list[_Result]:
     """Work on all items, and return the results in their order; the first error ends the others.
 
-    Parameters
-    ----------
-    items : iterable
-        What to work on.
-    work : callable
-        Takes an item, and a function to be called every now and then: it raises `InterruptedError` once
-        another item has failed, or the user has interrupted.
-    workers : int
-        Items worked on at a time.
+    `work` takes an item, and a function to be called every now and then: it raises `InterruptedError` once
+    another item has failed, or the user has interrupted.
     """
     stopped = threading.Event()
 

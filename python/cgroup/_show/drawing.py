@@ -21,37 +21,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Two clouds and matches between them.
-
-    Attributes
-    ----------
-    source, target : (N,3) array of float64
-        The clouds.
-    matches : Correspondences
-        All matches.
-    mask : (n,) array of bool
-        Which are selected.
-    pose : (4,4) array of float64
-        Lays the source on the target; the identity where no pose is known.
-    correct : (n,) array of bool or None
-        Which are correct, where that is known.
-    grouping : Grouping or None
-        What selected them.
-    title : str
-        One line.
-    is_placed : bool
-        Whether the pose is the result.
-    """
+    """Two clouds and matches between them."""
 
     source: FloatArray
     target: FloatArray
     matches: Any
-    mask: BoolArray
-    pose: FloatArray
-    correct: BoolArray | None
-    grouping: Any
+    mask: BoolArray  # which are selected
+    pose: FloatArray  # lays the source on the target; the identity where no pose is known
+    correct: BoolArray | None  # which are correct, where that is known
+    grouping: Any  # what selected them, or None
     title: str
-    is_placed: bool = False
+    is_placed: bool = False  # whether the pose is the result
 
 
 def plot(
@@ -64,25 +44,7 @@ def plot(
     grouping: Any = None,  # noqa: ANN401 - likewise
     is_placed: bool = False,
 ) -> Any:  # noqa: ANN401 - a figure of matplotlib or plotly
-    """Check what `plot` of a result was given, and draw it.
-
-    Parameters
-    ----------
-    given : mapping
-        `source`, `target`, `pose` and `correct` of the user's, each of them or None.
-    matches : Correspondences
-        All matches.
-    mask : (n,) array of bool
-        Which are selected.
-    interactive : bool
-        By plotly rather than matplotlib.
-    title : str
-        One line.
-    grouping : Grouping, optional
-        What selected them.
-    is_placed : bool
-        Whether the pose is the result.
-    """
+    """Check the `source`, `target`, `pose` and `correct` given to `plot` of a result, and draw it."""
     pose, correct = given["pose"], given["correct"]
     drawing = Drawing(
         source=as_points("source", matches.source if given["source"] is None else given["source"]),

@@ -16,16 +16,9 @@ _CELL = "text-align: left; padding: .1em .9em .1em 0; vertical-align: top; backg
 
 
 def result_table(title: str, share: float | None, rows: Iterable[tuple[str, str]]) -> str:
-    """Make a table of names and values.
+    """Make a table: a title, a share of [0,1] as a bar beside it, and names and values.
 
-    Parameters
-    ----------
-    title : str
-        Plain text.
-    share : float or None
-        Drawn as a bar beside the title, in [0,1].
-    rows : iterable of (str, str)
-        Names and values: plain text, or what `pose_html` returned; those without a value are left out.
+    Values are plain text, or what `pose_html` returned; rows without a value are left out.
     """
     lines = "".join(_row(name, value) for name, value in rows if value)
     bar = "" if share is None else _bar(share)

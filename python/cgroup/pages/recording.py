@@ -11,6 +11,7 @@ from cgroup._checks.values import as_instance, as_path
 from cgroup._explain import explain_matches
 from cgroup._show.drawing import as_flags, as_points
 from cgroup.errors import InputError, NoConsensusError
+from cgroup.pages.scene import kinds_of
 from cgroup.plots import style
 from cgroup.rigid import apply, check_rigid
 from cgroup.types import Correspondences, Grouping
@@ -20,9 +21,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from cgroup.types import BoolArray, FloatArray, PointCloud, RealArray
+    from cgroup.pages.scene import Kind
+    from cgroup.types import FloatArray, PointCloud
 
-_TIMELINE = "source"
 _STEPS = 21
 """From where the source is given to where the pose lays it."""
 
@@ -83,30 +84,26 @@ def log_to_rerun(
     flags = None if correct is None else as_flags("correct", correct, len(correspondences))
     rerun = _load_rerun()
     recording = _open(rerun, path)
-    _log_clouds(rerun, recording, clouds)
-    kinds = _kinds(grouping.mask, flags)
+    for name, points, tint in zip(
+        ("source", "target"), clouds, (style.SOURCE_TINT, style.TARGET_TINT), strict=True
+    ):
+        color = [round(255 * part) for part in tint]
+        recording.log(f"{name}/points", rerun.Points3D(points, colors=[color]), static=True)
     target_points = correspondences.target.astype(np.float64)
     for step in range(_STEPS):
-        recording.set_time(_TIMELINE, sequence=step)
+        recording.set_time("source", sequence=step)
         moved = between(np.eye(4), pose, step / (_STEPS - 1), clouds[0].mean(axis=0))
         recording.log("source", rerun.Transform3D(translation=moved[:3, 3], mat3x3=moved[:3, :3]))
         ends = np.stack([apply(moved, correspondences.source), target_points], axis=1)
-        _log_lines(rerun, recording, ends, kinds, grouping if step == 0 else None)
+        for kind in kinds_of(grouping.mask, flags):
+            looks = _looks(grouping, kind) if step == 0 else {}  # they stay as they are
+            lines = rerun.LineStrips3D(ends[kind.rows], **looks)
+            recording.log(f"matches/{kind.text.replace(', ', '/')}", lines)
     recording.flush()
 
 
 def between(start: FloatArray, end: FloatArray, share: float, center: FloatArray) -> FloatArray:
-    """Return a rigid transform between two: the centre moves straight on, what is about it turns.
-
-    Parameters
-    ----------
-    start, end : (4,4) array of float64
-        Rigid transforms.
-    share : float
-        0 for the start, 1 for the end.
-    center : (3,) array of float64
-        The point that moves straight on.
-    """
+    """Return a rigid transform between two: the centre moves straight on, what is about it turns."""
     turn = start[:3, :3].T @ end[:3, :3]
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     angle = float(np.arctan2(np.linalg.norm(axis), np.trace(turn) - 1.0))
@@ -143,10 +140,8 @@ def _open(rerun: Any, path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN4
     if path is None:
         recording = rerun.get_global_data_recording()
         if recording is None:
-            raise InputError(
-                "path",
-                remedy="there is no recording; give a path, or call rerun.init(..., spawn=True) before",
-            )
+            remedy = "there is no recording; give a path, or call rerun.init(..., spawn=True) before"
+            raise InputError("path", remedy=remedy)
         return recording
     recording = rerun.RecordingStream("cgroup")
     try:
@@ -157,40 +152,8 @@ def _open(rerun: Any, path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN4
     return recording
 
 
-def _log_clouds(rerun: Any, recording: Any, clouds: tuple[FloatArray, FloatArray]) -> None:  # noqa: ANN401
-    tints = (style.SOURCE_TINT, style.TARGET_TINT)
-    for name, points, tint in zip(("source", "target"), clouds, tints, strict=True):
-        color = [round(255 * part) for part in tint]
-        recording.log(f"{name}/points", rerun.Points3D(points, colors=[color]), static=True)
-
-
-def _log_lines(
-    rerun: Any,  # noqa: ANN401 - a module
-    recording: Any,  # noqa: ANN401 - rerun's
-    ends: RealArray,
-    kinds: list[tuple[str, BoolArray, str]],
-    labeled: Grouping | None,
-) -> None:
-    """Log where the lines are; colours and labels, which stay, with the first step only."""
-    for name, rows, color in kinds:
-        looks: dict[str, Any] = {}
-        if labeled is not None:
-            shown = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
-            looks = {"colors": [shown], "labels": _labels(labeled, rows), "show_labels": False}
-        recording.log(f"matches/{name}", rerun.LineStrips3D(ends[rows], **looks))
-
-
-def _kinds(mask: BoolArray, correct: BoolArray | None) -> list[tuple[str, BoolArray, str]]:
-    if correct is None:
-        return [("kept", mask, style.GROUPED), ("dropped", ~mask, style.QUIET_TEXT)]
-    return [
-        ("kept/correct", mask & correct, style.CORRECT),
-        ("kept/wrong", mask & ~correct, style.WRONG),
-        ("dropped/correct", ~mask & correct, style.MISSED),
-        ("dropped/wrong", ~mask & ~correct, style.QUIET_TEXT),
-    ]
-
-
-def _labels(grouping: Grouping, rows: BoolArray) -> list[str]:
-    said = explain_matches(grouping, np.flatnonzero(rows).tolist())
-    return [f"{each.index}: {each.reason}" for each in said]
+def _looks(grouping: Grouping, kind: Kind) -> dict[str, Any]:
+    color = [int(kind.color[k : k + 2], 16) for k in (1, 3, 5)]
+    said = explain_matches(grouping, np.flatnonzero(kind.rows).tolist())
+    labels = [f"{each.index}: {each.reason}" for each in said]
+    return {"colors": [color], "labels": labels, "show_labels": False}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,14 +14,14 @@ from cgroup.features import normals
 from cgroup.pages.page import NEEDS_PLOTLY, chart_text
 from cgroup.plots import style
 from cgroup.plots.scene import spread
-from cgroup.plots.shading import face_broadside
+from cgroup.plots.shading import AMBIENT, LIGHT, face_broadside
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cgroup._show.drawing import Drawing
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+    from cgroup.types import BoolArray, FloatArray
 
 MAX_POINTS = 20_000
 """Points of a cloud that are drawn: a random part where there are more."""
@@ -30,8 +31,6 @@ MAX_LINES = 300
 
 _GAP = 0.25  # between the two clouds, in widths of the wider one
 _NEIGHBORS = 16
-_LIGHT = np.array([-0.45, 0.55, 0.70])  # as in the figures: upper left, in front
-_AMBIENT = 0.35
 _LEVELS = 255
 _STOPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a line: where the mouse finds it
 _DISTANCE = 1.05  # of the camera, in sizes of the scene
@@ -53,8 +52,6 @@ class Scene:
 
     Attributes
     ----------
-    source, target : SceneCloud
-        Each about its own centre.
     given, apart, placed : (4,4) array of float64
         Poses of the centred source in the scene: as in the data, beside the target and turned as in the
         pose, and where the pose lays it.
@@ -73,15 +70,7 @@ class Scene:
 
 
 def scene_of(source: FloatArray, target: FloatArray, pose: FloatArray) -> Scene:
-    """Thin and shade two clouds, and find where the source may stand.
-
-    Parameters
-    ----------
-    source, target : (N,3) array of float64
-        Whole clouds.
-    pose : (4,4) array of float64
-        Lays the source on the target.
-    """
+    """Thin and shade two whole clouds, and find where the source may stand."""
     source, target = _thinned(source), _thinned(target)
     centers = source.mean(axis=0), target.mean(axis=0)
     axes = face_broadside(target).axes
@@ -120,35 +109,36 @@ def _light(points: FloatArray, axes: FloatArray) -> NDArray[np.uint8]:
         return np.full(len(points), _LEVELS, dtype=np.uint8)
     facing = np.nan_to_num(normals(points, neighbors=_NEIGHBORS)) @ axes.T
     facing *= np.where(facing[:, 2:] < 0.0, -1.0, 1.0)
-    lit = np.clip(facing @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.0, 1.0)
+    lit = np.clip(facing @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
     return np.round(_LEVELS * lit).astype(np.uint8)
 
 
-def cloud_trace(cloud: SceneCloud, pose: FloatArray, name: str, tint: tuple[float, float, float]) -> Any:  # noqa: ANN401
-    """Return plotly's trace of a cloud."""
+def cloud_traces(scene: Scene) -> list[dict[str, Any]]:
+    """Return plotly's traces of the two clouds, side by side."""
+    return [
+        _cloud_trace(scene.source, scene.apart, "source", style.SOURCE_TINT),
+        _cloud_trace(scene.target, np.eye(4), "target", style.TARGET_TINT),
+    ]
+
+
+def _cloud_trace(
+    cloud: SceneCloud, pose: FloatArray, name: str, tint: tuple[float, float, float]
+) -> dict[str, Any]:
     x, y, z = apply(pose, cloud.points).astype(np.float32).T
-    dark = tuple(_AMBIENT * part for part in tint)
-    return {
-        "type": "scatter3d",
-        "mode": "markers",
-        "name": name,
-        "x": x,
-        "y": y,
-        "z": z,
-        "hoverinfo": "skip",
-        "marker": {
-            "size": 2.2 if len(cloud.points) > 2_000 else 3.5,
-            "color": cloud.light,
-            "cmin": 0,
-            "cmax": _LEVELS,
-            "colorscale": [[0, _css(dark)], [1, _css(tint)]],
-            "showscale": False,
-            "line": {"width": 0},
-        },
+    marker = {
+        "size": 2.2 if len(cloud.points) > 2_000 else 3.5,
+        "color": cloud.light,
+        "cmin": 0,
+        "cmax": _LEVELS,
+        "colorscale": [[end, _css(part * np.array(tint))] for end, part in ((0, AMBIENT), (1, 1.0))],
+        "showscale": False,
+        "line": {"width": 0},
     }
+    drawn = {"type": "scatter3d", "mode": "markers", "name": name, "x": x, "y": y, "z": z}
+    return {**drawn, "hoverinfo": "skip", "marker": marker}
 
 
-def _css(color: tuple[float, ...]) -> str:
+def _css(color: FloatArray) -> str:
     return f"rgb({', '.join(str(round(255 * part)) for part in color)})"
 
 
@@ -159,16 +149,12 @@ def line_vertices(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.concatenate([between, gaps], axis=1).reshape(-1, 3)
 
 
-def camera_of(scene: Scene) -> dict[str, Any]:
-    """Return plotly's camera of the viewer who sees most of the target."""
-    eye = _DISTANCE * scene.towards
-    return {"eye": dict(zip("xyz", eye, strict=True)), "up": dict(zip("xyz", scene.up, strict=True))}
-
-
-def bare_axes() -> dict[str, Any]:
-    """Return plotly's axes of a scene, none of which is to be seen."""
+def scene_layout(scene: Scene) -> dict[str, Any]:
+    """Return plotly's layout of a scene without axes, as the viewer has it who sees most of the target."""
     hidden = {"visible": False, "showspikes": False}
-    return {"xaxis": hidden, "yaxis": hidden, "zaxis": hidden}
+    eye, up = (dict(zip("xyz", way, strict=True)) for way in (_DISTANCE * scene.towards, scene.up))
+    axes = {"xaxis": hidden, "yaxis": hidden, "zaxis": hidden}
+    return {**axes, "aspectmode": "data", "camera": {"eye": eye, "up": up}}
 
 
 def figure_of(drawing: Drawing) -> Any:  # noqa: ANN401 - plotly has no types
@@ -178,13 +164,11 @@ def figure_of(drawing: Drawing) -> Any:  # noqa: ANN401 - plotly has no types
     except ModuleNotFoundError as error:
         raise InputError(NEEDS_PLOTLY) from error
     scene = scene_of(drawing.source, drawing.target, drawing.pose)
-    traces = [
-        cloud_trace(scene.source, scene.apart, "source", style.SOURCE_TINT),
-        cloud_trace(scene.target, np.eye(4), "target", style.TARGET_TINT),
-        *_line_traces(drawing, scene),
-    ]
+    kinds = kinds_of(drawing.mask, drawing.correct)
+    lines = [_line_trace(drawing, scene, kind) for kind in kinds if kind.rows.any()]
+    traces = [*cloud_traces(scene), *lines]
     layout = {
-        "scene": {**bare_axes(), "aspectmode": "data", "camera": camera_of(scene)},
+        "scene": scene_layout(scene),
         "title": {"text": chart_text(drawing.title)},
         "legend": {"orientation": "h", "itemsizing": "constant"},
         "margin": {"l": 0, "r": 0, "t": 40, "b": 0},
@@ -193,33 +177,37 @@ def figure_of(drawing: Drawing) -> Any:  # noqa: ANN401 - plotly has no types
     return Figure(data=traces, layout=layout)
 
 
-def _line_traces(drawing: Drawing, scene: Scene) -> list[dict[str, Any]]:
-    mask, correct = drawing.mask, drawing.correct
-    kinds: list[tuple[str, BoolArray, str, bool]] = []
+class Kind(NamedTuple):
+    """A kind of matches: what it is called in pages and shown as, which it has, and its colour."""
+
+    name: str
+    text: str
+    rows: BoolArray
+    color: str
+
+
+def kinds_of(mask: BoolArray, correct: BoolArray | None) -> list[Kind]:
+    """Tell matches apart by whether they were kept and, where that is known, whether they are correct."""
     if correct is None:
-        kinds.append(("selected", mask, style.GROUPED, True))
-    else:
-        kinds += [
-            ("selected, correct", mask & correct, style.CORRECT, True),
-            ("selected, wrong", mask & ~correct, style.WRONG, True),
-            ("dropped, correct", ~mask & correct, style.MISSED, False),
+        return [
+            Kind("group", "kept", mask, style.GROUPED),
+            Kind("dropped", "dropped", ~mask, style.QUIET_TEXT),
         ]
-    dropped = ~mask if correct is None else ~mask & ~correct
-    kinds.append(("dropped", dropped, style.QUIET_TEXT, False))
     return [
-        _line_trace(drawing, scene, name, np.flatnonzero(rows), color, shown=shown)
-        for name, rows, color, shown in kinds
-        if rows.any()
+        Kind("correct", "kept, correct", mask & correct, style.CORRECT),
+        Kind("wrong", "kept, wrong", mask & ~correct, style.WRONG),
+        Kind("missed", "dropped, correct", ~mask & correct, style.MISSED),
+        Kind("dropped", "dropped, wrong", ~mask & ~correct, style.QUIET_TEXT),
     ]
 
 
-def _line_trace(
-    drawing: Drawing, scene: Scene, name: str, rows: IndexArray, color: str, *, shown: bool
-) -> dict[str, Any]:
+def _line_trace(drawing: Drawing, scene: Scene, kind: Kind) -> dict[str, Any]:
+    rows = np.flatnonzero(kind.rows)
     drawn = spread(rows, MAX_LINES)
     start = apply(scene.apart, drawing.matches.source[drawn] - scene.source.center)
     x, y, z = line_vertices(start, drawing.matches.target[drawn] - scene.target.center).astype(np.float32).T
     texts = [_hover_text(drawing, int(row)) for row in drawn]
+    name = "dropped" if kind.name == "dropped" else kind.text.replace("kept", "selected")
     count = str(len(rows)) if len(drawn) == len(rows) else f"{len(drawn)} of {len(rows)} shown"
     return {
         "type": "scatter3d",
@@ -228,25 +216,16 @@ def _line_trace(
         "x": x,
         "y": y,
         "z": z,
-        "line": {"color": color, "width": 3},
+        "line": {"color": kind.color, "width": 3},
         "hoverinfo": "text",
         "hovertext": [text for text in texts for _ in range(len(_STOPS) + 1)],
-        "visible": True if shown else "legendonly",
+        "visible": True if kind.text.startswith("kept") else "legendonly",
     }
 
 
 def _hover_text(drawing: Drawing, row: int) -> str:
     if drawing.grouping is None:
         return f"match {row}"
-    reason = explain_matches(drawing.grouping, [row])[0].reason
-    return f"match {row}: {_broken(chart_text(reason))}"
-
-
-def _broken(text: str) -> str:
-    """Break a text into lines of HTML."""
-    lines, words = [""], text.split(" ")
-    for word in words:
-        if len(lines[-1]) + len(word) > _LINE:
-            lines.append("")
-        lines[-1] += word + " "
-    return "<br>".join(line.rstrip() for line in lines)
+    reason = chart_text(explain_matches(drawing.grouping, [row])[0].reason)
+    lines = textwrap.wrap(reason, _LINE, break_long_words=False, break_on_hyphens=False)
+    return f"match {row}: {'<br>'.join(lines)}"

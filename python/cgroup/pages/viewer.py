@@ -11,15 +11,14 @@ import numpy as np
 from cgroup._explain import explain_matches
 from cgroup.pages.page import chart_html, data_html, page_html
 from cgroup.pages.page import part as part_of
-from cgroup.pages.scene import bare_axes, camera_of, cloud_trace, scene_of
-from cgroup.plots import style
+from cgroup.pages.scene import cloud_traces, kinds_of, scene_layout, scene_of
 from cgroup.plots.scene import spread
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cgroup.pages.scene import Scene
+    from cgroup.pages.scene import Kind, Scene
     from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, IndexArray
 
 MAX_MATCHES = 800
@@ -27,13 +26,6 @@ MAX_MATCHES = 800
 
 _KEPT_SHARE = 0.75
 
-_JUDGED = (
-    ("correct", "kept, correct", True),
-    ("wrong", "kept, wrong", True),
-    ("missed", "dropped, correct", True),
-    ("dropped", "dropped, wrong", False),
-)
-_UNJUDGED = (("group", "kept", True), ("dropped", "dropped", False))
 _HINT = "Point at a line, or tap it, or type the number of a match."
 
 
@@ -48,53 +40,27 @@ class Selection:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What a page shows.
+    """What a page shows."""
 
-    Attributes
-    ----------
-    title : str
-        Plain text.
-    lead : str
-        HTML below the title.
-    source, target : (N,3) array of float64
-        Whole clouds.
-    matches : Correspondences
-        All of them.
-    pose : (4,4) array of float64
-        Lays the source on the target.
-    correct : (n,) array of bool or None
-        Which matches are correct, where that is known.
-    truth : (4,4) array of float64 or None
-        The true pose, where that is known.
-    selections : sequence of Selection
-        One per method.
-    first : int
-        Which selection is shown first.
-    columns : tuple of str
-        Heads of the selections' numbers.
-    facts : sequence of (str, str)
-        Names and HTML, below the view.
-    """
-
-    title: str
-    lead: str
-    source: FloatArray
+    title: str  # plain text
+    lead: str  # HTML below the title
+    source: FloatArray  # whole clouds
     target: FloatArray
     matches: Correspondences
-    pose: FloatArray
-    correct: BoolArray | None
+    pose: FloatArray  # lays the source on the target
+    correct: BoolArray | None  # which matches are correct, and the true pose, where that is known
     truth: FloatArray | None
     selections: Sequence[Selection]
-    first: int = 0
-    columns: tuple[str, ...] = ()
-    facts: Sequence[tuple[str, str]] = ()
+    first: int = 0  # the selection that is shown first
+    columns: tuple[str, ...] = ()  # heads of the selections' numbers
+    facts: Sequence[tuple[str, str]] = ()  # names and HTML, below the view
 
 
 def view_html(view: View) -> str:
     """Put a page together."""
     scene = scene_of(view.source, view.target, view.pose)
     rows = _rows(view)
-    kinds = _UNJUDGED if view.correct is None else _JUDGED
+    kinds = kinds_of(view.selections[0].grouping.mask, view.correct)
     data = data_html("viewer-data", _data(view, scene, rows, kinds))
     body = (
         f"<main><h1>{html.escape(view.title)}</h1>{view.lead}"
@@ -116,14 +82,7 @@ def _rows(view: View) -> IndexArray:
     return np.sort(np.concatenate([first, spread(others, MAX_MATCHES - len(first))]))
 
 
-def _kinds_of(mask: BoolArray, correct: BoolArray | None) -> IndexArray:
-    """(n,) of which kind each match is: rows of `_JUDGED`, or of `_UNJUDGED`."""
-    if correct is None:
-        return np.where(mask, 0, 1)
-    return np.where(mask, np.where(correct, 0, 1), np.where(correct, 2, 3))
-
-
-def _data(view: View, scene: Scene, rows: IndexArray, kinds: tuple[Any, ...]) -> dict[str, Any]:
+def _data(view: View, scene: Scene, rows: IndexArray, kinds: list[Kind]) -> dict[str, Any]:
     resolution = view.matches.resolution
     source = apply(np.eye(4), view.matches.source[rows]) - scene.source.center
     target = apply(np.eye(4), view.matches.target[rows]) - scene.target.center
@@ -142,35 +101,35 @@ def _data(view: View, scene: Scene, rows: IndexArray, kinds: tuple[Any, ...]) ->
         "count": len(view.matches),
         "unit": " pr" if resolution else "",
         "hint": _HINT,
-        "kinds": [{"id": name, "name": text} for name, text, _ in kinds],
+        "kinds": [{"id": kind.name, "name": kind.text} for kind in kinds],
         "poses": {
             name: getattr(scene, name)[:3].reshape(-1).tolist() for name in ("given", "apart", "placed")
         },
         "camera": {name: getattr(scene, name).tolist() for name in ("right", "up", "towards")},
         "matches": matches,
-        "methods": [_method(each, view.correct, rows, len(kinds)) for each in view.selections],
+        "methods": [_method(each.grouping, view.correct, rows) for each in view.selections],
     }
 
 
-def _method(selection: Selection, correct: BoolArray | None, rows: IndexArray, kinds: int) -> dict[str, Any]:
+def _method(grouping: Grouping, correct: BoolArray | None, rows: IndexArray) -> dict[str, Any]:
     """Return what is known of each match by one method."""
-    grouping = selection.grouping
-    kind = _kinds_of(grouping.mask, correct)
+    kinds = kinds_of(grouping.mask, correct)
     said = explain_matches(grouping, rows.tolist())
-    resolution = said[0].resolution if said else None
-    numbers: dict[str, Any] = {"score": None, "rank": None, "residual": None}
-    if said and said[0].score is not None:
-        numbers["score"] = _short(np.array([each.score for each in said]))
-        numbers["rank"] = [each.rank for each in said]
-    if said and said[0].residual is not None:
-        numbers["residual"] = _short(np.array([each.residual for each in said]) / (resolution or 1.0))
-    known = bool(said) and said[0].agreeing is not None
-    for name in ("agreeing", "agreeing_in_group"):
-        numbers[name] = [getattr(each, name) for each in said] if known else None
+    unit = (said[0].resolution if said else None) or 1.0
+
+    def known(name: str) -> list[Any] | None:
+        values = [getattr(each, name) for each in said]
+        return values if said and values[0] is not None else None
+
+    scores, residuals = known("score"), known("residual")
     return {
-        **numbers,
-        "kind": kind[rows].tolist(),
-        "counts": np.bincount(kind, minlength=kinds).tolist(),
+        "score": scores and _short(np.array(scores)),
+        "rank": scores and known("rank"),
+        "residual": residuals and _short(np.array(residuals) / unit),
+        "agreeing": known("agreeing"),
+        "agreeing_in_group": known("agreeing_in_group"),
+        "kind": np.argmax([kind.rows[rows] for kind in kinds], axis=0).tolist(),
+        "counts": [int(kind.rows.sum()) for kind in kinds],
         "why": [each.reason for each in said],
     }
 
@@ -186,18 +145,16 @@ def _rounded(points: FloatArray, size: float) -> list[list[float]]:
     return np.round(points, digits).tolist()
 
 
-def _chart(view: View, scene: Scene, kinds: tuple[Any, ...]) -> str:
+def _chart(view: View, scene: Scene, kinds: list[Kind]) -> str:
     lines = {"type": "scatter3d", "mode": "lines", "x": [], "y": [], "z": [], "hoverinfo": "none"}
-    widths = [3.0 if shown else 2.0 for *_, shown in kinds]
     figure = {
         "data": [
-            cloud_trace(scene.source, scene.apart, "source", style.SOURCE_TINT),
-            cloud_trace(scene.target, np.eye(4), "target", style.TARGET_TINT),
-            *({**lines, "line": {"width": width}} for width in widths),
+            *cloud_traces(scene),
+            *({**lines, "line": {"width": 3.0 if _is_shown(kind) else 2.0}} for kind in kinds),
             {**lines, "line": {"width": 9}, "hoverinfo": "skip"},
         ],
         "layout": {
-            "scene": {**bare_axes(), "aspectmode": "data", "camera": camera_of(scene), "dragmode": "orbit"},
+            "scene": {**scene_layout(scene), "dragmode": "orbit"},
             "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
             "showlegend": False,
         },
@@ -205,6 +162,10 @@ def _chart(view: View, scene: Scene, kinds: tuple[Any, ...]) -> str:
     label = f"Two point clouds in three dimensions, and lines between matched points: {view.title}"
     tip = '<div class="tip" id="tip" role="status" hidden></div>'
     return chart_html("scene", figure, label=label, height="min(68vh, 46rem)") + tip
+
+
+def _is_shown(kind: Kind) -> bool:
+    return kind.name != "dropped"
 
 
 _CONTROLS = """
@@ -254,9 +215,9 @@ def _method_row(k: int, selection: Selection, first: int) -> str:
     )
 
 
-def _switches(kinds: tuple[Any, ...]) -> str:
+def _switches(kinds: list[Kind]) -> str:
     clouds = [("source", "source", True, " dot"), ("target", "target", True, " dot")]
-    lines = [(name, text, shown, "") for name, text, shown in kinds]
+    lines = [(kind.name, kind.text, _is_shown(kind), "") for kind in kinds]
     boxes = "".join(
         f'<label><input type="checkbox" id="show-{name}"{" checked" if shown else ""} disabled>'
         f'<span class="swatch{shape}" style="--color: var(--{name})"></span>{text}'
@@ -267,15 +228,11 @@ def _switches(kinds: tuple[Any, ...]) -> str:
 
 
 def _about(view: View, rows: IndexArray) -> str:
-    last = max(len(view.matches) - 1, 0)
-    held = (
-        ""
-        if len(rows) == len(view.matches)
-        else f"{len(rows):,} of {len(view.matches):,} matches are in this page."
-    )
+    every = len(view.matches)
+    held = "" if len(rows) == every else f"{len(rows):,} of {every:,} matches are in this page."
     return (
         '<section class="match"><label>Match number '
-        f'<input type="number" id="number" min="0" max="{last}" disabled></label>'
+        f'<input type="number" id="number" min="0" max="{max(every - 1, 0)}" disabled></label>'
         f'<div id="about" aria-live="polite"></div><p class="quiet">{held}</p></section>'
     )
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     Tint: TypeAlias = tuple[float, float, float]
 
-_LIGHT = np.array([-0.45, 0.55, 0.70])  # towards the light: upper left, in front
-_AMBIENT = 0.35
+LIGHT = np.array([-0.45, 0.55, 0.70])  # towards the light: upper left, in front
+AMBIENT = 0.35
 _CELLS = 240  # along the larger side of a picture, at most
 _STRAYS = 0.01  # share of the points beyond each side that may be left out ...
 _MARGIN = 0.3  # ... if they are farther off than this share of the width of the others
@@ -119,8 +119,8 @@ def _light(depth: FloatArray, cell: float, tint: Tint) -> FloatArray:
     slopes = [_slope(depth, axis) / cell for axis in (0, 1)]
     normals = np.stack([-slopes[0], -slopes[1], np.ones_like(depth)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    diffuse = np.clip(normals @ (_LIGHT / np.linalg.norm(_LIGHT)), 0, 1)
-    color = (_AMBIENT + (1 - _AMBIENT) * diffuse)[..., None] * np.asarray(tint)
+    diffuse = np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0, 1)
+    color = (AMBIENT + (1 - AMBIENT) * diffuse)[..., None] * np.asarray(tint)
     return np.concatenate([color, np.isfinite(depth)[..., None]], axis=-1)
 
 
