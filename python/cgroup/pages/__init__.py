@@ -4,10 +4,9 @@ Pages need plotly, which comes with ``cgroup[scans]``; recordings for the viewer
 (``cgroup[rerun]``).
 """
 
-from cgroup.pages.comparison import comparison_page
 from cgroup.pages.page import chart_html, chart_text, data_html, page_html, write_page
 from cgroup.pages.recording import log_to_rerun
-from cgroup.pages.registration import registration_page
+from cgroup.pages.results import comparison_page, registration_page
 
 __all__ = [
     "chart_html",

@@ -1,18 +1,26 @@
-"""The page of one registration."""
+"""The pages of one registration, and of several methods on the same matches."""
 
 from __future__ import annotations
 
 import html
 from typing import TYPE_CHECKING, Any
 
-from cgroup._checks.values import as_instance
+import numpy as np
+
+from cgroup._checks.values import as_instance, as_items
 from cgroup._show.drawing import as_flags, as_points
+from cgroup.comparison import MethodResult, find_correct
+from cgroup.errors import InputError
 from cgroup.evaluation import rotation_error, translation_error
 from cgroup.pages.viewer import Selection, View, view_html
 from cgroup.registration import Registration
+from cgroup.registry import look_up_method
 from cgroup.rigid import check_rigid
+from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import ArrayLike
 
     from cgroup.types import FloatArray, PointCloud
@@ -110,3 +118,96 @@ def _facts(registration: Registration, truth: FloatArray | None) -> list[tuple[s
         turn, shift = rotation_error(pose, truth), translation_error(pose, truth)
         facts.append(("off the true pose", f"{turn:.3g} degrees, {shift:.3g} in translation"))
     return facts + [("note", html.escape(note)) for note in registration.notes]
+
+
+def comparison_page(
+    source: PointCloud | ArrayLike,
+    target: PointCloud | ArrayLike,
+    correspondences: Correspondences,
+    results: Iterable[MethodResult],
+    T_target_source: ArrayLike,
+    *,
+    correct: ArrayLike | None = None,
+    tolerance: float | None = None,
+    title: str = "Comparison",
+) -> str:
+    """Make the page of a comparison: what each method kept of the matches, and why.
+
+    Parameters
+    ----------
+    source, target : PointCloud or (N,3) array_like of float
+        Whole clouds; at most 20,000 points of each are drawn.
+    correspondences : Correspondences
+        What the methods were run on.
+    results : iterable of MethodResult
+        What `cgroup.comparison.compare` yielded.
+    T_target_source : (4,4) array_like of float
+        The true pose.
+    correct : (n,) array_like of bool, optional
+        Which matches are correct, where that is known already.
+    tolerance : float, optional
+        Otherwise the largest distance of a correct match from its true place, in the data's unit; 5 times the
+        resolution of the matches by default.
+    title : str
+        Plain text.
+
+    Returns
+    -------
+    str
+        HTML, for `write_page`.
+
+    Raises
+    ------
+    InputError
+        If plotly isn't installed, an argument doesn't fit, or there is no result.
+
+    Examples
+    --------
+    >>> from cgroup.comparison import compare
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.pages import comparison_page
+    >>> from cgroup.registration import correspond
+    >>> pair = standin_pair(pixels=40)
+    >>> matches = correspond(pair.source, pair.target)
+    >>> results = compare(matches, pair.T_target_source, methods=["gc", "lc"])
+    >>> page = comparison_page(
+    ...     pair.source, pair.target, matches, results, pair.T_target_source
+    ... )
+    >>> "LC" in page
+    True
+    """
+    as_instance("correspondences", correspondences, Correspondences)
+    found = [
+        as_instance("results", each, MethodResult) for each in as_items("results", results, "give several")
+    ]
+    if not found:
+        raise InputError("results", "none", "give at least one MethodResult")
+    pose = check_rigid(T_target_source, "T_target_source")
+    if correct is None:
+        correct = find_correct(correspondences, pose, tolerance=tolerance)
+    flags = as_flags("correct", correct, len(correspondences))
+    count = int(np.count_nonzero(flags))
+    view = View(
+        title=as_instance("title", title, str),
+        lead=(
+            f'<p class="lead quiet">{len(flags):,} matches, of which {count:,} are correct. '
+            "P precision, R recall, F their harmonic mean; pose: whether the group fixes the right one.</p>"
+        ),
+        source=as_points("source", source),
+        target=as_points("target", target),
+        matches=correspondences,
+        pose=pose,
+        correct=flags,
+        truth=pose,
+        selections=[_selection(each) for each in found],
+        first=int(np.argmax([each.score.f_score for each in found])),
+        columns=("P", "R", "F", "pose"),
+    )
+    return view_html(view)
+
+
+def _selection(result: MethodResult) -> Selection:
+    score, info = result.score, look_up_method(result.method)
+    label = result.method if info is None else info.label
+    numbers = tuple(f"{value:.2f}" for value in (score.precision, score.recall, score.f_score))
+    return Selection(label, result.grouping, (*numbers, "yes" if result.registered else "no"))
