@@ -5,9 +5,8 @@ HYPOTHESIS_PROFILE=thorough pytest ... runs many more examples.
 
 import os
 import signal
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -39,47 +38,25 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@dataclass
-class Tally:
-    """What the comparisons of one method amounted to."""
-
-    examples: int = 0
-    rows: int = 0
-    selected: int = 0
-    ambiguous_rows: int = 0
-    unequal_masks: int = 0
-    score_difference: float = 0.0
-
-    def add(self, other: "Tally") -> None:
-        """Add further comparisons."""
-        greatest = max(self.score_difference, other.score_difference)
-        for name, value in vars(other).items():
-            setattr(self, name, getattr(self, name) + value)
-        self.score_difference = greatest
-
-
-@dataclass
 class OracleReport:
-    """Tallies of all comparisons with the reference, by method."""
+    """What the comparisons with the reference amounted to, by method."""
 
-    tallies: defaultdict[str, Tally] = field(default_factory=lambda: defaultdict(Tally))
+    def __init__(self) -> None:
+        self.tallies: defaultdict[str, Counter[str]] = defaultdict(Counter)
 
-    def record(self, method: str, **compared: float) -> None:
-        """Add one comparison."""
-        self.tallies[method].add(Tally(1, **compared))
+    def record(self, method: str, *, score_difference: float, examples: int = 1, **counts: int) -> None:
+        """Add comparisons."""
+        tally = self.tallies[method]
+        tally.update(examples=examples, **counts)
+        tally["score_difference"] = max(tally["score_difference"], score_difference)
 
     def lines(self) -> Iterator[str]:
         """Yield the table, one method per line."""
-        yield (
-            f"{'method':<10}{'examples':>10}{'rows':>10}{'selected':>10}"
-            f"{'ambiguous':>11}{'masks unequal':>15}{'score difference':>18}"
-        )
+        names = ("examples", "rows", "selected", "ambiguous_rows", "unequal_masks")
+        yield f"{'method':<10}{''.join(f'{name:>16}' for name in names)}{'score difference':>18}"
         for method, tally in sorted(self.tallies.items()):
-            yield (
-                f"{method:<10}{tally.examples:>10}{tally.rows:>10}{tally.selected:>10}"
-                f"{tally.ambiguous_rows:>11}{tally.unequal_masks:>15}"
-                f"{tally.score_difference:>18.2e}"
-            )
+            cells = "".join(f"{tally[name]:>16}" for name in names)
+            yield f"{method:<10}{cells}{tally['score_difference']:>18.2e}"
 
 
 REPORT = pytest.StashKey[OracleReport]()
@@ -94,14 +71,14 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Hand the tallies of a process of pytest-xdist to the one that prints them."""
     if hasattr(session.config, "workeroutput"):
         tallies = session.config.stash[REPORT].tallies
-        session.config.workeroutput["tallies"] = {method: vars(tally) for method, tally in tallies.items()}
+        session.config.workeroutput["tallies"] = {method: dict(tally) for method, tally in tallies.items()}
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
     """Add what a process of pytest-xdist compared."""
     for method, tally in getattr(node, "workeroutput", {}).get("tallies", {}).items():
-        node.config.stash[REPORT].tallies[method].add(Tally(**tally))
+        node.config.stash[REPORT].record(method, **tally)
 
 
 @pytest.fixture(scope="session")

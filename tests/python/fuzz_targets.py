@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from wrong_values import WRONG
 
 import cgroup
 import cgroup.cli
@@ -23,24 +24,17 @@ from cgroup.datasets import make_problem
 # Statuses that `cgroup --help` and the documentation name.
 STATUSES = {0, 2, 3}
 
-# Values that no argument, or hardly any, takes.
+# Values that no argument, or hardly any, takes: those of other tests, and some that one argument or another takes.
 ODD: tuple[Any, ...] = (
-    None, True, False, np.True_, 0, -1, 1, 2**64, -(2**70), 10**400, 0.5, -0.0, float("nan"), float("inf"), 1e308, 5e-324,
-    1j, "", "otsu", "\ud800", b"1", bytearray(b"2"), (), [], {}, set(), object(), [1, [2]], "1", range(3), np.float32(0.5), np.int8(-3),
-    np.array(3.0), np.array([1.0]), np.zeros((0, 3)), np.zeros((3, 0)), np.zeros((4, 3)), np.zeros((4, 3), complex), np.full((4, 3), np.nan),
-    np.full((4, 3), 1e308), np.full((4, 3), 5e-324), np.zeros((4, 3), bool), np.array([["a", "b", "c"]] * 4), np.array([None] * 4),
-    np.ma.masked_array(np.ones((4, 3)), mask=[[0, 0, 1]] * 4), np.zeros(4), np.zeros((4, 3, 3)), np.zeros((4, 3), np.float16),
-    np.zeros((4, 3), ">f8"), np.zeros((4, 3), np.int64)[::-1], np.arange(4, dtype=np.uint64), np.array(["2020-01-01"] * 4, "datetime64[D]"),
-)  # fmt: skip
-
-FEATURES = (
-    "choose_voxel", "drop_isolated", "fpfh", "harris3d", "iss", "lfsh", "match", "mesh_normals", "normals", "rcs", "resolution", "shot",
-    "shot_lrf", "toldi_lrf", "voxel_downsample",
+    *(value for name, value in WRONG.items() if name not in {"function", "iterator", "type"}),
+    False, 0, 1, 0.5, -0.0, 1e308, "otsu", np.float32(0.5), np.int8(-3), np.zeros((4, 3)), np.full((4, 3), 1e308), np.full((4, 3), 5e-324),
+    np.array([["a", "b", "c"]] * 4), np.zeros(4), np.zeros((4, 3, 3)), np.zeros((4, 3), np.float16), np.zeros((4, 3), ">f8"),
+    np.zeros((4, 3), np.int64)[::-1], np.arange(4, dtype=np.uint64), np.array(["2020-01-01"] * 4, "datetime64[D]"),
 )  # fmt: skip
 
 FUNCTIONS: tuple[Callable[..., Any], ...] = (
     *cgroup.METHODS.values(),
-    *(getattr(features, name) for name in FEATURES),
+    *(value for name in features.__all__ if inspect.isfunction(value := getattr(features, name))),
     cgroup.group,
     cgroup.Correspondences,
 )
@@ -51,7 +45,6 @@ class Draws:
 
     def __init__(self, data: bytes) -> None:
         self._bytes: Iterator[int] = iter(data)
-        self._data = data
 
     def number(self, count: int) -> int:
         """Return a number below `count`."""
@@ -116,22 +109,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("benchmark", "run", "FILE", "--out", "OUT"),
     ("benchmark", "status", "FILE", "--out", "OUT"),
 )
-ENDINGS = (
-    ".ply",
-    ".pcd",
-    ".xyz",
-    ".obj",
-    ".off",
-    ".stl",
-    ".txt",
-    ".npy",
-    ".npz",
-    ".csv",
-    ".pts",
-    ".bin",
-    ".toml",
-    "",
-)
+ENDINGS = (".ply", ".pcd", ".xyz", ".obj", ".off", ".stl", ".txt", ".npy", ".npz", ".csv", ".pts", ".bin", ".toml", "")  # fmt: skip
 HEADS = (
     b"",
     b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n",
@@ -150,22 +128,14 @@ def run_command(data: bytes) -> None:
     """Run a command on a file of any bytes."""
     draws = Draws(data)
     command, ending, head = draws.one_of(COMMANDS), draws.one_of(ENDINGS), draws.one_of(HEADS)
-    content = _spliced(head, draws)
+    start, length = draws.number(len(head) + 1), draws.number(8)
+    content = head[:start] + draws.rest() + head[start + length :]
     with tempfile.TemporaryDirectory() as folder:
-        names = {
-            "FILE": Path(folder, f"file{ending}"),
-            "GOOD": Path(folder, "good.xyz"),
-            "OUT": Path(folder, "out"),
-        }
+        files = {"FILE": f"file{ending}", "GOOD": "good.xyz", "OUT": "out"}
+        names = {word: Path(folder, name) for word, name in files.items()}
         names["FILE"].write_bytes(content)
         names["GOOD"].write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n", encoding="ascii")
         _run([str(names.get(word, word)) for word in command])
-
-
-def _spliced(head: bytes, draws: Draws) -> bytes:
-    """Return the head with a piece of it replaced by the bytes that are left."""
-    start, length = draws.number(len(head) + 1), draws.number(8)
-    return head[:start] + draws.rest() + head[start + length :]
 
 
 def _run(arguments: list[str]) -> None:

@@ -1,8 +1,9 @@
-"""Runs every step in a few MiB of room after the other, and prints what came of it: a result or a MemoryError.
+"""Runs every step or method in a few MiB of room after the other, and prints what came of it: a result or an error.
 
-What ends the process, or is another exception, fails.
+`python little_memory.py steps` or `methods`. What ends the process, or is an exception other than of memory, fails.
 """
 
+import inspect
 import resource
 import sys
 from collections.abc import Callable
@@ -12,9 +13,16 @@ import numpy as np
 
 import cgroup
 from cgroup import features, registration, verification
+from cgroup.datasets import make_problem
 
-ROOMS = (1, 4, 16, 60, 250)
+ROOMS = {"steps": (1, 4, 16, 60, 250), "methods": (1, 4, 15)}
 """MiB beyond what the process has."""
+
+OPTIONS = {
+    "gtm": {"iterations": 3}, "gc": {"variant": "clique", "iterations": 200}, "ransac": {"iterations": 200},
+    "st": {"min_distance_ratio": 0.99}, "mac": {"max_cliques": 1000}, "teaser": {"max_steps": 1000},
+}  # fmt: skip
+"""With which methods need no time to speak of where there is memory."""
 
 POINTS = 40_000
 THREADS = 2
@@ -74,32 +82,44 @@ def steps() -> dict[str, Callable[[], object]]:
     }
 
 
-def used() -> int:
-    """Bytes of address space."""
-    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+def methods() -> dict[str, Callable[[], object]]:
+    """Every method, with any bound on its matrix lifted."""
+    matches = make_problem(np.random.default_rng(0), 6000, inlier_ratio=0.02).correspondences()
+
+    def call(name: str) -> Callable[[], object]:
+        takes_bound = "max_memory" in inspect.signature(cgroup.METHODS[name]).parameters
+        options = {**OPTIONS.get(name, {}), **({"max_memory": 10**12} if takes_bound else {})}
+        return lambda: cgroup.group(matches, name, threads=THREADS, **options)
+
+    return {name: call(name) for name in cgroup.METHODS}
 
 
-def main() -> None:
+def outcome(step: Callable[[], object], room: int) -> str:
+    """What comes of a step that may take so many MiB more than the process has."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + (room << 20), hard))
+    try:
+        step()
+    except MemoryError as error:
+        return f"{type(error).__name__} {error}"
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+    return "result"
+
+
+def main(which: str) -> None:
     # Threads are started while there is room for them; so is NumPy's linear algebra, which ends the process without.
     np.linalg.det(np.eye(500) @ np.eye(500))
     features.match(np.eye(300), np.eye(300), threads=THREADS)
     features.mesh_normals(np.eye(3), [[0, 1, 2]])
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    for name, step in steps().items():
-        for room in ROOMS:
+    for name, step in {"steps": steps, "methods": methods}[which]().items():
+        for room in ROOMS[which]:
             sys.stdout.write(f"{name} in {room} MiB: ")
             sys.stdout.flush()
-            resource.setrlimit(resource.RLIMIT_AS, (used() + (room << 20), hard))
-            try:
-                step()
-                outcome = "result"
-            except MemoryError:
-                outcome = "MemoryError"
-            finally:
-                resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
-            sys.stdout.write(f"{outcome}\n")
+            sys.stdout.write(f"{outcome(step, room)}\n")
             sys.stdout.flush()
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1])

@@ -8,33 +8,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from public_names import public_names
 
 from cgroup import features, registration, verification
 from cgroup.datasets import standin_pair
 from cgroup.datasets.matching_problems import make_problem
 from cgroup.io import write_cloud, write_correspondences, write_descriptors, write_transform
-from cgroup.registry import METHOD_INFO, MethodInfo
+from cgroup.registry import METHOD_INFO
 
-MODULES = ("features", "registration", "verification", "evaluation", "nuisances", "rigid", "io")
+MODULES = ("", "features", "registration", "verification", "evaluation", "nuisances", "rigid", "io")
 
-RESULTS = {
-    "Alignment",
-    "DescribedCloud",
-    "Explanation",
-    "GroupScore",
-    "Grouping",
-    "Matches",
-    "Place",
-    "PointCloud",
-    "PreparedScan",
-    "Protocol",
-    "Recognized",
-    "Registration",
-    "Scores",
-    "Verification",
-    "Voxels",
-}
-"""Classes that hold what the library computed, or read from a file: whoever makes one fills it as is."""
+INPUTS = {"Cloud", "Correspondences", "DenseFront", "FineSurface", "PaperFront", "Surface"}
+"""Classes that take arguments of the user's; the others hold what the library computed, or read from a file."""
 
 
 PROBLEM = make_problem(np.random.default_rng(0), 12, inlier_ratio=0.8)
@@ -61,18 +46,16 @@ class Call(NamedTuple):
         return list(result) if inspect.isgenerator(result) else result
 
 
-def public_names() -> set[str]:
+def called_names() -> set[str]:
     """Names of all public functions, and of classes that take arguments, such as "features.normals"."""
-    names: set[str] = set()
-    for module in ("", *MODULES):
-        source = importlib.import_module(f"cgroup.{module}".rstrip("."))
-        for name in getattr(source, "__all__", [name for name in vars(source) if name[0] != "_"]):
-            value = getattr(source, name)
-            is_class = inspect.isclass(value) and not issubclass(value, Exception) and name not in RESULTS
-            if (inspect.isfunction(value) or is_class) and value.__module__.startswith("cgroup."):
-                home = value.__module__.split(".")[1]
-                names.add(f"{module}.{name}".lstrip(".") if home == module or not module else "")
-    return names - {""}
+    parts = {
+        name.removeprefix("cgroup.").rpartition("."): each.value for name, each in public_names().items()
+    }
+    return {
+        f"{module}{dot}{name}"
+        for (module, dot, name), value in parts.items()
+        if module in MODULES and (name in INPUTS or inspect.isfunction(value))
+    }
 
 
 def public_calls(folder: Path) -> dict[str, Call]:
@@ -94,19 +77,20 @@ def _arguments(folder: Path) -> dict[str, dict[str, Any]]:
         "Correspondences": points | frames,
         "group": group,
         "group_many": {"problems": [MATCHES], "method": "gc"},
-        **{info.function.__name__: _fields_of(info) for info in METHOD_INFO.values()},
+        **{
+            info.function.__name__: {
+                name: getattr(PROBLEM, name)
+                for name in (*info.fields, *info.optional_fields)
+                if hasattr(PROBLEM, name)
+            }
+            for info in METHOD_INFO.values()
+        },
         **_front_end(),
         **_verification(),
         **_registration(),
         **_judgement(),
         **_files(folder),
     }
-
-
-def _fields_of(info: MethodInfo) -> dict[str, Any]:
-    """Return what the problem has of the fields that a method takes."""
-    taken = (*info.fields, *info.optional_fields)
-    return {name: getattr(PROBLEM, name) for name in taken if hasattr(PROBLEM, name)}
 
 
 @cache

@@ -45,6 +45,20 @@ def problems(draw: st.DrawFn, *, min_size: int = 0, max_size: int = 150, nuisanc
     return replace(problem, recipe=f"n={n}, seed={seed}, {arguments}")
 
 
+def hard_problem(n: int) -> Problem:
+    """Return a problem with every nuisance, always the same."""
+    return make_problem(
+        np.random.default_rng(6),
+        n,
+        inlier_ratio=0.4,
+        noise=1.5,
+        repeated_targets=0.5,
+        duplicated_sources=0.2,
+        missing_frames=0.1,
+        zero_descriptors=0.05,
+    )
+
+
 def shares(low: float, high: float) -> st.SearchStrategy[float]:
     """Return a strategy for a share in steps of 1/20 of the range; shrinks to `low`."""
     return st.integers(0, 20).map(lambda k: low + (high - low) * k / 20)

@@ -1,4 +1,4 @@
-"""The pages of documentation hold together: links, commands, and a reference that lacks nothing."""
+"""The pages of documentation hold together: links, commands, examples, and a reference that lacks nothing."""
 
 import importlib
 import re
@@ -12,16 +12,25 @@ pytest.importorskip("typer", reason="commands are parsed by typer: pip install '
 
 from command_lines import parse_command
 
+from cgroup.registry import METHOD_INFO
+
 ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
 
 MADE = {"_generated", "gallery", "api"}
 """Folders below docs/ that are made with the site."""
 PAGES = [
-    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if not MADE & set(page.parts)),
+    *(page for page in sorted(DOCS.rglob("*.md")) if not MADE & set(page.parts)),
     *sorted(ROOT.glob("*.md")),
     ROOT / "benches/peers/README.md",
 ]
 
+
+FRAGMENTS = {"benchmark"}
+"""Its code reads records, which are made for it in test_extending_docs.py."""
+
+OTHERS = {"gtsam", "open3d", "rclpy", "small_gicp", "torch"}
+"""What pages show cgroup together with, and the tests do without where it isn't installed."""
 
 SHELLS = {"", "sh", "bash", "console"}
 
@@ -52,6 +61,40 @@ def test_links_lead_somewhere(page: Path):
         assert target.exists(), f"{name(page)}: {link} leads nowhere"
         if anchor:
             assert anchor in anchors(target), f"{name(page)}: {link}: {name(target)} has no such heading"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.is_relative_to(DOCS)], ids=name)
+def test_python_blocks_run_one_after_another(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, object] = {}
+    try:
+        for block in python_blocks(page):
+            exec(compile(block, page.name, "exec"), namespace)
+    except ModuleNotFoundError as missing:
+        if missing.name not in OTHERS:
+            raise
+        pytest.skip(f"the rest of the page needs {missing.name}")
+
+
+def python_blocks(page: Path) -> list[str]:
+    if page.stem in FRAGMENTS:
+        return []
+    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+def test_the_readme_shows_what_is_there(capsys: pytest.CaptureFixture[str]):
+    blocks, namespace = python_blocks(ROOT / "README.md"), {}
+    assert len(blocks) >= 3
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), namespace)
+    assert "ransac Grouping(200 of 1000 selected)" in capsys.readouterr().out
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", makefile, flags=re.MULTILINE))
+    named = set(re.findall(r"^ +make ([a-z]+)", text, flags=re.MULTILINE))
+    assert {"demo", "test"} <= named <= targets
+    rows = re.findall(r"^\| \[?`(\w+)`(?:\]\(\S+\))? \|.*\| ([^|]+) \|$", text, flags=re.MULTILINE)
+    assert rows == [(info.function.__name__, info.complexity) for info in METHOD_INFO.values()]
 
 
 def commands(page: Path) -> list[str]:

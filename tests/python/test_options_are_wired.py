@@ -14,7 +14,7 @@ from method_cases import CASES, Options, Trial, call_cgroup, call_reference, nam
 
 import cgroup
 from cgroup.registry import METHOD_INFO
-from strategies import Problem, make_problem
+from strategies import Problem, hard_problem, make_problem
 
 Call = Callable[[str, Problem, Options], Any]
 
@@ -22,21 +22,7 @@ Call = Callable[[str, Problem, Options], Any]
 CONTROL = {"threads", "max_memory", "progress", "max_seconds"}
 
 
-def fixed_problem() -> Problem:
-    """Return the problem of all cases: 150 correspondences with every nuisance."""
-    return make_problem(
-        np.random.default_rng(6),
-        150,
-        inlier_ratio=0.4,
-        noise=1.5,
-        repeated_targets=0.5,
-        duplicated_sources=0.2,
-        missing_frames=0.1,
-        zero_descriptors=0.05,
-    )
-
-
-PROBLEM = fixed_problem()
+PROBLEM = hard_problem(150)
 TRIALS = [
     (method, trial)
     for method, case in CASES.items()
