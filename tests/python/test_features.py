@@ -2,7 +2,6 @@
 
 import sys
 from fractions import Fraction
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -71,70 +70,70 @@ class TestAgainstReference:
 
     @given(
         seed=seeds,
-        radius=st.floats(0.6, 3),
-        nms=st.none() | st.floats(0.5, 4),
-        response=st.sampled_from(["harris", "noble", "lowe", "tomasi", "curvature"]),
+        options=st.fixed_dictionaries(
+            {
+                "radius": st.floats(0.6, 3),
+                "nms_radius": st.none() | st.floats(0.5, 4),
+                "response": st.sampled_from(["harris", "noble", "lowe", "tomasi", "curvature"]),
+                "break_ties": st.booleans(),
+            }
+        ),
         threshold=st.sampled_from([0.0, 1e-6, 1e-3]),
-        break_ties=st.booleans(),
         given_normals=st.booleans(),
     )
-    def test_harris3d(self, seed, radius, nms, response, threshold, break_ties, given_normals):
+    def test_harris3d(self, seed, options, threshold, given_normals):
         points = surface(seed)
-        normals = features.normals(points) if given_normals else None
+        options["normals"] = features.normals(points) if given_normals else None
         if given_normals:
-            normals[::17] = np.nan
-        options = {
-            "radius": radius,
-            "nms_radius": nms,
-            "response": response,
-            "break_ties": break_ties,
-            "normals": normals,
-        }
+            options["normals"][::17] = np.nan
         # Off the grid that responses are rounded to, and far above rounding errors.
         ours = features.harris3d(points, threshold=threshold + 1.3e-9, **options)
         theirs = reference_harris3d.harris3d(points, threshold=threshold + 1.3e-9, **options)
-        scores = reference_harris3d.responses(points, radius=radius, response=response, normals=normals)
-        assert not [
-            i
-            for i in np.setxor1d(ours, theirs).astype(int)
-            if not is_tie(points, scores, i, nms or radius, 1.1 * 2**-28)
-        ]
+        radius = options["nms_radius"] or options["radius"]
+        del options["nms_radius"], options["break_ties"]
+        scores = reference_harris3d.responses(points, **options)
+        odd = np.setxor1d(ours, theirs).astype(int)
+        assert all(is_tie(points, scores, i, radius, 1.1 * 2**-28) for i in odd)
 
     @given(
         seed=seeds,
-        salient=st.floats(0.8, 3),
         nms=st.floats(0.5, 3),
-        gamma=st.tuples(st.floats(0.3, 1.2), st.floats(0.3, 1.2)),
-        min_neighbors=st.integers(1, 12),
-        density_weight=st.booleans(),
-        covariance=st.sampled_from(["point", "mean"]),
+        options=st.fixed_dictionaries(
+            {
+                "salient_radius": st.floats(0.8, 3),
+                "gamma_21": st.floats(0.3, 1.2),
+                "gamma_32": st.floats(0.3, 1.2),
+                "min_neighbors": st.integers(1, 12),
+                "density_weight": st.booleans(),
+                "covariance": st.sampled_from(["point", "mean"]),
+            }
+        ),
     )
-    def test_iss(self, seed, salient, nms, gamma, min_neighbors, density_weight, covariance):
+    def test_iss(self, seed, nms, options):
         points = surface(seed)
-        options = {
-            "salient_radius": salient,
-            "nms_radius": nms,
-            "gamma_21": gamma[0],
-            "gamma_32": gamma[1],
-            "min_neighbors": min_neighbors,
-            "density_weight": density_weight,
-            "covariance": covariance,
-        }
-        ours, theirs = features.iss(points, **options), reference_iss.iss(points, **options)
-        del options["nms_radius"]
+        ours = features.iss(points, nms_radius=nms, **options)
+        theirs = reference_iss.iss(points, nms_radius=nms, **options)
         scores = reference_iss.saliencies(points, **options)
-        assert not [i for i in np.setxor1d(ours, theirs).astype(int) if not is_tie(points, scores, i, nms)]
+        assert all(is_tie(points, scores, i, nms) for i in np.setxor1d(ours, theirs).astype(int))
 
+    @pytest.mark.parametrize(
+        ("step", "reference"),
+        [
+            (features.shot_lrf, reference_lrf.shot_lrf),
+            (features.toldi_lrf, reference_lrf.toldi_lrf),
+            (features.lfsh, reference_lfsh.lfsh),
+            (features.rcs, reference_rcs.rcs),
+        ],
+    )
     @given(seed=seeds, radius=st.floats(0.5, 15))
-    def test_frames(self, seed, radius):
+    def test_frames_and_small_descriptors(self, step, reference, seed, radius):
         points = surface(seed)
-        keypoints = np.arange(0, len(points), 9)
-        ours = features.shot_lrf(points, keypoints, radius=radius)
-        theirs = [reference_lrf.shot_lrf(points, i, radius=radius) for i in keypoints]
-        np.testing.assert_allclose(ours, theirs, atol=1e-6)
-        ours = features.toldi_lrf(points, keypoints, radius=radius)
-        theirs = [reference_lrf.toldi_lrf(points, i, radius=radius) for i in keypoints]
-        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+        normals = features.normals(points, viewpoint=(0, 0, 50))
+        normals[::13] = np.nan
+        keypoints = np.arange(0, len(points), 7)
+        given_normals = [normals] if step is features.lfsh else []
+        theirs = [reference(points, *given_normals, i, radius=radius) for i in keypoints]
+        np.testing.assert_allclose(step(points, *given_normals, keypoints, radius=radius), theirs, atol=1e-6)
 
     @given(seed=seeds, radius=st.floats(0.5, 15), pcl_compat=st.booleans(), own_frames=st.booleans())
     def test_shot(self, seed, radius, pcl_compat, own_frames):
@@ -142,43 +141,29 @@ class TestAgainstReference:
         normals = features.normals(points, viewpoint=(0, 0, 50))
         normals[::13] = np.nan
         keypoints = np.arange(0, len(points), 23)
+        options = {"radius": radius, "pcl_compat": pcl_compat}
         frames = None if own_frames else features.toldi_lrf(points, keypoints, radius=radius)
-        ours = features.shot(points, normals, keypoints, radius=radius, lrf=frames, pcl_compat=pcl_compat)
+        ours = features.shot(points, normals, keypoints, lrf=frames, **options)
+        each = [None] * len(keypoints) if own_frames else frames
         theirs = [
-            reference_shot.shot(
-                points,
-                normals,
-                i,
-                radius=radius,
-                lrf=None if own_frames else frames[row],
-                pcl_compat=pcl_compat,
-            )
-            for row, i in enumerate(keypoints)
+            reference_shot.shot(points, normals, i, lrf=frame, **options)
+            for i, frame in zip(keypoints, each, strict=True)
         ]
         assert ours.dtype == np.float32
         assert ours.shape == (len(keypoints), 352)
         np.testing.assert_allclose(ours, theirs, atol=1e-6)
 
-    @given(seed=seeds, radius=st.floats(0.5, 15))
-    def test_lfsh_and_rcs(self, seed, radius):
-        points = surface(seed)
-        normals = features.normals(points, viewpoint=(0, 0, 50))
-        normals[::13] = np.nan
-        keypoints = np.arange(0, len(points), 7)
-        ours = features.lfsh(points, normals, keypoints, radius=radius)
-        theirs = [reference_lfsh.lfsh(points, normals, i, radius=radius) for i in keypoints]
-        np.testing.assert_allclose(ours, theirs, atol=1e-6)
-        ours = features.rcs(points, keypoints, radius=radius)
-        theirs = [reference_rcs.rcs(points, i, radius=radius) for i in keypoints]
-        np.testing.assert_allclose(ours, theirs, atol=1e-6)
-
     @given(
         seed=seeds,
-        radius=st.floats(0.3, 8),
-        max_neighbors=st.none() | st.integers(1, 60),
-        convention=st.sampled_from(["open3d", "pcl"]),
+        options=st.fixed_dictionaries(
+            {
+                "radius": st.floats(0.3, 8),
+                "max_neighbors": st.none() | st.integers(1, 60),
+                "convention": st.sampled_from(["open3d", "pcl"]),
+            }
+        ),
     )
-    def test_fpfh(self, seed, radius, max_neighbors, convention):
+    def test_fpfh(self, seed, options):
         points = surface(seed, 90)
         points[7] = points[3]
         # Shaken, as which of two equal normals is closer to a line would be a matter of rounding.
@@ -186,7 +171,6 @@ class TestAgainstReference:
         normals += np.random.default_rng(seed).normal(scale=0.05, size=normals.shape)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         normals[::13] = np.nan
-        options = {"radius": radius, "max_neighbors": max_neighbors, "convention": convention}
         ours = features.fpfh(points, normals, **options)
         theirs = reference_fpfh.fpfh(points, normals, **options)
         assert ours.dtype == np.float32
@@ -272,23 +256,16 @@ class TestRigidMotion:
         np.testing.assert_allclose(moved_normals, normals @ rotation.T, atol=1e-8)
         inner = [radius, radius / 2, radius / 3]
         keypoints = far_from_radius(points, np.arange(0, len(points), 9), inner)
-        for before, after in (
-            (
-                features.shot(points, normals, keypoints, radius=radius),
-                features.shot(moved, moved_normals, keypoints, radius=radius),
-            ),
-            (
-                features.lfsh(points, normals, keypoints, radius=radius),
-                features.lfsh(moved, moved_normals, keypoints, radius=radius),
-            ),
-            (features.rcs(points, keypoints, radius=radius), features.rcs(moved, keypoints, radius=radius)),
-        ):
-            np.testing.assert_allclose(before, after, atol=1e-5)
-        for frames in (features.shot_lrf, features.toldi_lrf):
-            before = frames(points, keypoints, radius=radius)
+        for step in (features.shot, features.lfsh, features.rcs):
+            before, after = ([] if step is features.rcs else [given] for given in (normals, moved_normals))
             np.testing.assert_allclose(
-                frames(moved, keypoints, radius=radius), before @ rotation.T, atol=1e-5
+                step(points, *before, keypoints, radius=radius),
+                step(moved, *after, keypoints, radius=radius),
+                atol=1e-5,
             )
+        for step in (features.shot_lrf, features.toldi_lrf):
+            before = step(points, keypoints, radius=radius)
+            np.testing.assert_allclose(step(moved, keypoints, radius=radius), before @ rotation.T, atol=1e-5)
 
     @given(seed=seeds, moved_by=seeds, scale=st.floats(1e-3, 1e3))
     def test_keypoints(self, seed, moved_by, scale):
@@ -308,25 +285,24 @@ class TestPromises:
         points = surface(5, 3000)
         normals = features.normals(points)
         keypoints = features.iss(points)
-        runs = []
-        for threads in (1, 2, 5):
+
+        def run(threads):
             descriptors = features.shot(points, normals, keypoints, radius=2, threads=threads)
-            runs.append(
-                (
-                    np.float64(features.resolution(points, threads=threads)),
-                    features.normals(points, radius=1, threads=threads),
-                    features.harris3d(points, threads=threads),
-                    features.iss(points, threads=threads, count=100),
-                    features.shot_lrf(points, keypoints, radius=2, threads=threads),
-                    descriptors,
-                    features.normals(points, radius=1, neighbors=12, threads=threads),
-                    features.fpfh(points, normals, radius=1, max_neighbors=30, threads=threads),
-                    features.voxel_downsample(points, 0.3, normals=normals, threads=threads).points,
-                    features.match(descriptors, descriptors[::-1], threads=threads).distance,
-                )
+            results = (
+                features.resolution(points, threads=threads),
+                features.normals(points, radius=1, threads=threads),
+                features.harris3d(points, threads=threads),
+                features.iss(points, threads=threads, count=100),
+                features.shot_lrf(points, keypoints, radius=2, threads=threads),
+                descriptors,
+                features.normals(points, radius=1, neighbors=12, threads=threads),
+                features.fpfh(points, normals, radius=1, max_neighbors=30, threads=threads),
+                features.voxel_downsample(points, 0.3, normals=normals, threads=threads).points,
+                features.match(descriptors, descriptors[::-1], threads=threads).distance,
             )
-        for one, other in pairwise(runs):
-            assert all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
+            return [np.asarray(result).tobytes() for result in results]
+
+        assert run(1) == run(2) == run(5)
 
     def test_input_is_left_alone_and_any_layout_will_do(self):
         points = surface(6)
@@ -350,23 +326,14 @@ class TestPromises:
         keypoints = np.array([501, 3, 77, 500])
         kept = features.drop_isolated(points, keypoints, resolution=0.2)
         assert kept.tolist() == [3, 77]
-        assert features.drop_isolated(points, keypoints, radius=0.5, min_points=2).tolist() == [
-            501,
-            3,
-            77,
-            500,
-        ]
+        kept = features.drop_isolated(points, keypoints, radius=0.5, min_points=2)
+        assert kept.tolist() == keypoints.tolist()
 
     def test_mesh_normals(self):
         u, v = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9), indexing="ij")
         points = np.column_stack([u.ravel(), v.ravel(), 0.3 * np.sin(5 * u.ravel())])
         first = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
-        faces = np.vstack(
-            [
-                np.column_stack([first, first + 9, first + 1]),
-                np.column_stack([first + 1, first + 9, first + 10]),
-            ]
-        )
+        faces = np.vstack([first[:, None] + corners for corners in ([0, 9, 1], [1, 9, 10])])
         expected = reference_normals.mesh_normals(points, faces)
         np.testing.assert_allclose(features.mesh_normals(points, faces), expected, atol=1e-12)
         faces[::5] = faces[::5, ::-1]
@@ -424,20 +391,17 @@ def test_degenerate_clouds_have_defined_results(name, reach):
 
 
 def test_no_points_and_no_keypoints():
-    nothing = np.empty((0, 3))
-    assert features.normals(nothing).shape == (0, 3)
-    assert features.mesh_normals(nothing, []).shape == (0, 3)
-    assert features.harris3d(nothing).shape == (0,)
-    assert features.iss(nothing).shape == (0,)
-    assert features.drop_isolated(nothing, []).shape == (0,)
-    points = surface(1)
-    assert features.shot_lrf(points, [], radius=1).shape == (0, 3, 3)
-    assert features.toldi_lrf(points, [], radius=1).shape == (0, 3, 3)
-    assert features.shot(points, points, [], radius=1).shape == (0, 352)
-    assert features.lfsh(points, points, [], radius=1).shape == (0, 30)
-    assert features.rcs(points, [], radius=1).shape == (0, 72)
-    assert features.fpfh(nothing, nothing, radius=1).shape == (0, 33)
-    assert features.fpfh(points, points, [], radius=1).shape == (0, 33)
+    nothing, points = np.empty((0, 3)), surface(1)
+    found = {
+        (0, 3): [features.normals(nothing), features.mesh_normals(nothing, [])],
+        (0,): [features.harris3d(nothing), features.iss(nothing), features.drop_isolated(nothing, [])],
+        (0, 3, 3): [step(points, [], radius=1) for step in (features.shot_lrf, features.toldi_lrf)],
+        (0, 352): [features.shot(points, points, [], radius=1)],
+        (0, 30): [features.lfsh(points, points, [], radius=1)],
+        (0, 72): [features.rcs(points, [], radius=1)],
+        (0, 33): [features.fpfh(nothing, nothing, radius=1), features.fpfh(points, points, [], radius=1)],
+    }
+    assert all(array.shape == shape for shape, arrays in found.items() for array in arrays)
     assert len(features.voxel_downsample(nothing, 1)) == 0
     assert len(features.match(np.empty((0, 5)), np.empty((0, 5)))) == 0
     with pytest.raises(InputError, match="two points"):
@@ -538,7 +502,6 @@ UP = np.tile([0.0, 0.0, 1.0], (len(GOOD_POINTS), 1))
         (lambda: features.fpfh(GOOD_POINTS, UP, [160], radius=1), "keypoints: got index 160"),
         (lambda: features.fpfh(GOOD_POINTS, UP, radius=1, max_neighbors=0), "max_neighbors: got 0"),
         (lambda: features.fpfh(GOOD_POINTS, UP, radius=1, convention="itk"), "convention.*pcl"),
-        (lambda: features.normals(GOOD_POINTS, neighbors=0, radius=1), "neighbors: got 0"),
         (lambda: features.voxel_downsample(GOOD_POINTS, 0), "voxel: got 0"),
         (lambda: features.voxel_downsample(GOOD_POINTS, 1e-30), "larger voxel"),
         (lambda: features.voxel_downsample(GOOD_POINTS, 1, normals=UP[1:]), "normals: got 159 rows"),
