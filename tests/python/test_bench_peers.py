@@ -53,16 +53,13 @@ def local_environment(missing=None):
 # ---- cases
 
 
-def test_a_case_is_the_same_twice(case, tmp_path, case_path):
+def test_a_case_is_the_same_twice_and_another_with_other_arguments(case, tmp_path, case_path):
+    assert not np.array_equal(make_case(N, 0.1)["src"], case["src"])
     write_case(tmp_path / "again.bin", make_case(N, SHARE))
     assert (tmp_path / "again.bin").read_bytes() == case_path.read_bytes()
     for key, value in make_case(N, SHARE).items():
         assert value.dtype == case[key].dtype, key
         np.testing.assert_array_equal(value, case[key], err_msg=key)
-
-
-def test_other_arguments_give_another_case(case):
-    assert not np.array_equal(make_case(N, 0.1)["src"], case["src"])
 
 
 def test_the_truth_holds(case):
@@ -137,16 +134,12 @@ def test_peers_that_compute_something_else_say_what():
         assert bool(peer.note) == (peer.program in {"pcl", "library", "modern"}), peer.name
 
 
-def test_a_long_call_is_made_once(monkeypatch):
-    monkeypatch.setattr(measure, "LONG", 0.0)
+@pytest.mark.parametrize(("bound", "calls"), [("LONG", 1), ("BUDGET", measure.LEAST_REPETITIONS)])
+def test_a_long_call_is_made_once_and_others_at_least_thrice(monkeypatch, bound, calls):
+    monkeypatch.setattr(measure, bound, 0.0)
     answer, times = measure.measure(lambda: (None, None))
     assert answer == (None, None)
-    assert len(times) == 1
-
-
-def test_at_least_three_calls(monkeypatch):
-    monkeypatch.setattr(measure, "BUDGET", 0.0)
-    assert len(measure.measure(lambda: (None, None))[1]) == measure.LEAST_REPETITIONS
+    assert len(times) == calls
 
 
 def test_peers_are_selected_by_patterns():
@@ -256,7 +249,7 @@ def test_what_is_recorded_is_skipped(tmp_path, case_path, monkeypatch):
     assert started == ["cgroup_nnsr"]
 
 
-def test_limits_of_time_and_memory():
+def test_how_a_process_ended_is_recorded():
     def ended(code, **limits):
         command = [sys.executable, "-c", code]
         return run.run_process(command, child_environment(1), **{"seconds": 30, "mib": 4096} | limits)
@@ -264,16 +257,10 @@ def test_limits_of_time_and_memory():
     assert ended("import time; time.sleep(60)", seconds=0.3)["failed"] == "time"
     failure = ended("import sys; sys.exit('no luck')")
     assert (failure["failed"], failure["why"]) == ("error", "exit code 1: no luck")
+    assert ended("import os; os.kill(os.getpid(), 9)")["why"].startswith("exit code -9")
     if sys.platform == "linux":
         hungry = ended("import time; x = bytearray(b'1') * (200 << 20); time.sleep(60)", mib=100)
         assert hungry["failed"] == "memory"
-
-
-def test_a_crash_is_recorded_with_its_signal():
-    command = [sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"]
-    assert run.run_process(command, child_environment(1), seconds=30, mib=4096)["why"].startswith(
-        "exit code -9"
-    )
 
 
 def test_without_cmake(tmp_path, monkeypatch):
@@ -320,10 +307,8 @@ def test_pcl(case_path):
 
 def test_command_line(tmp_path, monkeypatch):
     monkeypatch.setattr(reporting, "FIGURES", {"seconds": "time"})  # drawing both takes twice as long
-    options = [
-        *["--n", "50,60", "--ratio", "0.5", "--peers", "cgroup_ss", "--threads", "1", "--out"],
-        str(tmp_path),
-    ]
+    options = ["--n", "50,60", "--ratio", "0.5", "--peers", "cgroup_ss", "--threads", "1"]
+    options += ["--out", str(tmp_path)]
     first = CliRunner().invoke(run.app, [*options, "--rounds", "1"], catch_exceptions=False)
     assert first.exit_code == 0
     journal = Journal(tmp_path / "results.jsonl")
@@ -341,9 +326,8 @@ def test_command_line(tmp_path, monkeypatch):
 @pytest.fixture
 def journal(tmp_path):
     journal = Journal(tmp_path / "results.jsonl")
-    journal.add_session(
-        describe(local_environment({"pcl": "cmake is missing; apt-get install libpcl-dev cmake"}))
-    )
+    missing = {"pcl": "cmake is missing; apt-get install libpcl-dev cmake"}
+    journal.add_session(describe(local_environment(missing)))
     for n in (500, 2000, 5000, 10_000):
         for threads in (1, 2):
             for number in range(2):

@@ -30,20 +30,13 @@ class System:
     def mounts(self, *lines):
         (self.proc / "self/mountinfo").write_text("".join(f"{line}\n" for line in lines))
 
-    def second(self, path, limit, used, reclaimable=0):
-        """Limit a group of version 2."""
+    def limit(self, path, limit, used, reclaimable=0, names=("memory.max", "memory.current")):
+        """Limit a group, of version 2 by default."""
         folder = self.groups / path
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "memory.max").write_text(f"{limit}\n")
-        (folder / "memory.current").write_text(f"{used}\n")
+        for name, value in zip(names, (limit, used), strict=True):
+            (folder / name).write_text(f"{value}\n")
         (folder / "memory.stat").write_text(f"anon 5\ninactive_file {reclaimable}\n")
-
-    def first(self, path, limit, used):
-        """Limit a group of version 1."""
-        folder = self.groups / path
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "memory.limit_in_bytes").write_text(f"{limit}\n")
-        (folder / "memory.usage_in_bytes").write_text(f"{used}\n")
 
 
 @pytest.fixture
@@ -69,7 +62,7 @@ def test_a_quarter_of_what_is_free(system):
 )
 def test_a_group_limits_the_process(system, limit, used, reclaimable, bound):
     system.available(PLENTY)
-    system.second(".", limit, used, reclaimable)
+    system.limit(".", limit, used, reclaimable)
     assert memory.default_max_memory() == bound
 
 
@@ -78,8 +71,8 @@ def test_the_groups_around_the_process_s_count_too(system, limited):
     system.available(PLENTY)
     system.member_of("0::/a/b/c")
     for path in ("a/b/c", "a/b", "a", "."):
-        system.second(path, GIB if path == limited else "max", 0)
-    system.second("a/other", 1, 0)
+        system.limit(path, GIB if path == limited else "max", 0)
+    system.limit("a/other", 1, 0)
     assert memory.default_max_memory() == GIB // 4
 
 
@@ -91,8 +84,9 @@ def test_groups_of_the_first_version(system):
         "control groups", "control\\040groups"
     )
     system.mounts("31 23 0:28 / /sys/fs/cgroup rw - tmpfs tmpfs rw", mount)
-    system.first("memory/jobs/7", (1 << 63) - 4096, 0)  # what stands there where there is no limit
-    system.first("memory/jobs", GIB, GIB // 2)
+    names = ("memory.limit_in_bytes", "memory.usage_in_bytes")
+    system.limit("memory/jobs/7", (1 << 63) - 4096, 0, names=names)  # what stands there without a limit
+    system.limit("memory/jobs", GIB, GIB // 2, names=names)
     assert memory.default_max_memory() == GIB // 8
 
 
@@ -100,9 +94,7 @@ def test_a_group_that_is_mounted_by_itself(system):
     system.available(PLENTY)
     system.member_of("0::/docker/abc/inner")
     system.mounts(f"41 31 0:38 /docker/abc {system.proc} rw - cgroup2 cgroup2 rw")
-    (system.proc / "inner").mkdir()
-    (system.proc / "inner/memory.max").write_text(f"{GIB}\n")
-    (system.proc / "inner/memory.current").write_text("0\n")
+    system.limit(system.proc / "inner", GIB, 0)
     assert memory.default_max_memory() == GIB // 4
 
 

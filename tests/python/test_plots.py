@@ -76,23 +76,17 @@ def test_comparison_has_a_panel_per_method_and_two_colors(scene: tuple) -> None:
 
 
 def test_figures_of_an_empty_group(scene: tuple) -> None:
-    source, target, matches, correct = scene
-    none = np.zeros(len(matches), dtype=bool)
-    assert drawn(
-        comparison_figure(
-            source, target, matches, correct=correct, masks={"gtm": none}, T_target_source=POSE, title=""
-        )
-    )
-    assert drawn(registration_figure(source, target, matches, mask=none, T_target_source=POSE, title=""))
+    *given, correct = scene
+    none, looks = np.zeros(len(correct), dtype=bool), {"T_target_source": POSE, "title": ""}
+    assert drawn(comparison_figure(*given, correct=correct, masks={"gtm": none}, **looks))
+    assert drawn(registration_figure(*given, mask=none, **looks))
     assert drawn(precision_recall_figure({"gtm": score_group(none, correct)}, title=""))
 
 
 def test_registration_figure(scene: tuple) -> None:
-    source, target, matches, correct = scene
-    figure = registration_figure(
-        source, target, matches, mask=correct, T_target_source=POSE, title="patch on patch"
-    )
-    assert figure.get_suptitle() == "patch on patch"
+    *clouds_and_matches, correct = scene
+    figure = registration_figure(*clouds_and_matches, mask=correct, T_target_source=POSE, title="a title")
+    assert figure.get_suptitle() == "a title"
     assert drawn(figure)
 
 
