@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from every_step import steps_of
 
 import cgroup
 from cgroup import features, verification
@@ -90,19 +91,8 @@ def calls(shared: Shared) -> Iterator[Callable[[], object]]:
     frames = shared.put(np.tile(np.eye(3), (KEYPOINTS, 1, 1)))
     table = shared.put(rng.normal(size=(KEYPOINTS, 33)))
     poses = shared.put(np.tile(np.eye(4), (50, 1, 1)))
-    yield lambda: features.resolution(points)
-    yield lambda: features.normals(points, radius=3.0)
-    yield lambda: features.mesh_normals(points, faces)
-    yield lambda: features.voxel_downsample(points, 2.0, normals=normals)
-    yield lambda: features.iss(points, salient_radius=2.5, nms_radius=2.0)
-    yield lambda: features.harris3d(points, normals=normals, radius=2.5)
-    yield lambda: features.drop_isolated(points, rows, radius=3.0, min_points=5)
-    yield lambda: features.shot_lrf(points, rows, radius=4.0)
-    yield lambda: features.toldi_lrf(points, rows, radius=4.0)
+    yield from steps_of(points, normals, unit=1.0, rows=rows, faces=faces).values()
     yield lambda: features.shot(points, normals, rows, radius=4.0, lrf=frames)
-    yield lambda: features.lfsh(points, normals, rows, radius=4.0)
-    yield lambda: features.rcs(points, rows, radius=4.0)
-    yield lambda: features.fpfh(points, normals, rows, radius=3.0)
     yield lambda: features.match(table, table, k=3, mutual=True)
     whole = verification.Surface(np.array(points), np.array(normals), unit=0.5)
     yield lambda: verification.Surface(points, normals, unit=0.5)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from every_step import steps_of
 
 import cgroup
 from cgroup import features, registration, verification
@@ -59,12 +60,8 @@ def steps() -> dict[str, Callable[[], object]]:
         return registration.describe(points[few], resolution=4.5, threads=THREADS)
 
     return {
-        "normals": lambda: features.normals(points, threads=THREADS),
-        "mesh normals": lambda: features.mesh_normals(points, faces),
-        "voxels": lambda: features.voxel_downsample(points, 0.5, threads=THREADS),
-        "iss": lambda: features.iss(points, resolution=1.0, threads=THREADS),
-        "shot": lambda: features.shot(points, normals, rows, radius=4.0, threads=THREADS),
-        "fpfh": lambda: features.fpfh(points, normals, radius=2.5, threads=THREADS),
+        **steps_of(points, normals, unit=1.0, rows=rows, faces=faces, threads=THREADS),
+        "fpfh of every point": lambda: features.fpfh(points, normals, radius=2.5, threads=THREADS),
         "describe": describe,
         "match": lambda: features.match(table, table, k=50, threads=THREADS),
         "verify": verify,

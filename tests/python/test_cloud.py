@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from every_step import steps_of
 from numpy.typing import NDArray
 
 from cgroup import InputError, _core, features
@@ -22,23 +23,17 @@ PR = features.resolution(POINTS)
 NORMALS = features.normals(POINTS)
 ROWS = np.arange(0, len(POINTS), 97)
 
-STEPS: dict[str, Callable[[Any], Any]] = {
-    "resolution": features.resolution,
-    "normals": features.normals,
-    "normals in a ball": lambda cloud: features.normals(cloud, radius=4 * PR),
-    "mesh normals": lambda cloud: features.mesh_normals(cloud, [[0, 1, 2], [1, 2, 3]]),
-    "harris3d": features.harris3d,
-    "harris3d of a count": lambda cloud: features.harris3d(cloud, count=40),
-    "iss": features.iss,
-    "iss of a count": lambda cloud: features.iss(cloud, count=40),
-    "drop_isolated": lambda cloud: features.drop_isolated(cloud, ROWS, min_points=300),
-    "shot_lrf": lambda cloud: features.shot_lrf(cloud, ROWS, radius=15 * PR),
-    "toldi_lrf": lambda cloud: features.toldi_lrf(cloud, ROWS, radius=15 * PR),
-    "shot": lambda cloud: features.shot(cloud, NORMALS, ROWS, radius=15 * PR),
-    "lfsh": lambda cloud: features.lfsh(cloud, NORMALS, ROWS, radius=9 * PR),
-    "rcs": lambda cloud: features.rcs(cloud, ROWS, radius=12 * PR),
-}
-EXPECTED = {name: step(POINTS) for name, step in STEPS.items()}
+
+def all_steps(cloud: Any) -> dict[str, Callable[[], Any]]:
+    """Every step of a cloud or an array."""
+    return steps_of(cloud, NORMALS, unit=PR, rows=ROWS, faces=[[0, 1, 2], [1, 2, 3]]) | {
+        "harris3d of a count": lambda: features.harris3d(cloud, count=40),
+        "iss of a count": lambda: features.iss(cloud, count=40),
+        "shot of a large radius": lambda: features.shot(cloud, NORMALS, ROWS, radius=15 * PR),
+    }
+
+
+EXPECTED = {name: step() for name, step in all_steps(POINTS).items()}
 
 
 def assert_same(got: NDArray[np.generic] | float, expected: NDArray[np.generic] | float) -> None:
@@ -48,27 +43,25 @@ def assert_same(got: NDArray[np.generic] | float, expected: NDArray[np.generic] 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_steps_in_any_order_are_those_of_the_array(seed: int) -> None:
-    cloud = features.Cloud(POINTS)
-    names = [*STEPS, *STEPS]
+    steps = all_steps(features.Cloud(POINTS))
+    names = [*steps, *steps]
     np.random.default_rng(seed).shuffle(names)
     for name in names:
-        assert_same(STEPS[name](cloud), EXPECTED[name])
+        assert_same(steps[name](), EXPECTED[name])
 
 
 def test_threads_share_a_cloud() -> None:
-    cloud = features.Cloud(POINTS)
+    steps = all_steps(features.Cloud(POINTS))
     together = threading.Barrier(4)
 
-    def all_steps(first: int) -> list[Any]:
+    def run_from(first: int) -> dict[str, Any]:
         together.wait()
-        names = [*list(STEPS)[first:], *list(STEPS)[:first]]
-        found = {name: STEPS[name](cloud) for name in names}
-        return [found[name] for name in STEPS]
+        return {name: steps[name]() for name in [*list(steps)[first:], *list(steps)[:first]]}
 
     with ThreadPoolExecutor(4) as pool:
-        for results in pool.map(all_steps, (0, 4, 7, 9)):
-            for got, expected in zip(results, EXPECTED.values(), strict=True):
-                assert_same(got, expected)
+        for results in pool.map(run_from, (0, 4, 7, 9)):
+            for name, got in results.items():
+                assert_same(got, EXPECTED[name])
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no fork there")
@@ -78,7 +71,8 @@ def test_a_forked_process_uses_the_cloud() -> None:
     features.harris3d(cloud)
     child = os.fork()
     if child == 0:
-        same = all(np.array_equal(STEPS[name](cloud), EXPECTED[name]) for name in ("harris3d", "shot", "iss"))
+        steps = all_steps(cloud)
+        same = all(np.array_equal(steps[name](), EXPECTED[name]) for name in ("harris3d", "shot", "iss"))
         os._exit(0 if same else 1)
     assert os.waitpid(child, 0)[1] == 0
 
@@ -115,7 +109,7 @@ def test_a_cloud_is_read_only_and_outlives_its_array() -> None:
     assert copy.flags.writeable
     del copy
     gc.collect()
-    assert_same(features.iss(cloud), EXPECTED["iss"])
+    assert_same(features.iss(cloud), features.iss(POINTS))
 
 
 def test_what_is_no_cloud() -> None:

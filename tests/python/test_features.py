@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from every_step import steps_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -286,21 +287,16 @@ class TestPromises:
         normals = features.normals(points)
         keypoints = features.iss(points)
 
+        faces = np.arange(len(points)).reshape(-1, 3)
+
         def run(threads):
-            descriptors = features.shot(points, normals, keypoints, radius=2, threads=threads)
-            results = (
-                features.resolution(points, threads=threads),
-                features.normals(points, radius=1, threads=threads),
-                features.harris3d(points, threads=threads),
-                features.iss(points, threads=threads, count=100),
-                features.shot_lrf(points, keypoints, radius=2, threads=threads),
-                descriptors,
-                features.normals(points, radius=1, neighbors=12, threads=threads),
-                features.fpfh(points, normals, radius=1, max_neighbors=30, threads=threads),
-                features.voxel_downsample(points, 0.3, normals=normals, threads=threads).points,
-                features.match(descriptors, descriptors[::-1], threads=threads).distance,
-            )
-            return [np.asarray(result).tobytes() for result in results]
+            steps = steps_of(points, normals, unit=0.5, rows=keypoints, faces=faces, threads=threads)
+            results = {name: step() for name, step in steps.items()}
+            results["iss of a count"] = features.iss(points, threads=threads, count=100)
+            results["match"] = features.match(
+                results["shot"], results["shot"][::-1], threads=threads
+            ).distance
+            return {name: np.asarray(result).tobytes() for name, result in results.items()}
 
         assert run(1) == run(2) == run(5)
 
