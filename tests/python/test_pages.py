@@ -1,10 +1,10 @@
 """Pages hold what they show, and nothing that is shown can break out of its place."""
 
 import base64
-import builtins
 import gzip
 import json
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -73,13 +73,6 @@ def test_what_is_no_figure_is_refused(figure: object) -> None:
 
 
 def test_without_plotly_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    imported = builtins.__import__
-
-    def refuse(name: str, *rest: object) -> object:
-        if name.startswith("plotly"):
-            raise ModuleNotFoundError(name=name)
-        return imported(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", refuse)
+    monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
     with pytest.raises(InputError, match=re.escape("pip install 'cgroup[scans]'")):
         chart_html("a", {"data": []}, label="A")

@@ -11,6 +11,7 @@ import base64
 import functools
 import gzip
 import html
+import importlib
 import json
 from importlib import resources
 from string import Template
@@ -22,8 +23,6 @@ from cgroup.io import write_file
 
 if TYPE_CHECKING:
     import os
-
-NEEDS_PLOTLY = "interactive pages need plotly; pip install 'cgroup[scans]'"
 
 _UNSAFE_IN_SCRIPTS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&\u2028\u2029"}
 """What could end a script or a comment; in JSON they stand in texts only, where escapes mean the same."""
@@ -200,13 +199,9 @@ def write_page(path: str | os.PathLike[str], page: str) -> None:
 
 def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
     """Return a figure as JSON has it: arrays of numbers become short, as bytes in base64."""
+    kind, known = load_plotly("graph_objects").Figure, load_plotly("basedatatypes").BaseFigure
     try:
-        from plotly.basedatatypes import BaseFigure  # noqa: PLC0415 - an extra
-        from plotly.graph_objects import Figure  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise InputError(NEEDS_PLOTLY) from error
-    try:
-        drawn = as_instance("figure", Figure(figure) if isinstance(figure, dict) else figure, BaseFigure)
+        drawn = as_instance("figure", kind(figure) if isinstance(figure, dict) else figure, known)
         content = json.loads(str(drawn.to_json(validate=False)))
         data, layout = content["data"], content["layout"]
     except (TypeError, ValueError) as error:
@@ -217,11 +212,17 @@ def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
 
 @functools.cache
 def _packed_plotly() -> str:
+    script = load_plotly("offline").get_plotlyjs()
+    return base64.b64encode(gzip.compress(script.encode(), mtime=0)).decode("ascii")
+
+
+def load_plotly(part_of_it: str) -> Any:  # noqa: ANN401 - a module
+    """Import a part of plotly, which is an extra."""
     try:
-        from plotly.offline import get_plotlyjs  # noqa: PLC0415 - an extra
+        return importlib.import_module(f"plotly.{part_of_it}")
     except ModuleNotFoundError as error:
-        raise InputError(NEEDS_PLOTLY) from error
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode("ascii")
+        message = "interactive pages need plotly; pip install 'cgroup[scans]'"
+        raise InputError(message) from error
 
 
 @functools.cache

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cgroup._explain import explain_matches
-from cgroup.errors import InputError
 from cgroup.features import normals
-from cgroup.pages.page import NEEDS_PLOTLY, chart_text
+from cgroup.pages.page import chart_text, load_plotly
 from cgroup.plots import style
 from cgroup.plots.scene import spread
 from cgroup.plots.shading import AMBIENT, LIGHT, face_broadside
@@ -159,10 +158,7 @@ def scene_layout(scene: Scene) -> dict[str, Any]:
 
 def figure_of(drawing: Drawing) -> Any:  # noqa: ANN401 - plotly has no types
     """Draw what a result is made of, side by side, to be turned around."""
-    try:
-        from plotly.graph_objects import Figure  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise InputError(NEEDS_PLOTLY) from error
+    make = load_plotly("graph_objects").Figure
     scene = scene_of(drawing.source, drawing.target, drawing.pose)
     kinds = kinds_of(drawing.mask, drawing.correct)
     lines = [_line_trace(drawing, scene, kind) for kind in kinds if kind.rows.any()]
@@ -174,7 +170,7 @@ def figure_of(drawing: Drawing) -> Any:  # noqa: ANN401 - plotly has no types
         "margin": {"l": 0, "r": 0, "t": 40, "b": 0},
         "template": "none",
     }
-    return Figure(data=traces, layout=layout)
+    return make(data=traces, layout=layout)
 
 
 class Kind(NamedTuple):

@@ -3,9 +3,8 @@
 They need matplotlib, which comes with the extra ``cgroup[scans]``.
 """
 
-from cgroup.plots.keypoints import keypoints_figure
 from cgroup.plots.levels import inliers_figure, registration_rate_figure, scores_figure
-from cgroup.plots.matches import comparison_figure, matches_figure, registration_figure
+from cgroup.plots.matches import comparison_figure, keypoints_figure, matches_figure, registration_figure
 from cgroup.plots.pair_precision import pair_precision_figure
 from cgroup.plots.pipelines import pipelines_figure
 from cgroup.plots.readings import readings_figure

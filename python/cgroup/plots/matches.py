@@ -1,4 +1,4 @@
-"""Two clouds side by side, and lines between matched points."""
+"""Shaded clouds: two side by side with lines between matched points, and one with keypoints on it."""
 
 # Parts of matplotlib's methods are untyped.
 # pyright: reportUnknownMemberType=false
@@ -11,9 +11,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cgroup._checks.arrays import as_points, as_rows
 from cgroup.evaluation import score_group
 from cgroup.plots import style
-from cgroup.plots.scene import Scene, caption
+from cgroup.plots.scene import Scene, caption, show
+from cgroup.plots.shading import face_broadside, find_front, shade
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 _COLUMNS = 3
 _WIDTH = 12  # inches
+_PANEL = 5  # inches, of keypoints
 _JUDGED = {"correct": style.CORRECT, "wrong": style.WRONG}
 
 
@@ -238,8 +241,71 @@ def figure_of(drawing: Drawing) -> Figure:
     return matches_figure(*clouds, drawing.matches, correct=drawing.correct, **given)
 
 
-def _figure(height: float, title: str | None = None) -> Figure:
-    figure = Figure(figsize=(_WIDTH, height), dpi=style.DOTS_PER_INCH, layout="constrained")
+def keypoints_figure(
+    points: ArrayLike,
+    keypoints: Mapping[str, ArrayLike],
+    *,
+    title: str,
+    viewpoint: tuple[float, float, float] = (0, 0, 0),
+) -> Figure:
+    """Draw where detectors found keypoints, one panel each.
+
+    Parameters
+    ----------
+    points : (N,3) array_like of float
+        Whole cloud.
+    keypoints : mapping of str to (m,) array_like of int
+        Rows of the cloud, by the name of the detector.
+    title : str
+        Shown on top.
+    viewpoint : (float, float, float)
+        Where the scanner stood; the cloud is seen from that side.
+
+    Returns
+    -------
+    Figure
+        Keypoints on the far side are left out, and counted below the panel.
+
+    Raises
+    ------
+    IndexError
+        For keypoints that are no rows of the points.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.plots import keypoints_figure
+    >>> from cgroup.registration import detect
+    >>> scan = standin_pair(pixels=60).source
+    >>> found = {name: detect(scan, detector=name) for name in ("h3d", "iss")}
+    >>> figure = keypoints_figure(scan.points, found, title="Two detectors")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['h3d', 'iss']
+    >>> figure.savefig("keypoints.png")
+    """
+    cloud = as_points("points", points)
+    projected = face_broadside(cloud, viewpoint).project(cloud)
+    picture, visible = shade(projected, style.TARGET_TINT), find_front(projected)
+    left, right, bottom, top = picture.extent
+    columns = min(2, len(keypoints))
+    rows = -(-len(keypoints) // columns)
+    height = float(np.clip(_PANEL * (top - bottom) / (right - left), 2, 9)) + 0.4
+    figure = _figure(rows * height + 0.5, title, width=columns * _PANEL)
+    panels = figure.subplots(rows, columns, squeeze=False).reshape(-1)
+    for axes in panels:
+        axes.set_axis_off()
+        axes.set_aspect("equal", anchor="N")
+    for axes, (name, found) in zip(panels, keypoints.items(), strict=False):
+        show(axes, picture)
+        rows_shown = as_rows(name, found)
+        seen = projected[rows_shown[visible[rows_shown]]]
+        axes.scatter(seen[:, 0], seen[:, 1], s=9, color=style.WRONG, edgecolors="white", linewidths=0.3)
+        caption(axes, name, f"{len(rows_shown)} keypoints, {len(seen)} on this side")
+    return figure
+
+
+def _figure(height: float, title: str | None = None, *, width: float = _WIDTH) -> Figure:
+    figure = Figure(figsize=(width, height), dpi=style.DOTS_PER_INCH, layout="constrained")
     if title is not None:
         figure.suptitle(title, color=style.TEXT)
     return figure
