@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from cgroup import features
 
 
@@ -29,3 +31,9 @@ def steps_of(
         "rcs": lambda: features.rcs(points, rows, **support),
         "fpfh": lambda: features.fpfh(points, normals, rows, **ball),
     }
+
+
+def cosines(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+    """Cosine of each row with its counterpart."""
+    ours, theirs = ours.astype(float), theirs.astype(float)
+    return np.sum(ours * theirs, axis=1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(theirs, axis=1)

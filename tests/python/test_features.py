@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from every_step import steps_of
+from every_step import cosines, steps_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -543,9 +543,3 @@ def test_open3d():
     assert np.mean(np.abs(np.sum(mine * normals, axis=1)) > 1 - 1e-9) >= 0.999
     table = open3d.pipelines.registration.compute_fpfh_feature(cloud, search(1.5, 100)).data.T
     assert np.mean(cosines(features.fpfh(points, normals, radius=1.5), table) > 0.999) >= 0.999
-
-
-def cosines(ours, theirs):
-    """Cosine of each row with its counterpart."""
-    ours, theirs = ours.astype(float), theirs.astype(float)
-    return np.sum(ours * theirs, axis=1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(theirs, axis=1)

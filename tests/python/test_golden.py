@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from every_step import cosines
 from shared_data import shared_file
 
 import cgroup
@@ -42,12 +43,9 @@ def test_resolution(golden):
 
 
 def test_normals(golden):
-    ours = features.normals(golden["points"], neighbors=20)
-    theirs = golden["normals"].astype(float)
-    cosine = np.abs(np.sum(ours * theirs, axis=1)) / np.linalg.norm(theirs, axis=1)
-    assert np.mean(cosine > np.cos(np.radians(1))) >= 0.995
-    agrees = np.sum(ours * theirs, axis=1) > 0
-    assert np.mean(agrees) >= 0.999, "they point to the same side of the viewpoint"
+    cosine = cosines(features.normals(golden["points"], neighbors=20), golden["normals"])
+    assert np.mean(np.abs(cosine) > np.cos(np.radians(1))) >= 0.995
+    assert np.mean(cosine > 0) >= 0.999, "they point to the same side of the viewpoint"
 
 
 def test_harris(golden):
@@ -95,12 +93,9 @@ def test_shot_lrf(golden):
 
 
 def test_shot(golden):
-    ours = features.shot(
-        golden["points"], golden["normals"], golden["keypoints"], radius=float(golden["radius"])
-    ).astype(float)
-    theirs = golden["shot352"].astype(float)
-    cosine = np.sum(ours * theirs, axis=1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(theirs, axis=1)
-    assert np.mean(cosine > 0.9999) >= 0.99
+    given = golden["points"], golden["normals"], golden["keypoints"]
+    ours = features.shot(*given, radius=float(golden["radius"]))
+    assert np.mean(cosines(ours, golden["shot352"]) > 0.9999) >= 0.99
 
 
 @pytest.mark.parametrize("name", GENERATED)
@@ -113,18 +108,11 @@ def test_generated_goldens_agree_in_every_keypoint(name):
         np.testing.assert_array_equal(harris, golden["harris"])
         assert min(len(golden["iss"]), len(golden["harris"])) >= 20
         radius, normals = float(golden["radius"]), golden["normals"].astype(float)
-        ours = features.fpfh(
-            golden["points"],
-            normals,
-            golden["keypoints"],
-            radius=radius,
-            max_neighbors=None,
-            convention="pcl",
-        )
+        options = {"radius": radius, "max_neighbors": None, "convention": "pcl"}
+        ours = features.fpfh(golden["points"], normals, golden["keypoints"], **options)
         # In percent; a pair on the edge of a bin moves less than one of them.
         assert np.mean(np.abs(ours - golden["fpfh"]).max(axis=1) < 0.2) >= 0.9
-        lengths = np.linalg.norm(ours, axis=1) * np.linalg.norm(golden["fpfh"], axis=1)
-        assert (np.sum(ours * golden["fpfh"], axis=1) / lengths > 0.9999).all()
+        assert (cosines(ours, golden["fpfh"]) > 0.9999).all()
 
 
 @pytest.fixture(scope="module")
