@@ -8,7 +8,6 @@ import sys
 from contextlib import suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
 
 if sys.platform == "win32":
     resource = None
@@ -71,19 +70,14 @@ def _free_address_space() -> int:
         return limit
 
 
-class _Names(NamedTuple):
-    """What a control group's files are called."""
-
-    limit: str
-    used: str
-    reclaimable: str
-
-
 _NO_LIMIT = 1 << 60
 """Version 1 has a number like this where there is no limit."""
 
-_SECOND = _Names("memory.max", "memory.current", "inactive_file")
-_FIRST = _Names("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+_Names = tuple[str, str, str]
+"""What a control group's files of its limit and its use are called, and the bytes that can be reclaimed."""
+
+_SECOND = ("memory.max", "memory.current", "inactive_file")
+_FIRST = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
 
 
 def _free_in_groups() -> int:
@@ -94,14 +88,13 @@ def _free_in_groups() -> int:
 def _free_in_group(folder: Path, names: _Names) -> int:
     plenty = MOST * SHARE_OF_FREE
     try:
-        limit = int((folder / names.limit).read_text(encoding="ascii"))
-        free = limit - int((folder / names.used).read_text(encoding="ascii")) if limit < _NO_LIMIT else plenty
+        limit, used = (int((folder / name).read_text(encoding="ascii")) for name in names[:2])
     except (OSError, ValueError):  # "max", or nothing
         return plenty
-    if free >= plenty:
-        return free
+    if limit >= _NO_LIMIT or limit - used >= plenty:
+        return plenty
     # The system keeps some files only while nobody needs the memory.
-    return free + (_number_in(folder / "memory.stat", names.reclaimable) or 0)
+    return limit - used + (_number_in(folder / "memory.stat", names[2]) or 0)
 
 
 def _number_in(path: Path, name: str) -> int | None:
@@ -120,7 +113,7 @@ def _groups() -> list[tuple[Path, _Names]]:
         (folder, names)
         for names, place, root, path in _memberships()
         for folder in _with_ancestors(place, root, path)
-        if (folder / names.limit).exists()
+        if (folder / names[0]).exists()
     ]
 
 

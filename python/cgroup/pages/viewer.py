@@ -87,16 +87,15 @@ def _data(view: View, scene: Scene, rows: IndexArray, kinds: list[Kind]) -> dict
     source = apply(np.eye(4), view.matches.source[rows]) - scene.source.center
     target = apply(np.eye(4), view.matches.target[rows]) - scene.target.center
     size = float(np.ptp(scene.target.points, axis=0).max()) or 1.0
+    digits = 5 - int(np.floor(np.log10(size)))  # to a hundred-thousandth of the scene
     matches = {
         "index": rows.tolist(),
-        "source": _rounded(source, size),
-        "target": _rounded(target, size),
+        "source": np.round(source, digits).tolist(),
+        "target": np.round(target, digits).tolist(),
     }
     if view.truth is not None:
-        error = np.linalg.norm(
-            apply(view.truth, view.matches.source[rows]) - view.matches.target[rows], axis=1
-        )
-        matches["error"] = _short(error / (resolution or 1.0))
+        off = apply(view.truth, view.matches.source[rows]) - view.matches.target[rows]
+        matches["error"] = _short(np.linalg.norm(off, axis=1) / (resolution or 1.0))
     return {
         "count": len(view.matches),
         "unit": " pr" if resolution else "",
@@ -137,12 +136,6 @@ def _method(grouping: Grouping, correct: BoolArray | None, rows: IndexArray) -> 
 def _short(values: FloatArray) -> list[float | None]:
     """Round to four digits; what isn't finite is left out."""
     return [float(f"{value:.4g}") if np.isfinite(value) else None for value in values]
-
-
-def _rounded(points: FloatArray, size: float) -> list[list[float]]:
-    """Round to a hundred-thousandth of the scene."""
-    digits = 5 - int(np.floor(np.log10(size)))
-    return np.round(points, digits).tolist()
 
 
 def _chart(view: View, scene: Scene, kinds: list[Kind]) -> str:
@@ -198,20 +191,18 @@ def _methods(view: View) -> str:
     if len(view.selections) == 1:
         return ""
     head = "".join(f'<th scope="col">{html.escape(column)}</th>' for column in view.columns)
-    lines = "".join(_method_row(k, each, view.first) for k, each in enumerate(view.selections))
+    lines = ""
+    for k, selection in enumerate(view.selections):
+        cells = "".join(f"<td>{html.escape(number)}</td>" for number in selection.numbers)
+        state = " checked" if k == view.first else ""
+        lines += (
+            f'<tr><th scope="row"><label><input type="radio" name="method" value="{k}"{state} disabled>'
+            f"{html.escape(selection.label)}</label></th>{cells}</tr>"
+        )
     table = f"<thead><tr><th></th>{head}</tr></thead><tbody>{lines}</tbody>"
     return (
         '<fieldset><legend>Method</legend><div class="scroll">'
         f'<table class="methods">{table}</table></div></fieldset>'
-    )
-
-
-def _method_row(k: int, selection: Selection, first: int) -> str:
-    cells = "".join(f"<td>{html.escape(number)}</td>" for number in selection.numbers)
-    state = " checked" if k == first else ""
-    return (
-        f'<tr><th scope="row"><label><input type="radio" name="method" value="{k}"{state} disabled>'
-        f"{html.escape(selection.label)}</label></th>{cells}</tr>"
     )
 
 
