@@ -60,37 +60,30 @@ def called_names() -> set[str]:
 
 def public_calls(folder: Path) -> dict[str, Call]:
     """Make a call of each, with files in a folder."""
+    arguments = {
+        "": _grouping(),
+        "features": _front_end(),
+        "verification": _verification(),
+        "registration": _registration(),
+        **_judgement(),
+        "io": _files(folder),
+    }
     calls = {}
-    for name, arguments in _arguments(folder).items():
-        module, _, function = name.rpartition(".")
-        calls[name] = Call(
-            getattr(importlib.import_module(f"cgroup.{module}".rstrip(".")), function), arguments
-        )
+    for module, of_it in arguments.items():
+        home = importlib.import_module(f"cgroup.{module}".rstrip("."))
+        calls |= {f"{module}.{name}".lstrip("."): Call(getattr(home, name), of_it[name]) for name in of_it}
     return calls
 
 
-def _arguments(folder: Path) -> dict[str, dict[str, Any]]:
-    points = {"source": PROBLEM.source, "target": PROBLEM.target}
-    frames = {"source_lrf": PROBLEM.source_lrf, "target_lrf": PROBLEM.target_lrf}
-    group = {"correspondences": MATCHES, "method": "gc"}
-    return {
-        "Correspondences": points | frames,
-        "group": group,
-        "group_many": {"problems": [MATCHES], "method": "gc"},
-        **{
-            info.function.__name__: {
-                name: getattr(PROBLEM, name)
-                for name in (*info.fields, *info.optional_fields)
-                if hasattr(PROBLEM, name)
-            }
-            for info in METHOD_INFO.values()
-        },
-        **_front_end(),
-        **_verification(),
-        **_registration(),
-        **_judgement(),
-        **_files(folder),
+def _grouping() -> dict[str, dict[str, Any]]:
+    names = {info.function.__name__: (*info.fields, *info.optional_fields) for info in METHOD_INFO.values()}
+    frames = ("source", "target", "source_lrf", "target_lrf")
+    fields = {
+        function: {name: getattr(PROBLEM, name) for name in taken if hasattr(PROBLEM, name)}
+        for function, taken in (names | {"Correspondences": frames}).items()
     }
+    group = {"correspondences": MATCHES, "method": "gc"}
+    return fields | {"group": group, "group_many": {"problems": [MATCHES], "method": "gc"}}
 
 
 @cache
@@ -103,7 +96,7 @@ def _front_end() -> dict[str, dict[str, Any]]:
     points, keypoints, radius = {"points": cloud}, {"keypoints": [0, 300]}, {"radius": 20.0}
     normals = {"normals": features.normals(cloud)}
     corners = {"points": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
-    arguments = {
+    return {
         "Cloud": {"points": POINTS},
         "resolution": points,
         "voxel_downsample": {**points, "voxel": 10.0},
@@ -121,7 +114,6 @@ def _front_end() -> dict[str, dict[str, Any]]:
         "rcs": points | keypoints | radius,
         "match": {"source": np.eye(3), "target": np.eye(3)},
     }
-    return {f"features.{name}": given for name, given in arguments.items()}
 
 
 def _verification() -> dict[str, dict[str, Any]]:
@@ -129,7 +121,7 @@ def _verification() -> dict[str, dict[str, Any]]:
     surface = verification.Surface(POINTS, normals, unit=0.4 * VOXEL)
     fine = verification.FineSurface(POINTS, VOXEL / 2)
     pair, pose = {"source": surface, "target": surface}, {"pose": np.eye(4)}
-    arguments = {
+    return {
         "Surface": {"points": POINTS, "normals": normals, "unit": 0.4 * VOXEL},
         "FineSurface": {"points": POINTS, "spacing": VOXEL / 2},
         "align": {"source": fine, "target": fine} | pose,
@@ -137,13 +129,12 @@ def _verification() -> dict[str, dict[str, Any]]:
         "score_poses": pair | {"poses": [np.eye(4)]},
         "verify": pair | {"poses": [np.eye(4)], "matches": MATCHES},
     }
-    return {f"verification.{name}": given for name, given in arguments.items()}
 
 
 def _registration() -> dict[str, dict[str, Any]]:
     pair, voxel, scene = {"source": PAIR.source, "target": PAIR.target}, {"voxel": VOXEL}, PAIR.target
     described = _described()
-    arguments: dict[str, dict[str, Any]] = {
+    return {
         "DenseFront": {},
         "PaperFront": {},
         "correspond": pair,
@@ -157,10 +148,9 @@ def _registration() -> dict[str, dict[str, Any]]:
         "recognize": {"models": {"a": PAIR.source}, "scene": scene} | voxel,
         "find_instances": {"model": PAIR.source, "scene": scene} | voxel,
     }
-    return {f"registration.{name}": given for name, given in arguments.items()}
 
 
-def _judgement() -> dict[str, dict[str, Any]]:
+def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
     pose, tolerance = {"T_target_source": np.eye(4)}, {"tolerance": 1.0}
     matched, poses = (
         {"source": PROBLEM.source, "target": PROBLEM.target},
@@ -170,27 +160,33 @@ def _judgement() -> dict[str, dict[str, Any]]:
     rng = {"rng": np.random.default_rng(0)}
     pair = {"pair": standin_pair(pixels=60), "level": 0.9} | rng
     return {
-        "evaluation.match_errors": matched | pose,
-        "evaluation.correct_matches": matched | pose | tolerance,
-        "evaluation.within": {"points": POINTS, "others": POINTS, "radius": 1.0},
-        "evaluation.overlap": matched | pose | tolerance,
-        "evaluation.alignment_error": matched | poses | tolerance,
-        "evaluation.mean_displacement": {"points": POINTS} | poses,
-        "evaluation.clutter_and_occlusion": mesh | {"T_scene_model": np.eye(4)} | tolerance,
-        "evaluation.score_counts": dict.fromkeys(("matches", "correct", "selected", "selected_correct"), 3),
-        "evaluation.score_group": {"mask": [True, False], "correct": [True, True]},
-        "nuisances.add_noise": {"cloud": PAIR.source, "sigma": 0.1} | rng,
-        "nuisances.decimate": {"cloud": PAIR.source, "share": 0.5} | rng,
-        "nuisances.apply_nuisance": {"name": "noise"} | pair,
-        **{f"nuisances.{name}": pair for name in ("noise", "density", "voxel_density")},
-        "nuisances.less_overlap": pair | {"level": 0.3},
-        "nuisances.more_occlusion": pair | {"level": 0.8},
-        "nuisances.more_clutter": pair,
-        "rigid.apply": {"transform": np.eye(4), "points": POINTS},
-        "rigid.invert": {"transform": np.eye(4)},
-        "rigid.check_rigid": {"transform": np.eye(4)},
-        "rigid.rotation_error": poses,
-        "rigid.translation_error": poses,
+        "evaluation": {
+            "match_errors": matched | pose,
+            "correct_matches": matched | pose | tolerance,
+            "within": {"points": POINTS, "others": POINTS, "radius": 1.0},
+            "overlap": matched | pose | tolerance,
+            "alignment_error": matched | poses | tolerance,
+            "mean_displacement": {"points": POINTS} | poses,
+            "clutter_and_occlusion": mesh | {"T_scene_model": np.eye(4)} | tolerance,
+            "score_counts": dict.fromkeys(("matches", "correct", "selected", "selected_correct"), 3),
+            "score_group": {"mask": [True, False], "correct": [True, True]},
+        },
+        "nuisances": {
+            "add_noise": {"cloud": PAIR.source, "sigma": 0.1} | rng,
+            "decimate": {"cloud": PAIR.source, "share": 0.5} | rng,
+            "apply_nuisance": {"name": "noise"} | pair,
+            **dict.fromkeys(("noise", "density", "voxel_density"), pair),
+            "less_overlap": pair | {"level": 0.3},
+            "more_occlusion": pair | {"level": 0.8},
+            "more_clutter": pair,
+        },
+        "rigid": {
+            "apply": {"transform": np.eye(4), "points": POINTS},
+            "invert": {"transform": np.eye(4)},
+            "check_rigid": {"transform": np.eye(4)},
+            "rotation_error": poses,
+            "translation_error": poses,
+        },
     }
 
 
@@ -200,7 +196,7 @@ def _files(folder: Path) -> dict[str, dict[str, Any]]:
     write_descriptors(folder / "described.npz", described)
     write_correspondences(folder / "matches.npz", MATCHES)
     write_transform(folder / "pose.txt", np.eye(4))
-    arguments = {
+    return {
         "read_cloud": {"path": folder / "cloud.ply"},
         "read_descriptors": {"path": folder / "described.npz"},
         "read_correspondences": {"path": folder / "matches.npz"},
@@ -214,4 +210,3 @@ def _files(folder: Path) -> dict[str, dict[str, Any]]:
         "write_mask": {"path": folder / "mask.npy", "mask": [True, False]},
         "write_transform": {"path": folder / "other.txt", "transform": np.eye(4)},
     }
-    return {f"io.{name}": given for name, given in arguments.items()}
