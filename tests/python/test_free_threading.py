@@ -12,7 +12,7 @@ import pytest
 import cgroup
 from cgroup import Correspondences, InputError, group
 from cgroup.datasets import make_problem, standin_pair
-from cgroup.features import Cloud, normals, shot
+from cgroup.features import normals
 from cgroup.registry import METHOD_INFO
 from cgroup.verification import Surface, score_poses
 
@@ -53,15 +53,6 @@ def test_methods_side_by_side(name: str, matches: Correspondences):
     for together in run_at_once(lambda: group(matches, name, threads=2)):
         assert np.array_equal(together.mask, alone.mask)
         assert np.array_equal(together.transform(), alone.transform())
-
-
-def test_one_cloud_for_all_threads():
-    points = np.random.default_rng(0).uniform(size=(800, 3))
-    cloud = Cloud(points)
-    directions = normals(points, radius=0.2)
-    alone = shot(cloud, directions, np.arange(20), radius=0.2)
-    for together in run_at_once(lambda: shot(cloud, directions, np.arange(20), radius=0.2)):
-        assert np.array_equal(together, alone, equal_nan=True)
 
 
 def test_one_surface_for_all_threads():

@@ -38,28 +38,12 @@ GENERATED = config.Config(
 )
 
 
-def draw_registration(**changed: Any) -> object:
-    given = {
-        "source": PROBLEM.source,
-        "target": PROBLEM.target,
-        "correspondences": BARE,
-        "mask": np.ones(12, dtype=bool),
-        "T_target_source": np.eye(4),
-        "title": "",
-    }
-    return plots.registration_figure(**{**given, **changed})
-
-
-def draw_comparison(mask: np.ndarray, pose: np.ndarray) -> object:
-    return plots.comparison_figure(
-        PROBLEM.source,
-        PROBLEM.target,
-        BARE,
-        correct=PROBLEM.inlier_mask,
-        masks={"gtm": mask},
-        T_target_source=pose,
-        title="",
-    )
+def draw(figure: str, *, rows: int = 12, pose: np.ndarray | None = None) -> object:
+    """Draw the problem with a mask of so many rows and a pose, the right ones by default."""
+    mask = np.ones(rows, dtype=bool)
+    given = {"correct": PROBLEM.inlier_mask, "masks": {"gtm": mask}} if "comp" in figure else {"mask": mask}
+    given |= {"T_target_source": np.eye(4) if pose is None else pose, "title": ""}
+    return getattr(plots, figure)(PROBLEM.source, PROBLEM.target, BARE, **given)
 
 
 def find_open3d_missing() -> object:
@@ -71,10 +55,6 @@ def find_plotly_missing() -> object:
     page._packed_plotly.cache_clear()
     with mock.patch.dict(sys.modules, {"plotly.offline": None}):
         return pages.page_html("", '<figure class="chart"></figure>')
-
-
-def of_levels(draw: Callable[..., object]) -> Callable[[], object]:
-    return partial(draw, pd.DataFrame({"method": ["gtm"]}), xlabel="", title="")
 
 
 WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
@@ -95,12 +75,11 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     "cgroup.registration.PreparedScan.resized": (
         lambda: registration.prepare(PAIR.source, voxel=6.0).resized(100),
     ),
-    "cgroup.datasets.Dataset.load": (lambda: STONES.load("nonsense"),),
-    "cgroup.datasets.Dataset.origin_of": (lambda: STONES.origin_of("nonsense"),),
+    **{
+        f"cgroup.datasets.Dataset.{name}": (partial(getattr(STONES, name), "nonsense"),)
+        for name in ("load", "origin_of", "protocols_of", "subject_of", "check_name")
+    },
     "cgroup.datasets.Dataset.measure_facts": (lambda: STONES.measure_facts("nonsense", bound=2),),
-    "cgroup.datasets.Dataset.protocols_of": (lambda: STONES.protocols_of("nonsense"),),
-    "cgroup.datasets.Dataset.subject_of": (lambda: STONES.subject_of("nonsense"),),
-    "cgroup.datasets.Dataset.check_name": (lambda: STONES.check_name("nonsense"),),
     "cgroup.datasets.MatchingProblem.subset": (lambda: PROBLEM.subset(np.array([12])),),
     "cgroup.datasets.data_root": (lambda: datasets.data_root(NOWHERE),),
     "cgroup.datasets.make_problem": (lambda: datasets.make_problem(np.random.default_rng(0), -1),),
@@ -115,25 +94,29 @@ WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
     "cgroup.comparison.find_correct": (lambda: comparison.find_correct(BARE, np.eye(4)),),
     "cgroup.comparison.write_table": (lambda: comparison.write_table("table.csv", []),),
     "cgroup.plots.comparison_figure": (
-        lambda: draw_comparison(np.ones(12, dtype=bool), np.eye(3)),
-        lambda: draw_comparison(np.ones(3, dtype=bool), np.eye(4)),
+        lambda: draw("comparison_figure", pose=np.eye(3)),
+        lambda: draw("comparison_figure", rows=3),
     ),
     "cgroup.plots.keypoints_figure": (
         lambda: plots.keypoints_figure(PROBLEM.source, {"h3d": np.array([12])}, title=""),
     ),
     "cgroup.plots.registration_figure": (
-        lambda: draw_registration(T_target_source=np.eye(3)),
-        lambda: draw_registration(mask=np.ones(13, dtype=bool)),
+        lambda: draw("registration_figure", pose=np.eye(3)),
+        lambda: draw("registration_figure", rows=13),
     ),
-    "cgroup.plots.inliers_figure": (of_levels(plots.inliers_figure),),
-    "cgroup.plots.registration_rate_figure": (of_levels(plots.registration_rate_figure),),
-    "cgroup.plots.scores_figure": (of_levels(plots.scores_figure),),
-    "cgroup.plots.pair_precision_figure": (
-        lambda: plots.pair_precision_figure(pd.DataFrame(), methods=("gc", "gtm"), title=""),
-    ),
-    "cgroup.plots.pipelines_figure": (lambda: plots.pipelines_figure(pd.DataFrame(), title=""),),
-    "cgroup.plots.readings_figure": (lambda: plots.readings_figure(pd.DataFrame(), title=""),),
-    "cgroup.plots.trials_figure": (lambda: plots.trials_figure(pd.DataFrame(), title=""),),
+    **{
+        f"cgroup.plots.{name}": (partial(getattr(plots, name), pd.DataFrame(columns), title="", **options),)
+        for columns, options, names in (
+            (
+                {"method": ["gtm"]},
+                {"xlabel": ""},
+                ("inliers_figure", "registration_rate_figure", "scores_figure"),
+            ),
+            ({}, {"methods": ("gc", "gtm")}, ("pair_precision_figure",)),
+            ({}, {}, ("pipelines_figure", "readings_figure", "trials_figure")),
+        )
+        for name in names
+    },
     "cgroup.pages.chart_html": (lambda: pages.chart_html("a", 3, label="a"),),
     "cgroup.pages.comparison_page": (lambda: pages.comparison_page(CLOUD, CLOUD, BARE, [], np.eye(4)),),
     "cgroup.pages.log_to_rerun": (lambda: pages.log_to_rerun(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5])),),
