@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import inspect
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,8 +19,7 @@ from cgroup import Correspondences, features, registration
 from cgroup.errors import CgroupError, InputError
 from cgroup.io import PointCloud
 
-if TYPE_CHECKING:
-    from pathlib import Path
+pytestmark = pytest.mark.usefixtures("elsewhere")  # as wrong values may be file names
 
 LONGEST = 500
 NAMES = sorted(called_names())
@@ -29,12 +28,6 @@ NAMES = sorted(called_names())
 @pytest.fixture(scope="module")
 def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
     return public_calls(tmp_path_factory.mktemp("files"))
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wrong values may be file names."""
-    monkeypatch.chdir(tmp_path)
 
 
 def parameters(call: Call) -> list[inspect.Parameter]:
@@ -145,9 +138,7 @@ ANYTHING = st.one_of(
 @given(data=st.data())
 def test_several_wrong_values_at_once(calls: dict[str, Call], data: st.DataObject) -> None:
     call = calls[data.draw(st.sampled_from(NAMES), label="function")]
-    names = [
-        parameter.name for parameter in parameters(call) if parameter.kind is not parameter.VAR_POSITIONAL
-    ]
+    names = [each.name for each in parameters(call) if each.kind is not each.VAR_POSITIONAL]
     drawn = {name: data.draw(ANYTHING, label=name) for name in names if data.draw(st.booleans())}
     values = {name: WRONG[v["from"]] if isinstance(v, dict) else v for name, v in drawn.items()}
     if callable(values.get("progress")):
