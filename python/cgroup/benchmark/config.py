@@ -7,9 +7,17 @@ import json
 import sys
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from cgroup.benchmark.problem import COMBINATIONS, DENSE_MATCHES, Task
 from cgroup.benchmark.solver import Solver, candidate, make_pipeline
@@ -25,7 +33,7 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
 __all__ = [
     "METHOD_SETS",
@@ -65,13 +73,26 @@ def _expand_method_sets(value: object) -> object:
     return [name for entry, names in zip(entries, known, strict=True) for name in names or (entry,)]
 
 
-_AS_LIST, _SOME = BeforeValidator(as_list), Field(min_length=1)
+def _one_of(choices: Iterable[str], what: str = "one of ") -> AfterValidator:
+    """Refuse other words."""
+
+    def check(value: str) -> str:
+        if value not in choices:
+            message = f"got {value!r}; choose {what}{', '.join(filter(None, choices))}"
+            raise InputError(message)
+        return value
+
+    return AfterValidator(check)
+
+
+Item = TypeVar("Item")
+Several: TypeAlias = Annotated[tuple[Item, ...], BeforeValidator(as_list), Field(min_length=1)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
 AtLeastOne = Annotated[int, Field(ge=1)]
-Counts = Annotated[tuple[Count, ...], _AS_LIST, _SOME]
-Lengths = Annotated[tuple[Positive, ...], _AS_LIST, _SOME]
-Names = Annotated[tuple[str, ...], _AS_LIST, _SOME]
+Share = Annotated[float, Field(ge=0, le=1)]
+_ROTATING = [name for name, each in PROTOCOLS.items() if each.max_rotation is not None]
+RotationLimit = Annotated[str, _one_of(_ROTATING, "a limit of the rotation: ")]
 
 
 class MethodEntry(Table):
@@ -138,7 +159,7 @@ class SetEntry(Table):
 
     task: ClassVar[Task]
     id: str
-    dataset: Names
+    dataset: Several[str]
     pairs: AtLeastOne | tuple[str, ...] | None = None
 
 
@@ -149,9 +170,9 @@ class ExperimentEntry(SetEntry):
     nuisance: str = ""
     levels: tuple[float, ...] = ()
     sweep: Literal["nms_radius"] | None = None
-    combinations: Annotated[tuple[str, ...], Field(min_length=1)] = ("C1",)
+    combinations: Several[Annotated[str, _one_of(COMBINATIONS)]] = ("C1",)
     front: FrontEntry = FrontEntry()
-    epsilons: Lengths = (5.0,)
+    epsilons: Several[Positive] = (5.0,)
     methods: Methods | None = None
 
     @model_validator(mode="after")
@@ -162,46 +183,38 @@ class ExperimentEntry(SetEntry):
         if bool(self.levels) != bool(self.nuisance or self.sweep):
             message = "levels: needed with a nuisance or a sweep, and only there"
             raise InputError(message)
-        for name in self.combinations:
-            if name not in COMBINATIONS:
-                message = f"combinations: got {name!r}; choose from {', '.join(COMBINATIONS)}"
-                raise InputError(message)
         if self.sweep and min(self.levels) <= 0:
             message = f"levels: got {min(self.levels)}; a radius is greater than 0"
             raise InputError(message)
         return self
 
 
-class PairSetEntry(SetEntry):
+class UnrelatedSetEntry(SetEntry):
+    """Pairs, and as many mirrored and mixed ones, whose poses are judged by two limits."""
+
+    loose: RotationLimit
+    strict: RotationLimit
+    voxel: Positive | None = None
+    mirrored: Count = 0
+    mixed: Count = 0
+
+
+class PairSetEntry(UnrelatedSetEntry):
     """Pairs of clouds to be registered: a column of the comparison."""
 
     task: ClassVar[Task] = "registration"
-    loose: str
-    strict: str
-    mirrored: Count = 0
-    mixed: Count = 0
-    voxel: Positive | None = None
     split_overlap: Annotated[float, Field(gt=0, lt=1)] | None = None
     without: tuple[str, ...] = ()
-
-    @model_validator(mode="after")
-    def _fits(self) -> PairSetEntry:
-        known = _list_rotating()
-        for name in (self.loose, self.strict):
-            if name not in known:
-                message = f"loose, strict: got {name!r}; choose a limit of the rotation: {', '.join(known)}"
-                raise InputError(message)
-        return self
 
 
 class GridEntry(Table):
     """Generated matches: every combination of the values."""
 
-    n: Counts = (1000,)
-    inliers: Annotated[tuple[Annotated[float, Field(ge=0, le=1)], ...], _AS_LIST, _SOME] = (0.1,)
-    noise: Annotated[tuple[Annotated[float, Field(ge=0, allow_inf_nan=False)], ...], _AS_LIST, _SOME] = (1.5,)
-    scene: Names = ("uniform",)
-    frames: Names = ("good",)
+    n: Several[Count] = (1000,)
+    inliers: Several[Share] = (0.1,)
+    noise: Several[Annotated[float, Field(ge=0, allow_inf_nan=False)]] = (1.5,)
+    scene: Several[str] = ("uniform",)
+    frames: Several[str] = ("good",)
     repeats: AtLeastOne = 1
 
     @model_validator(mode="after")
@@ -219,21 +232,18 @@ class GridEntry(Table):
         return [each for each in made if each.inliers == 0 or round(each.inliers * each.n) >= FEWEST]
 
 
-class TrialSetEntry(SetEntry):
+class TrialSetEntry(UnrelatedSetEntry):
     """Matches of any kind to be grouped: a ranking of its own."""
 
     task: ClassVar[Task] = "matches"
-    dataset: Annotated[tuple[str, ...], _AS_LIST] = ()
+    dataset: Annotated[tuple[str, ...], BeforeValidator(as_list)] = ()
     grid: GridEntry | None = None
-    matches: str = ""
-    voxel: Positive | None = None
+    matches: Annotated[str, _one_of(("", *COMBINATIONS, *DENSE_MATCHES))] = ""
     epsilon: Positive = 5.0
-    loose: str = "5deg+5pr"
-    strict: str = "2deg+2pr"
-    preset: str = "paper"
+    loose: RotationLimit = "5deg+5pr"
+    strict: RotationLimit = "2deg+2pr"
+    preset: Annotated[str, _one_of(PRESETS)] = "paper"
     whole: AtLeastOne | None = None
-    mirrored: Count = 0
-    mixed: Count = 0
     methods: Methods | None = None
 
     @model_validator(mode="after")
@@ -241,17 +251,6 @@ class TrialSetEntry(SetEntry):
         if bool(self.dataset) == bool(self.grid):
             message = "dataset, grid: give one of the two"
             raise InputError(message)
-        rotating = _list_rotating()
-        known = {
-            "matches": ("", *COMBINATIONS, *DENSE_MATCHES),
-            "preset": tuple(PRESETS),
-            "loose": rotating,
-            "strict": rotating,
-        }
-        for name, choices in known.items():
-            if (given := getattr(self, name)) not in choices:
-                message = f"{name}: got {given!r}; choose one of {', '.join(filter(None, choices))}"
-                raise InputError(message)
         if self.voxel is not None and self.matches not in DENSE_MATCHES:
             message = f"voxel: only for dense matches: {', '.join(DENSE_MATCHES)}"
             raise InputError(message)
@@ -261,11 +260,11 @@ class TrialSetEntry(SetEntry):
 class TimingEntry(Table):
     """The paper's timing experiment: each method alone on matches of growing number from one pair."""
 
-    dataset: Names
+    dataset: Several[str]
     pair: str | None = None
     sizes: tuple[Annotated[int, Field(ge=3)], ...] = (500, 1000, 2000, 3000, 5000, 10_000, 20_000)
     repeats: AtLeastOne = 10
-    threads: Annotated[tuple[Count, ...], _AS_LIST] = (1, 0)
+    threads: Several[Count] = (1, 0)
     budget: Positive = 60.0
     methods: Methods | None = None
 
@@ -274,19 +273,16 @@ class RegistrationEntry(Table):
     """Ways to register two clouds, each run alone on every pair."""
 
     threads: AtLeastOne = 2
-    pipelines: Annotated[tuple[PipelineEntry, ...], Field(min_length=1)]
-    sets: Annotated[tuple[PairSetEntry, ...], Field(min_length=1)]
+    pipelines: Several[PipelineEntry]
+    sets: Several[PairSetEntry]
 
     @model_validator(mode="after")
     def _fits(self) -> RegistrationEntry:
-        _check_ids(self.sets)
         labels = [entry.solver().label for entry in self.pipelines]
-        if len(set(labels)) < len(labels):
-            message = f"pipelines: {', '.join(labels)}; give each variant a label of its own"
-            raise InputError(message)
-        unknown = [label for each in self.sets for label in each.without if label not in labels]
-        if unknown:
-            message = f"sets: without {unknown[0]!r}, but the pipelines are {', '.join(labels)}"
+        _refuse_twins("sets", [each.id for each in self.sets], "each an id")
+        _refuse_twins("pipelines", labels, "each variant a label")
+        for label in (label for each in self.sets for label in each.without if label not in labels):
+            message = f"sets: without {label!r}, but the pipelines are {', '.join(labels)}"
             raise InputError(message)
         return self
 
@@ -294,14 +290,14 @@ class RegistrationEntry(Table):
 class TrialsEntry(Table):
     """Grouping methods, each run alone on every set of matches."""
 
-    threads: Counts = (1,)
+    threads: Several[Count] = (1,)
     limit: Positive = 60.0
     methods: Methods | None = None
-    sets: Annotated[tuple[TrialSetEntry, ...], Field(min_length=1)]
+    sets: Several[TrialSetEntry]
 
     @model_validator(mode="after")
     def _fits(self) -> TrialsEntry:
-        _check_ids(self.sets)
+        _refuse_twins("sets", [each.id for each in self.sets], "each an id")
         return self
 
 
@@ -543,14 +539,7 @@ def _key_path(location: tuple[int | str, ...]) -> str:
     return f"{path}: " if path else ""
 
 
-def _list_rotating() -> tuple[str, ...]:
-    """Names of the protocols that limit the rotation."""
-    return tuple(each.name for each in PROTOCOLS.values() if each.max_rotation is not None)
-
-
-def _check_ids(sets: Iterable[SetEntry]) -> None:
-    """Refuse two sets of one id."""
-    ids = [each.id for each in sets]
-    if len(set(ids)) < len(ids):
-        message = f"sets: {', '.join(ids)}; give each an id of its own"
+def _refuse_twins(what: str, names: Sequence[str], wanted: str) -> None:
+    if len(set(names)) < len(names):
+        message = f"{what}: {', '.join(names)}; give {wanted} of its own"
         raise InputError(message)

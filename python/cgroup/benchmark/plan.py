@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from cgroup.benchmark.config import ExperimentEntry, FrontEntry, PairSetEntry, TrialSetEntry
+from cgroup.benchmark.config import ExperimentEntry, TrialSetEntry, UnrelatedSetEntry
 from cgroup.benchmark.problem import READY_MADE, Problem, keyed_rng
 from cgroup.datasets import mixed_names, open_dataset
 from cgroup.datasets.generated_matches import GeneratedMatches
@@ -19,10 +20,18 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cgroup.benchmark.config import Config, SetEntry, TimingEntry
+    from cgroup.benchmark.problem import Kind, Task
     from cgroup.benchmark.solver import Solver
     from cgroup.datasets import Dataset
 
 Item = TypeVar("Item")
+
+_ASKING_FOR_CLOUDS: dict[Task, tuple[set[str], str]] = {
+    "experiment": ({"nuisance", "sweep", "front"}, "it takes no nuisance, sweep or front"),
+    "registration": ({"id"}, "registering needs clouds"),
+    "matches": ({"matches", "mirrored", "mixed"}, "leave out matches, mirrored and mixed"),
+}
+"""Keys of a set by which it asks for clouds, and what is said where a data set comes as correspondences."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +51,7 @@ class PlannedSet:
     """A set of problems, in the order of the work, and its solvers, each run on all of them.
 
     `threads` are for each, 0 for all cores; at `epsilons` groups of an experiment are scored; `limit` are
-    seconds after which a solver is given up; `missing` says which data sets and pipelines are not at hand.
+    seconds after which a solver is given up.
     """
 
     entry: SetEntry | TimingEntry
@@ -52,21 +61,16 @@ class PlannedSet:
     threads: tuple[int, ...] = (1,)
     epsilons: tuple[float, ...] = ()
     limit: float | None = None
-    missing: dict[str, str] | None = None
 
 
 @dataclass(frozen=True)
 class Plan:
-    """All sets of a configuration, and the data sets that they use."""
+    """All sets of a configuration, the data sets that they use, and what is not at hand, and why."""
 
     config: Config
     sets: tuple[PlannedSet, ...]
     datasets: tuple[DatasetFacts, ...]
-
-    @property
-    def missing(self) -> dict[str, str]:
-        """Data sets and pipelines that are not at hand, and why."""
-        return {name: why for each in self.sets for name, why in (each.missing or {}).items()}
+    missing: dict[str, str]
 
 
 def make_plan(config: Config, root: Path | None) -> Plan:
@@ -80,8 +84,8 @@ def make_plan(config: Config, root: Path | None) -> Plan:
         If none is at hand, a pair is named that doesn't exist, or a set doesn't fit its data.
     """
     opened = _OpenDatasets(root)
-    planned = [_plan_set(config, entry, opened) for entry in config.sets]
-    missing = {name: why for each in planned for name, why in (each.missing or {}).items()}
+    planned = list(_plan_sets(config, opened))
+    missing = dict(opened.missing)
     if not opened.found:
         name, why = next(iter(missing.items()))
         remedy = f"none of the data sets is at hand; {name}: {why}"
@@ -89,11 +93,11 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     facts = tuple(_describe(name, found, planned) for name, found in opened.found.items())
     if config.timing is not None:
         planned.append(_plan_timing(config, config.timing, opened))
-    return Plan(config, tuple(planned), facts)
+    return Plan(config, tuple(planned), facts, missing)
 
 
 class _OpenDatasets:
-    """Data sets opened once: those at hand with their pairs, and reasons why others aren't."""
+    """Data sets opened once: those at hand with their pairs, and reasons why others, or pipelines, aren't."""
 
     def __init__(self, root: Path | None) -> None:
         self._root = root
@@ -114,6 +118,10 @@ class _OpenDatasets:
                 self.missing[name] = str(error)
         return name in self.found
 
+    def comes_as_matches(self, name: str) -> bool:
+        """Whether pairs of a data set are correspondences without clouds."""
+        return self.found[name].role == "correspondences"
+
     def draw_pairs(self, entry: SetEntry, name: str, seed: int) -> list[str]:
         """Choose pairs of a data set, in its order unless they are named; without those that lack files.
 
@@ -132,37 +140,29 @@ class _OpenDatasets:
         return [pair for pair in wanted if pair in pairs]
 
 
-def _plan_set(config: Config, entry: SetEntry, opened: _OpenDatasets) -> PlannedSet:
-    names = entry.dataset or (GeneratedMatches.name,)
-    at_hand = [name for name in names if opened.open(name)]
-    missing = {name: opened.missing[name] for name in names if name in opened.missing}
-    solvers, rest = _find_solvers(config, entry, missing)
-    problems = dict.fromkeys(
-        problem for name in at_hand for problem in _list_problems(entry, name, opened, config.seed)
-    )
-    return PlannedSet(entry, entry.task, tuple(problems), solvers, missing=missing, **rest)
+def _plan_sets(config: Config, opened: _OpenDatasets) -> Iterator[PlannedSet]:
+    """Plan all sets but the timing; pipelines that aren't installed become missing."""
 
+    def plan(entry: SetEntry, solvers: Iterable[Solver], **how: Any) -> PlannedSet:  # noqa: ANN401
+        names = [name for name in entry.dataset or (GeneratedMatches.name,) if opened.open(name)]
+        problems = (each for name in names for each in _list_problems(entry, name, opened, config.seed))
+        return PlannedSet(entry, entry.task, tuple(dict.fromkeys(problems)), tuple(solvers), **how)
 
-def _find_solvers(
-    config: Config, entry: SetEntry, missing: dict[str, str]
-) -> tuple[tuple[Solver, ...], dict[str, Any]]:
-    """Find the solvers of a set, and how they are run; those that aren't installed become missing."""
-    if isinstance(entry, ExperimentEntry):
+    for entry in config.experiment:
         methods = entry.methods or config.methods
-        return tuple(each.solver() for each in methods), {"epsilons": entry.epsilons}
-    if isinstance(entry, TrialSetEntry):
-        trials = config.trials
-        assert trials is not None  # noqa: S101 - the set is one of them
-        methods = entry.methods or trials.methods or config.methods
-        solvers = tuple(_with_preset(each.solver(), entry.preset) for each in methods)
-        return solvers, {"threads": trials.threads, "limit": trials.limit}
-    registration = config.registration
-    assert registration is not None  # noqa: S101 - the set is one of them
-    assert isinstance(entry, PairSetEntry)  # noqa: S101
-    wanted = [each.solver() for each in registration.pipelines]
-    reasons = {each: each.why_missing() for each in wanted if each.label not in entry.without}
-    missing |= {each.label: why for each, why in reasons.items() if why}
-    return tuple(each for each, why in reasons.items() if not why), {"threads": (registration.threads,)}
+        yield plan(entry, (each.solver() for each in methods), epsilons=entry.epsilons)
+    if (registration := config.registration) is not None:
+        for entry in registration.sets:
+            wanted = (each.solver() for each in registration.pipelines)
+            reasons = {each: each.why_missing() for each in wanted if each.label not in entry.without}
+            at_hand = (each for each, why in reasons.items() if not why)
+            yield plan(entry, at_hand, threads=(registration.threads,))
+            opened.missing |= {each.label: why for each, why in reasons.items() if why}
+    if (trials := config.trials) is not None:
+        for entry in trials.sets:
+            methods = entry.methods or trials.methods or config.methods
+            solvers = (_with_preset(each.solver(), entry.preset) for each in methods)
+            yield plan(entry, solvers, threads=trials.threads, limit=trials.limit)
 
 
 def _with_preset(method: Solver, preset: str) -> Solver:
@@ -172,62 +172,49 @@ def _with_preset(method: Solver, preset: str) -> Solver:
 
 
 def _list_problems(entry: SetEntry, name: str, opened: _OpenDatasets, seed: int) -> Iterator[Problem]:
-    ready_made = opened.found[name].role == "correspondences"
     if isinstance(entry, TrialSetEntry) and entry.grid is not None:
         for recipe in entry.grid.recipes():
             kind = "related" if recipe.inliers else "mixed"
             yield Problem("matches", name, recipe.name, kind, epsilon=entry.epsilon, seed=seed)
         return
+    ready_made = opened.comes_as_matches(name)
     _check_role(entry, name, ready_made=ready_made)
     pairs = opened.draw_pairs(entry, name, seed)
     if isinstance(entry, ExperimentEntry):
-        for pair in pairs:
-            yield from _list_cases(entry, Problem("experiment", name, pair, seed=seed), ready_made=ready_made)
+        combinations = (READY_MADE,) if ready_made else entry.combinations
+        for pair, level, combination in itertools.product(pairs, entry.levels or (None,), combinations):
+            problem = Problem("experiment", name, pair, matches=combination, seed=seed)
+            if entry.sweep:
+                problem = replace(problem, nms_radius=level)
+            else:
+                problem = replace(problem, nuisance=entry.nuisance, level=level)
+            yield replace(problem, front=entry.front.changes(problem.detector, problem.nuisance))
         return
-    assert isinstance(entry, (PairSetEntry, TrialSetEntry))  # noqa: S101 - there is no other
+    assert isinstance(entry, UnrelatedSetEntry)  # noqa: S101 - there is no other
+    mixed = mixed_names(opened.found[name]) if entry.mixed else []
+    among = [both for both in mixed if set(both) <= set(pairs)]
+    kinds: list[tuple[str, Kind, str]] = [
+        *((pair, "related", "") for pair in pairs),
+        *((pair, "mirrored", "") for pair in _draw("mirrored", entry.mirrored, pairs, seed, name)),
+        *((pair, "mixed", other) for pair, other in _draw("mixed", entry.mixed, among, seed, name)),
+    ]
     rest: dict[str, Any] = {"voxel": entry.voxel, "seed": seed}
     if isinstance(entry, TrialSetEntry):
-        rest |= {"matches": READY_MADE if ready_made else entry.matches, "epsilon": entry.epsilon}
-    for pair in pairs:
-        yield Problem(entry.task, name, pair, **rest)
-    for pair in _draw("mirrored", entry.mirrored, pairs, seed, name):
-        yield Problem(entry.task, name, pair, "mirrored", **rest)
-    mixed = (
-        [both for both in mixed_names(opened.found[name]) if set(both) <= set(pairs)] if entry.mixed else []
-    )
-    for pair, other in _draw("mixed", entry.mixed, mixed, seed, name):
-        yield Problem(entry.task, name, pair, "mixed", other, **rest)
+        rest |= {"matches": entry.matches, "epsilon": entry.epsilon}
+    for pair, kind, other in kinds:
+        yield Problem(entry.task, name, pair, kind, other, **rest)
 
 
 def _check_role(entry: SetEntry, name: str, *, ready_made: bool) -> None:
     """Refuse a set that asks for clouds where there are matches, or the other way round."""
-    problem = ""
-    if isinstance(entry, ExperimentEntry):
-        if ready_made and (entry.nuisance or entry.sweep or entry.front != FrontEntry()):
-            problem = "comes as correspondences; it takes no nuisance, sweep or front"
-    elif isinstance(entry, PairSetEntry):
-        if ready_made:
-            problem = "comes as correspondences; registering needs clouds"
-    elif isinstance(entry, TrialSetEntry):
-        if ready_made and (entry.matches or entry.mirrored or entry.mixed):
-            problem = "comes as correspondences; leave out matches, mirrored and mixed"
-        elif not ready_made and not entry.matches:
-            problem = "has clouds; matches says how they are matched"
-    if problem:
-        message = f"{entry.id}: {name} {problem}"
+    asking, refusal = _ASKING_FOR_CLOUDS[entry.task]
+    message = ""
+    if ready_made and entry.model_dump(include=asking, exclude_defaults=True):
+        message = f"{entry.id}: {name} comes as correspondences; {refusal}"
+    elif not ready_made and isinstance(entry, TrialSetEntry) and not entry.matches:
+        message = f"{entry.id}: {name} has clouds; matches says how they are matched"
+    if message:
         raise InputError(message)
-
-
-def _list_cases(entry: ExperimentEntry, pair: Problem, *, ready_made: bool) -> Iterator[Problem]:
-    """List a pair at every level and combination."""
-    levels: Sequence[float | None] = entry.levels or (None,)
-    for level in levels:
-        for combination in (READY_MADE,) if ready_made else entry.combinations:
-            if entry.sweep:
-                problem = replace(pair, matches=combination, nms_radius=level)
-            else:
-                problem = replace(pair, matches=combination, nuisance=entry.nuisance, level=level)
-            yield replace(problem, front=entry.front.changes(problem.detector, problem.nuisance))
 
 
 def _plan_timing(config: Config, timing: TimingEntry, opened: _OpenDatasets) -> PlannedSet:
@@ -237,15 +224,13 @@ def _plan_timing(config: Config, timing: TimingEntry, opened: _OpenDatasets) -> 
         reasons = "; ".join(f"{name}: {opened.missing[name]}" for name in timing.dataset)
         message = f"timing: none of the data sets is at hand; {reasons}"
         raise InputError(message)
-    if opened.found[name].role == "correspondences":
+    if opened.comes_as_matches(name):
         message = f"timing: {name} comes as correspondences; sets of several sizes need clouds"
         raise InputError(message)
     pair = timing.pair if timing.pair is not None else opened.pairs[name][0]
-    problems = tuple(
-        Problem("timing", name, pair, size=size, seed=config.seed) for size in sorted(set(timing.sizes))
-    )
-    methods = timing.methods or config.methods
-    solvers = tuple(each.solver() for each in methods)
+    sizes = sorted(set(timing.sizes))
+    problems = tuple(Problem("timing", name, pair, size=size, seed=config.seed) for size in sizes)
+    solvers = tuple(each.solver() for each in timing.methods or config.methods)
     return PlannedSet(timing, "timing", problems, solvers, timing.threads)
 
 
