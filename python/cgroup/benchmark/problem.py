@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -69,24 +69,18 @@ class Problem:
     ----------
     task : {"experiment", "registration", "matches", "timing"}
         The kind of set that asks for it.
-    dataset, pair : str
-        The pair.
-    kind : {"related", "mirrored", "mixed"}
-        The pair itself, the pair with a mirrored target, or its source with the target of another pair.
-        Ready-made matches without a right one are "mixed".
-    other : str
-        The other pair.
-    nuisance : str
-        Disturbance of the pair; none if empty.
-    level : float, optional
-        Amount of the nuisance.
+    dataset, pair, kind, other : str
+        The pair itself, mirrored, or mixed: its source with the target of another pair. Ready-made matches
+        without a right one are "mixed".
+    nuisance, level : str, float or None
+        Disturbance of the pair and its amount, if any.
     matches : str
         How clouds are matched: one of `COMBINATIONS` or `DENSE_MATCHES`, or `READY_MADE`.
-    nms_radius : float, optional
+    nms_radius : float or None
         Of the detector, in pr; its own by default.
     front : str
         Changes of the paper's front end, as `FrontEntry.changes` writes them; empty for none.
-    voxel : float, optional
+    voxel : float or None
         Edge length of the voxels in the data's unit; chosen for the pair by default.
     epsilon : float
         A match is correct when it misses its place by at most so many times the matches' resolution.
@@ -124,26 +118,17 @@ class Problem:
     @property
     def detector(self) -> str:
         """Keypoint detector; empty for matches of another kind."""
-        return COMBINATIONS[self.matches][0] if self.matches in COMBINATIONS else ""
+        return COMBINATIONS.get(self.matches, ("", ""))[0]
 
     @property
     def descriptor(self) -> str:
         """Descriptor; empty for matches of another kind."""
-        return COMBINATIONS[self.matches][1] if self.matches in COMBINATIONS else ""
+        return COMBINATIONS.get(self.matches, ("", ""))[1]
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Random numbers that depend on seed, pair, nuisance and level alone."""
         disturbed = (self.nuisance, self.level) if self.task == "experiment" else ()
         return keyed_rng(purpose, self.seed, self.dataset, self.pair, *disturbed)
-
-    def as_json(self) -> str:
-        """Write all fields."""
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> Problem:
-        """Read the fields again."""
-        return cls(**json.loads(text))
 
     def load(self, root: str | None) -> LoadedProblem:
         """Load the pair; mirror its target or mix it with the other pair's.
@@ -154,20 +139,19 @@ class Problem:
             If the data can't be read, or pairs that come as matches are to be registered or mixed.
         """
         pair = load_pair(self.dataset, self.pair, root)
+        truth = pair.T_target_source if self.kind == "related" else None
         if isinstance(pair, CorrespondencePair):
             if self.task == "registration":
                 message = f"{self.dataset}: {self.pair} comes as correspondences; registering needs clouds"
                 raise InputError(message)
-            return LoadedProblem(pair, None, pair.T_target_source if self.kind == "related" else None)
-        if self.kind == "related":
-            return LoadedProblem(pair, pair, pair.T_target_source)
-        if self.kind == "mirrored":
-            return LoadedProblem(pair, mirror(pair), None)
+            return LoadedProblem(pair, None, truth)
+        if self.kind != "mixed":
+            return LoadedProblem(pair, pair if self.kind == "related" else mirror(pair), truth)
         other = load_pair(self.dataset, self.other, root)
         if isinstance(other, CorrespondencePair):
             message = f"{self.dataset}: {self.other} comes as correspondences; only clouds can be mixed"
             raise InputError(message)
-        return LoadedProblem(pair, mix(pair, other), None)
+        return LoadedProblem(pair, mix(pair, other), truth)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,10 +23,9 @@ from cgroup.registry import find_method
 from cgroup.types import OPTIONAL_FIELDS, Correspondences, Grouping
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
     from cgroup.benchmark.pipelines import Answer, Clouds
-    from cgroup.types import RealArray
 
 __all__ = [
     "IN_RESOLUTIONS",
@@ -37,9 +36,6 @@ __all__ = [
 
 IN_RESOLUTIONS = "_pr"
 """An option whose name ends so is a length in pr; the method gets it without that, in the data's unit."""
-
-REFINED_BY = "small_gicp"
-"""The library that refines poses."""
 
 _FIELDS = ("source", "target", *OPTIONAL_FIELDS)
 _OTHERWISE = ", or give module:function"
@@ -127,7 +123,15 @@ class Solver:
             options["threads"] = threads
         if ":" not in self.name:
             return group(matches, self.name, **options)
-        return _as_grouping(self.name, _find_method(self.name)(matches, **options), matches)
+        result = _find("method", self.name)(matches, **options)
+        found = result if isinstance(result, Grouping) else Grouping(np.asarray(result), None, None, None, {})
+        if found.mask.dtype != bool or found.mask.shape != (len(matches),):
+            message = (
+                f"{self.name}: returned {found.mask.dtype} of shape {found.mask.shape}; "
+                f"return a Grouping or a mask of {len(matches)} bool"
+            )
+            raise InputError(message)
+        return replace(found, _positions=(matches.source, matches.target))
 
     def parameters(self, seed: int, resolution: float | None) -> dict[str, Any]:
         """Return the options as the method gets them, threads aside.
@@ -199,7 +203,7 @@ class Solver:
         (True, True)
         """
         clock = StageClock()
-        answer = _find_pipeline(self.name)(clouds, clock, **json.loads(self.options))
+        answer = _find("pipeline", self.name)(clouds, clock, **json.loads(self.options))
         if self.refined and answer.T_target_source is not None:
             clock.start("refinement")
             answer = replace(answer, T_target_source=refine(clouds, answer.T_target_source))
@@ -219,9 +223,8 @@ class Solver:
         >>> make_pipeline("", "cgroup", {}).why_missing()
         ''
         """
-        needed = [PIPELINES[self.name].needs] if self.refined is not None and self.name in PIPELINES else []
-        needed += [REFINED_BY] if self.refined else []
-        for module in filter(None, needed):
+        needed = PIPELINES[self.name].needs if self.refined is not None and self.name in PIPELINES else ""
+        for module in filter(None, (needed, "small_gicp" if self.refined else "")):
             try:
                 importlib.import_module(module)
             except (ImportError, OSError) as error:  # noqa: PERF203 - two at most
@@ -264,8 +267,8 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Solver:
     """
     name = name if ":" in name else find_method(name, _OTHERWISE).name
     known = [option for option in _method_options(name) if option not in _FIELDS]
-    _refuse_unknown(name, _find_method(name), known, [each.removesuffix(IN_RESOLUTIONS) for each in options])
-    return Solver(label or name, name, json.dumps(dict(options), sort_keys=True))
+    given = [each.removesuffix(IN_RESOLUTIONS) for each in options]
+    return _make("method", known, given, Solver(label or name, name, _as_json(options)))
 
 
 def make_pipeline(label: str, name: str, options: Mapping[str, Any], *, refined: bool = False) -> Solver:
@@ -299,54 +302,40 @@ def make_pipeline(label: str, name: str, options: Mapping[str, Any], *, refined:
     >>> make_pipeline("ours, quick", "cgroup", {"effort": "low"}).label
     'ours, quick'
     """
-    function = _find_pipeline(name)
-    _refuse_unknown(name, function, list(inspect.signature(function).parameters)[2:], list(options))
-    return Solver(label or name, name, json.dumps(dict(options), sort_keys=True), refined)
+    known = list(inspect.signature(_find("pipeline", name)).parameters)[2:]
+    return _make("pipeline", known, options, Solver(label or name, name, _as_json(options), refined))
 
 
-def _refuse_unknown(name: str, function: Callable[..., Any], known: list[str], given: list[str]) -> None:
-    """Refuse an option that a function doesn't take."""
+def _make(kind: str, known: Collection[str], given: Iterable[str], solver: Solver) -> Solver:
+    """Return a solver if its function takes the options given."""
     unknown = [option for option in given if option not in known]
-    parameters = inspect.signature(function).parameters.values()
+    parameters = inspect.signature(_find(kind, solver.name)).parameters.values()
     if unknown and not any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters):
-        message = f"option: {name} has no {unknown[0]!r}; it takes {', '.join(known) or 'none'}"
+        message = f"option: {solver.name} has no {unknown[0]!r}; it takes {', '.join(known) or 'none'}"
         raise InputError(message)
+    return solver
+
+
+def _as_json(options: Mapping[str, Any]) -> str:
+    return json.dumps(dict(options), sort_keys=True)
 
 
 @functools.cache
 def _method_options(name: str) -> tuple[str, ...]:
-    parameters = tuple(inspect.signature(_find_method(name)).parameters)
+    parameters = tuple(inspect.signature(_find("method", name)).parameters)
     return parameters[1:] if ":" in name else parameters  # without the correspondences
 
 
-def _find_method(name: str) -> Callable[..., Any]:
-    return _load_function("method", name) if ":" in name else find_method(name, _OTHERWISE).function
-
-
-def _find_pipeline(name: str) -> Callable[..., Answer]:
+def _find(kind: str, name: str) -> Callable[..., Any]:
+    """Find the function of a "method" or "pipeline"."""
     if ":" in name:
-        return _load_function("pipeline", name)
+        function = load_plugin(kind, name)
+        if not callable(function):
+            message = f"{kind}: {name} is a {type(function).__name__}; name a function"
+            raise InputError(message)
+        return function
+    if kind == "method":
+        return find_method(name, _OTHERWISE).function
     if name not in PIPELINES:
-        refuse_word("pipeline", name, PIPELINES, guess_word(name, PIPELINES), _OTHERWISE)
+        refuse_word(kind, name, PIPELINES, guess_word(name, PIPELINES), _OTHERWISE)
     return PIPELINES[name].run
-
-
-def _load_function(what: str, name: str) -> Callable[..., Any]:
-    function = load_plugin(what, name)
-    if not callable(function):
-        message = f"{what}: {name} is a {type(function).__name__}; name a function"
-        raise InputError(message)
-    return function
-
-
-def _as_grouping(name: str, result: object, matches: Correspondences) -> Grouping:
-    found = result if isinstance(result, Grouping) else Grouping(np.asarray(result), None, None, None, {})
-    mask = found.mask
-    if mask.dtype != bool or mask.shape != (len(matches),):
-        message = (
-            f"{name}: returned {mask.dtype} of shape {mask.shape}; "
-            f"return a Grouping or a mask of {len(matches)} bool"
-        )
-        raise InputError(message)
-    positions: tuple[RealArray, RealArray] = (matches.source, matches.target)
-    return replace(found, _positions=positions)
