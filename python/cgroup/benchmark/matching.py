@@ -12,6 +12,7 @@ import numpy as np
 from cgroup import features
 from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.config import FrontEntry
+from cgroup.benchmark.pipelines.own import describe_voxels
 from cgroup.benchmark.problem import COMBINATIONS, known_resolution, load_pair, open_once
 from cgroup.benchmark.results import Matched, describe_error, floats_as_bytes, pack, rounded_json
 from cgroup.datasets import MatchingPair
@@ -20,7 +21,7 @@ from cgroup.nuisances import apply_nuisance
 from cgroup.registration import DenseFront, DescribedCloud, PaperFront, correspond, surface_normals
 from cgroup.registration.matching import match_both_ways, take_matches
 from cgroup.registration.paper_front import common_resolution, correspond_by
-from cgroup.registration.prepare import NORMAL_NEIGHBORS, UNIT
+from cgroup.registration.prepare import UNIT
 from cgroup.registration.scan import as_scan, usable_normals
 from cgroup.rigid import check_rigid
 
@@ -56,12 +57,13 @@ def forget_pairs() -> None:
 def _try_to_match(problem: Problem, root: str | None) -> Matched:
     try:
         loaded = problem.load(root)
-        pair = loaded.pair
-        if not isinstance(pair, MatchingPair):
-            return _record(problem, loaded, pair.correspondences, StageClock(), "{}")
-        if problem.task == "timing":
-            return _record(problem, loaded, _match_many(problem, pair), StageClock(), "{}")
-        return _match_pair(problem, loaded, pair, root)
+        if isinstance(loaded.pair, MatchingPair) and problem.task != "timing":
+            return _match_pair(problem, loaded, loaded.pair, root)
+        if isinstance(loaded.pair, MatchingPair):
+            matches = _correspond(loaded.pair, loaded.pair.normals, keypoints=problem.size)
+        else:
+            matches = loaded.pair.correspondences
+        return _record(problem, loaded, matches, StageClock(), "{}")
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
         return Matched(problem.key, error=describe_error(error))
 
@@ -72,8 +74,7 @@ def _match_pair(problem: Problem, loaded: LoadedProblem, pair: MatchingPair, roo
     disturbed = pair
     if problem.nuisance:
         assert problem.level is not None  # noqa: S101 - the configuration has been checked
-        rng = problem.rng("nuisance")
-        disturbed = apply_nuisance(problem.nuisance, pair, problem.level, rng)
+        disturbed = apply_nuisance(problem.nuisance, pair, problem.level, problem.rng("nuisance"))
         clouds = add_normals(disturbed, normals)
         loaded = replace(loaded, pair=disturbed, clouds=disturbed, truth=disturbed.T_target_source)
     else:
@@ -93,15 +94,18 @@ def _match_pair(problem: Problem, loaded: LoadedProblem, pair: MatchingPair, roo
     return _record(problem, loaded, matches, clock, json.dumps(parameters))
 
 
-def _match_many(problem: Problem, pair: MatchingPair) -> Correspondences:
-    """Match a pair at as many keypoints as the timing aims at."""
+def _correspond(
+    clouds: MatchingPair | UnrelatedPair,
+    normals: Normals,
+    **options: Any,  # noqa: ANN401 - of `correspond`
+) -> Correspondences:
     return correspond(
-        pair.source,
-        pair.target,
-        keypoints=problem.size,
-        normals=pair.normals,
-        source_viewpoint=pair.source_viewpoint,
-        target_viewpoint=pair.target_viewpoint,
+        clouds.source,
+        clouds.target,
+        normals=normals,
+        source_viewpoint=clouds.source_viewpoint,
+        target_viewpoint=clouds.target_viewpoint,
+        **options,
     )
 
 
@@ -138,16 +142,13 @@ def _load_with_normals(
 
 def add_normals(pair: MatchingPair, normals: Normals) -> tuple[PointCloud, PointCloud]:
     """Give both clouds of a pair their normals."""
-    return (
-        _with_normals(pair.source, normals, pair.source_viewpoint),
-        _with_normals(pair.target, normals, pair.target_viewpoint),
-    )
 
+    def add(cloud: PointCloud, viewpoint: Viewpoint) -> PointCloud:
+        usable = usable_normals(normals, cloud)
+        found = surface_normals(cloud, normals=usable, viewpoint=viewpoint, threads=_THREADS)
+        return replace(cloud, normals=found)
 
-def _with_normals(cloud: PointCloud, normals: Normals, viewpoint: Viewpoint) -> PointCloud:
-    usable = usable_normals(normals, cloud)
-    found = surface_normals(cloud, normals=usable, viewpoint=viewpoint, threads=_THREADS)
-    return replace(cloud, normals=found)
+    return add(pair.source, pair.source_viewpoint), add(pair.target, pair.target_viewpoint)
 
 
 # --- a front end that an experiment changes --------------------------------------------------------
@@ -169,37 +170,21 @@ def match_by_front(
     `undisturbed` is the pair before the nuisance; `begin` is called with the name of each stage.
     """
     entry = read_front(problem)
-    detector, descriptor = COMBINATIONS[problem.matches]
-    front = PaperFront(
-        detector,
-        descriptor,
-        nms_radius=problem.nms_radius,
-        normals="given",
-        resolution=_find_unit(entry, clouds, undisturbed),
-        harris_radius=entry.harris_radius,
-        iss_radii=entry.iss_radii,
-        frames=entry.frames,
-        matching=entry.matching,
-        similarity=entry.similarity,
-    )
+    changed = entry.model_dump(exclude={"normals", "resolution"})
+    resolution = _find_unit(entry.resolution, clouds, undisturbed)
+    detection = {"nms_radius": problem.nms_radius, "resolution": resolution}
+    front = PaperFront(*COMBINATIONS[problem.matches], normals="given", **detection, **changed)
     return correspond_by(front, *clouds, threads=_THREADS, begin=begin)
 
 
-def _find_unit(
-    entry: FrontEntry, clouds: tuple[PointCloud, PointCloud], undisturbed: MatchingPair
-) -> float | None:
+def _find_unit(of: str, clouds: tuple[PointCloud, PointCloud], undisturbed: MatchingPair) -> float | None:
     """Find the unit pr of all lengths; None for the mean of both clouds."""
-    match entry.resolution:
-        case "pair":
-            return None
-        case "undisturbed":
-            pair = undisturbed
-            before = as_scan("source", pair.source.points), as_scan("target", pair.target.points)
-            return common_resolution(*before, _THREADS)
-        case "source":
-            return as_scan("source", clouds[0]).resolution(_THREADS)
-        case "target":
-            return as_scan("target", clouds[1]).resolution(_THREADS)
+    if of == "pair":
+        return None
+    if of == "undisturbed":
+        source, target = undisturbed.source.points, undisturbed.target.points
+        return common_resolution(as_scan("source", source), as_scan("target", target), _THREADS)
+    return as_scan(of, clouds[0 if of == "source" else 1]).resolution(_THREADS)
 
 
 # --- matches of any kind ---------------------------------------------------------------------------
@@ -248,48 +233,27 @@ def _prepare(problem: Problem, loaded: LoadedProblem) -> PreparedMatches:
 def _match_clouds(
     problem: Problem, pair: MatchingPair, clouds: MatchingPair | UnrelatedPair
 ) -> Correspondences:
-    if problem.matches not in COMBINATIONS:
-        return _match_voxels(problem, clouds)
-    detector, descriptor = COMBINATIONS[problem.matches]
-    return correspond(
-        clouds.source,
-        clouds.target,
-        detector=detector,
-        descriptor=descriptor,
+    if problem.matches in COMBINATIONS:
         # Mixed and mirrored clouds may have lost their faces or normals.
-        normals=usable_normals(pair.normals, clouds.source, clouds.target),
-        source_viewpoint=clouds.source_viewpoint,
-        target_viewpoint=clouds.target_viewpoint,
-    )
-
-
-def _match_voxels(problem: Problem, clouds: MatchingPair | UnrelatedPair) -> Correspondences:
+        normals = usable_normals(pair.normals, clouds.source, clouds.target)
+        return _correspond(clouds, normals, detector=problem.detector, descriptor=problem.descriptor)
     voxel = problem.voxel or features.choose_voxel(clouds.source.points, clouds.target.points)
     unit_length = problem.matches == "nearest, unit length"
-    source = _describe_voxels(clouds.source, clouds.source_viewpoint, voxel, unit_length=unit_length)
-    target = _describe_voxels(clouds.target, clouds.target_viewpoint, voxel, unit_length=unit_length)
+    source = _describe(clouds.source, clouds.source_viewpoint, voxel, unit_length=unit_length)
+    target = _describe(clouds.target, clouds.target_viewpoint, voxel, unit_length=unit_length)
     nearest = 3 if problem.matches == "three nearest" else 1
     matches, mutual = match_both_ways(source, target, nearest, None)
     return take_matches(matches, mutual) if problem.matches == "mutual" else matches
 
 
-def _describe_voxels(
-    cloud: PointCloud, viewpoint: Viewpoint, voxel: float, *, unit_length: bool
-) -> DescribedCloud:
-    """Describe every voxel of a cloud by FPFH; normals are on the side of the cloud's own, if it has some."""
-    front = DenseFront()
-    voxels = features.voxel_downsample(cloud.points, voxel, normals=cloud.normals)
-    thinned = features.Cloud(voxels.points)
-    normals = features.normals(
-        thinned, radius=front.normal_radius * voxel, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint
-    )
-    if voxels.normals is not None:
-        normals *= np.where(np.einsum("ij,ij->i", normals, voxels.normals) < 0, -1.0, 1.0)[:, None]
-    values = features.fpfh(thinned, normals, radius=front.support * voxel)
-    frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=front.frame_radius * voxel)
+def _describe(cloud: PointCloud, viewpoint: Viewpoint, voxel: float, *, unit_length: bool) -> DescribedCloud:
+    """Describe every voxel of a cloud; normals are on the side of the cloud's own, if it has some."""
+    thinned, points, values = describe_voxels(cloud.points, viewpoint, voxel, normals=cloud.normals)
+    radius = DenseFront.frame_radius * voxel
+    frames = features.shot_lrf(thinned, np.arange(len(points)), radius=radius)
     rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
     chosen = values[rows]
     if unit_length:
         chosen = chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
     center = cloud.points.mean(axis=0)
-    return DescribedCloud(rows, voxels.points[rows], frames[rows], chosen, UNIT * voxel, center)
+    return DescribedCloud(rows, points[rows], frames[rows], chosen, UNIT * voxel, center)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from cgroup import features
 from cgroup.benchmark.pipelines.answer import Answer
 from cgroup.errors import NoConsensusError
@@ -13,6 +15,8 @@ from cgroup.registration.prepare import NORMAL_NEIGHBORS, UNIT
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from cgroup._runtime.progress import StageClock
     from cgroup.benchmark.pipelines.answer import Clouds
     from cgroup.features import Viewpoint
@@ -84,28 +88,38 @@ def _match_keypoints(clouds: Clouds, clock: StageClock) -> Correspondences:
 
 def _match_voxels(clouds: Clouds, clock: StageClock) -> Correspondences:
     clock.start("features")
-    source = _describe(clouds.source, clouds.source_viewpoint, clouds)
-    target = _describe(clouds.target, clouds.target_viewpoint, clouds)
+    voxel, threads = clouds.voxel, clouds.threads
+    _, source, ours = describe_voxels(clouds.source, clouds.source_viewpoint, voxel, threads=threads)
+    _, target, theirs = describe_voxels(clouds.target, clouds.target_viewpoint, voxel, threads=threads)
     clock.start("matching")
-    found = features.match(source[1], target[1], mutual=True, threads=clouds.threads)
+    found = features.match(ours, theirs, mutual=True, threads=threads)
     return Correspondences(
-        source[0][found.source_indices],
-        target[0][found.target_indices],
+        source[found.source_indices],
+        target[found.target_indices],
         ratio=found.ratio,
-        resolution=UNIT * clouds.voxel,
+        resolution=UNIT * voxel,
     )
 
 
-def _describe(points: FloatArray, viewpoint: Viewpoint | None, clouds: Clouds) -> tuple[RealArray, RealArray]:
-    """Find the voxels of a cloud and their descriptors."""
-    threads, voxel = clouds.threads, clouds.voxel
-    cloud = features.Cloud(features.voxel_downsample(points, voxel, threads=threads).points)
-    normals = features.normals(
+def describe_voxels(
+    points: RealArray,
+    viewpoint: Viewpoint | None,
+    voxel: float,
+    *,
+    normals: FloatArray | None = None,
+    threads: int | None = None,
+) -> tuple[features.Cloud, FloatArray, NDArray[np.float32]]:
+    """Return the voxels of a cloud, indexed and as points, and FPFH by normals on the side of those given."""
+    voxels = features.voxel_downsample(points, voxel, normals=normals, threads=threads)
+    cloud = features.Cloud(voxels.points)
+    planes = features.normals(
         cloud,
         radius=DenseFront.normal_radius * voxel,
         neighbors=NORMAL_NEIGHBORS,
         viewpoint=viewpoint or features.ORIGIN,
         threads=threads,
     )
-    values = features.fpfh(cloud, normals, radius=DenseFront.support * voxel, threads=threads)
-    return cloud.points, values
+    if voxels.normals is not None:
+        planes *= np.where(np.einsum("ij,ij->i", planes, voxels.normals) < 0, -1.0, 1.0)[:, None]
+    values = features.fpfh(cloud, planes, radius=DenseFront.support * voxel, threads=threads)
+    return cloud, voxels.points, values
