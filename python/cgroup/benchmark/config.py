@@ -9,15 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, model_validator
 
 from cgroup.benchmark.problem import COMBINATIONS, DENSE_MATCHES, Task
 from cgroup.benchmark.solver import Solver, candidate, make_pipeline
@@ -53,10 +45,8 @@ FEWEST = 4
 _PRESETS = resources.files("cgroup.benchmark") / "presets"
 
 
-class Table(BaseModel):
+class Table(BaseModel, extra="forbid", frozen=True):
     """A table of a configuration: unknown keys are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
 
 
 def as_list(value: object) -> object:
@@ -364,20 +354,17 @@ class Config(Table):
     @model_validator(mode="after")
     def _fits(self) -> Config:
         if not self.sets:
-            message = (
-                "experiment, registration, trials: none is there; give [[experiment]], [registration] or "
-                "[trials]"
-            )
-            raise InputError(message)
+            names = "experiment, registration, trials"
+            raise InputError(names, remedy="none is there; give [[experiment]], [registration] or [trials]")
         fronts: dict[tuple[str, str, str], FrontEntry] = {}
         for entry in self.experiment:
             for at in itertools.product([entry.id], entry.dataset, entry.combinations):
                 if fronts.setdefault(at, entry.front) != entry.front:
                     message = f"experiment: {entry.id!r} is there with two fronts; give each an id of its own"
                     raise InputError(message)
-        of_trials = () if self.trials is None else (self.trials, *self.trials.sets)
-        entries = (*self.experiment, *of_trials, *((self.timing,) if self.timing else ()))
-        tables = [self.methods, *(entry.methods for entry in entries if entry.methods)]
+        trials = () if self.trials is None else (self.trials, *self.trials.sets)
+        timing = () if self.timing is None else (self.timing,)
+        tables = (self.methods, *(each.methods or () for each in (*self.experiment, *trials, *timing)))
         meant: dict[str, Solver] = {}
         for method in (entry.solver() for table in tables for entry in table):
             if meant.setdefault(method.label, method) != method:

@@ -39,7 +39,6 @@ IN_RESOLUTIONS = "_pr"
 
 _FIELDS = ("source", "target", *OPTIONAL_FIELDS)
 _OTHERWISE = ", or give module:function"
-_PACKAGES = {"kiss_matcher": "kiss-matcher", "small_gicp": "small-gicp"}
 
 
 @dataclass(frozen=True)
@@ -112,10 +111,8 @@ class Solver:
         >>> import numpy as np
         >>> from cgroup.benchmark.solver import candidate
         >>> from cgroup.datasets import make_problem
-        >>> problem = make_problem(np.random.default_rng(0), 200)
-        >>> candidate("GC, 2 pr", "gc", {"tolerance_pr": 2}).group(
-        ...     problem.correspondences()
-        ... )
+        >>> matches = make_problem(np.random.default_rng(0), 200).correspondences()
+        >>> candidate("GC, 2 pr", "gc", {"tolerance_pr": 2}).group(matches)
         Grouping(86 of 200 selected)
         """
         options = self.parameters(seed, matches.resolution)
@@ -228,7 +225,7 @@ class Solver:
             try:
                 importlib.import_module(module)
             except (ImportError, OSError) as error:  # noqa: PERF203 - two at most
-                return f"{module} can't be imported ({error}); pip install {_PACKAGES.get(module, module)}"
+                return f"{module} can't be imported ({error}); pip install {module.replace('_', '-')}"
         return ""
 
 
@@ -257,13 +254,9 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Solver:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cgroup.benchmark.solver import candidate
-    >>> from cgroup.datasets import make_problem
-    >>> problem = make_problem(np.random.default_rng(0), 200)
-    >>> tuned = candidate("GTM, longer", "gtm", {"iterations": 500})
-    >>> tuned.label, tuned.group(problem.correspondences()).mask.shape
-    ('GTM, longer', (200,))
+    >>> candidate("GTM, longer", "GTM", {"iterations": 500}).name
+    'gtm'
     """
     name = name if ":" in name else find_method(name, _OTHERWISE).name
     known = [option for option in _method_options(name) if option not in _FIELDS]

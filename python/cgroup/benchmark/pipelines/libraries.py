@@ -17,7 +17,6 @@ from cgroup.benchmark.pipelines.answer import Answer
 if TYPE_CHECKING:
     from cgroup._runtime.progress import StageClock
     from cgroup.benchmark.pipelines.answer import Clouds
-    from cgroup.features import Viewpoint
     from cgroup.types import FloatArray
 
 ITERATIONS, CONFIDENCE = 100_000, 0.999
@@ -76,24 +75,20 @@ def open3d_fgr(clouds: Clouds, clock: StageClock) -> Answer:
 def _describe(clouds: Clouds, clock: StageClock) -> tuple[Any, list[tuple[Any, Any]]]:
     o3d = importlib.import_module("open3d")
     o3d.utility.set_verbosity_level(o3d.utility.VerbosityLevel.Error)
-    both = ((clouds.source, clouds.source_viewpoint), (clouds.target, clouds.target_viewpoint))
+    hybrid, voxel = o3d.geometry.KDTreeSearchParamHybrid, clouds.voxel
     clock.start("features")
-    return o3d, [_describe_cloud(o3d, points, viewpoint, clouds.voxel) for points, viewpoint in both]
-
-
-def _describe_cloud(
-    o3d: Any,  # noqa: ANN401 - Open3D has no types
-    points: FloatArray,
-    viewpoint: Viewpoint | None,
-    voxel: float,
-) -> tuple[Any, Any]:
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel)
-    hybrid = o3d.geometry.KDTreeSearchParamHybrid
-    cloud.estimate_normals(hybrid(radius=2 * voxel, max_nn=30))
-    if viewpoint is not None:
-        cloud.orient_normals_towards_camera_location(viewpoint)
-    features = o3d.pipelines.registration.compute_fpfh_feature(cloud, hybrid(radius=5 * voxel, max_nn=100))
-    return cloud, features
+    described: list[tuple[Any, Any]] = []
+    for points, viewpoint in (
+        (clouds.source, clouds.source_viewpoint),
+        (clouds.target, clouds.target_viewpoint),
+    ):
+        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel)
+        cloud.estimate_normals(hybrid(radius=2 * voxel, max_nn=30))
+        if viewpoint is not None:
+            cloud.orient_normals_towards_camera_location(viewpoint)
+        search = hybrid(radius=5 * voxel, max_nn=100)
+        described.append((cloud, o3d.pipelines.registration.compute_fpfh_feature(cloud, search)))
+    return o3d, described
 
 
 def _answer(found: Any) -> Answer:  # noqa: ANN401 - Open3D has no types
