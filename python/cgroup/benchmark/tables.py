@@ -42,8 +42,6 @@ __all__ = [
 FITTED_FROM = 2000
 """Exponents are fitted to sets of at least so many correspondences."""
 
-FACTS = ("clutter", "occlusion", "overlap")
-
 _ERRORS = ("rotation_error", "translation_error", "rmse_pr")
 _BEST = tuple(f"best_{name}" for name in _ERRORS)
 
@@ -63,7 +61,9 @@ order by dataset, pair, nuisance, level, nms_radius, combination, w.problem, pla
 """
 
 _RESULTS = """
-select e.id as "set", e.definition, p.dataset, p.pair, p.origin, p.kind, p.other{columns}
+select e.id as "set", e.definition, p.dataset, p.pair, p.origin, p.kind, p.other, p.matches, p.voxel,
+       p.epsilon, p.n, l.label as method, s.name, s.refined, r.threads, r.seconds, r.numbers, r.skipped,
+       r.error, r.version, r.machine, r.problem as "case"
 from plan_sets e join plan_problems q using (entry) join plan_solvers l using (entry),
     json_each(e.threads) h
     join results r on r.problem = q.problem and r.solver = l.solver and r.threads = h.value
@@ -72,18 +72,8 @@ where e.task = ?
 order by e.entry, l.place, {order}
 """
 
-_COLUMNS = {
-    "registration": """, l.label as pipeline, s.name, s.refined, r.threads, r.seconds, r.numbers, r.error,
-        r.version, r.machine""",
-    "matches": """, p.matches, p.voxel, p.epsilon, l.label as method, r.threads, r.seconds, r.numbers,
-        r.skipped, r.error, r.version, r.machine, r.problem as "case" """,
-    "timing": """, l.label as method, r.threads, r.numbers, r.skipped, r.machine, r.version, p.n""",
-}
-_ORDERS = {
-    "registration": "p.dataset, p.pair, p.kind, p.other",
-    "matches": "q.place, h.value",
-    "timing": "q.place, h.value",
-}
+_FLOATS = ("level", "nms_radius", "voxel", "seconds", *_ERRORS)
+"""Columns of numbers that may all be missing."""
 
 _NUMBERS: dict[str, dict[str, Any]] = {
     "registration": {
@@ -121,35 +111,35 @@ def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Of every kind: `dataset, pair`; `seconds` of the solver; `error`: "" or what went wrong, and then
-        the numbers are NaN or 0; `version, machine`. No rows without such results.
+        Of every kind: `dataset, pair`; `seconds` of the solver; `version, machine`; but for the timing
+        `origin` and `error`: "" or what went wrong, and then the numbers are NaN or 0. No rows without such
+        results. Errors of a pose are `rotation_error` (degrees), `translation_error` (data unit) and
+        `rmse_pr`, NaN without a pose; `right, accurate` say whether they keep the set's limits, false for
+        unrelated clouds.
 
-        "experiment", one row per problem, method and threshold: `origin, nuisance, level, combination,
-        detector, descriptor, nms_radius`: the problem, with "" and NaN for fields that don't apply, and its
-        hash in `case`; `front`: changes of the paper's front end, as JSON with the keys of
-        an experiment's `front`, "" for none; `clutter, occlusion, overlap`: facts where they are
-        known; `n, correct, inlier_ratio, pr`: the matches; `method, epsilon, selected, selected_correct,
-        precision, recall, f_score, registered`: the group; `rotation_error` (degrees), `translation_error`
-        (data unit), `translation_error_pr`, `rmse_pr`: its pose, NaN where it fixes none;
-        ``ok:<protocol>``: registered by a criterion other than the paper's, which `registered` is, None where
-        it isn't applicable; `experiments`: tuple of the ids that use the row; `seed`.
+        "experiment", one row per problem, method and threshold: `nuisance, level, combination, detector,
+        descriptor, nms_radius`, with "" and NaN for fields that don't apply, `seed`, and the problem's hash
+        `case`; `front`: changes of the paper's front end, as JSON with the keys of an experiment's `front`,
+        "" for none; `clutter, occlusion, overlap` where they are known; `n, correct, inlier_ratio, pr`: the
+        matches; `method, epsilon, selected, selected_correct, precision, recall, f_score, registered`: the
+        group; errors of its pose, also `translation_error_pr`; ``ok:<protocol>``: registered by a criterion
+        other than the paper's, which `registered` is, None where it isn't applicable; `experiments`: tuple of
+        the ids that use the row.
 
-        "registration", one row per pair and pipeline: `set, origin`; `kind`: "related", "mirrored" (its
-        target is), or "mixed" (with the target of the pair `other`); `column`: the set, with the side of
-        `split_overlap` that the pair is on; `pipeline, name, refined, threads`; `voxel, pr, overlap`: of the
-        pair; `ok, probability`: the pipeline's trust in its pose; `rotation_error, translation_error,
-        rmse_pr`: of its pose, NaN where there is none; `right, accurate`: whether the pose keeps the
-        set's limits, false for unrelated clouds; `stages`: dict of seconds, of which `seconds` is the sum.
+        "registration", one row per pair and pipeline: `set`; `kind`: "related", "mirrored" (its target is),
+        or "mixed" (with the target of the pair `other`); `column`: the set, with the side of `split_overlap`
+        that the pair is on; `pipeline, name, refined, threads`; `voxel, pr, overlap`: of the pair;
+        `ok, probability`: the pipeline's trust in its pose; errors and limits; `stages`: dict of seconds, of
+        which `seconds` is the sum.
 
-        "matches", one row per problem, method and number of threads: `set, origin, kind, other, matches,
-        voxel, epsilon, case`: the problem; `loose, strict, preset, whole`: of its set, as configured;
-        `scene, size, inliers, noise, frames, number`: recipe of generated ones; `method, threads`; `n,
-        correct, inlier_ratio, resolution, pr, overlap`: the matches; `selected, selected_correct, precision,
-        recall, f_score`: the group; `posed, ok, complete`: the method's word on its answer (`ok` is None
-        where it gives none); `rotation_error, translation_error, rmse_pr`: of its pose; `right, accurate`
-        as above, and `registered` whether precision exceeds 0.1, the paper's criterion; `best_...` and
-        `best_right`: the same of the best of the `offered` poses, by the truth; `mebibytes`; `skipped`: "" or
-        why the method wasn't run to its end; `diagnostics` as JSON.
+        "matches", one row per problem, method and number of threads: `set, kind, other, matches, voxel,
+        epsilon, case`: the problem; `loose, strict, preset, whole`: of its set, as configured; `scene, size,
+        inliers, noise, frames, number`: recipe of generated ones; `method, threads`; `n, correct,
+        inlier_ratio, resolution, pr, overlap`: the matches; `selected, selected_correct, precision, recall,
+        f_score, registered`: the group, as above; `posed, ok, complete`: the method's word on its answer
+        (`ok` is None where it gives none); errors and limits; `best_...`: the same of the best of the
+        `offered` poses, by the truth; `mebibytes`; `skipped`: "" or why the method wasn't run to its end;
+        `diagnostics` as JSON.
 
         "timing", one row per method, set and repeat: `method, n, threads` (0: all cores), `repeat`.
 
@@ -296,57 +286,48 @@ def _make_experiments(path: Path) -> pd.DataFrame:
     combinations = [COMBINATIONS.get(name, ("", "")) for name in frame["combination"]]
     frame["detector"] = [detector for detector, _ in combinations]
     frame["descriptor"] = [descriptor for _, descriptor in combinations]
-    facts = [json.loads(text) for text in frame.pop("facts")]
-    for name in FACTS:
-        frame[name] = np.array([of_pair.get(name, np.nan) for of_pair in facts], dtype=float)
+    _add_columns(frame, _parse(frame, "facts"), dict.fromkeys(("clutter", "occlusion", "overlap"), math.nan))
     frame["experiments"] = [tuple(json.loads(text)) for text in frame["experiments"]]
-    verdicts = [json.loads(text) if isinstance(text, str) else {} for text in frame.pop("protocols")]
-    for name in dict.fromkeys(name for row in verdicts for name in row if name != PAPER_PROTOCOL):
-        frame[PROTOCOL_PREFIX + name] = np.array([row.get(name) for row in verdicts], dtype=object)
-    for name in ("level", "nms_radius", *_ERRORS, "seconds"):
-        frame[name] = frame[name].astype(float)
+    verdicts = _parse(frame, "protocols")
+    protocols = dict.fromkeys(name for row in verdicts for name in row if name != PAPER_PROTOCOL)
+    _add_columns(frame, verdicts, protocols, PROTOCOL_PREFIX)
     add_scores(frame)
     frame["translation_error_pr"] = frame["translation_error"] / frame["pr"]
     return frame
 
 
 def _make_registrations(path: Path) -> pd.DataFrame:
-    frame, definitions, numbers = _load_results(path, "registration")
+    frame = _query_results(path, "registration", "p.dataset, p.pair, p.kind, p.other")
+    frame = frame.rename(columns={"method": "pipeline"})
+    definitions, numbers = _parse(frame, "definition"), _parse(frame, "numbers")
+    _add_columns(frame, numbers, _NUMBERS["registration"])
     frame["refined"] = frame["refined"].astype(bool)
-    frame["ok"] = frame["ok"].astype(bool)
     frame["stages"] = [each.get("stages", {}) for each in numbers]
     _judge_poses(frame, definitions, {"right": ("loose", ""), "accurate": ("strict", "")})
     splits = zip(frame["set"], definitions, frame["overlap"], strict=True)
     frame["column"] = [_name_column(name, known["split_overlap"], overlap) for name, known, overlap in splits]
-    return frame
+    return frame.drop(columns=["matches", "epsilon", "n", "skipped", "case"])
 
 
 def _make_matches(path: Path) -> pd.DataFrame:
-    frame, definitions, _ = _load_results(path, "matches")
-    for name in ("posed", "complete"):
-        frame[name] = frame[name].astype(bool)
+    frame = _query_results(path, "matches")
+    definitions = _parse(frame, "definition")
+    _add_columns(frame, _parse(frame, "numbers"), _NUMBERS["matches"])
     for name in ("loose", "strict", "preset", "whole"):
         frame[name] = [known[name] for known in definitions]
-    frame["voxel"] = frame["voxel"].astype(float)
-    frame["ok"] = np.array([None if each is None else bool(each) for each in frame["ok"]], dtype=object)
     add_scores(frame)
     limits = {"right": ("loose", ""), "accurate": ("strict", ""), "best_right": ("loose", "best_")}
     _judge_poses(frame, definitions, limits)
-    generated = frame["dataset"] == GeneratedMatches.name
-    recipes = [asdict(read_recipe(pair)) for pair in frame.loc[generated, "pair"]]
+    places = zip(frame["dataset"], frame["pair"], strict=True)
+    recipes = [asdict(read_recipe(pair)) if name == GeneratedMatches.name else {} for name, pair in places]
     for name in ("scene", "size", "inliers", "noise", "frames", "number"):
-        frame[name] = np.nan
-        if recipes:
-            values = [recipe["n" if name == "size" else name] for recipe in recipes]
-            column = type(frame[name])(values, index=frame.index[generated])
-            frame[name] = column.reindex(frame.index)
-    return frame
+        frame[name] = [recipe.get("n" if name == "size" else name, math.nan) for recipe in recipes]
+    return frame.drop(columns=["name", "refined"])
 
 
 def _make_times(path: Path) -> pd.DataFrame:
     frame = _query_results(path, "timing")
-    repeats = [list(enumerate(json.loads(numbers)["repeats"])) for numbers in frame.pop("numbers")]
-    frame["repeat"] = repeats
+    frame["repeat"] = [list(enumerate(numbers["repeats"])) for numbers in _parse(frame, "numbers")]
     frame = frame[frame["skipped"] == ""].explode("repeat").sort_values("n", kind="stable")
     pairs = frame["repeat"].tolist()
     frame["repeat"] = np.array([repeat for repeat, _ in pairs], dtype=int)
@@ -355,24 +336,22 @@ def _make_times(path: Path) -> pd.DataFrame:
     return frame.reset_index(drop=True)[columns]
 
 
-def _load_results(path: Path, task: str) -> tuple[pd.DataFrame, list[dict[str, Any]], list[dict[str, Any]]]:
-    """Read results with their numbers as columns; also definitions of their sets, and all numbers."""
-    frame = _query_results(path, task)
-    definitions = [_parse_definition(text) for text in frame.pop("definition")]
-    numbers = [json.loads(text) for text in frame.pop("numbers")]
-    for name, otherwise in _NUMBERS[task].items():
-        column = [each.get(name, otherwise) for each in numbers]
+def _parse(frame: pd.DataFrame, column: str) -> list[dict[str, Any]]:
+    """Take out a column of JSON; empty where there is none."""
+    parse = functools.lru_cache(maxsize=64)(json.loads)  # definitions repeat
+    return [parse(text) if isinstance(text, str) else {} for text in frame.pop(column)]
+
+
+def _add_columns(
+    frame: pd.DataFrame, rows: list[dict[str, Any]], columns: dict[str, Any], prefix: str = ""
+) -> None:
+    """Add columns from JSON; each has the type of the value that stands in where there is none."""
+    for name, otherwise in columns.items():
+        column = [row.get(name, otherwise) for row in rows]
         dtype = object if otherwise is None or isinstance(otherwise, str) else type(otherwise)
         if dtype is float:
             column = [math.nan if each is None else each for each in column]
-        frame[name] = np.array(column, dtype=dtype)
-    frame["seconds"] = frame["seconds"].astype(float)
-    return frame, definitions, numbers
-
-
-@functools.lru_cache(maxsize=64)
-def _parse_definition(text: str) -> dict[str, Any]:
-    return json.loads(text)
+        frame[prefix + name] = np.array(column, dtype=dtype)
 
 
 def _judge_poses(
@@ -380,14 +359,9 @@ def _judge_poses(
 ) -> None:
     """Add whether errors in columns with a prefix keep a limit of the set; unknown ones don't."""
     for column, (limit, prefix) in limits.items():
-        errors = zip(*(frame[prefix + name] for name in _ERRORS), strict=True)
-        frame[column] = np.array(
-            [
-                bool(PROTOCOLS[known[limit]].judge(math.nan, *each))
-                for known, each in zip(definitions, errors, strict=True)
-            ],
-            dtype=bool,
-        )
+        errors = zip(definitions, *(frame[prefix + name] for name in _ERRORS), strict=True)
+        right = [bool(PROTOCOLS[known[limit]].judge(math.nan, *each)) for known, *each in errors]
+        frame[column] = np.array(right, dtype=bool)
 
 
 def _name_column(name: str, split: float | None, overlap: float) -> str:
@@ -454,13 +428,12 @@ def aggregate(
     protocols = [name for name in frame.columns if name.startswith(PROTOCOL_PREFIX)]
     good = frame[frame["error"] == ""].astype(dict.fromkeys(["registered", *protocols], float))
     groups = good.groupby(list(by), sort=True, dropna=False, observed=True)
-    measured = ["n", "correct", "inlier_ratio", "precision", "recall", "f_score", "seconds"]
-    result = groups[measured].agg("median" if how == "median" else "mean")
+    scores = ["inlier_ratio", "precision", "recall", "f_score"]
+    result = groups[["n", "correct", *scores, "seconds"]].agg("median" if how == "median" else "mean")
     if how == "pooled":
         totals = groups[["n", "correct", "selected", "selected_correct"]].sum()
         add_scores(totals)
-        for name in ("inlier_ratio", "precision", "recall", "f_score"):
-            result[name] = totals[name]
+        result[scores] = totals[scores]
     result["f_of_means"] = harmonic_mean(result["precision"], result["recall"])
     result = result.join(groups[["registered", *protocols]].mean())
     result.insert(0, "pairs", groups.size())
@@ -502,21 +475,17 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
 
     kept = timing[(timing["threads"] == threads) & (timing["n"] >= least)]
-    rows: list[dict[str, Any]] = []
     of_sets = kept.groupby(["method", "n"])["seconds"].median()
-    for method in kept["method"].unique():
-        medians = of_sets[method]
-        exponent = fit_exponent(list(medians.index), list(medians))
-        rows.append({"method": method, "exponent": exponent, "sizes": len(medians)})
+    medians = [(method, of_sets[method]) for method in kept["method"].unique()]
+    rows = [(method, fit_exponent(list(times.index), list(times)), len(times)) for method, times in medians]
     return pd.DataFrame(rows, columns=["method", "exponent", "sizes"])
 
 
 # --- the file --------------------------------------------------------------------------------------
 
 
-def _query_results(path: Path, task: str) -> pd.DataFrame:
-    statement = _RESULTS.format(columns=_COLUMNS[task], order=_ORDERS[task])
-    return _query(path, statement, (task,))
+def _query_results(path: Path, task: str, order: str = "q.place, h.value") -> pd.DataFrame:
+    return _query(path, _RESULTS.format(order=order), (task,))
 
 
 def _query(path: Path, statement: str, parameters: tuple[str, ...] = ()) -> pd.DataFrame:
@@ -525,7 +494,8 @@ def _query(path: Path, statement: str, parameters: tuple[str, ...] = ()) -> pd.D
     with _open_records(path) as connection:
         cursor = connection.execute(statement, parameters)
         columns = [column[0] for column in cursor.description]
-        return pd.DataFrame.from_records(cursor.fetchall(), columns=columns, coerce_float=True)
+        frame = pd.DataFrame.from_records(cursor.fetchall(), columns=columns, coerce_float=True)
+    return frame.astype({name: float for name in _FLOATS if name in frame})
 
 
 def _read_plan(path: Path, column: str) -> Any:  # noqa: ANN401 - whatever the column holds
@@ -538,13 +508,7 @@ def _read_plan(path: Path, column: str) -> Any:  # noqa: ANN401 - whatever the c
 
 @contextmanager
 def _open_records(path: Path) -> Generator[sqlite3.Connection, None, None]:
-    """Open the results for reading; a run may write to them meanwhile.
-
-    Raises
-    ------
-    InputError
-        If there are none, they can't be read, or have another layout.
-    """
+    """Open the results for reading; a run may write to them meanwhile."""
     file = path / RECORDS if path.is_dir() else path
     if not file.exists() or not file.stat().st_size:
         raise _absent(path)
