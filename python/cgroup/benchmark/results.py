@@ -41,7 +41,7 @@ class Matched:
 
     `content` are the packed matches, `truth` and `sample` float64 of the true pose and of source points in
     the overlap; `pr` is the resolution; `facts`, `seconds` (of each step) and `parameters` (of `correspond`)
-    are JSON.
+    are JSON. The store takes the fields in this order.
     """
 
     problem: str
@@ -64,7 +64,7 @@ class Result:
     `threads` is 0 for all cores. `machine` is the id of the machine whose times these are; empty for other
     results. `limit` and `seconds` are those of the solver. `mask` has one bit per match, `pose` 16 float64.
     `numbers` is JSON of all other numbers, by the names of their columns. `skipped` says why the solver did
-    not run, or not to its end.
+    not run, or not to its end. The store takes the fields in this order.
     """
 
     problem: str

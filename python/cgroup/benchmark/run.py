@@ -6,9 +6,11 @@ ways to register and that of methods on matches follow, with nothing else at wor
 
 from __future__ import annotations
 
+import itertools
 import json
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from cgroup._checks.values import as_count
@@ -24,7 +26,7 @@ from cgroup.benchmark.worker import ALL_CORES
 from cgroup.io._results import make_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
     from typing import Any, TypeAlias
 
@@ -41,9 +43,8 @@ __all__ = ["Summary", "run"]
 GIVEN_UP = 2
 """Calls of a method that ran out of time in a set; on problems of no fewer matches it isn't tried again."""
 
-_PROBLEMS_AT_ONCE = (
-    4  # of one pair to a worker, which then loads it once; lost if the run is killed meanwhile
-)
+# Of one pair to a worker, which then loads it once; they are lost if the run is killed meanwhile.
+_PROBLEMS_AT_ONCE = 4
 
 
 @dataclass(frozen=True)
@@ -271,40 +272,36 @@ class _Runner:
                 take_times(planned, config.timing, self._store, self._root, self._progress)
         if config.registration is not None:
             self._begin("register")
-            self._work_through(self._store.pending("registration"), self._register)
+            self._work_through("registration", self._register)
         if config.trials is not None:
             self._begin("try")
             with closing(Worker(ALL_CORES)) as maker:
                 given_up: dict[tuple[int, int, str], list[int]] = {}
-                self._work_through(
-                    self._store.pending("matches"),
-                    lambda each, worker: self._try(each, worker, maker, given_up),
-                )
+                self._work_through("matches", lambda *task: self._try(*task, maker, given_up))
 
-    def _work_through(self, pending: list[Pending], work: Callable[[Pending, Worker], None]) -> None:
+    def _work_through(self, task: str, work: Callable[[Pending, Worker], Iterable[Result]]) -> None:
         """Work through problems in one other process, which may die of a solver.
 
         The process is told to compute on as many threads as the problems ask for, before any library loads.
         """
-        for threads in sorted({each.threads for each in pending}):
+        pending = sorted(self._store.pending(task), key=lambda each: each.threads)
+        for threads, problems in itertools.groupby(pending, key=lambda each: each.threads):
             with closing(Worker(threads, cores=threads)) as worker:
-                for each in pending:
-                    if each.threads == threads:
-                        work(each, worker)
+                for each in problems:
+                    for result in work(each, worker):
+                        self._add([result])
 
-    def _register(self, pending: Pending, worker: Worker) -> None:
+    def _register(self, pending: Pending, worker: Worker) -> list[Result]:
         """Register a pair by all pipelines that lack a result."""
-        self._add(self._call_register(pending, pending.solvers, worker))
-
-    def _call_register(self, pending: Pending, pipelines: tuple[Solver, ...], worker: Worker) -> list[Result]:
+        problem, threads, pipelines = pending.problem, pending.threads, pending.solvers
         try:
-            return worker.call(solving.register_pair, pending.problem, pending.threads, pipelines, self._root)
+            return worker.call(solving.register_pair, problem, threads, pipelines, self._root)
         except ProcessDiedError:
-            pass
-        if len(pipelines) == 1:
-            return [Result(pending.problem.key, pipelines[0].key, pending.threads, error=KILLED)]
+            if len(pipelines) == 1:
+                return [Result(problem.key, pipelines[0].key, threads, error=KILLED)]
         # One of them did it; each alone shows which.
-        return [result for each in pipelines for result in self._call_register(pending, (each,), worker)]
+        alone = (self._register(pending._replace(solvers=(each,)), worker) for each in pipelines)
+        return list(itertools.chain.from_iterable(alone))
 
     def _try(
         self,
@@ -312,7 +309,7 @@ class _Runner:
         worker: Worker,
         maker: Worker,
         given_up: dict[tuple[int, int, str], list[int]],
-    ) -> None:
+    ) -> Iterator[Result]:
         """Run methods alone on matches, made in the process of `maker`: the worker holds nothing else."""
         try:
             problem = maker.call(try_to_prepare, pending.problem, self._root)
@@ -320,28 +317,26 @@ class _Runner:
             problem = KILLED
         for method in pending.solvers:
             slow = given_up.setdefault((pending.threads, pending.entry, method.key), [])
-            self._add([_try_method(pending, problem, method, worker, slow)])
+            yield _try_method(pending, problem, method, worker, slow)
 
 
 def _try_method(
     pending: Pending, problem: PreparedMatches | str, method: Solver, worker: Worker, slow: list[int]
 ) -> Result:
     """Run a method, or say why not; `slow` has the numbers of matches on which it ran out of time."""
-    result = Result(pending.problem.key, method.key, pending.threads, limit=pending.limit)
+    limit, seed, threads = pending.limit, pending.problem.seed, pending.threads
+    result = partial(Result, pending.problem.key, method.key, threads, limit=limit)
     if isinstance(problem, str):
-        return replace(result, error=problem)
+        return result(error=problem)
     known = solving.describe_matches(problem)
-    n, result = known["n"], replace(result, numbers=json.dumps(known))
+    n, result = known["n"], partial(result, numbers=json.dumps(known))
     if sum(fewer <= n for fewer in slow) >= GIVEN_UP:
-        reason = f"not run: took longer than {pending.limit:g} s on {min(slow):,} matches"
-        return replace(result, skipped=reason)
+        return result(skipped=f"not run: took longer than {limit:g} s on {min(slow):,} matches")
     try:
         worker.call(solving.make_ready)
-        return worker.call(
-            solving.try_method, result, method, pending.problem.seed, problem, limit=pending.limit
-        )
+        return worker.call(solving.try_method, result, method, seed, threads, problem, limit=limit)
     except OutOfTimeError:
         slow.append(n)
-        return replace(result, skipped=f"took longer than {pending.limit:g} s")
+        return result(skipped=f"took longer than {limit:g} s")
     except ProcessDiedError:
-        return replace(result, error=KILLED)
+        return result(error=KILLED)

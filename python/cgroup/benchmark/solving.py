@@ -10,7 +10,8 @@ import gc
 import json
 import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,6 @@ from cgroup import features
 from cgroup.benchmark.pipelines import Clouds
 from cgroup.benchmark.problem import known_resolution, open_once
 from cgroup.benchmark.results import (
-    Provenance,
     Result,
     Score,
     describe_error,
@@ -39,12 +39,12 @@ from cgroup.registry import METHOD_INFO
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from cgroup.benchmark.matching import PreparedMatches
     from cgroup.benchmark.problem import Problem
     from cgroup.benchmark.solver import Solver
-    from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, RealArray
+    from cgroup.types import Correspondences, FloatArray, Grouping, RealArray
 
 REPEATS, REPEATED_FOR = 3, 0.1
 """A call on matches is repeated so often at most, and only while all together take fewer seconds."""
@@ -60,10 +60,20 @@ _MMAP_THRESHOLD, _LARGE_BLOCK = -3, 1 << 17  # glibc's name of the option; bytes
 def measure_pose(
     pose: FloatArray, truth: FloatArray, sample: RealArray, pr: float
 ) -> tuple[float, float, float]:
-    """Errors of a pose: degrees, data unit, mean displacement of the sample in pr (NaN without a sample)."""
+    """Errors of a pose, as in `ERRORS`; the last is NaN without a sample."""
     gap = np.linalg.norm(apply(pose, sample) - apply(truth, sample), axis=1)
     rmse = float(gap.mean() / pr) if len(gap) else float("nan")
     return rotation_error(pose, truth), translation_error(pose, truth), rmse
+
+
+def _name_errors(
+    pose: FloatArray | None, truth: FloatArray | None, sample: RealArray, pr: float, prefix: str = ""
+) -> dict[str, float | None]:
+    """Errors of a pose by name; none where there is no true pose."""
+    if pose is None or truth is None:
+        return {}
+    errors = measure_pose(pose, truth, sample, pr)
+    return {prefix + name: none_unless_finite(error) for name, error in zip(ERRORS, errors, strict=True)}
 
 
 # --- experiments: group, then score ----------------------------------------------------------------
@@ -84,28 +94,21 @@ def _group(problem: str, seed: int, matches: Correspondences, method: Solver) ->
         start = time.perf_counter()
         grouping = method.group(matches, seed=seed)
         seconds = time.perf_counter() - start
-        numbers = {
-            "threshold": grouping.threshold,
-            "diagnostics": dict(grouping.diagnostics),
-            "parameters": parameters,
-        }
+        pose = None
+        with suppress(NoConsensusError):
+            pose = floats_as_bytes(grouping.transform())
+        diagnostics = dict(grouping.diagnostics)
+        numbers = {"threshold": grouping.threshold, "diagnostics": diagnostics, "parameters": parameters}
         return Result(
             problem,
             method.key,
             seconds=seconds,
             mask=pack_mask(grouping.mask),
-            pose=_find_pose(grouping),
+            pose=pose,
             numbers=json.dumps(numbers, default=float),
         )
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem and method alone
         return Result(problem, method.key, error=describe_error(error))
-
-
-def _find_pose(grouping: Grouping) -> bytes | None:
-    try:
-        return floats_as_bytes(grouping.transform())
-    except NoConsensusError:
-        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,22 +144,18 @@ def score_grouping(
 ) -> list[Score]:
     """Judge a packed group and its pose at thresholds in pr."""
     group = unpack_mask(mask, len(truth.errors))
-    errors = None
+    # A group that fixes no pose is as far off as can be.
+    errors, known = (np.inf, np.inf, np.inf), (None, None, None)
     if pose is not None:
         errors = measure_pose(floats_from_bytes(pose, (4, 4)), truth.pose, truth.sample, truth.pr)
-    return [_score(truth, solver, group, errors, epsilon) for epsilon in epsilons]
-
-
-def _score(
-    truth: Truth, solver: str, group: BoolArray, errors: tuple[float, float, float] | None, epsilon: float
-) -> Score:
-    score = score_group(group, truth.errors <= epsilon)
-    # A group that fixes no pose is as far off as can be.
-    judged = (np.inf, np.inf, np.inf) if errors is None else errors
-    verdicts = {name: PROTOCOLS[name].judge(score.precision, *judged) for name in truth.protocols}
-    known = (None, None, None) if errors is None else (*errors[:2], none_unless_finite(errors[2]))
-    counts = (score.correct, score.selected, score.selected_correct)
-    return Score(truth.problem, solver, epsilon, *counts, *known, json.dumps(verdicts))
+        known = (*errors[:2], none_unless_finite(errors[2]))
+    scores: list[Score] = []
+    for epsilon in epsilons:
+        score = score_group(group, truth.errors <= epsilon)
+        verdicts = {name: PROTOCOLS[name].judge(score.precision, *errors) for name in truth.protocols}
+        counts = (score.correct, score.selected, score.selected_correct)
+        scores.append(Score(truth.problem, solver, epsilon, *counts, *known, json.dumps(verdicts)))
+    return scores
 
 
 # --- registration ----------------------------------------------------------------------------------
@@ -187,57 +186,28 @@ def register_pair(
         message = describe_error(error)
         return [Result(problem.key, each.key, threads, error=message) for each in pipelines]
     known = {"voxel": given.voxel, "pr": pr, "overlap": loaded.overlap}
-    judge = _PoseJudge(loaded.truth, sample, pr)
-    return [
-        _register(Result(problem.key, each.key, threads), each, given, known, judge) for each in pipelines
-    ]
-
-
-def _register(
-    result: Result, pipeline: Solver, clouds: Clouds, known: dict[str, Any], judge: _PoseJudge
-) -> Result:
-    try:
-        answer, seconds = pipeline.register(clouds)
-    except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair and pipeline alone
-        return _finish(result, numbers=json.dumps(known), error=describe_error(error))
-    pose = answer.T_target_source
-    stages = {stage: round(value, 6) for stage, value in seconds.items()}
-    numbers = (
-        known
-        | judge.measure(pose)
-        | {
-            "ok": bool(answer.ok) and pose is not None,
-            "probability": none_unless_finite(answer.probability),
-            "stages": stages,
-        }
-    )
-    return _finish(
-        result,
-        seconds=sum(stages.values()) if stages else None,
-        pose=None if pose is None else floats_as_bytes(pose),
-        numbers=json.dumps(numbers),
-    )
-
-
-def _finish(result: Result, **known: Any) -> Result:  # noqa: ANN401 - fields of a result
-    """Return the result with what is known now; it bears the time of now."""
-    return replace(result, provenance=Provenance(), **known)
-
-
-@dataclass(frozen=True, eq=False)
-class _PoseJudge:
-    """Measures poses against the true one, if there is one."""
-
-    truth: FloatArray | None
-    sample: RealArray
-    pr: float
-
-    def measure(self, pose: FloatArray | None, prefix: str = "") -> dict[str, float | None]:
-        """Errors of a pose by name; none where there is no true pose."""
-        if pose is None or self.truth is None:
-            return {}
-        errors = measure_pose(pose, self.truth, self.sample, self.pr)
-        return {prefix + name: none_unless_finite(error) for name, error in zip(ERRORS, errors, strict=True)}
+    results: list[Result] = []
+    for each in pipelines:
+        result = partial(Result, problem.key, each.key, threads)
+        try:
+            answer, seconds = each.register(given)
+        except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair and pipeline alone
+            results.append(result(numbers=json.dumps(known), error=describe_error(error)))
+            continue
+        pose = answer.T_target_source
+        stages = {stage: round(value, 6) for stage, value in seconds.items()}
+        numbers = known | _name_errors(pose, loaded.truth, sample, pr)
+        numbers["ok"] = bool(answer.ok) and pose is not None
+        numbers["probability"] = none_unless_finite(answer.probability)
+        numbers["stages"] = stages
+        results.append(
+            result(
+                seconds=sum(stages.values()) if stages else None,
+                pose=None if pose is None else floats_as_bytes(pose),
+                numbers=json.dumps(numbers),
+            )
+        )
+    return results
 
 
 # --- matches, each method alone --------------------------------------------------------------------
@@ -247,16 +217,20 @@ def make_ready() -> None:
     """Do nothing: once it is called, the process runs and has imported what methods need."""
 
 
-def try_method(result: Result, method: Solver, seed: int, problem: PreparedMatches) -> Result:
-    """Run a method alone on matches, and fill in the result with all that came of it, or the error."""
-    if lacking := _find_lacking(method, problem.matches):
-        return _finish(result, skipped=f"needs {lacking}, which these matches lack")
+def try_method(
+    result: Callable[..., Result], method: Solver, seed: int, threads: int, problem: PreparedMatches
+) -> Result:
+    """Run a method alone on matches, and make a result of all that came of it, or of the error."""
+    info = METHOD_INFO.get(method.name)
+    for field in info.fields if info else ():
+        if getattr(problem.matches, field) is None:
+            return result(skipped=f"needs {field}, which these matches lack")
     try:
-        grouping, seconds, mebibytes = _measure(method, problem.matches, seed, result.threads)
-        numbers = json.loads(result.numbers) | _judge(grouping, problem) | {"mebibytes": mebibytes}
+        grouping, seconds, mebibytes = _measure(method, problem.matches, seed, threads)
+        numbers = describe_matches(problem) | _judge(grouping, problem) | {"mebibytes": mebibytes}
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem and method alone
-        return _finish(result, error=describe_error(error))
-    return _finish(result, seconds=seconds, numbers=json.dumps(numbers))
+        return result(error=describe_error(error))
+    return result(seconds=seconds, numbers=json.dumps(numbers))
 
 
 def describe_matches(problem: PreparedMatches) -> dict[str, Any]:
@@ -268,12 +242,6 @@ def describe_matches(problem: PreparedMatches) -> dict[str, Any]:
         "pr": problem.pr,
         "overlap": problem.overlap,
     }
-
-
-def _find_lacking(method: Solver, matches: Correspondences) -> str:
-    """Name a field that a method needs and matches lack; "" where there is none."""
-    info = METHOD_INFO.get(method.name)
-    return next((name for name in info.fields if getattr(matches, name) is None), "") if info else ""
 
 
 def _measure(
@@ -301,8 +269,8 @@ def _judge(grouping: Grouping, problem: PreparedMatches) -> dict[str, Any]:
     score = score_group(grouping.mask, problem.correct)
     poses = group_poses(grouping)
     pose = grouping.model if grouping.model is not None else next(iter(poses), None)
-    judge = _PoseJudge(problem.truth, problem.sample, problem.pr)
-    offered = [judge.measure(each, "best_") for each in poses]
+    truth = problem.truth, problem.sample, problem.pr
+    offered = [_name_errors(each, *truth, "best_") for each in poses]
     known = [each for each in offered if each.get("best_rmse_pr") is not None]
     best = min(known, key=lambda each: each["best_rmse_pr"] or 0.0, default={})
     return {
@@ -311,7 +279,7 @@ def _judge(grouping: Grouping, problem: PreparedMatches) -> dict[str, Any]:
         "posed": pose is not None,
         "ok": getattr(grouping, "ok", None),
         "complete": grouping.complete,
-        **judge.measure(pose),
+        **_name_errors(pose, *truth),
         **best,
         "offered": len(poses),
         "diagnostics": json.dumps(grouping.diagnostics, default=float),

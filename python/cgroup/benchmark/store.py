@@ -10,8 +10,8 @@ import itertools
 import json
 import sqlite3
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, astuple, fields
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import astuple, fields
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.solver import Solver
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cgroup.benchmark.plan import Plan, PlannedSet
-    from cgroup.benchmark.results import Matched, Provenance, Result, Score
+    from cgroup.benchmark.results import Matched, Result, Score
 
 RECORDS = "records.sqlite"
 """Name of the file in a run's folder."""
@@ -30,7 +30,8 @@ RECORDS = "records.sqlite"
 LAYOUT, _APPLICATION = 1, 0x63677270
 """Number of the file's layout, which is its `user_version`; its `application_id` is "cgrp"."""
 
-_PROBLEM_FIELDS = ", ".join(field.name for field in fields(Problem))
+_FIELDS = [field.name for field in fields(Problem)]
+_PROBLEM = ", ".join(f"p.{name}" for name in _FIELDS)
 
 SCHEMA = f"""
 create table machines (id text primary key, cpu text, cores integer, system text, python text, numpy text);
@@ -39,7 +40,7 @@ create table solvers (key text primary key, name text, options text, refined int
 
 -- The last nine columns are of matching it once for all methods; a null in `error`: not yet.
 create table problems (
-    key text primary key, {_PROBLEM_FIELDS.replace("level", "level real")}, origin text, protocols text,
+    key text primary key, {", ".join(_FIELDS).replace("level", "level real")}, origin text, protocols text,
     n integer, pr real, facts text, seconds text, parameters text, error text, version text, machine text,
     created text
 );
@@ -91,35 +92,33 @@ _ORDERS = {
     "timing": "size, w.solver_place, w.threads desc",
 }
 
-_PENDING = """
-select {fields}, w.threads, w.entry, w.time_limit, w.solver
+_PENDING = f"""
+select {_PROBLEM}, w.threads, w.entry, w.time_limit, w.solver
 from wanted w join problems p on p.key = w.problem
 where w.task = ? and (w.task <> 'experiment' or p.error = '') and not exists (
     select 1 from results r
     where r.problem = w.problem and r.solver = w.solver and r.threads = w.threads
         -- Solvers that were given up for want of time are tried again once they are given more.
         and (r.skipped = '' or r.time_limit >= w.time_limit))
-order by {order}
-"""
+order by """
+
+_RESULTS = """
+select count(r.problem), coalesce(sum(coalesce(r.error, '') <> ''), 0), count(*)
+from wanted left join results r using (problem, solver, threads) where wanted.task = """
 
 _COUNTS = {
     "correspond": """
 select count(error), coalesce(sum(error <> ''), 0), count(*)
 from wanted_matches join problems on key = problem where wanted_matches.task = 'experiment'
 """,
-    "group": "experiment",
+    "group": f"{_RESULTS}'experiment'",
     "score": """
 select count(s.problem), 0, count(*) from wanted_scores left join scores s using (problem, solver, epsilon)
 """,
-    "register": "registration",
-    "try": "matches",
+    "register": f"{_RESULTS}'registration'",
+    "try": f"{_RESULTS}'matches'",
 }
-"""Statement that counts what is done, failed and wanted, or the task of the results, by stage."""
-
-_COUNT_RESULTS = """
-select count(r.problem), coalesce(sum(coalesce(r.error, '') <> ''), 0), count(*)
-from wanted left join results r using (problem, solver, threads) where wanted.task = ?
-"""
+"""Statement that counts what is done, failed and wanted, by stage."""
 
 
 class Counts(NamedTuple):
@@ -218,9 +217,8 @@ def set_aside(path: Path) -> Path:
 def count_results(connection: sqlite3.Connection) -> dict[str, Counts]:
     """Count what is done, failed and wanted of each stage."""
     counts: dict[str, Counts] = {}
-    for stage, what in _COUNTS.items():
-        results = (_COUNT_RESULTS, (what,)) if " " not in what else (what, ())
-        done, failed, wanted = connection.execute(*results).fetchone()
+    for stage, statement in _COUNTS.items():
+        done, failed, wanted = connection.execute(statement).fetchone()
         counts[stage] = Counts(done - failed, failed, wanted)
     return counts
 
@@ -287,7 +285,7 @@ class Store:
             origin, protocols = pairs.get(problem.dataset, {}).get(problem.pair, ("", ()))
             row = (problem.key, *astuple(problem), origin, json.dumps(protocols))
             self.connection.execute(
-                f"insert into problems (key, {_PROBLEM_FIELDS}, origin, protocols) values ({_marks(row)}) "
+                f"insert into problems (key, {', '.join(_FIELDS)}, origin, protocols) values ({_marks(row)}) "
                 "on conflict (key) do update set origin = excluded.origin, protocols = excluded.protocols",
                 row,
             )
@@ -313,9 +311,8 @@ class Store:
 
     def unmatched(self, at_most: int) -> list[tuple[Problem, ...]]:
         """Problems of experiments to be matched, in parts of the same pair that are not too large."""
-        fields = ", ".join(f"p.{name}" for name in _PROBLEM_FIELDS.split(", "))
         rows = self.connection.execute(
-            f"select {fields} from wanted_matches w join problems p on p.key = w.problem "
+            f"select {_PROBLEM} from wanted_matches w join problems p on p.key = w.problem "
             f"where p.error is null and w.task = 'experiment' order by {_CASE_ORDER}"
         )
         parts: list[tuple[Problem, ...]] = []
@@ -327,9 +324,12 @@ class Store:
 
     def pending(self, task: str) -> list[Pending]:
         """Problems of a task whose matches are there, with the solvers that lack a result."""
-        fields = ", ".join(f"p.{name}" for name in _PROBLEM_FIELDS.split(", "))
-        rows = self.connection.execute(_PENDING.format(fields=fields, order=_ORDERS[task]), (task,))
-        solvers = self._solvers()
+        kept = self.connection.execute("select key, name, options, refined from solvers")
+        solvers = {
+            key: Solver(name, name, options, None if refined is None else bool(refined))
+            for key, name, options, refined in kept
+        }
+        rows = self.connection.execute(_PENDING + _ORDERS[task], (task,))
         found: dict[Pending, list[Solver]] = {}
         for *problem, threads, entry, limit, key in rows:
             by = Pending(Problem(*problem), threads, 0 if task == "experiment" else entry, limit)
@@ -349,14 +349,6 @@ class Store:
         for problem, solver, epsilon in self.connection.execute(query):
             found.setdefault(problem, {}).setdefault(solver, []).append(epsilon)
         return found
-
-    def _solvers(self) -> dict[str, Solver]:
-        """Every solver that was ever asked for, by key."""
-        rows = self.connection.execute("select key, name, options, refined from solvers")
-        return {
-            key: Solver(name, name, options, None if refined is None else bool(refined))
-            for key, name, options, refined in rows
-        }
 
     def counts(self) -> dict[str, Counts]:
         """How far the stages are with the plan."""
@@ -394,29 +386,20 @@ class Store:
 
     def add_matched(self, records: Iterable[Matched]) -> None:
         """Store matched problems, all or none."""
+        known = "n, pr, facts, seconds, parameters, error, version, machine, created"
         with self.transaction():
             for each in records:
-                origin = self._insert_origin(each.provenance)
-                self.connection.execute(
-                    "update problems set n = ?, pr = ?, facts = ?, seconds = ?, parameters = ?, error = ?, "
-                    "version = ?, machine = ?, created = ? where key = ?",
-                    (
-                        *(each.n, each.pr, each.facts, each.seconds, each.parameters, each.error),
-                        *(*origin, each.problem),
-                    ),
-                )
+                problem, content, truth, sample, *row = self._row(each)
+                update = f"update problems set ({known}) = ({_marks(row)}) where key = ?"
+                self.connection.execute(update, (*row, problem))
                 if not each.error:
-                    arrays = (each.content, each.truth, each.sample)
-                    self._insert("arrays", each.problem, *arrays, known="replace")
+                    self._insert("arrays", problem, content, truth, sample, known="replace")
 
     def add_results(self, results: Iterable[Result]) -> None:
         """Store results, all or none, in place of those of solvers that were given up."""
         with self.transaction():
             for each in results:
-                what = (each.problem, each.solver, each.threads, each.machine, each.limit)
-                outcome = (each.seconds, each.mask, each.pose, each.numbers, each.skipped, each.error)
-                origin = self._insert_origin(each.provenance)
-                self._insert("results", *what, *outcome, *origin, known="replace")
+                self._insert("results", *self._row(each), known="replace")
 
     def add_scores(self, scores: Sequence[Score]) -> None:
         """Store scores, all or none."""
@@ -424,11 +407,12 @@ class Store:
             for each in scores:
                 self._insert("scores", *astuple(each))
 
-    def _insert_origin(self, provenance: Provenance) -> tuple[str, str, str]:
-        """Store the machine unless it is there; return version, machine and time, the last of a row."""
+    def _row(self, record: Matched | Result) -> list[Any]:
+        """Store the machine unless it is there; return all fields, the last of them its id and the time."""
+        *row, provenance = vars(record).values()
         machine = provenance.machine
-        self._insert("machines", machine.id, *asdict(machine).values(), known="ignore")
-        return provenance.version, machine.id, provenance.created
+        self._insert("machines", machine.id, *astuple(machine), known="ignore")
+        return [*row, provenance.version, machine.id, provenance.created]
 
     def _insert(self, table: str, *row: object, known: str = "abort") -> None:
         """Add a row; `known` says what to do where its key is taken: abort, ignore or replace."""

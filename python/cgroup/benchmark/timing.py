@@ -6,6 +6,7 @@ Only the grouping is timed, one method after another with nothing else at work.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import time
@@ -40,17 +41,25 @@ def take_times(
     planned: PlannedSet, timing: TimingEntry, store: Store, root: str | None, progress: Callable[..., Any]
 ) -> None:
     """Time every method on every set, unless it has been done on this machine."""
-    wanted = len(planned.problems) * len(planned.solvers) * len(planned.threads)
-    progress("time", 0, wanted)
-    timer = _Timer(timing, store)
-    done = 0
+    solvers = list(itertools.product(planned.solvers, planned.threads))
+    done, wanted = 0, len(planned.problems) * len(solvers)
+    progress("time", done, wanted)
+    machine = this_machine().id
+    medians: dict[tuple[str, int], list[tuple[int, float]]] = {}
     for problem in planned.problems:
         matches = _prepare(problem, store, root)
-        for method in planned.solvers:
-            for threads in planned.threads:
-                timer.take(problem, matches, method, threads)
-                done += 1
-                progress("time", done, wanted)
+        for method, threads in solvers:
+            so_far = medians.setdefault((method.key, threads), [])
+            seconds, reason = store.times(problem.key, method.key, threads, machine), ""
+            if len(seconds) != timing.repeats:
+                seconds, reason = _try(problem, matches, method, threads, timing, so_far)
+                numbers = json.dumps({"repeats": seconds})
+                result = Result(problem.key, method.key, threads, machine, numbers=numbers, skipped=reason)
+                store.add_results([result])
+            if not reason:
+                so_far.append((len(matches), float(np.median(seconds))))
+            done += 1
+            progress("time", done, wanted)
 
 
 def measure(call: Callable[[], object], repeats: int) -> list[float]:
@@ -70,52 +79,32 @@ def fit_exponent(n: Sequence[float], seconds: Sequence[float]) -> float:
     return float(np.polyfit(np.log(n), np.log(seconds), 1)[0])
 
 
-class _Timer:
-    """Takes times, and expects those of larger sets from those of smaller ones."""
+def _try(
+    problem: Problem,
+    given: Correspondences,
+    method: Solver,
+    threads: int,
+    timing: TimingEntry,
+    so_far: Sequence[tuple[int, float]],
+) -> tuple[list[float], str]:
+    """Return the times, or why there are none; `so_far` are n and seconds on smaller sets."""
+    expected = _expect(so_far[-2:], len(given))
+    if expected > timing.budget:
+        return [], f"expected to take {expected:.0f} s per call, more than {timing.budget:g} s"
+    cores = None if threads == 0 else threads
+    try:
+        return measure(lambda: method.group(given, seed=problem.seed, threads=cores), timing.repeats), ""
+    except CgroupError as error:
+        return [], str(error)
 
-    def __init__(self, timing: TimingEntry, store: Store) -> None:
-        self._timing = timing
-        self._store = store
-        self._medians: dict[tuple[str, int], list[tuple[int, float]]] = {}
 
-    def take(self, problem: Problem, given: Correspondences, method: Solver, threads: int) -> None:
-        """Time a method on a set, or say why not."""
-        machine = this_machine().id
-        seconds = self._store.times(problem.key, method.key, threads, machine)
-        if len(seconds) != self._timing.repeats:
-            seconds, reason = self._try(problem, given, method, threads)
-            numbers = json.dumps({"repeats": seconds})
-            result = Result(problem.key, method.key, threads, machine, numbers=numbers, skipped=reason)
-            self._store.add_results([result])
-            if reason:
-                return
-        self._medians.setdefault((method.key, threads), []).append((len(given), float(np.median(seconds))))
-
-    def _try(
-        self, problem: Problem, given: Correspondences, method: Solver, threads: int
-    ) -> tuple[list[float], str]:
-        """Return the times, or why there are none."""
-        expected, budget = self._expect(method, threads, len(given)), self._timing.budget
-        if expected > budget:
-            return [], f"expected to take {expected:.0f} s per call, more than {budget:g} s"
-        cores = None if threads == 0 else threads
-        try:
-            return measure(
-                lambda: method.group(given, seed=problem.seed, threads=cores), self._timing.repeats
-            ), ""
-        except CgroupError as error:
-            return [], str(error)
-
-    def _expect(self, method: Solver, threads: int, n: int) -> float:
-        """Extrapolate from the two largest sets so far."""
-        so_far = self._medians.get((method.key, threads), [])[-2:]
-        if not so_far:
-            return 0.0
-        exponent = fit_exponent([size for size, _ in so_far], [seconds for _, seconds in so_far])
-        if math.isnan(exponent):
-            exponent = UNKNOWN_EXPONENT
-        size, seconds = so_far[-1]
-        return seconds * (n / size) ** exponent
+def _expect(known: Sequence[tuple[int, float]], n: int) -> float:
+    """Extrapolate the seconds from those of smaller sets."""
+    if not known:
+        return 0.0
+    exponent = fit_exponent(*zip(*known, strict=True))
+    size, seconds = known[-1]
+    return seconds * (n / size) ** (UNKNOWN_EXPONENT if math.isnan(exponent) else exponent)
 
 
 def _time_calls(call: Callable[[], object], times: int) -> float:
