@@ -13,7 +13,7 @@ import benchmark_fakes
 from benchmark_runs import MATCHES, serial
 from cgroup import METHODS, PAPER_METHODS, group
 from cgroup.benchmark import config, tables
-from cgroup.benchmark.config import Config, parse_config, preset_names, read_config, replace_methods
+from cgroup.benchmark.config import parse_config, preset_names, read_config, replace_methods
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.solver import candidate
@@ -23,63 +23,64 @@ from cgroup.errors import InputError
 if TYPE_CHECKING:
     from pathlib import Path
 
+WRONG_EXPERIMENTS = [
+    ("epsilons = [-1]", "[0].epsilons[0]: Input"),
+    ("levles = [1]", "[0].levles: Extra"),
+    ('fact = "clutter"', "[0].fact: Extra inputs are not permitted"),
+    ("levels = [1]", "[0]: levels: needed with"),
+    ('nuisance = "noise"', "[0]: levels: needed with"),
+    ('sweep = "nms_radius", levels = [0]', "[0]: levels: got 0.0; a radius is greater than 0"),
+    ('combinations = ["C7"]', "[0].combinations[0]: got 'C7'; choose one of C1"),
+    (
+        'sweep = "nms_radius", nuisance = "noise", levels = [1]',
+        "[0]: nuisance, sweep: the levels can belong to one of them only",
+    ),
+    ('front = {matching = "both"}', "[0].front.matching: Input should be 'nearest' or 'mutual'"),
+    ("front = {harris_radius = 0}", "[0].front.harris_radius: Input should be greater than 0"),
+    ("front = {iss_radii = [6]}", "[0].front.iss_radii[1]: Field required"),
+    ("front = {scale = 2}", "[0].front.scale: Extra inputs"),
+]
+
+WRONG_METHODS = [
+    ('"icp"', "[0]: method: got 'icp'"),
+    (
+        '{name = "gtm", options = {iteration = 5}}',
+        "[0]: option: gtm has no 'iteration'; it takes iterations",
+    ),
+    ('"benchmark_fakes:missing"', "[0]: method: module 'benchmark_fakes' has no 'missing'"),
+    (
+        '"gtm", {name = "gtm", options = {one_to_one = true}}',
+        ": two are called 'gtm'; give each variant a label",
+    ),
+]
+
+WRONG_TRIALS = [
+    (', grid = { n = 10 }, dataset = "corr"', "[0]: dataset, grid: give one of the two"),
+    ("", "[0]: dataset, grid: give one of the two"),
+    (', grid = { scene = "mountains" }', "[0].grid: generated-matches: has no pair"),
+    (', dataset = "stanford", matches = "best"', "[0].matches: got 'best'; choose one of C1"),
+    (', dataset = "stanford", matches = "C1", voxel = 1', "[0]: voxel: only for dense matches"),
+    (', dataset = "stanford", matches = "mutual", loose = "rmse<=1pr"', "[0].loose: got"),
+    (', grid = {}, preset = "mine"', "[0].preset: got"),
+]
+
+TWO_FRONTS = (
+    'experiment = [{id = "x", dataset = "b3r"}, {id = "x", dataset = "b3r", front = {frames = "toldi"}}]'
+)
+BARE = 'experiment = [{id = "x", dataset = "b3r"}]'
 WRONG = [
-    ('experiment = [{id = "x", dataset = "b3r", epsilons = [-1]}]', "experiment[0].epsilons[0]: Input"),
+    *((BARE.replace("}", f", {more}}}"), f"experiment{says}") for more, says in WRONG_EXPERIMENTS),
+    *((f"methods = [{each}]\n{BARE}", f"methods{says}") for each, says in WRONG_METHODS),
+    *((f'trials.sets = [{{id = "x"{more}}}]', f"trials.sets{says}") for more, says in WRONG_TRIALS),
+    (TWO_FRONTS, "experiment: 'x' is there with two fronts; give each an id"),
     ('experiment = [{id = "x"}]', "experiment[0].dataset: Field required"),
-    ('experiment = [{id = "x", dataset = "b3r", levles = [1]}]', "experiment[0].levles: Extra"),
-    ('experiment = [{id = "x", dataset = "b3r", levels = [1]}]', "experiment[0]: levels: needed with"),
-    ('experiment = [{id = "x", dataset = "b3r", nuisance = "noise"}]', "experiment[0]: levels: needed with"),
-    (
-        'experiment = [{id = "x", dataset = "b3r", combinations = ["C7"]}]',
-        "experiment[0].combinations[0]: got 'C7'; choose one of C1",
-    ),
-    (
-        'experiment = [{id = "x", dataset = "b3r", sweep = "nms_radius", nuisance = "noise", levels = [1]}]',
-        "experiment[0]: nuisance, sweep: the levels can belong to one of them only",
-    ),
-    (
-        'experiment = [{id = "x", dataset = "b3r", front = {matching = "both"}}]',
-        "experiment[0].front.matching: Input should be 'nearest' or 'mutual'",
-    ),
-    (
-        'experiment = [{id = "x", dataset = "b3r", front = {harris_radius = 0}}]',
-        "experiment[0].front.harris_radius: Input should be greater than 0",
-    ),
-    (
-        'experiment = [{id = "x", dataset = "b3r", front = {iss_radii = [6]}}]',
-        "experiment[0].front.iss_radii[1]: Field required",
-    ),
-    (
-        'experiment = [{id = "x", dataset = "b3r", front = {scale = 2}}]',
-        "experiment[0].front.scale: Extra inputs",
-    ),
-    (
-        'experiment = [{id = "x", dataset = "b3r"}, {id = "x", dataset = "b3r", front = {matching = "mutual"}}]',
-        "experiment: 'x' is there with two fronts; give each an id",
-    ),
-    ('methods = ["icp"]\nexperiment = [{id = "x", dataset = "b3r"}]', "methods[0]: method: got 'icp'"),
-    (
-        'methods = [{name = "gtm", options = {iteration = 5}}]\nexperiment = [{id = "x", dataset = "b3r"}]',
-        "methods[0]: option: gtm has no 'iteration'; it takes iterations",
-    ),
-    (
-        'methods = ["benchmark_fakes:missing"]\nexperiment = [{id = "x", dataset = "b3r"}]',
-        "methods[0]: method: module 'benchmark_fakes' has no 'missing'",
-    ),
-    (
-        'methods = ["gtm", {name = "gtm", options = {one_to_one = true}}]\nexperiment = [{id = "x", dataset = "b3r"}]',
-        "methods: two are called 'gtm'; give each variant a label",
-    ),
-    (
-        'experiment = [{id = "x", dataset = "b3r", fact = "clutter"}]',
-        "experiment[0].fact: Extra inputs are not permitted",
-    ),
-    ('seed = "much"\nexperiment = [{id = "x", dataset = "b3r"}]', "seed: Input should be a valid integer"),
+    (f'seed = "much"\n{BARE}', "seed: Input should be a valid integer"),
+    ("", "experiment, registration, trials: none is there"),
     ("experiment = [", "not TOML"),
 ]
 
 
-@pytest.mark.parametrize(("text", "says"), WRONG, ids=[says for _, says in WRONG])
+@pytest.mark.parametrize(("text", "says"), WRONG)
 def test_wrong_configuration_is_one_line_with_the_keys_path(text: str, says: str) -> None:
     with pytest.raises(InputError) as raised:
         parse_config(f'name = "x"\n{text}', "x.toml")
@@ -89,9 +90,7 @@ def test_wrong_configuration_is_one_line_with_the_keys_path(text: str, says: str
 
 def test_defaults_of_a_configuration() -> None:
     read = parse_config(MATCHES)
-    assert isinstance(read, Config)
-    assert (read.seed, read.timing) == (0, None)
-    assert read.experiment[0].epsilons == (5.0,)
+    assert (read.seed, read.timing, read.experiment[0].epsilons) == (0, None, (5.0,))
 
 
 def test_sets_of_methods(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,16 +170,20 @@ def test_absent_data_is_left_out_and_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("more", "says"),
+    ("table", "dataset", "more", "says"),
     [
-        ('pairs = ["m0", "m99"]', "bare: benchmark_fakes:Matches has no pair 'm99'; the first is 'm0'"),
-        ('nuisance = "noise"\nlevels = [1]', "takes no nuisance, sweep or front"),
-        ('front = {matching = "mutual"}', "takes no nuisance, sweep or front"),
+        ("experiment", "Matches", 'pairs = ["m0", "m99"]', "has no pair 'm99'; the first is 'm0'"),
+        ("experiment", "Partial", 'pairs = ["never"]', "has no pair 'never'; the first is 'm0'"),
+        ("experiment", "Matches", 'nuisance = "noise"\nlevels = [1]', "takes no nuisance, sweep or front"),
+        ("experiment", "Matches", 'front = {matching = "mutual"}', "takes no nuisance, sweep or front"),
+        ("trials.sets", "Matches", 'matches = "C1"', "comes as correspondences; leave out matches"),
+        ("trials.sets", "Clouds", "", "has clouds; matches says how they are matched"),
     ],
 )
-def test_what_the_data_set_does_not_have(more: str, says: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=says):
-        serial(MATCHES + more, tmp_path)
+def test_what_the_data_set_does_not_have(table: str, dataset: str, more: str, says: str) -> None:
+    text = f'name = "x"\n[[{table}]]\nid = "bare"\ndataset = "benchmark_fakes:{dataset}"\n{more}\n'
+    with pytest.raises(InputError, match=f"bare: benchmark_fakes:{dataset} .*{says}"):
+        make_plan(parse_config(text), None)
 
 
 def test_keys_and_random_numbers_are_the_same_everywhere() -> None:
@@ -245,7 +248,6 @@ def test_pairs_that_lack_files_are_left_out_and_named(tmp_path: Path) -> None:
     }
     assert tables.load_missing(tmp_path) == summary.missing
     assert summary.counts["correspond"].done == 2
-    config = parse_config(partial)
-    assert {case.pair for case in make_plan(config, None).sets[0].problems} == {f"m{n}" for n in range(8)}
-    with pytest.raises(InputError, match="has no pair 'never'"):
-        make_plan(parse_config(partial + 'pairs = ["never"]'), None)
+    assert {case.pair for case in make_plan(parse_config(partial), None).sets[0].problems} == {
+        f"m{n}" for n in range(8)
+    }
