@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock, call
 
 import numpy as np
 import pytest
@@ -20,15 +21,16 @@ POSE = np.array([[0, -1, 0, 4], [1, 0, 0, 5], [0, 0, 1, 6], [0, 0, 0, 1]], dtype
 
 
 @pytest.fixture(scope="module")
-def truth() -> np.ndarray:
-    return standin_pair(pixels=100).T_target_source
-
-
-@pytest.fixture(scope="module")
 def problem() -> Clouds:
     pair = standin_pair(pixels=100)
     source, target = pair.source.points, pair.target.points
     return Clouds(source, target, (0, 0, 0), (0, 0, 0), choose_voxel(source, target), threads=1)
+
+
+@pytest.fixture
+def pair() -> Clouds:
+    points = np.random.default_rng(0).uniform(size=(20, 3))
+    return Clouds(points, points + 1, None, None, voxel=2.0, threads=2, seed=7)
 
 
 @pytest.mark.parametrize(
@@ -42,9 +44,8 @@ def problem() -> Clouds:
         ("cgroup-matches", {"front": "paper", "method": "gtm"}),
     ],
 )
-def test_our_own_find_the_pose(
-    problem: Clouds, truth: np.ndarray, name: str, options: dict[str, Any]
-) -> None:
+def test_our_own_find_the_pose(problem: Clouds, name: str, options: dict[str, Any]) -> None:
+    truth = standin_pair(pixels=100).T_target_source
     answer, seconds = make_pipeline("", name, options).register(problem)
     assert answer.ok
     assert answer.T_target_source is not None
@@ -56,98 +57,60 @@ def test_our_own_find_the_pose(
 
 @pytest.mark.parametrize("told", [True, False])
 def test_viewpoints_are_told_or_not(problem: Clouds, monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
-    given: dict[str, Any] = {}
-
-    def register(*_clouds: object, **options: object) -> SimpleNamespace:
-        given.update(options)
-        return SimpleNamespace(T_target_source=POSE, ok=True, probability=0.9)
-
+    register = Mock(return_value=SimpleNamespace(T_target_source=POSE, ok=True, probability=0.9))
     monkeypatch.setattr(own, "register", register)
     answer, _ = make_pipeline("", "cgroup", {"viewpoints": told, "effort": "low"}).register(problem)
     assert answer.T_target_source is POSE
     assert answer.probability == 0.9
-    assert given["voxel"] == problem.voxel
-    assert given["effort"] == "low"
-    assert ("source_viewpoint" in given) == told
-    assert ("target_viewpoint" in given) == told
+    given = register.call_args.kwargs
+    assert (given["voxel"], given["effort"]) == (problem.voxel, "low")
+    assert ("source_viewpoint" in given) == ("target_viewpoint" in given) == told
 
 
 def test_the_best_guess_of_a_refusal_is_an_answer(problem: Clouds, monkeypatch: pytest.MonkeyPatch) -> None:
     refusal = NoConsensusError("nothing fits")
-    refusal.registration = SimpleNamespace(T_target_source=POSE, ok=False, probability=0.1)  # pyright: ignore[reportAttributeAccessIssue]
-
-    def register(*_clouds: object, **_options: object) -> None:
-        raise refusal
-
-    monkeypatch.setattr(own, "register", register)
-    answer, _ = make_pipeline("", "cgroup", {}).register(problem)
-    assert answer.T_target_source is POSE
-    assert not answer.ok
-    refusal.registration = None
-    answer, _ = make_pipeline("", "cgroup", {}).register(problem)
-    assert answer.T_target_source is None
-    assert not answer.ok
+    monkeypatch.setattr(own, "register", Mock(side_effect=refusal))
+    for guess in (POSE, None):
+        found = SimpleNamespace(T_target_source=POSE, ok=False, probability=0.1)
+        refusal.registration = None if guess is None else found  # pyright: ignore[reportAttributeAccessIssue]
+        answer, _ = make_pipeline("", "cgroup", {}).register(problem)
+        assert answer.T_target_source is guess
+        assert not answer.ok
 
 
 def test_matches_that_fix_no_pose_are_no_answer(problem: Clouds, monkeypatch: pytest.MonkeyPatch) -> None:
-    def group(*_given: object, **_options: object) -> None:
-        raise NoConsensusError
-
-    monkeypatch.setattr(own, "group", group)
+    monkeypatch.setattr(own, "group", Mock(side_effect=NoConsensusError))
     answer, _ = make_pipeline("", "cgroup-matches", {}).register(problem)
     assert answer.T_target_source is None
     assert not answer.ok
 
 
-# --- KISS-Matcher ---------------------------------------------------------------------------------
+# --- other libraries ------------------------------------------------------------------------------
 
 
-class _Kiss:
-    """Answers `POSE`, in the unit of the clouds that it gets."""
-
-    valid, inliers = True, 5
-    seen: np.ndarray
-
-    def __init__(self, config: float) -> None:
-        self.voxel = config
-
-    def estimate(self, source: np.ndarray, _target: np.ndarray) -> SimpleNamespace:
-        type(self).seen = source
-        translation = POSE[:3, 3:] * (self.voxel / 2.0)  # the problem's voxel is 2
-        return SimpleNamespace(rotation=POSE[:3, :3], translation=translation, valid=self.valid)
-
-    def get_num_final_inliers(self) -> int:
-        return self.inliers
-
-    def get_processing_time(self) -> float:
-        return 0.0
-
-    get_extraction_time = get_matching_time = get_processing_time
-
-
-@pytest.fixture
-def pair() -> Clouds:
-    points = np.random.default_rng(0).uniform(size=(20, 3))
-    return Clouds(points, points + 1, None, None, voxel=2.0, threads=2, seed=7)
-
-
-@pytest.mark.parametrize(("inliers", "ok"), [(4, False), (5, True)])
+@pytest.mark.parametrize(("inliers", "valid", "ok"), [(4, True, False), (5, True, True), (5, False, False)])
 def test_kiss_matcher_works_at_its_own_scale(
-    pair: Clouds, monkeypatch: pytest.MonkeyPatch, inliers: int, ok: bool
+    pair: Clouds, monkeypatch: pytest.MonkeyPatch, inliers: int, valid: bool, ok: bool
 ) -> None:
-    monkeypatch.setattr(_Kiss, "inliers", inliers)
-    fake = SimpleNamespace(KISSMatcher=_Kiss, KISSMatcherConfig=lambda voxel: voxel)
-    monkeypatch.setitem(sys.modules, "kiss_matcher", fake)  # pyright: ignore[reportArgumentType]
+    library = Mock()
+    monkeypatch.setitem(sys.modules, "kiss_matcher", library)
+    matcher = library.KISSMatcher.return_value
+    matcher.estimate.return_value = SimpleNamespace(
+        rotation=POSE[:3, :3], translation=POSE[:3, 3:] * 0.15, valid=valid
+    )
+    matcher.get_num_final_inliers.return_value = inliers
+    for name in ("processing", "extraction", "matching"):
+        getattr(matcher, f"get_{name}_time").return_value = 0.0
     answer, seconds = make_pipeline("", "kiss-matcher", {}).register(pair)
-    np.testing.assert_allclose(_Kiss.seen, pair.source * 0.15)
-    np.testing.assert_allclose(answer.T_target_source, POSE)
+    library.KISSMatcherConfig.assert_called_once_with(0.3)
+    library.KISSMatcher.assert_called_once_with(library.KISSMatcherConfig.return_value)
+    np.testing.assert_allclose(matcher.estimate.call_args.args, [pair.source * 0.15, pair.target * 0.15])
     assert answer.ok == ok
     assert list(seconds) == ["features", "matching", "pose"]
-    monkeypatch.setattr(_Kiss, "valid", False)
-    assert make_pipeline("", "kiss-matcher", {}).register(pair)[0].T_target_source is None
-
-
-# --- small_gicp -----------------------------------------------------------------------------------
+    if valid:
+        np.testing.assert_allclose(answer.T_target_source, POSE)
+    else:
+        assert answer.T_target_source is None
 
 
 def test_refinement_starts_from_the_pose_at_its_own_scale(
@@ -177,88 +140,57 @@ def test_refinement_starts_from_the_pose_at_its_own_scale(
     assert refined.key != make_pipeline("", "benchmark_fakes:shifting", {}).key
 
 
-# --- Open3D ---------------------------------------------------------------------------------------
+@pytest.fixture
+def open3d(monkeypatch: pytest.MonkeyPatch) -> Mock:
+    """Finds `POSE`; clouds remember what is done to them, and stay what they are when they are thinned."""
+    library = Mock()
+    monkeypatch.setitem(sys.modules, "open3d", library)
+
+    def make_cloud(_points: object) -> Mock:
+        cloud = Mock()
+        cloud.voxel_down_sample.return_value = cloud
+        return cloud
+
+    library.geometry.PointCloud = make_cloud
+    library.geometry.KDTreeSearchParamHybrid = lambda radius, max_nn: (radius, max_nn)
+    found = SimpleNamespace(fitness=0.5, transformation=POSE)
+    for name in ("ransac", "fgr"):
+        run = getattr(library.pipelines.registration, f"registration_{name}_based_on_feature_matching")
+        run.return_value = found
+    return library
 
 
-class _Cloud:
-    """Remembers what is done to it."""
-
-    def __init__(self, points: np.ndarray) -> None:
-        self.points = points
-        self.calls: list[object] = []
-
-    def voxel_down_sample(self, voxel: float) -> _Cloud:
-        self.calls.append(("voxels", voxel))
-        return self
-
-    def estimate_normals(self, search: object) -> None:
-        self.calls.append(("normals", search))
-
-    def orient_normals_towards_camera_location(self, viewpoint: object) -> None:
-        self.calls.append(("towards", viewpoint))
-
-
-def _fake_open3d(fitness: float, seen: dict[str, Any]) -> SimpleNamespace:
-    def ransac(source: _Cloud, target: _Cloud, *rest: object) -> SimpleNamespace:
-        seen.update(source=source, target=target, reach=rest[3], criteria=rest[-1])
-        return SimpleNamespace(fitness=fitness, transformation=POSE)
-
-    def fast(source: _Cloud, target: _Cloud, _one: object, _other: object, option: float) -> SimpleNamespace:
-        seen.update(source=source, target=target, reach=option)
-        return SimpleNamespace(fitness=fitness, transformation=POSE)
-
-    registration = SimpleNamespace(
-        compute_fpfh_feature=lambda _cloud, search: search,
-        registration_ransac_based_on_feature_matching=ransac,
-        registration_fgr_based_on_feature_matching=fast,
-        TransformationEstimationPointToPoint=lambda with_scale: with_scale,
-        CorrespondenceCheckerBasedOnEdgeLength=float,
-        CorrespondenceCheckerBasedOnDistance=float,
-        RANSACConvergenceCriteria=lambda iterations, confidence: (iterations, confidence),
-        FastGlobalRegistrationOption=lambda maximum_correspondence_distance: maximum_correspondence_distance,
-    )
-    return SimpleNamespace(
-        geometry=SimpleNamespace(
-            PointCloud=_Cloud, KDTreeSearchParamHybrid=lambda radius, max_nn: (radius, max_nn)
-        ),
-        pipelines=SimpleNamespace(registration=registration),
-        utility=SimpleNamespace(
-            Vector3dVector=np.asarray,
-            random=SimpleNamespace(seed=lambda seed: seen.update(seed=seed)),
-            set_verbosity_level=lambda _level: None,
-            VerbosityLevel=SimpleNamespace(Error=0),
-        ),
-    )
+def test_open3d_gets_the_parameters_of_its_tutorial(pair: Clouds, open3d: Mock) -> None:
+    registration = open3d.pipelines.registration
+    for name, run in (
+        ("open3d-ransac", registration.registration_ransac_based_on_feature_matching),
+        ("open3d-fgr", registration.registration_fgr_based_on_feature_matching),
+    ):
+        answer, seconds = make_pipeline("", name, {}).register(pair)
+        np.testing.assert_array_equal(answer.T_target_source, POSE)
+        assert answer.ok
+        assert run.call_args.args[0].mock_calls == [
+            call.voxel_down_sample(2.0),
+            call.estimate_normals((4.0, 30)),
+        ]
+        assert list(seconds) == ["features", "pose"]
+    assert registration.registration_ransac_based_on_feature_matching.call_args.args[5] == 3.0
+    registration.CorrespondenceCheckerBasedOnDistance.assert_called_once_with(3.0)
+    registration.RANSACConvergenceCriteria.assert_called_once_with(100_000, 0.999)
+    open3d.utility.random.seed.assert_called_once_with(7)
+    registration.FastGlobalRegistrationOption.assert_called_once_with(maximum_correspondence_distance=1.0)
 
 
-@pytest.mark.parametrize(("name", "reach"), [("open3d-ransac", 3.0), ("open3d-fgr", 1.0)])
-def test_open3d_gets_the_parameters_of_its_tutorial(
-    pair: Clouds, monkeypatch: pytest.MonkeyPatch, name: str, reach: float
-) -> None:
-    seen: dict[str, Any] = {}
-    monkeypatch.setitem(sys.modules, "open3d", _fake_open3d(0.5, seen))  # pyright: ignore[reportArgumentType]
-    answer, seconds = make_pipeline("", name, {}).register(pair)
-    np.testing.assert_array_equal(answer.T_target_source, POSE)
-    assert answer.ok
-    assert seen["reach"] == reach
-    assert seen["source"].calls == [("voxels", 2.0), ("normals", (4.0, 30))]
-    assert list(seconds) == ["features", "pose"]
-    if name == "open3d-ransac":
-        assert seen["seed"] == 7
-        assert seen["criteria"] == (100_000, 0.999)
-
-
-def test_open3d_is_told_viewpoints_and_may_find_nothing(
-    pair: Clouds, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: dict[str, Any] = {}
-    monkeypatch.setitem(sys.modules, "open3d", _fake_open3d(0.0, seen))  # pyright: ignore[reportArgumentType]
+def test_open3d_is_told_viewpoints_and_may_find_nothing(pair: Clouds, open3d: Mock) -> None:
+    run = open3d.pipelines.registration.registration_ransac_based_on_feature_matching
+    run.return_value.fitness = 0.0
     known = Clouds(pair.source, pair.target, (1, 2, 3), None, voxel=2.0)
     answer, _ = make_pipeline("", "open3d-ransac", {}).register(known)
     assert answer.T_target_source is None
     assert not answer.ok
-    assert ("towards", (1, 2, 3)) in seen["source"].calls
-    assert len(seen["target"].calls) == 2
+    source, target = run.call_args.args[:2]
+    source.orient_normals_towards_camera_location.assert_called_once_with((1, 2, 3))
+    target.orient_normals_towards_camera_location.assert_not_called()
 
 
 def test_labels_do_not_change_what_is_computed() -> None:
