@@ -226,6 +226,19 @@ mod tests {
     }
 
     #[test]
+    fn a_ratio_equal_to_the_least_counts() -> Result<()> {
+        let (source, target) = sides()?;
+        let execution = Execution::default();
+        for (score, expected) in
+            [(PairScore::DistanceRatioFrom(0.5), 0.5), (PairScore::DistanceRatioIndicator(0.5), 1.0)]
+        {
+            let matrix = PairMatrix::new(&source, &target, score, None, &execution)?;
+            assert!((matrix.row(0)?[1] - expected).abs() < 1e-15, "{score:?}");
+        }
+        Ok(())
+    }
+
+    #[test]
     fn shared_points_may_score() -> Result<()> {
         let (source, target) = sides()?;
         let execution = Execution::default();
