@@ -186,20 +186,29 @@ def test_what_the_data_set_does_not_have(table: str, dataset: str, more: str, sa
         make_plan(parse_config(text), None)
 
 
+KEYS = {
+    "e3adb31a82c311d944385598": ("b3r", "scene0", {"nuisance": "noise", "level": 0.05, "seed": 3}),
+    "e0f14bcdf2e2f08940cca9d7": (
+        "b3r",
+        "scene0",
+        {"nuisance": "noise", "level": 0.05, "seed": 3, "front": '{"matching": "mutual"}'},
+    ),
+    "74d8ec5167dff9ed4a6e534b": ("u3or", "rs1-chef", {"matches": "C5", "nms_radius": 1.5}),
+    "da4e02b84b481fce07e3238a": ("b3r-clean", "a", {"nuisance": "density", "level": 0.3}),
+}
+
+
 def test_keys_and_random_numbers_are_the_same_everywhere() -> None:
-    case = Problem("experiment", "b3r", "scene0", nuisance="noise", level=0.05, matches="C1", seed=3)
-    assert case.key == "e3adb31a82c311d944385598"
-    assert (
-        Problem("experiment", "u3or", "rs1-chef", matches="C5", nms_radius=1.5).key
-        == "74d8ec5167dff9ed4a6e534b"
-    )
-    assert (
-        Problem("experiment", "b3r-clean", "a", nuisance="density", level=0.3, matches="C1").key
-        == "da4e02b84b481fce07e3238a"
-    )
-    assert case.rng("nuisance").integers(1 << 30) == 1056362948
-    assert case.rng("nuisance").random() == case.rng("nuisance").random()
-    assert case.rng("nuisance").random() != case.rng("sample").random()
+    cases = {
+        key: Problem("experiment", dataset, pair, **{"matches": "C1", **rest})
+        for key, (dataset, pair, rest) in KEYS.items()
+    }
+    assert {case.key: case for case in cases.values()} == cases
+    default, mutual, *_ = cases.values()
+    for case in (default, mutual):
+        assert case.rng("nuisance").integers(1 << 30) == 1056362948
+    assert default.rng("nuisance").random() == mutual.rng("nuisance").random()
+    assert default.rng("nuisance").random() != default.rng("sample").random()
 
 
 # --- methods from outside ----------------------------------------------------------------------------

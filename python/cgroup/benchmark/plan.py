@@ -219,7 +219,7 @@ def _check_role(entry: SetEntry, name: str, *, ready_made: bool) -> None:
 
 def _plan_timing(config: Config, timing: TimingEntry, opened: _OpenDatasets) -> PlannedSet:
     """Plan the timing on the first data set that is at hand."""
-    name = next((name for name in timing.dataset if opened.open(name)), None)
+    name = next(filter(opened.open, timing.dataset), None)
     if name is None:
         reasons = "; ".join(f"{name}: {opened.missing[name]}" for name in timing.dataset)
         message = f"timing: none of the data sets is at hand; {reasons}"
@@ -243,14 +243,8 @@ def _draw(purpose: str, count: int, items: Sequence[Item], seed: int, name: str)
 def _describe(name: str, dataset: Dataset, planned: Iterable[PlannedSet]) -> DatasetFacts:
     """Collect the facts about a data set and its pairs in use."""
     used = {problem.pair for each in planned for problem in each.problems if problem.dataset == name}
-    pairs = {pair: (dataset.origin_of(pair), _check_protocols(dataset, pair)) for pair in sorted(used)}
-    return DatasetFacts(name, dataset.title, dataset.role, dataset.origin, dataset.citation, pairs)
-
-
-def _check_protocols(dataset: Dataset, pair: str) -> tuple[str, ...]:
-    names = dataset.protocols_of(pair)
-    unknown = [name for name in names if name not in PROTOCOLS]
-    if unknown:
-        message = f"{dataset.name}: there is no protocol {unknown[0]!r}; there are {', '.join(PROTOCOLS)}"
+    pairs = {pair: (dataset.origin_of(pair), dataset.protocols_of(pair)) for pair in sorted(used)}
+    for unknown in (each for _, names in pairs.values() for each in names if each not in PROTOCOLS):
+        message = f"{dataset.name}: there is no protocol {unknown!r}; there are {', '.join(PROTOCOLS)}"
         raise InputError(message)
-    return names
+    return DatasetFacts(name, dataset.title, dataset.role, dataset.origin, dataset.citation, pairs)
