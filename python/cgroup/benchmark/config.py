@@ -9,7 +9,15 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from cgroup.benchmark.problem import COMBINATIONS, DENSE_MATCHES, Task
 from cgroup.benchmark.solver import Solver, candidate, make_pipeline
@@ -45,8 +53,10 @@ FEWEST = 4
 _PRESETS = resources.files("cgroup.benchmark") / "presets"
 
 
-class Table(BaseModel, extra="forbid", frozen=True):
+class Table(BaseModel):
     """A table of a configuration: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def as_list(value: object) -> object:

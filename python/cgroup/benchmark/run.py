@@ -277,7 +277,7 @@ class _Runner:
             self._begin("try")
             with closing(Worker(ALL_CORES)) as maker:
                 given_up: dict[tuple[int, int, str], list[int]] = {}
-                self._work_through("matches", lambda *task: self._try(*task, maker, given_up))
+                self._work_through("matches", lambda each, worker: self._try(each, worker, maker, given_up))
 
     def _work_through(self, task: str, work: Callable[[Pending, Worker], Iterable[Result]]) -> None:
         """Work through problems in one other process, which may die of a solver.

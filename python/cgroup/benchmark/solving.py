@@ -196,7 +196,7 @@ def register_pair(
             continue
         pose = answer.T_target_source
         stages = {stage: round(value, 6) for stage, value in seconds.items()}
-        numbers = known | _name_errors(pose, loaded.truth, sample, pr)
+        numbers: dict[str, Any] = known | _name_errors(pose, loaded.truth, sample, pr)
         numbers["ok"] = bool(answer.ok) and pose is not None
         numbers["probability"] = none_unless_finite(answer.probability)
         numbers["stages"] = stages
