@@ -20,10 +20,9 @@ from command_lines import parse_command, run, write_inputs
 from cgroup import METHODS
 from cgroup.cli import app
 from cgroup.cli.commands.group import _length
-from cgroup.cli.show.colors import wants_colors
 from cgroup.cli.show.json import as_text, make_document
 from cgroup.cli.show.tables import Column, print_table
-from cgroup.cli.show.terminal import show_stages
+from cgroup.cli.show.terminal import show_stages, wants_colors
 from cgroup.datasets import standin_pair
 from cgroup.io import read_transform, write_cloud
 

@@ -8,19 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 try:
     import typer
 
-    from cgroup.cli.commands import (
-        benchmark,
-        compare,
-        demo,
-        describe,
-        detect,
-        group,
-        recognize,
-        register,
-        results,
-    )
+    from cgroup.cli.command import examples, make_app
+    from cgroup.cli.commands import benchmark, compare, features, group, recognize, register, results
     from cgroup.cli.failures import TRACEBACK, explain, print_failure
-    from cgroup.cli.help import examples, make_app
     from cgroup.cli.show.terminal import print_line
     from cgroup.cli.streams import guarded_output, write_error
 except ModuleNotFoundError as missing:
@@ -49,7 +39,7 @@ app = make_app(
     ),
     add_completion=True,
 )
-for commands in (register, recognize, compare, demo, group, detect, describe):
+for commands in (register, recognize, compare, group, features):
     app.add_typer(commands.app)
 app.add_typer(results.app, name="results")
 app.add_typer(benchmark.app, name="benchmark")

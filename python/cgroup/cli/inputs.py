@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 from cgroup import io
 from cgroup.cli.show.terminal import show_stages
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from cgroup.types import PointCloud
+from cgroup.types import PointCloud
 
 
 def read_cloud(file: Path, begin: Callable[[str], object]) -> PointCloud:
@@ -30,7 +27,7 @@ def describe_cloud(role: str, file: Path, cloud: PointCloud) -> dict[str, Any]:
     """List what a document says of a cloud."""
     return {
         "role": role,
-        "file": str(file),
+        "file": file,
         "points": len(cloud),
         "dropped": cloud.dropped,
         "centroid": cloud.points.mean(axis=0),
@@ -39,5 +36,4 @@ def describe_cloud(role: str, file: Path, cloud: PointCloud) -> dict[str, Any]:
 
 def describe_pair(files: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud]) -> list[dict[str, Any]]:
     """List what a document says of source and target."""
-    roles = ("source", "target")
-    return [describe_cloud(*one) for one in zip(roles, files, clouds, strict=True)]
+    return [describe_cloud(*one) for one in zip(("source", "target"), files, clouds, strict=True)]

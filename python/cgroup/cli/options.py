@@ -1,17 +1,20 @@
-"""Arguments and options that several commands take."""
+"""Arguments and options that several commands take, and the words that a shell completes them by."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import typer
 
-from cgroup.cli.completion import complete_methods, complete_runs
+from cgroup.cli.saved_runs import check_run, names_of_runs
 from cgroup.errors import InputError
+from cgroup.io._results import check_folder
 from cgroup.registration import Descriptor, Detector, Effort, Normals
-from cgroup.registry import METHODS
+from cgroup.registry import METHOD_INFO, METHODS
 
 # Sections of the help texts.
 CLOUDS = "Clouds"
@@ -29,25 +32,45 @@ _METHOD_NAMES = f"{', '.join(METHODS)}; in any case, and as tables show them (ho
 Front = Literal["dense", "paper"]
 
 
-def argument(metavar: str, help_text: str, **more: Any) -> Any:  # noqa: ANN401 - typer's
+def _complete_methods(incomplete: str) -> Iterator[tuple[str, str]]:
+    """Offer the names of methods, in the case that was begun with."""
+    for name, info in METHOD_INFO.items():
+        offered = name.upper() if incomplete.isupper() else name
+        if offered.startswith(incomplete):
+            yield offered, f"{info.label}, {info.citation}"
+
+
+def complete_presets(incomplete: str) -> Iterator[str]:
+    """Offer the configurations that come with the package; files are the shell's own."""
+    for entry in (resources.files("cgroup.benchmark") / "presets").iterdir():
+        name, dot, suffix = entry.name.partition(".")
+        if dot and suffix == "toml" and name.startswith(incomplete):
+            yield name
+
+
+def _complete_runs(incomplete: str) -> Iterator[str]:
+    return (name for name in names_of_runs() if name.startswith(incomplete))
+
+
+def argument(metavar: str, help_text: str, **more: Any) -> Any:
     """Describe an argument."""
-    return typer.Argument(metavar=metavar, help=help_text, show_default=False, **more)
+    return typer.Argument(metavar=metavar, help=help_text, **more)
 
 
-def option(metavar: str, help_text: str, section: str, default: str | None = None, **more: Any) -> Any:  # noqa: ANN401
+def option(metavar: str, help_text: str, section: str | None, default: str | None = None, **more: Any) -> Any:
     """Describe an option that takes a value; `default` words a default that is no fixed value."""
     shown = True if default is None else default
     return typer.Option(metavar=metavar, help=help_text, rich_help_panel=section, show_default=shown, **more)
 
 
-def choice(kind: Any, help_text: str, section: str) -> Any:  # noqa: ANN401 - a Literal
+def choice(kind: Any, help_text: str, section: str | None) -> Any:
     """Describe an option that takes one of a few words."""
     return option("|".join(get_args(kind)), help_text, section)
 
 
-def flag(name: str, help_text: str, **more: Any) -> Any:  # noqa: ANN401 - typer's
+def flag(name: str, help_text: str, section: str | None = OUTPUT, **more: Any) -> Any:
     """Describe an option without a value."""
-    return typer.Option(name, help=help_text, rich_help_panel=OUTPUT, **more)
+    return typer.Option(name, help=help_text, rich_help_panel=section, **more)
 
 
 def _need_plotly(wanted: bool) -> bool:
@@ -56,6 +79,10 @@ def _need_plotly(wanted: bool) -> bool:
         message = "--html: needs plotly; pip install 'cgroup[scans]'"
         raise InputError(message)
     return wanted
+
+
+def _check_folder(out: Path) -> Path:
+    return check_folder(out)
 
 
 _Point = tuple[float, float, float]
@@ -78,10 +105,10 @@ MatchesArgument = Annotated[
     ),
 ]
 RunArgument = Annotated[
-    str, argument("NAME", "Name of a saved run, or a file.", autocompletion=complete_runs)
+    str, argument("NAME", "Name of a saved run, or a file.", autocompletion=_complete_runs)
 ]
 RunsArgument = Annotated[
-    list[str], argument("NAME", "Names of saved runs, or files.", autocompletion=complete_runs)
+    list[str], argument("NAME", "Names of saved runs, or files.", autocompletion=_complete_runs)
 ]
 
 VoxelOption = Annotated[
@@ -110,7 +137,7 @@ AxisOption = Annotated[
     ),
 ]
 MethodOption = Annotated[
-    str, option("NAME", f"Grouping method: {_METHOD_NAMES}.", GROUPING, autocompletion=complete_methods)
+    str, option("NAME", f"Grouping method: {_METHOD_NAMES}.", GROUPING, autocompletion=_complete_methods)
 ]
 ProposingMethodOption = Annotated[
     str | None,
@@ -119,7 +146,7 @@ ProposingMethodOption = Annotated[
         f"Grouping method that proposes poses: {_METHOD_NAMES}.",
         SEARCH,
         "lc, or gtm with the paper's front",
-        autocompletion=complete_methods,
+        autocompletion=_complete_methods,
     ),
 ]
 FrontOption = Annotated[
@@ -166,10 +193,17 @@ MaxDisplacementOption = Annotated[
     float,
     option("PR", "Largest mean displacement of the matched points of a registered pair.", LIMITS, min=0),
 ]
-OutOption = Annotated[Path, option("FOLDER", "Folder for the results; made if need be.", OUTPUT)]
+OutOption = Annotated[
+    Path, option("FOLDER", "Folder for the results; made if need be.", OUTPUT, callback=_check_folder)
+]
 SaveOption = Annotated[
     str | None,
-    option("NAME", "Keep the result for `cgroup results` by this name, or in this file (.json).", OUTPUT),
+    option(
+        "NAME",
+        "Keep the result for `cgroup results` by this name, or in this file (.json).",
+        OUTPUT,
+        callback=check_run,
+    ),
 ]
 JsonOption = Annotated[bool, flag("--json", "Print one JSON object in place of text.")]
 WideOption = Annotated[bool, flag("--wide", "Show all columns, however wide.")]

@@ -29,8 +29,10 @@ _NAME = re.compile(r"[\w][\w.+-]{0,99}")
 _KEYS = {"command": str, "inputs": list, "options": dict, "results": dict, "saved": dict}
 
 
-def check_run(name: str) -> Path:
+def check_run(name: str | None) -> Path | None:
     """Return the file of a run that is to be saved, having seen that it isn't there yet and can be made."""
+    if name is None:
+        return None
     path = file_of(name)
     if path.suffix != _SUFFIX or not path.stem:
         message = f"--save: got {show(name)}; give a name of letters, digits and . _ + -, or a .json file"

@@ -38,7 +38,7 @@ class _Output:
         except OSError as error:
             raise OutputError(error) from error
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
 

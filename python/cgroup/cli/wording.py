@@ -28,7 +28,7 @@ _NEEDS_MEMORY = "max_memory"
 
 
 @contextmanager
-def reworded_errors(context: Any) -> Generator[None, None, None]:  # noqa: ANN401 - typer's
+def reworded_errors(context: Any) -> Generator[None, None, None]:
     """Reword what the library raises within a command."""
     try:
         yield
@@ -36,7 +36,7 @@ def reworded_errors(context: Any) -> Generator[None, None, None]:  # noqa: ANN40
         raise reword(error, context) from error
 
 
-def reword(error: CgroupError, context: Any) -> CgroupError:  # noqa: ANN401
+def reword(error: CgroupError, context: Any) -> CgroupError:
     """Return an error in terms of the command's options."""
     return in_options(error, _options_of(context))
 
@@ -92,7 +92,7 @@ def _option_of(quoted: str, options: Mapping[str, str]) -> str:
     return " ".join(filter(None, (option, value.strip("'\""))))
 
 
-def _options_of(context: Any) -> dict[str, str]:  # noqa: ANN401
+def _options_of(context: Any) -> dict[str, str]:
     """Return the options of a command by their parameters."""
     options = {
         param.name: param.opts[0] for param in context.command.params if param.param_type_name == "option"
@@ -104,7 +104,7 @@ def _options_of(context: Any) -> dict[str, str]:  # noqa: ANN401
     return options
 
 
-def is_given(context: Any, name: str) -> bool:  # noqa: ANN401
+def is_given(context: Any, name: str) -> bool:
     """Tell whether a parameter was given on the command line."""
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"

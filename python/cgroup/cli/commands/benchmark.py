@@ -2,38 +2,86 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from cgroup.cli.completion import complete_presets
-from cgroup.cli.help import Command, examples, make_app
-from cgroup.cli.options import OUTPUT, JsonOption, WideOption
-from cgroup.cli.output import Ending
-from cgroup.cli.show.benchmark import (
-    print_claims,
-    print_presets,
-    print_readings,
-    print_status,
-    print_summary,
-    print_tables,
-    run_resumably,
+from cgroup.cli.command import command, examples, make_app
+from cgroup.cli.options import (
+    OUTPUT,
+    JsonOption,
+    WideOption,
+    argument,
+    choice,
+    complete_presets,
+    flag,
+    option,
 )
-from cgroup.cli.show.json import make_document, print_document
-from cgroup.cli.show.terminal import print_line, print_text, show_stages
+from cgroup.cli.show.json import Document
+from cgroup.cli.show.tables import Column, print_table
+from cgroup.cli.show.terminal import (
+    paint,
+    print_files,
+    print_line,
+    print_prose,
+    print_text,
+    show_progress,
+    show_stages,
+)
+from cgroup.cli.signals import StoppedError, stop_on_signals
 from cgroup.errors import InputError
 from cgroup.io._results import check_folder
 
-if TYPE_CHECKING:
-    from collections.abc import Generator, Mapping
+if TYPE_CHECKING:  # slow to load
+    from rich.progress import TaskID
 
     from cgroup.benchmark.paper.readings import ReadingOutcome
-    from cgroup.benchmark.stats import Rank
-    from cgroup.benchmark.store import Counts
+    from cgroup.benchmark.paper.verdicts import Verdict
+    from cgroup.benchmark.report.cells import Table
+
+_WORKERS = "Workers"
+_BASE = "readings"
+
+_DONE = {
+    "correspond": "cases matched",
+    "group": "groupings",
+    "score": "scores",
+    "time": "times",
+    "register": "registrations",
+    "try": "trials",
+    "judge": "readings judged",
+}
+"""What each stage counts."""
+
+_VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red"}
+_CLAIMS = (
+    Column("claim", is_text=True),
+    Column("verdict", is_text=True),
+    Column("resamples", is_text=True),
+    Column("the paper says", is_text=True),
+)
+_READINGS = (
+    Column("reading", is_text=True),
+    *(Column(name) for name in ("confirmed", "partly", "not", "moved", "better", "worse")),
+    Column("what is changed", is_text=True, priority=1),
+)
+_FAILURES_SHOWN = 10
+_INDENT = " " * 15
+
+Backend = Literal["processes", "dask", "threading"]
+Format = Literal["table", "markdown"]
+
+DataOption = Annotated[Path | None, option("FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA")]
+FormatOption = Annotated[Format, choice(Format, "How to print them.", OUTPUT)]
+OutOption = Annotated[Path, option("FOLDER", "Folder of the records and everything made from them.", OUTPUT)]
+RetryOption = Annotated[bool, flag("--retry-failed", "Try again what failed.", None)]
+DEFAULT_OUT = Path("benchmark")
 
 app = make_app(
     help="Run the paper's evaluation, draw its figures and check its claims.",
@@ -43,344 +91,6 @@ app = make_app(
         "cgroup benchmark report --out smoke",
     ),
 )
-
-Backend = Literal["processes", "dask", "threading"]
-_WORKERS = "Workers"
-_BASE = "readings"
-
-OutOption = Annotated[
-    Path,
-    typer.Option(
-        metavar="FOLDER",
-        help="Folder of the records and everything made from them.",
-        rich_help_panel=OUTPUT,
-    ),
-]
-DataOption = Annotated[
-    Path | None,
-    typer.Option(metavar="FOLDER", help="Folder with the data sets.", show_default="$CGROUP_DATA"),
-]
-FormatOption = Annotated[
-    Literal["table", "markdown"],
-    typer.Option(metavar="table|markdown", help="How to print them.", rich_help_panel=OUTPUT),
-]
-ResamplesOption = Annotated[
-    int,
-    typer.Option(
-        min=0,
-        metavar="COUNT",
-        help="How often the pairs are drawn anew, to tell how sure each verdict is; 0: not at all.",
-    ),
-]
-RetryOption = Annotated[bool, typer.Option("--retry-failed", help="Try again what failed.")]
-DEFAULT_OUT = Path("benchmark")
-
-
-OnlyOption = Annotated[
-    str | None,
-    typer.Option(metavar="NAMES", help="Readings or questions, with commas between.", show_default="all"),
-]
-
-
-@app.command(
-    "run",
-    cls=Command,
-    epilog=examples(
-        "cgroup benchmark run smoke --out smoke",
-        "cgroup benchmark run paper --data ~/data --out paper --workers 8",
-        "cgroup benchmark run own.toml --methods gtm,lc,ransac",
-    ),
-)
-def run_command(
-    config: Annotated[
-        str,
-        typer.Argument(
-            metavar="CONFIG",
-            help="TOML file, or a preset: see `cgroup benchmark presets`.",
-            show_default=False,
-            autocompletion=complete_presets,
-        ),
-    ],
-    *,
-    data: DataOption = None,
-    out: OutOption = DEFAULT_OUT,
-    backend: Annotated[
-        Backend,
-        typer.Option(
-            metavar="|".join(get_args(Backend)),
-            help="Processes on this machine, a Dask cluster, or threads of this process.",
-            rich_help_panel=_WORKERS,
-        ),
-    ] = "processes",
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="COUNT",
-            help="How many workers.",
-            show_default="one per core",
-            rich_help_panel=_WORKERS,
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Address of the Dask scheduler.",
-            show_default="$DASK_SCHEDULER_ADDRESS",
-            rich_help_panel=_WORKERS,
-        ),
-    ] = None,
-    retry_failed: RetryOption = False,
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Methods in place of the configuration's: names with commas between, or all, or paper.",
-            show_default="the configuration's",
-        ),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Compute what a configuration asks for. Stopped and started again, it continues."""
-    with _needs_extra():
-        from cgroup.benchmark.config import read_config, replace_methods  # noqa: PLC0415 - slow to load
-        from cgroup.benchmark.run import run  # noqa: PLC0415
-
-    wanted = read_config(config)
-    if methods is not None:
-        wanted = replace_methods(wanted, methods.split(","))
-    check_folder(out)
-    start = time.monotonic()
-    with run_resumably(out, quiet=as_json) as report:
-        summary = run(
-            wanted,
-            out,
-            root=data,
-            backend=backend,
-            workers=workers,
-            scheduler=scheduler,
-            retry_failed=retry_failed,
-            progress=report,
-        )
-    results = {
-        "counts": _list_counts(summary.counts),
-        "left_out": summary.missing,
-        "computed_anew": summary.damaged,
-        "failed": summary.failed,
-        "seconds": time.monotonic() - start,
-    }
-    document = make_document("benchmark run", options={"config": config, "out": out}, results=results)
-    Ending(as_json=as_json).finish(document, print_summary)
-
-
-@app.command("status", cls=Command, epilog=examples("cgroup benchmark status --out smoke"))
-def status_command(out: OutOption = DEFAULT_OUT, *, as_json: JsonOption = False) -> None:
-    """Show how far a run is, and what failed."""
-    with _needs_extra():
-        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
-    failures = [
-        dict(zip(("method", "error", "times"), row, strict=True)) for row in tables.load_failures(out)
-    ]
-    results = {
-        "counts": _list_counts(tables.load_counts(out)),
-        "left_out": tables.load_missing(out),
-        "failures": failures,
-    }
-    document = make_document("benchmark status", options={"out": out}, results=results)
-    Ending(as_json=as_json).finish(document, print_status)
-
-
-@app.command("presets", cls=Command, epilog=examples("cgroup benchmark presets"))
-def presets_command(*, as_json: JsonOption = False) -> None:
-    """List the configurations that come with the package."""
-    with _needs_extra():
-        from cgroup.benchmark.config import preset_names, read_config  # noqa: PLC0415 - slow to load
-    presets: list[dict[str, Any]] = []
-    for name in preset_names():
-        preset = read_config(name)
-        data = dict.fromkeys(
-            name for entry in preset.sets for name in entry.dataset or ("generated matches",)
-        )
-        presets.append({"name": name, "title": preset.title, "data": list(data)})
-    Ending(as_json=as_json).finish(
-        make_document("benchmark presets", results={"presets": presets}), print_presets
-    )
-
-
-@app.command("report", cls=Command, epilog=examples("cgroup benchmark report --out smoke"))
-def report_command(
-    *, out: OutOption = DEFAULT_OUT, data: DataOption = None, as_json: JsonOption = False
-) -> None:
-    """Write report.html, the figures and claims.md from the records."""
-    check_folder(out)
-    with _needs_extra(), show_stages() as begin:
-        from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
-
-        page = write_report(out, root=data, progress=begin)
-    files = [page, out / "claims.md", out / "figures"]
-    document = make_document("benchmark report", options={"out": out}, files=files)
-    Ending(as_json=as_json).finish(
-        document, lambda _: print_line(f"wrote {files[0]}, {files[1]} and {files[2]}/")
-    )
-
-
-@app.command(
-    "claims",
-    cls=Command,
-    epilog=examples(
-        "cgroup benchmark claims --out paper",
-        "cgroup benchmark claims --out paper --wide",
-        "cgroup benchmark claims --out paper --resamples 0",
-        "cgroup benchmark claims --out paper --format markdown > claims.md",
-    ),
-)
-def claims_command(
-    *,
-    out: OutOption = DEFAULT_OUT,
-    resamples: ResamplesOption = 200,
-    format: FormatOption = "table",  # noqa: A002 - the option's name
-    as_json: JsonOption = False,
-    wide: WideOption = False,
-) -> None:
-    """Check the paper's statements against the records."""
-    with _needs_extra(), show_stages() as begin:
-        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
-        from cgroup.benchmark.paper import claims  # noqa: PLC0415
-
-        begin("reading records")
-        frame, timing = tables.load(out), tables.load(out, "timing")
-        begin(f"checking claims on {resamples} resamples" if resamples else "checking claims")
-        verdicts = claims.check_claims(frame, timing, resamples=resamples)
-    if format == "markdown" and not as_json:
-        print_text(claims.as_markdown(verdicts))
-        return
-    results = {
-        "counts": claims.count_verdicts(verdicts),
-        "counted": claims.counts_line(verdicts),
-        "claims": [asdict(verdict) for verdict in verdicts],
-    }
-    options = {"out": out, "resamples": resamples}
-    document = make_document("benchmark claims", options=options, results=results)
-    Ending(as_json=as_json).finish(document, lambda document: print_claims(document, wide=wide))
-
-
-@app.command(
-    "rankings",
-    cls=Command,
-    epilog=examples(
-        "cgroup benchmark rankings --out matches",
-        "cgroup benchmark rankings --out matches --format markdown > rankings.md",
-    ),
-)
-def rankings_command(
-    *,
-    out: OutOption = DEFAULT_OUT,
-    format: FormatOption = "table",  # noqa: A002 - the option's name
-    as_json: JsonOption = False,
-    wide: WideOption = False,
-) -> None:
-    """Print how grouping methods rank on matches."""
-    with _needs_extra():
-        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
-        from cgroup.benchmark.report.trial_tables import overview_table, with_fewest_threads  # noqa: PLC0415
-        from cgroup.benchmark.report.trials import as_markdown, make_trial_sections  # noqa: PLC0415
-        from cgroup.benchmark.stats import rank_methods  # noqa: PLC0415
-
-        trials = tables.load(out, "matches")
-    if trials.empty:
-        message = f"{out}: no trials there; make some with: cgroup benchmark run matches --out {out}"
-        raise InputError(message)
-    if as_json:
-        sets = {
-            str(name): [_list_rank(rank) for rank in rank_methods(with_fewest_threads(rows))]
-            for name, rows in trials.groupby("set", sort=False)
-        }
-        print_document(make_document("benchmark rankings", options={"out": out}, results={"sets": sets}))
-        return
-    overview, sections = overview_table(trials), make_trial_sections(trials, tables.load_machines(out), None)
-    if format == "markdown":
-        print_text(as_markdown(overview, sections).rstrip())
-        return
-    print_tables("All sets", "", [overview], wide=wide)
-    for section in sections:
-        tables = (section.ranking, section.levels, section.costs, section.failures)
-        print_tables(section.title, section.label, [table for table in tables if table], wide=wide)
-
-
-@app.command(
-    "readings",
-    cls=Command,
-    epilog=examples(
-        "cgroup benchmark readings --data ~/data --out readings",
-        "cgroup benchmark readings --data ~/data --out readings --only gtm,mutual",
-    ),
-)
-def readings_command(
-    config: Annotated[
-        str,
-        typer.Argument(
-            metavar="CONFIG",
-            help="What is repeated for every reading: TOML file, or a preset.",
-            autocompletion=complete_presets,
-        ),
-    ] = _BASE,
-    *,
-    data: DataOption = None,
-    out: OutOption = Path(_BASE),
-    only: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Readings or questions, with commas between.",
-            show_default="all",
-        ),
-    ] = None,
-    resamples: Annotated[
-        int,
-        typer.Option(min=1, metavar="COUNT", help="Draws of the pairs that show how sure a verdict is."),
-    ] = 200,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="COUNT", help="How many workers.", show_default="one per core"),
-    ] = None,
-    retry_failed: RetryOption = False,
-    as_json: JsonOption = False,
-    wide: WideOption = False,
-) -> None:
-    """Read what the paper leaves open in other ways, one at a time, and check its claims each time.
-
-    Stopped and started again, it continues.
-    """
-    with _needs_extra():
-        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
-        from cgroup.benchmark.config import read_config  # noqa: PLC0415
-        from cgroup.benchmark.paper.claims import counts_line  # noqa: PLC0415
-        from cgroup.benchmark.paper.reading_tables import write_readings  # noqa: PLC0415
-        from cgroup.benchmark.paper.readings import (  # noqa: PLC0415
-            add_readings,
-            judge_readings,
-            list_readings,
-        )
-        from cgroup.benchmark.run import run  # noqa: PLC0415
-
-    readings = list_readings(None if only is None else [name.strip() for name in only.split(",")])
-    wanted = add_readings(read_config(config), readings)
-    check_folder(out)
-    with run_resumably(out, quiet=as_json) as report:
-        summary = run(wanted, out, root=data, workers=workers, retry_failed=retry_failed, progress=report)
-        loaded = tables.load(out), tables.load(out, "timing")
-        outcomes = judge_readings(*loaded, readings, root=data, resamples=resamples, progress=report)
-    files = write_readings(out, outcomes)
-    results = {
-        "counted": counts_line(list(outcomes[0].verdicts.values())),
-        "left_out": summary.missing,
-        "failed": summary.failed,
-        "readings": [_list_outcome(outcome) for outcome in outcomes],
-    }
-    options = {"config": config, "out": out, "only": only, "resamples": resamples}
-    document = make_document("benchmark readings", options=options, results=results, files=files)
-    Ending(as_json=as_json).finish(document, lambda document: print_readings(document, wide=wide))
 
 
 @contextmanager
@@ -395,21 +105,451 @@ def _needs_extra() -> Generator[None, None, None]:
         raise InputError(message) from missing
 
 
-def _list_counts(counts: Mapping[str, Counts]) -> dict[str, dict[str, int]]:
-    return {stage: count._asdict() for stage, count in counts.items()}
+# --- run and status ------------------------------------------------------------------------------
 
 
-def _list_rank(rank: Rank) -> dict[str, Any]:
-    return {**rank._asdict(), "f_score": rank.f_score._asdict(), "registered": rank.registered._asdict()}
+def _print_summary(document: Document) -> None:
+    done, out = document["results"], document["options"]["out"]
+    _print_counts(done)
+    if done["computed_anew"]:
+        print_line(f"computed anew  {done['computed_anew']}")
+    print_line(f"took {_format_duration(done['seconds'])}; records are in {out}/")
+    if done["failed"]:
+        wanted = sum(count["wanted"] for stage, count in done["counts"].items() if stage != "score")
+        print_line(f"{done['failed']} of {wanted} failed; see: cgroup benchmark status --out {out}")
+
+
+def _print_counts(found: Mapping[str, Any]) -> None:
+    for stage, count in found["counts"].items():
+        if count["wanted"]:
+            failed = f", {count['failed']} failed" if count["failed"] else ""
+            print_line(f"{_DONE[stage]:<14} {count['done']} of {count['wanted']}{failed}")
+    _print_left_out(found["left_out"])
+
+
+def _print_left_out(left_out: Mapping[str, str]) -> None:
+    for name, why in left_out.items():
+        print_prose(f"left out       {name}: {why}", _INDENT)
+
+
+def _format_duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+@command(
+    app,
+    "run",
+    "cgroup benchmark run smoke --out smoke",
+    "cgroup benchmark run paper --data ~/data --out paper --workers 8",
+    "cgroup benchmark run own.toml --methods gtm,lc,ransac",
+    show=_print_summary,
+)
+@_needs_extra()
+def run_command(
+    config: Annotated[
+        str,
+        argument(
+            "CONFIG",
+            "TOML file, or a preset: see `cgroup benchmark presets`.",
+            autocompletion=complete_presets,
+        ),
+    ],
+    *,
+    data: DataOption = None,
+    out: OutOption = DEFAULT_OUT,
+    backend: Annotated[
+        Backend,
+        choice(Backend, "Processes on this machine, a Dask cluster, or threads of this process.", _WORKERS),
+    ] = "processes",
+    workers: Annotated[
+        int | None, option("COUNT", "How many workers.", _WORKERS, "one per core", min=1)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        option("ADDRESS", "Address of the Dask scheduler.", _WORKERS, "$DASK_SCHEDULER_ADDRESS"),
+    ] = None,
+    retry_failed: RetryOption = False,
+    methods: Annotated[
+        str | None,
+        option(
+            "NAMES",
+            "Methods in place of the configuration's: names with commas between, or all, or paper.",
+            None,
+            "the configuration's",
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> Document:
+    """Compute what a configuration asks for. Stopped and started again, it continues."""
+    from cgroup.benchmark.config import read_config, replace_methods  # noqa: PLC0415 - slow to load
+    from cgroup.benchmark.run import run  # noqa: PLC0415
+
+    wanted = read_config(config)
+    if methods is not None:
+        wanted = replace_methods(wanted, methods.split(","))
+    check_folder(out)
+    start = time.monotonic()
+    with _run_resumably(out, quiet=as_json) as report:
+        summary = run(
+            wanted,
+            out,
+            root=data,
+            backend=backend,
+            workers=workers,
+            scheduler=scheduler,
+            retry_failed=retry_failed,
+            progress=report,
+        )
+    return {
+        "options": {"config": config, "out": out},
+        "results": {
+            "counts": {stage: count._asdict() for stage, count in summary.counts.items()},
+            "left_out": summary.missing,
+            "computed_anew": summary.damaged,
+            "failed": summary.failed,
+            "seconds": time.monotonic() - start,
+        },
+    }
+
+
+@contextmanager
+def _run_resumably(out: Path, *, quiet: bool) -> Generator[Callable[[str, int, int], None], None, None]:
+    """Show how far a run is, and where it is stopped, say how to go on, unless it is to be quiet."""
+    try:
+        with stop_on_signals(), show_progress(counts=True) as progress:
+            tasks: dict[str, TaskID] = {}
+
+            def report(stage: str, done: int, wanted: int) -> None:
+                if progress is None:
+                    return
+                if stage not in tasks:
+                    # What earlier runs did says nothing of the speed of this one.
+                    tasks[stage] = progress.add_task(_DONE[stage], total=wanted, completed=done)
+                progress.update(tasks[stage], completed=done)
+
+            yield report
+    except StoppedError as stopped:
+        if not quiet:
+            with suppress(OSError):  # of a terminal that is gone
+                print_line(f"Everything finished is in {out}/; run the same command again to continue.")
+                sys.stdout.flush()
+        raise typer.Exit(stopped.status) from None
+
+
+def _print_status(document: Document) -> None:
+    found = document["results"]
+    _print_counts(found)
+    failures = found["failures"]
+    for failure in failures[:_FAILURES_SHOWN]:
+        what = failure["method"] or "correspond"
+        print_prose(f"failed {failure['times']:>5} x {what}: {failure['error']}", _INDENT)
+    if len(failures) > _FAILURES_SHOWN:
+        print_line(f"and {len(failures) - _FAILURES_SHOWN} other errors")
+
+
+@command(app, "status", "cgroup benchmark status --out smoke", show=_print_status)
+@_needs_extra()
+def status_command(out: OutOption = DEFAULT_OUT) -> Document:
+    """Show how far a run is, and what failed."""
+    from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
+
+    keys = ("method", "error", "times")
+    failures = [dict(zip(keys, row, strict=True)) for row in tables.load_failures(out)]
+    results = {
+        "counts": {stage: count._asdict() for stage, count in tables.load_counts(out).items()},
+        "left_out": tables.load_missing(out),
+        "failures": failures,
+    }
+    return {"options": {"out": out}, "results": results}
+
+
+# --- presets and report --------------------------------------------------------------------------
+
+
+def _print_presets(document: Document) -> None:
+    for preset in document["results"]["presets"]:
+        print_prose(f"{preset['name']:<12} {preset['title']}", " " * 13)
+        print_prose(f"{'':<12} data: {', '.join(preset['data'])}", " " * 19)
+
+
+@command(app, "presets", "cgroup benchmark presets", show=_print_presets)
+@_needs_extra()
+def presets_command() -> Document:
+    """List the configurations that come with the package."""
+    from cgroup.benchmark.config import preset_names, read_config  # noqa: PLC0415 - slow to load
+
+    presets: list[dict[str, Any]] = []
+    for name in preset_names():
+        preset = read_config(name)
+        data = dict.fromkeys(one for entry in preset.sets for one in entry.dataset or ("generated matches",))
+        presets.append({"name": name, "title": preset.title, "data": list(data)})
+    return {"results": {"presets": presets}}
+
+
+def _print_written(document: Document) -> None:
+    page, claims, figures = document["files"]
+    print_line(f"wrote {page}, {claims} and {figures}/")
+
+
+@command(app, "report", "cgroup benchmark report --out smoke", show=_print_written)
+@_needs_extra()
+def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> Document:
+    """Write report.html, the figures and claims.md from the records."""
+    check_folder(out)
+    with show_stages() as begin:
+        from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
+
+        page = write_report(out, root=data, progress=begin)
+    return {"options": {"out": out}, "files": [page, out / "claims.md", out / "figures"]}
+
+
+# --- claims --------------------------------------------------------------------------------------
+
+
+def _print_claims(document: Document, *, format: Format, wide: bool) -> None:  # noqa: A002 - the option's
+    from cgroup.benchmark.paper.verdicts import Stability, Verdict, as_markdown  # noqa: PLC0415 - slow to load
+
+    verdicts: list[Verdict] = []
+    for claim in document["results"]["claims"]:
+        stability = claim["stability"] and Stability(**claim["stability"])
+        verdicts.append(Verdict(**{**claim, "stability": stability}))
+    resamples = document["options"]["resamples"]
+    if format == "markdown":
+        print_text(as_markdown(verdicts))
+        return
+    if wide:
+        for verdict in verdicts:
+            _print_claim(verdict)
+    else:
+        rows = [(each.id, each.verdict, str(each.stability or ""), each.statement) for each in verdicts]
+        shown = [at for at, column in enumerate(_CLAIMS) if resamples or column.header != "resamples"]
+        print_table([_CLAIMS[at] for at in shown], [[row[at] for at in shown] for row in rows])
+    if resamples:
+        print_prose(
+            f"resamples: in how many of {resamples} draws of the same pairs the verdict is the same; "
+            "close: it changes in more than 10 %."
+        )
+    print_prose(document["results"]["counted"])
+
+
+def _print_claim(claim: Verdict) -> None:
+    print_text(f"{paint(claim.id, bold=True)}  {paint(claim.verdict, fg=_VERDICT_COLORS.get(claim.verdict))}")
+    said = {
+        "paper": claim.statement,
+        "test": claim.criterion,
+        "measured": claim.measured,
+        "why": claim.explanation,
+        "data": claim.data,
+    }
+    if claim.stability:
+        counts = claim.stability.counts.items()
+        drawn = ", ".join(f"{count} {outcome}" for outcome, count in counts if count)
+        said["resamples"] = f"{claim.stability}: {drawn}"
+    for name, text in said.items():
+        if text:
+            print_prose(f"  {name:<9} {text}", " " * 12)
+    print_text("")
+
+
+@command(
+    app,
+    "claims",
+    "cgroup benchmark claims --out paper",
+    "cgroup benchmark claims --out paper --wide",
+    "cgroup benchmark claims --out paper --resamples 0",
+    "cgroup benchmark claims --out paper --format markdown > claims.md",
+    show=_print_claims,
+)
+@_needs_extra()
+def claims_command(
+    *,
+    out: OutOption = DEFAULT_OUT,
+    resamples: Annotated[
+        int,
+        option(
+            "COUNT",
+            "How often the pairs are drawn anew, to tell how sure each verdict is; 0: not at all.",
+            None,
+            min=0,
+        ),
+    ] = 200,
+    format: FormatOption = "table",  # noqa: A002, ARG001 - the option's name; what shows the claims takes it
+) -> Document:
+    """Check the paper's statements against the records."""
+    with show_stages() as begin:
+        from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
+        from cgroup.benchmark.paper import claims  # noqa: PLC0415
+
+        begin("reading records")
+        frame, timing = tables.load(out), tables.load(out, "timing")
+        begin(f"checking claims on {resamples} resamples" if resamples else "checking claims")
+        verdicts = claims.check_claims(frame, timing, resamples=resamples)
+    results = {
+        "counts": claims.count_verdicts(verdicts),
+        "counted": claims.counts_line(verdicts),
+        "claims": [asdict(verdict) for verdict in verdicts],
+    }
+    return {"options": {"out": out, "resamples": resamples}, "results": results}
+
+
+# --- rankings ------------------------------------------------------------------------------------
+
+
+@command(
+    app,
+    "rankings",
+    "cgroup benchmark rankings --out matches",
+    "cgroup benchmark rankings --out matches --format markdown > rankings.md",
+)
+@_needs_extra()
+def rankings_command(
+    *,
+    out: OutOption = DEFAULT_OUT,
+    format: FormatOption = "table",  # noqa: A002 - the option's name
+    as_json: JsonOption = False,
+    wide: WideOption = False,
+) -> Document | None:
+    """Print how grouping methods rank on matches."""
+    from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
+    from cgroup.benchmark.report.trial_tables import overview_table, with_fewest_threads  # noqa: PLC0415
+    from cgroup.benchmark.report.trials import as_markdown, make_trial_sections  # noqa: PLC0415
+    from cgroup.benchmark.stats import rank_methods  # noqa: PLC0415
+
+    trials = tables.load(out, "matches")
+    if trials.empty:
+        message = f"{out}: no trials there; make some with: cgroup benchmark run matches --out {out}"
+        raise InputError(message)
+    if as_json:
+        sets: dict[str, list[dict[str, Any]]] = {}
+        for name, rows in trials.groupby("set", sort=False):
+            ranks = rank_methods(with_fewest_threads(rows))
+            sets[str(name)] = [
+                {**rank._asdict(), **{key: getattr(rank, key)._asdict() for key in ("f_score", "registered")}}
+                for rank in ranks
+            ]
+        return {"options": {"out": out}, "results": {"sets": sets}}
+    overview, sections = overview_table(trials), make_trial_sections(trials, tables.load_machines(out), None)
+    if format == "markdown":
+        print_text(as_markdown(overview, sections).rstrip())
+        return None
+    _print_tables("All sets", "", [overview], wide=wide)
+    for section in sections:
+        shown = (section.ranking, section.levels, section.costs, section.failures)
+        _print_tables(section.title, section.label, filter(None, shown), wide=wide)
+    return None
+
+
+def _print_tables(title: str, label: str, tables: Iterable[Table], *, wide: bool) -> None:
+    """Print tables of a report below a title."""
+    print_text(f"\n{paint(title, bold=True)}")
+    if label:
+        print_prose(label)
+    for table in tables:
+        print_text("")
+        print_prose(f"{table.caption}:")
+        columns = [
+            Column(header, is_text=not right, priority=max(0, at - 1))
+            for at, (header, right) in enumerate(zip(table.headers, table.right, strict=True))
+        ]
+        rows = [[cell.text for cell in row] for row in table.rows]
+        best = {(at, to) for at, row in enumerate(table.rows) for to, cell in enumerate(row) if cell.best}
+        print_table(columns, rows, best=best, wide=wide)
+
+
+# --- readings ------------------------------------------------------------------------------------
+
+
+def _print_readings(document: Document, *, wide: bool) -> None:
+    """Print how many claims are confirmed under each reading."""
+    found = document["results"]
+    rows = [
+        (
+            reading["name"],
+            *(str(reading["counts"][verdict]) for verdict in ("confirmed", "partly", "not confirmed")),
+            str(reading["moved"]),
+            *(str(len(reading[change])) for change in ("better", "worse")),
+            reading["label"],
+        )
+        for reading in found["readings"]
+    ]
+    print_table(_READINGS, rows, wide=wide)
+    print_prose(
+        "moved: claims of which a number is another than by default; better, worse: of which the verdict is"
+    )
+    print_prose(f"by default, {found['counted']}")
+    _print_left_out(found["left_out"])
+    print_files(document)
+    if found["failed"]:
+        out = document["options"]["out"]
+        print_line(f"{found['failed']} failed; see: cgroup benchmark status --out {out}")
+
+
+@command(
+    app,
+    "readings",
+    "cgroup benchmark readings --data ~/data --out readings",
+    "cgroup benchmark readings --data ~/data --out readings --only gtm,mutual",
+    show=_print_readings,
+)
+@_needs_extra()
+def readings_command(
+    config: Annotated[
+        str,
+        argument(
+            "CONFIG",
+            "What is repeated for every reading: TOML file, or a preset.",
+            autocompletion=complete_presets,
+        ),
+    ] = _BASE,
+    *,
+    data: DataOption = None,
+    out: OutOption = Path(_BASE),
+    only: Annotated[
+        str | None, option("NAMES", "Readings or questions, with commas between.", None, "all")
+    ] = None,
+    resamples: Annotated[
+        int, option("COUNT", "Draws of the pairs that show how sure a verdict is.", None, min=1)
+    ] = 200,
+    workers: Annotated[int | None, option("COUNT", "How many workers.", None, "one per core", min=1)] = None,
+    retry_failed: RetryOption = False,
+    as_json: JsonOption = False,
+) -> Document:
+    """Read what the paper leaves open in other ways, one at a time, and check its claims each time.
+
+    Stopped and started again, it continues.
+    """
+    from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
+    from cgroup.benchmark.config import read_config  # noqa: PLC0415
+    from cgroup.benchmark.paper import readings as reading  # noqa: PLC0415
+    from cgroup.benchmark.paper.claims import counts_line  # noqa: PLC0415
+    from cgroup.benchmark.paper.reading_tables import write_readings  # noqa: PLC0415
+    from cgroup.benchmark.run import run  # noqa: PLC0415
+
+    readings = reading.list_readings(None if only is None else [name.strip() for name in only.split(",")])
+    wanted = reading.add_readings(read_config(config), readings)
+    check_folder(out)
+    with _run_resumably(out, quiet=as_json) as report:
+        summary = run(wanted, out, root=data, workers=workers, retry_failed=retry_failed, progress=report)
+        loaded = tables.load(out), tables.load(out, "timing")
+        outcomes = reading.judge_readings(*loaded, readings, root=data, resamples=resamples, progress=report)
+    return {
+        "options": {"config": config, "out": out, "only": only, "resamples": resamples},
+        "results": {
+            "counted": counts_line(list(outcomes[0].verdicts.values())),
+            "left_out": summary.missing,
+            "failed": summary.failed,
+            "readings": [_list_outcome(outcome) for outcome in outcomes],
+        },
+        "files": write_readings(out, outcomes),
+    }
 
 
 def _list_outcome(outcome: ReadingOutcome) -> dict[str, Any]:
     claims = {
         claim: {
-            "verdict": verdict.verdict,
-            "held": verdict.held,
-            "tests": verdict.tests,
-            "measured": verdict.measured,
+            **{name: getattr(verdict, name) for name in ("verdict", "held", "tests", "measured")},
             "moved": claim in outcome.moved,
             "close": outcome.is_close(claim),
         }

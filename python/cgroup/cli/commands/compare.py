@@ -1,37 +1,112 @@
-"""``cgroup compare``: run all methods on a pair whose pose is known."""
+"""``cgroup compare`` and ``demo``: run all methods on a pair whose pose is known."""
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
-import typer
 
 from cgroup import io
 from cgroup._checks.values import refusal
 from cgroup.cli import options
-from cgroup.cli.help import command, make_app
+from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_pair, read_both
-from cgroup.cli.output import Ending, files_in, options_of
-from cgroup.cli.show.comparison import comparison_results, print_comparison, say_correct
-from cgroup.cli.show.json import Document, make_document
-from cgroup.cli.show.pages import COMPARISON_PAGE
-from cgroup.cli.show.terminal import show_stages, shown_name, write_figure
-from cgroup.comparison import MAX_DISPLACEMENT, MAX_ROTATION, compare, find_correct, write_table
-from cgroup.io._results import check_folder, make_folder
+from cgroup.cli.show.json import Document
+from cgroup.cli.show.tables import Column, print_table, show_value
+from cgroup.cli.show.terminal import (
+    print_clouds,
+    print_facts,
+    print_files,
+    print_prose,
+    show_stages,
+    shown_name,
+    write_figure,
+)
+from cgroup.comparison import (
+    MAX_DISPLACEMENT,
+    MAX_ROTATION,
+    MethodResult,
+    compare,
+    find_correct,
+    table,
+    write_table,
+)
+from cgroup.evaluation.ground_truth import CORRECT_WITHIN
+from cgroup.io._results import make_folder
 from cgroup.registration import correspond
 from cgroup.registry import label_of
 from cgroup.rigid import invert
+from cgroup.types import BoolArray, Correspondences, FloatArray, PointCloud
 
-if TYPE_CHECKING:
-    from cgroup.comparison import MethodResult
-    from cgroup.types import BoolArray, Correspondences, FloatArray, PointCloud
-
-_FILES = ("comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz")
+_COLUMNS = (
+    Column("method", is_text=True),
+    Column("selected", priority=1),
+    Column("precision"),
+    Column("recall"),
+    Column("F"),
+    Column("P > 0.1", priority=4),
+    Column("registered"),
+    Column("rot deg", priority=2),
+    Column("off pr"),
+    Column("ms"),
+)
+_BEST = {
+    2: ("precision", max),
+    3: ("recall", max),
+    4: ("f_score", max),
+    7: ("rotation_error_deg", min),
+    8: ("displacement_pr", min),
+}
+"""By column: what it shows, and which is the best."""
 
 app = make_app()
+
+
+def print_comparison(document: Document, *, wide: bool) -> None:
+    """Print methods compared on one pair, from their document: the best F first."""
+    results = document["results"]
+    limits = results["limits"]
+    print_clouds(document["inputs"])
+    counted = _say_correct(results["matches"], results["correct"])
+    pr = show_value(results["resolution"], ".4g")
+    print_facts(
+        ("resolution", f"{pr} (mean point spacing, in the files' unit; 1 pr)"),
+        ("matching", f"{counted}, that is within {CORRECT_WITHIN:g} pr of the true place"),
+    )
+    rows = sorted(results["methods"], key=lambda row: (-row["f_score"], row["milliseconds"]))
+    best: set[tuple[int, int]] = set()  # ties are all best
+    for column, (name, pick) in _BEST.items():
+        top = pick((row[name] for row in rows if row[name] is not None), default=None)
+        best |= {(at, column) for at, row in enumerate(rows) if top is not None and row[name] == top}
+    print_table(_COLUMNS, [_cells(row) for row in rows], best=best, wide=wide)
+    print_prose(
+        f"Registered: the pose that the group fixes is off by at most {limits['max_rotation_deg']:g} "
+        f"degrees, and by {limits['max_displacement_pr']:g} pr on average over the matched points. P > 0.1: "
+        "the paper's criterion, which asks for no pose."
+    )
+    if results["correct_under_inverse"]:
+        print_prose(
+            f"Note: {results['correct_under_inverse']} matches would be correct under the inverse of this "
+            "truth; it has to map the source into the target's frame."
+        )
+    print_files(document)
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    posed, duration = row["T_target_source"] is not None, row["milliseconds"]
+    return (
+        label_of(row["method"]),
+        str(row["selected"]),
+        *(f"{row[name]:.3f}" for name in ("precision", "recall", "f_score")),
+        *(show_value(row[name]) for name in ("precision_above_0.1", "registered")),
+        *(f"{row[name]:.2f}" if posed else "no pose" for name in ("rotation_error_deg", "displacement_pr")),
+        f"{duration:.1f}" if duration < 100 else f"{duration:.0f}",
+    )
+
+
+def _say_correct(matches: int, correct: int) -> str:
+    return f"{matches} matches, {correct} correct ({100 * correct / max(matches, 1):.1f} %)"
 
 
 @command(
@@ -42,9 +117,10 @@ app = make_app()
     "# other descriptors, and what became of it beside a run that was saved before",
     "cgroup compare a.ply b.ply --truth pose.txt --descriptor rcs --save rcs",
     "cgroup results compare shot rcs",
+    show=print_comparison,
+    saves=True,
 )
 def compare_command(
-    context: typer.Context,
     source: options.SourceArgument,
     target: options.TargetArgument,
     *,
@@ -60,10 +136,7 @@ def compare_command(
     nms_radius: options.NmsRadiusOption = None,
     out: options.OutOption = options.DEFAULT_OUT,
     html: options.HtmlOption = False,
-    save: options.SaveOption = None,
-    as_json: options.JsonOption = False,
-    wide: options.WideOption = False,
-) -> None:
+) -> Document:
     """Run all methods on a pair whose pose is known, and judge what each selects.
 
     Writes the table, the matches and pictures.
@@ -71,15 +144,13 @@ def compare_command(
     for name, limit in (("max_rotation", max_rotation), ("max_displacement", max_displacement)):
         if not np.isfinite(limit):
             raise refusal(name, limit, "give a finite number")
-    folder, true_pose = check_folder(out), io.read_transform(truth)
-    ending = Ending(as_json=as_json, save=save)
-    document = compare_methods(
-        context,
+    true_pose = io.read_transform(truth)
+    return _compare_methods(
         (source, target),
         read_both(source, target),
         true_pose,
         title=f"{shown_name(source)} to {shown_name(target)}",
-        folder=folder,
+        folder=out,
         html=html,
         limits=(max_rotation, max_displacement),
         detector=detector,
@@ -88,11 +159,48 @@ def compare_command(
         keypoints=keypoints,
         nms_radius=nms_radius,
     )
-    ending.finish(document, partial(print_comparison, wide=wide))
 
 
-def compare_methods(
-    context: typer.Context,
+@command(
+    app,
+    "demo",
+    "cgroup demo",
+    "cgroup demo --seed 3 --out third --wide",
+    "cgroup compare out/source.ply out/target.ply --truth out/truth.txt",
+    show=print_comparison,
+    saves=True,
+)
+def demo_command(
+    *,
+    seed: Annotated[int, options.option("NUMBER", "Another seed, another shape.", "Shape", min=0)] = 0,
+    out: options.OutOption = options.DEFAULT_OUT,
+    html: options.HtmlOption = False,
+) -> Document:
+    """Run all methods on a generated pair: two views of a closed shape rich in detail.
+
+    Writes the two scans and their true pose, and all that `cgroup compare` writes.
+    """
+    from cgroup.datasets import standin_pair  # noqa: PLC0415 - slow to load
+
+    with show_stages() as begin:
+        begin("generating two scans")
+        pair = standin_pair(seed=seed)
+    source, target, truth = (make_folder(out) / name for name in ("source.ply", "target.ply", "truth.txt"))
+    io.write_cloud(source, pair.source)
+    io.write_cloud(target, pair.target)
+    io.write_transform(truth, pair.T_target_source)
+    said = _compare_methods(
+        (source, target),
+        (pair.source, pair.target),
+        pair.T_target_source,
+        title="Generated pair",
+        folder=out,
+        html=html,
+    )
+    return {**said, "files": [source, target, truth, *said["files"]]}
+
+
+def _compare_methods(
     files: tuple[Path, Path],
     clouds: tuple[PointCloud, PointCloud],
     true_pose: FloatArray,
@@ -101,12 +209,12 @@ def compare_methods(
     folder: Path,
     html: bool,
     limits: tuple[float, float] = (MAX_ROTATION, MAX_DISPLACEMENT),
-    written: tuple[str, ...] = (),
-    **front: Any,  # noqa: ANN401 - options of `correspond`
+    **front: Any,
 ) -> Document:
     """Match, group by every method, and write the files; `limits` are in degrees and pr."""
     with show_stages() as begin:
         matches = correspond(*clouds, progress=begin, **front)
+        pr = matches.resolution or np.nan
         correct = find_correct(matches, true_pose)
         results = list(
             compare(
@@ -114,34 +222,41 @@ def compare_methods(
                 true_pose,
                 correct=correct,
                 max_rotation=limits[0],
-                max_displacement=limits[1] * (matches.resolution or np.nan),
+                max_displacement=limits[1] * pr,
                 progress=lambda method: begin(f"grouping by {label_of(method)}"),
             )
         )
         begin("figures")
-        make_folder(folder)
-        _draw_comparison(folder, clouds, matches, results, true_pose, correct, title)
+        names = ["comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz"]
+        _draw_comparison(make_folder(folder), clouds, matches, results, true_pose, correct, title)
         if html:
             from cgroup.pages import comparison_page, write_page  # noqa: PLC0415 - slow to load
 
+            names.append("comparison.html")
             page = comparison_page(*clouds, matches, results, true_pose, correct=correct, title=title)
-            write_page(folder / COMPARISON_PAGE, page)
+            write_page(folder / names[-1], page)
         write_table(folder / "comparison.csv", results)
         io.write_correspondences(folder / "correspondences.npz", matches)
-    return make_document(
-        str(context.info_name),
-        inputs=describe_pair(files, clouds),
-        options=options_of(context),
-        results=comparison_results(
-            matches,
-            correct,
-            results,
-            T_target_source=true_pose,
-            inverse_correct=_count_under_inverse(matches, correct, true_pose),
-            limits=limits,
-        ),
-        files=files_in(folder, (*written, *_FILES, COMPARISON_PAGE) if html else (*written, *_FILES)),
-    )
+    return {
+        "inputs": describe_pair(files, clouds),
+        "results": {
+            "resolution": pr,
+            "matches": len(correct),
+            "correct": int(np.count_nonzero(correct)),
+            "correct_under_inverse": _count_under_inverse(matches, correct, true_pose),
+            "T_target_source": true_pose,
+            "methods": [
+                {
+                    **row,
+                    "displacement_pr": result.displacement / pr,
+                    "T_target_source": result.T_target_source,
+                }
+                for row, result in zip(table(results), results, strict=True)
+            ],
+            "limits": {"max_rotation_deg": limits[0], "max_displacement_pr": limits[1]},
+        },
+        "files": [folder / name for name in names],
+    }
 
 
 def _draw_comparison(
@@ -155,7 +270,7 @@ def _draw_comparison(
 ) -> None:
     from cgroup.plots import comparison_figure, precision_recall_figure  # noqa: PLC0415 - slow to load
 
-    title = f"{title}: {say_correct(len(correct), int(correct.sum()))}"
+    title = f"{title}: {_say_correct(len(correct), int(correct.sum()))}"
     panels = comparison_figure(
         clouds[0].points,
         clouds[1].points,

@@ -6,31 +6,47 @@ import time
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
-import typer
 
 from cgroup import io
 from cgroup._checks.values import as_length
 from cgroup.cli import options
-from cgroup.cli.help import command, make_app
-from cgroup.cli.output import Ending, options_of
-from cgroup.cli.show.json import Document, make_document
+from cgroup.cli.command import command, make_app
+from cgroup.cli.show.json import Document
 from cgroup.cli.show.terminal import print_facts, print_line, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import check_method, group
 from cgroup.io._results import check_file
 from cgroup.registry import METHODS, label_of
-
-if TYPE_CHECKING:
-    from cgroup.types import Correspondences, Grouping
+from cgroup.types import Correspondences, Grouping
 
 _WITHOUT_TOLERANCE = ("gtm",)
 """Methods whose tolerance belongs to an option that the command line lacks."""
 
 app = make_app()
+
+
+def print_group(document: Document) -> None:
+    """Print a group from its document."""
+    found, method = document["results"], document["options"]["method"]
+    matches, pr = document["inputs"][0]["matches"], document["options"]["resolution"]
+    label = label_of(method)
+    print_line(f"{found['selected']} of {matches} selected by {label} in {1e3 * found['seconds']:.0f} ms")
+    if found["T_target_source"] is None:
+        print_facts(("no pose", found["why_no_pose"]))
+    else:
+        print_pose(found["T_target_source"])
+        print_facts(
+            ("residuals", f"root mean square {_length(found['residual_rms'], pr)}"),
+            ("", f"largest {_length(found['residual_max'], pr)}"),
+        )
+    print_facts(("sure", _say_how_sure(found, label)))
+    if not found["complete"]:
+        print_facts(("note", "a bound of the method cut its search short: there may be a better group"))
+    print_line(f"wrote {document['files'][0]}")
 
 
 @command(
@@ -43,9 +59,10 @@ app = make_app()
     "cgroup group matches.npz --method lc --out mask.txt",
     "",
     "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json",
+    show=print_group,
+    saves=True,
 )
 def group_command(
-    context: typer.Context,
     correspondences: options.MatchesArgument,
     *,
     method: options.MethodOption = "gtm",
@@ -73,16 +90,13 @@ def group_command(
             "FILE", "Mask to write: .npy, or text with 0 or 1 per line.", options.OUTPUT, "NAME_METHOD.npy"
         ),
     ] = None,
-    save: options.SaveOption = None,
-    as_json: options.JsonOption = False,
-) -> None:
+) -> Document:
     """Group correspondences of your own: which are selected, what pose they fix, how sure that is."""
     method = check_method(method)
     method_options = _method_options(method, tolerance)
     path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
     check_file(path)
     spacing = None if resolution is None else as_length("resolution", resolution)
-    ending = Ending(as_json=as_json, save=save)
     given = io.read_correspondences(correspondences)
     if spacing is not None:
         given = replace(given, resolution=spacing)
@@ -100,14 +114,12 @@ def group_command(
         "matches": len(given),
         "centroid": given.source.mean(axis=0, dtype=np.float64) if len(given) else None,
     }
-    document = make_document(
-        "group",
-        inputs=[matches],
-        options={**options_of(context), "method": method, "resolution": given.resolution},
-        results={**_results(given, grouping), "seconds": seconds},
-        files=[path],
-    )
-    ending.finish(document, print_group)
+    return {
+        "inputs": [matches],
+        "options": {"method": method, "resolution": given.resolution},
+        "results": {**_results(given, grouping), "seconds": seconds},
+        "files": [path],
+    }
 
 
 def _method_options(method: str, tolerance: float | None) -> dict[str, Any]:
@@ -146,26 +158,6 @@ def _results(matches: Correspondences, grouping: Grouping) -> Document:
     residuals = match_errors(matches.source[grouping.mask], matches.target[grouping.mask], pose)
     rms, largest = float(np.sqrt(np.mean(residuals**2))), float(residuals.max())
     return {**results, "T_target_source": pose, "residual_rms": rms, "residual_max": largest}
-
-
-def print_group(document: Document) -> None:
-    """Print a group from its document."""
-    found, method = document["results"], document["options"]["method"]
-    matches, pr = document["inputs"][0]["matches"], document["options"]["resolution"]
-    label = label_of(method)
-    print_line(f"{found['selected']} of {matches} selected by {label} in {1e3 * found['seconds']:.0f} ms")
-    if found["T_target_source"] is None:
-        print_facts(("no pose", found["why_no_pose"]))
-    else:
-        print_pose(found["T_target_source"])
-        print_facts(
-            ("residuals", f"root mean square {_length(found['residual_rms'], pr)}"),
-            ("", f"largest {_length(found['residual_max'], pr)}"),
-        )
-    print_facts(("sure", _say_how_sure(found, label)))
-    if not found["complete"]:
-        print_facts(("note", "a bound of the method cut its search short: there may be a better group"))
-    print_line(f"wrote {document['files'][0]}")
 
 
 def _length(value: float, pr: float | None) -> str:

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import Annotated
 
 from cgroup import io
 from cgroup.cli import options
-from cgroup.cli.help import command, make_app
+from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_cloud, read_cloud
-from cgroup.cli.output import Ending, files_in, options_of
-from cgroup.cli.show.json import Document, make_document
+from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
 from cgroup.errors import InputError, NoConsensusError
-from cgroup.io._results import check_folder, make_folder
-from cgroup.registration import recognize
-
-if TYPE_CHECKING:
-    from cgroup.registration import Recognized
+from cgroup.io._results import make_folder
+from cgroup.registration import Recognized, recognize
 
 _COLUMNS = (
     Column("model", is_text=True),
@@ -35,6 +28,34 @@ _COLUMNS = (
 app = make_app()
 
 
+def _print_models(document: Document, *, wide: bool) -> None:
+    """Print which models are in the scene, from the document."""
+    results = document["results"]
+    print_clouds(document["inputs"][:1])
+    rows: list[tuple[str, ...]] = []
+    for name in (Path(one["file"]).stem for one in document["inputs"][1:]):
+        copies = [one for one in results["found"] if one["model"] == name]
+        rows += [_cells(name, place, copies) for place in range(len(copies))] or [(name, "no", "", "", "")]
+    print_table(_COLUMNS, rows, wide=wide)
+    if results["found"]:
+        print_facts(
+            ("voxel", f"{results['voxel']:.4g} (in the files' unit, as the residual)"),
+            ("time", f"{results['seconds']:.2f} s"),
+        )
+        print_files(document)
+
+
+def _cells(name: str, place: int, copies: list[Document]) -> tuple[str, ...]:
+    one = copies[place]
+    return (
+        name,
+        "yes" if len(copies) == 1 else f"{place + 1} of {len(copies)}",
+        f"{one['probability']:.3f}",
+        f"{100 * one['fitness']:.0f}",
+        f"{one['inlier_rmse']:.3g}",
+    )
+
+
 @command(
     app,
     "recognize",
@@ -42,9 +63,9 @@ app = make_app()
     "",
     "# how many bolts, and where",
     "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --json",
+    show=_print_models,
 )
 def recognize_command(
-    context: typer.Context,
     models: options.ModelsArgument,
     *,
     scene: Annotated[Path, options.option("CLOUD", "What they are looked for in.", options.CLOUDS)],
@@ -72,39 +93,37 @@ def recognize_command(
     out: options.OutOption = options.DEFAULT_OUT,
     as_json: options.JsonOption = False,
     wide: options.WideOption = False,
-) -> None:
+) -> Document:
     """Say which models are in a scene, and where (exit status 3 if none is).
 
     Writes the pose and the posed cloud of each model found: NAME.txt and NAME.ply; of further copies
     NAME-2.txt and so on.
     """
-    files, folder = _by_name(models), check_folder(out)
+    files = _by_name(models)
     with show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
         found = recognize(clouds, target, voxel=voxel, viewpoint=viewpoint, most=most, progress=begin)
     named = _name_copies(found)
-    document = make_document(
-        "recognize",
-        inputs=[
+    said: Document = {
+        "inputs": [
             describe_cloud("scene", scene, target),
             *(describe_cloud("model", file, clouds[name]) for name, file in files.items()),
         ],
-        options=options_of(context),
-        results=_results(list(clouds), named),
-        files=files_in(folder, tuple(stem + suffix for stem in named for suffix in (".txt", ".ply"))),
-    )
-    if found:
-        make_folder(folder)
-    for stem, (name, one) in named.items():
-        io.write_transform(folder / f"{stem}.txt", one.T_target_source)
-        io.write_cloud(folder / f"{stem}.ply", clouds[name].transformed(one.T_target_source))
-    if found or not as_json:  # errors are objects of their own
-        Ending(as_json=as_json).finish(document, partial(_print_models, wide=wide))
+        "results": _results(list(clouds), named),
+        "files": [out / (stem + suffix) for stem in named for suffix in (".txt", ".ply")],
+    }
     if not found:
+        if not as_json:  # an error is an object of its own
+            _print_models(said, wide=wide)
         hint = "; if the scene is one single scan, say where the scanner stood: --viewpoint"
         message = f"none of the models was found in {scene.name}{'' if viewpoint else hint}"
         raise NoConsensusError(message)
+    make_folder(out)
+    for stem, (name, one) in named.items():
+        io.write_transform(out / f"{stem}.txt", one.T_target_source)
+        io.write_cloud(out / f"{stem}.ply", clouds[name].transformed(one.T_target_source))
+    return said
 
 
 def _by_name(models: list[Path]) -> dict[str, Path]:
@@ -147,31 +166,3 @@ def _results(names: list[str], found: dict[str, Recognized]) -> Document:
         "voxel": None if first is None else first.voxel,
         "seconds": None if first is None else sum(first.seconds.values()),
     }
-
-
-def _print_models(document: Document, *, wide: bool) -> None:
-    """Print which models are in the scene, from the document."""
-    results = document["results"]
-    print_clouds(document["inputs"][:1])
-    rows: list[tuple[str, ...]] = []
-    for name in (Path(one["file"]).stem for one in document["inputs"][1:]):
-        copies = [one for one in results["found"] if one["model"] == name]
-        rows += [_cells(name, place, copies) for place in range(len(copies))] or [(name, "no", "", "", "")]
-    print_table(_COLUMNS, rows, wide=wide)
-    if results["found"]:
-        print_facts(
-            ("voxel", f"{results['voxel']:.4g} (in the files' unit, as the residual)"),
-            ("time", f"{results['seconds']:.2f} s"),
-        )
-        print_files(document)
-
-
-def _cells(name: str, place: int, copies: list[Document]) -> tuple[str, ...]:
-    one = copies[place]
-    return (
-        name,
-        "yes" if len(copies) == 1 else f"{place + 1} of {len(copies)}",
-        f"{one['probability']:.3f}",
-        f"{100 * one['fitness']:.0f}",
-        f"{one['inlier_rmse']:.3g}",
-    )

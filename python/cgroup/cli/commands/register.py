@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import typer
 
 from cgroup import io
+from cgroup._checks.quoting import escape
 from cgroup.cli import options
-from cgroup.cli.help import command, make_app
+from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_pair, read_both
-from cgroup.cli.output import Ending, files_in, options_of
-from cgroup.cli.show.json import Document, make_document
-from cgroup.cli.show.pages import REGISTRATION_PAGE, page_of_refused, write_registration_page
+from cgroup.cli.show.json import Document
 from cgroup.cli.show.terminal import (
     print_clouds,
     print_facts,
@@ -22,25 +21,40 @@ from cgroup.cli.show.terminal import (
     shown_name,
     write_figure,
 )
-from cgroup.cli.wording import is_given
-from cgroup.errors import InputError
+from cgroup.cli.streams import write_error
+from cgroup.cli.wording import is_given, reword
+from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
-from cgroup.io._results import check_folder, make_folder
+from cgroup.io._results import make_folder
 from cgroup.registration import DenseFront, PaperFront, Registration, register
 from cgroup.registration.prepare import VOXELS
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cgroup.types import PointCloud
+from cgroup.types import PointCloud
 
 _OF_FRONT = {
     "paper": ("detector", "descriptor", "normals", "keypoints", "nms_radius", "resolution"),
     "dense": ("support",),
 }
-_FILES = ("transform.txt", "aligned.ply", "correspondences.npz", "registration.png")
 
 app = make_app()
+
+
+def print_registration(document: Document) -> None:
+    """Print a registration from its document."""
+    done = document["results"]
+    is_chosen = document["options"]["voxel"] is None
+    why = f", the smallest step of 2^(1/4) that leaves {VOXELS} of a cloud at most" if is_chosen else ""
+    print_clouds(document["inputs"])
+    print_facts(
+        ("voxel", f"{done['voxel']:.4g} (in the files' unit{why})"),
+        ("matches", f"{done['matches']}, of which the pose lays {done['selected']} together"),
+        ("overlap", f"{100 * done['fitness']:.0f} % of the source lies on the target"),
+        ("residual", f"{done['inlier_rmse']:.3g} there (root mean square, in the files' unit)"),
+        ("probability", f"{done['probability']:.3f} that the pose is right"),
+        *(("note", note) for note in done["notes"]),
+        ("time", ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in done["seconds"].items())),
+    )
+    print_pose(done["T_target_source"])
+    print_files(document)
 
 
 @command(
@@ -53,6 +67,8 @@ app = make_app()
     "",
     "# the paper's front end, for a script, and kept to be compared later",
     "cgroup register a.ply b.ply --front paper --method gtm --json --save gtm",
+    show=print_registration,
+    saves=True,
 )
 def register_command(
     context: typer.Context,
@@ -76,9 +92,7 @@ def register_command(
     resolution: options.ResolutionOption = None,
     out: options.OutOption = options.DEFAULT_OUT,
     html: options.HtmlOption = False,
-    save: options.SaveOption = None,
-    as_json: options.JsonOption = False,
-) -> None:
+) -> Document:
     """Place one scan on another, or say that no pose can be trusted (exit status 3).
 
     Writes the pose, the moved source, the matches and a picture. The options of keypoints and descriptors
@@ -87,36 +101,39 @@ def register_command(
     if method is not None:
         method = check_method(method)
     _refuse_options_of_the_other_front(context, front)
-    check_folder(out)
-    ending = Ending(as_json=as_json, save=save)
     clouds = read_both(source, target)
     paper = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
     title = f"{source.name} on {target.name}"
-    with page_of_refused(context, out, clouds, title, wanted=html), show_stages() as begin:
-        done = register(
-            *clouds,
-            voxel=voxel,
-            source_viewpoint=source_viewpoint or viewpoint,
-            target_viewpoint=target_viewpoint or viewpoint,
-            axis=axis,
-            effort=effort,
-            front=paper if front == "paper" else DenseFront(support=support),
-            method=method,
-            progress=begin,
-        )
-        begin("figures")
-        folder = make_folder(out)
-        _write_files(folder, clouds, done, f"{shown_name(source)} on {shown_name(target)}")
-        if html:
-            write_registration_page(folder, clouds, done, title)
-    document = make_document(
-        "register",
-        inputs=describe_pair((source, target), clouds),
-        options=options_of(context),
-        results=registration_results(done),
-        files=files_in(folder, (*_FILES, REGISTRATION_PAGE) if html else _FILES),
-    )
-    ending.finish(document, print_registration)
+    try:
+        with show_stages() as begin:
+            done = register(
+                *clouds,
+                voxel=voxel,
+                source_viewpoint=source_viewpoint or viewpoint,
+                target_viewpoint=target_viewpoint or viewpoint,
+                axis=axis,
+                effort=effort,
+                front=paper if front == "paper" else DenseFront(support=support),
+                method=method,
+                progress=begin,
+            )
+            begin("figures")
+            names = f"{shown_name(source)} on {shown_name(target)}"
+            files = _write_files(make_folder(out), clouds, done, names)
+            if html:
+                files.append(_write_page(out, clouds, done, title))
+    except NoConsensusError as error:
+        if html and error.registration is not None:
+            page = _write_page(
+                make_folder(out), clouds, error.registration, title, str(reword(error, context))
+            )
+            write_error(f"cgroup: wrote {page.name} of the guess that is refused to {escape(str(out))}/")
+        raise
+    return {
+        "inputs": describe_pair((source, target), clouds),
+        "results": registration_results(done),
+        "files": files,
+    }
 
 
 def _refuse_options_of_the_other_front(context: typer.Context, front: options.Front) -> None:
@@ -129,9 +146,13 @@ def _refuse_options_of_the_other_front(context: typer.Context, front: options.Fr
             raise InputError(message)
 
 
-def _write_files(folder: Path, clouds: tuple[PointCloud, PointCloud], done: Registration, title: str) -> None:
+def _write_files(
+    folder: Path, clouds: tuple[PointCloud, PointCloud], done: Registration, title: str
+) -> list[Path]:
     from cgroup.plots import registration_figure  # noqa: PLC0415 - slow to load
 
+    names = ("transform.txt", "aligned.ply", "correspondences.npz", "registration.png")
+    transform, aligned, matches, picture = files = [folder / name for name in names]
     figure = registration_figure(
         clouds[0].points,
         clouds[1].points,
@@ -140,10 +161,25 @@ def _write_files(folder: Path, clouds: tuple[PointCloud, PointCloud], done: Regi
         T_target_source=done.T_target_source,
         title=title,
     )
-    io.write_transform(folder / "transform.txt", done.T_target_source)
-    io.write_cloud(folder / "aligned.ply", clouds[0].transformed(done.T_target_source))
-    io.write_correspondences(folder / "correspondences.npz", done.correspondences)
-    write_figure(folder / "registration.png", figure)
+    io.write_transform(transform, done.T_target_source)
+    io.write_cloud(aligned, clouds[0].transformed(done.T_target_source))
+    io.write_correspondences(matches, done.correspondences)
+    write_figure(picture, figure)
+    return files
+
+
+def _write_page(
+    folder: Path,
+    clouds: tuple[PointCloud, PointCloud],
+    done: Registration,
+    title: str,
+    refusal: str | None = None,
+) -> Path:
+    from cgroup.pages import registration_page, write_page  # noqa: PLC0415 - slow to load
+
+    file = folder / "registration.html"
+    write_page(file, registration_page(*clouds, done, title=title, refusal=refusal))
+    return file
 
 
 def registration_results(done: Registration) -> Document:
@@ -168,22 +204,3 @@ def registration_results(done: Registration) -> Document:
         "notes": done.notes,
         "seconds": seconds,
     }
-
-
-def print_registration(document: Document) -> None:
-    """Print a registration from its document."""
-    done = document["results"]
-    is_chosen = document["options"]["voxel"] is None
-    why = f", the smallest step of 2^(1/4) that leaves {VOXELS} of a cloud at most" if is_chosen else ""
-    print_clouds(document["inputs"])
-    print_facts(
-        ("voxel", f"{done['voxel']:.4g} (in the files' unit{why})"),
-        ("matches", f"{done['matches']}, of which the pose lays {done['selected']} together"),
-        ("overlap", f"{100 * done['fitness']:.0f} % of the source lies on the target"),
-        ("residual", f"{done['inlier_rmse']:.3g} there (root mean square, in the files' unit)"),
-        ("probability", f"{done['probability']:.3f} that the pose is right"),
-        *(("note", note) for note in done["notes"]),
-        ("time", ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in done["seconds"].items())),
-    )
-    print_pose(done["T_target_source"])
-    print_files(document)

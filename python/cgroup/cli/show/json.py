@@ -24,7 +24,7 @@ SCHEMA_VERSION = 1
 Document = dict[str, Any]
 
 
-def make_document(command: str, **parts: Any) -> Document:  # noqa: ANN401 - plain values and arrays
+def make_document(command: str, /, **parts: Any) -> Document:
     """Put a document together; arrays become lists, numbers that aren't finite None, paths text."""
     head = {"schema_version": SCHEMA_VERSION, "cgroup_version": __version__, "command": command}
     return {**head, **_plain(parts)}
@@ -40,7 +40,7 @@ def as_text(document: Mapping[str, Any]) -> str:
     return _layout(document, "")
 
 
-def _layout(value: Any, indent: str) -> str:  # noqa: ANN401
+def _layout(value: Any, indent: str) -> str:
     inner = indent + "  "
     if isinstance(value, dict) and value:
         items = [f"{json.dumps(key)}: {_layout(item, inner)}" for key, item in value.items()]
@@ -52,7 +52,7 @@ def _layout(value: Any, indent: str) -> str:  # noqa: ANN401
     return f"{opening}\n{inner}" + f",\n{inner}".join(items) + f"\n{indent}{closing}"
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401
+def _plain(value: Any) -> Any:
     """Return a value that JSON has."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from cgroup._checks.quoting import escape
-from cgroup.cli.show.colors import paint
-from cgroup.cli.show.terminal import print_line, print_prose, print_text, terminal_width
+from cgroup.cli.show.terminal import paint, print_line, print_prose, print_text, terminal_width
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+UNKNOWN = "-"
+"""Stands for what isn't known."""
 
 _GAP = 2
 _LEAST_TEXT = 12
@@ -82,3 +81,12 @@ def _lay_out(text: str, column: Column, width: int, **style: object) -> str:
     space = " " * (width - cell_len(text))
     painted = paint(text, **style) if style else text
     return painted + space if column.is_text else space + painted
+
+
+def show_value(value: object, form: str = ".3g") -> str:
+    """Return a value of a document as text; numbers with a fraction in the form that is asked for."""
+    if value is None:
+        return UNKNOWN
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return format(value, form) if isinstance(value, float) else str(value)

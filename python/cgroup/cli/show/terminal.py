@@ -1,4 +1,4 @@
-"""Print lines, facts and poses; show progress; write pictures."""
+"""Print lines, facts and poses, in colours where they are supported; show progress; write pictures."""
 
 from __future__ import annotations
 
@@ -6,22 +6,35 @@ import os
 import shutil
 import sys
 import textwrap
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import typer
 
 from cgroup import io
 from cgroup._checks.quoting import escape
 from cgroup._runtime.progress import ignore_progress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-
     from matplotlib.figure import Figure
-    from rich.progress import Progress, ProgressColumn
+    from rich.progress import Progress
 
 _NAMES_WIDTH = 12  # of the names that facts begin with
+
+
+def paint(text: str, **style: Any) -> str:
+    """Return a text in a style, as `typer.style` takes it, or as it is where there are no colours."""
+    return typer.style(text, **style) if wants_colors() else text
+
+
+def wants_colors() -> bool:
+    """Whether standard output is a terminal with colours: not piped, no NO_COLOR, not TERM=dumb."""
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return False
+    return sys.stdout.isatty()
 
 
 def print_line(line: str) -> None:
@@ -37,7 +50,14 @@ def print_text(text: str) -> None:
 
 def print_prose(text: str, indent: str = "") -> None:
     """Print sentences, as wide as the terminal; further lines are indented, names are never broken."""
-    print_text(_wrap(escape(text), indent))
+    lines = textwrap.fill(
+        escape(text),
+        max(terminal_width(), 2 * _NAMES_WIDTH),
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    print_text(lines)
 
 
 def print_facts(*facts: tuple[str, str]) -> None:
@@ -72,56 +92,48 @@ def terminal_width() -> int:
     return shutil.get_terminal_size((80, 24)).columns
 
 
-def _wrap(text: str, indent: str) -> str:
-    return textwrap.fill(
-        text,
-        max(terminal_width(), 2 * _NAMES_WIDTH),
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-
-
 def shown_name(path: Path) -> str:
     """Return the name of a file for titles and tables: printable, and no formula to matplotlib."""
     return escape(path.name).replace("$", r"\$")
 
 
-def _can_overwrite() -> bool:
-    """Tell whether errors go to a terminal on which a line can be written again."""
-    return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-
-
 @contextmanager
-def show_bar(*columns: ProgressColumn) -> Generator[Progress | None, None, None]:
-    """Show a progress display on a terminal, gone when it is over; None where nothing can be overwritten."""
-    if not _can_overwrite():
+def show_progress(*, counts: bool) -> Generator[Progress | None, None, None]:
+    """Show progress on a terminal, gone when it is over; None where nothing can be overwritten.
+
+    Tasks are shown by their counts and the time that is left, or with the time that they have taken.
+    """
+    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
         yield None
         return
-    from rich.console import Console  # noqa: PLC0415 - slow to load
-    from rich.progress import Progress  # noqa: PLC0415
+    from rich import progress  # noqa: PLC0415 - slow to load
+    from rich.console import Console  # noqa: PLC0415
 
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        yield progress
+    name = progress.TextColumn("{task.description:<14}", markup=False)
+    left = progress.TimeRemainingColumn(elapsed_when_finished=True)
+    columns = (
+        (name, progress.BarColumn(), progress.MofNCompleteColumn(), left)
+        if counts
+        else (progress.SpinnerColumn(), name, progress.TimeElapsedColumn())
+    )
+    with progress.Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        yield shown
 
 
 @contextmanager
 def show_stages() -> Generator[Callable[[str], None], None, None]:
     """Show what is being done and for how long; call what is yielded with the name of each stage."""
-    if not _can_overwrite():
-        yield ignore_progress
-        return
-    from rich.console import Console  # noqa: PLC0415 - slow to load
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with show_progress(counts=False) as progress:
+        if progress is None:
+            yield ignore_progress
+            return
         task = progress.add_task("", total=None)
         yield lambda stage: progress.update(task, description=escape(stage))
 
 
-def write_figure(path: Path, figure: Figure) -> None:
-    """Write a figure as PNG."""
+def write_figure(path: Path, figure: Figure) -> Path:
+    """Write a figure as PNG; return the file."""
     buffer = BytesIO()
     figure.savefig(buffer, format="png")  # pyright: ignore[reportUnknownMemberType]
     io.write_file(path, buffer.getvalue())
+    return path

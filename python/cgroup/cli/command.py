@@ -1,0 +1,174 @@
+"""Commands: their help with sections by topic and examples, and where their results go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from inspect import Parameter, signature
+from typing import Any, TypeVar, cast
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from cgroup.cli.options import OUTPUT, JsonOption, SaveOption, WideOption
+from cgroup.cli.saved_runs import save_run
+from cgroup.cli.show.json import make_document, print_document
+from cgroup.cli.show.terminal import paint, print_line
+from cgroup.cli.wording import reworded_errors
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+_LAST = (OUTPUT, "Options")
+_WIDEST_NAME = 34
+_KEEP = "\N{NO-BREAK SPACE}"
+
+
+class _Help:
+    """The parts of a help text that differ from typer's."""
+
+    def get_help(self, ctx: Any) -> str:
+        return cast("TyperCommand", super()).get_help(ctx).replace(_KEEP, " ")
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        pieces = ["[OPTIONS]"]
+        for param in _params(self, ctx):
+            if param.param_type_name == "argument":
+                pieces.append(_name(param) if param.required else f"[{_name(param)}]")
+            elif param.required:
+                pieces.append(f"{param.opts[0]} {param.metavar}")
+        return [*pieces, "COMMAND", "..."] if isinstance(self, TyperGroup) else pieces
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        sections: dict[str, list[tuple[str, str]]] = {}
+        if isinstance(self, TyperGroup):
+            # The first sentence of each in full.
+            commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+            sections["Commands"] = [
+                (name, command.get_short_help_str(limit=1000).rstrip("."))
+                for name, command in commands
+                if command
+            ]
+        for param in _params(self, ctx):
+            is_argument = param.param_type_name == "argument"
+            title = "Arguments" if is_argument else param.rich_help_panel or _LAST[-1]
+            sections.setdefault(title, []).append((_name(param), _explanation(param)))
+        for title in sorted(sections, key=lambda title: _LAST.index(title) if title in _LAST else -1):
+            with formatter.section(paint(title, bold=True, fg="green")):
+                formatter.write_dl(
+                    [(paint(name, fg="cyan"), text) for name, text in sections[title]], _WIDEST_NAME
+                )
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+        title, _, lines = (cast("TyperCommand", self).epilog or "").partition("\n")
+        formatter.write_paragraph()
+        formatter.write(f"{paint(title, bold=True, fg='green')}\n{lines}\n")
+
+
+class _Command(_Help, TyperCommand):
+    """A command whose errors speak of its options."""
+
+    def invoke(self, ctx: Any) -> Any:
+        with reworded_errors(ctx):
+            return super().invoke(ctx)
+
+
+class _Group(_Help, TyperGroup):
+    """A group of commands."""
+
+
+def _params(command: Any, ctx: Any) -> list[Any]:
+    return [param for param in command.get_params(ctx) if not param.hidden]
+
+
+def _name(param: Any) -> str:
+    if param.param_type_name == "argument":
+        return param.metavar + ("..." if param.nargs != 1 else "")
+    value = f" {param.metavar}" if param.metavar and not param.is_flag else ""
+    return ", ".join(param.opts) + value
+
+
+def _explanation(param: Any) -> str:
+    if param.required and param.param_type_name == "option":
+        return f"{param.help} [required]"
+    default = param.show_default if isinstance(param.show_default, str) else param.default
+    if not param.show_default or default is None or isinstance(default, bool):
+        return str(param.help)
+    shown = f"{default:g}" if isinstance(default, float) else default
+    return f"{param.help} [default:{_KEEP}{shown}]"
+
+
+def make_app(**options: Any) -> typer.Typer:
+    """Return an empty set of commands."""
+    return typer.Typer(cls=_Group, rich_markup_mode=None, pretty_exceptions_enable=False, **options)
+
+
+def examples(*lines: str) -> str:
+    """Return the end of a help text: commands as they are typed, comments above them."""
+    return "\n".join(["Examples:", *(f"  {line}".rstrip() for line in lines)])
+
+
+def command(
+    app: typer.Typer,
+    name: str,
+    *lines: str,
+    show: Callable[..., None] = lambda _: None,
+    saves: bool = False,
+) -> Callable[[_Function], _Function]:
+    """Make a function a command, with these examples in its help text.
+
+    The function returns what its document says, or nothing where it has printed by itself. `show` prints the
+    document; it gets what it has parameters for of the command's arguments and options. A parameter `wide`
+    gives the command an option of that name. Every command has ``--json``; one that `saves` has ``--save``.
+    """
+    shown = list(signature(show).parameters)[1:]
+    common = {
+        "save": (SaveOption, None, saves),
+        "as_json": (JsonOption, False, True),
+        "wide": (WideOption, False, "wide" in shown),
+    }
+
+    def decorate(function: _Function) -> _Function:
+        own = signature(function, eval_str=True).parameters
+        kind = Parameter.KEYWORD_ONLY
+        more = [
+            Parameter(option, kind, annotation=annotation, default=default)
+            for option, (annotation, default, is_wanted) in common.items()
+            if is_wanted and option not in own
+        ]
+        if "context" not in own:
+            more.append(Parameter("context", kind, annotation=typer.Context))
+
+        @wraps(function)
+        def run(**given: Any) -> None:
+            said = function(**{name: given[name] for name in own})
+            if said is None:
+                return
+            context, saved = given["context"], given.get("save")
+            if "inputs" in said:
+                options = {**_options_of(context), **said.pop("options", {})}
+                said = {"inputs": said.pop("inputs"), "options": options, **said}
+            document = make_document(context.command_path.partition(" ")[2], **said)
+            if saved:
+                save_run(saved, document)
+            if given["as_json"]:
+                print_document(document)
+                return
+            show(document, **{name: given[name] for name in shown})
+            if saved:
+                print_line(f"saved as {saved.stem}; see: cgroup results")
+
+        vars(run)["__signature__"] = signature(function).replace(parameters=[*own.values(), *more])
+        app.command(name, cls=_Command, epilog=examples(*lines))(run)
+        return function
+
+    return decorate
+
+
+def _options_of(context: Any) -> dict[str, Any]:
+    """List the options that shape a command's result, defaults included."""
+    others = {
+        param.name
+        for param in context.command.params
+        if param.param_type_name == "argument" or param.rich_help_panel == OUTPUT
+    }
+    return {name: value for name, value in context.params.items() if name not in others}

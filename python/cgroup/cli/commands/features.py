@@ -1,0 +1,136 @@
+"""``cgroup detect`` and ``describe``: find the keypoints of a cloud, with frames and descriptors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cgroup import io
+from cgroup.cli import options
+from cgroup.cli.command import command, make_app
+from cgroup.cli.inputs import describe_cloud, read_cloud
+from cgroup.cli.show.json import Document
+from cgroup.cli.show.terminal import (
+    print_clouds,
+    print_facts,
+    print_files,
+    show_stages,
+    shown_name,
+    write_figure,
+)
+from cgroup.io._results import make_folder
+from cgroup.registration import Detector, describe, detect
+from cgroup.types import IndexArray, PointCloud
+
+_DETECTORS: dict[Detector, str] = {"h3d": "Harris 3D", "iss": "ISS"}
+
+app = make_app()
+
+
+def _print_features(document: Document) -> None:
+    found, chosen = document["results"], document["options"]
+    print_clouds(document["inputs"])
+    facts = [("keypoints", f"{found['keypoints']} by {_DETECTORS[chosen['detector']]}")]
+    if "descriptor" in chosen:
+        length = f"{found['resolution']:.4g} (1 pr, in the file's unit)"
+        descriptors = f"{chosen['descriptor'].upper()}, {found['descriptor_length']} numbers each"
+        facts = [("resolution", length), *facts, ("descriptors", descriptors)]
+    print_facts(*facts)
+    print_files(document)
+
+
+@command(
+    app,
+    "detect",
+    "cgroup detect scan.ply",
+    "cgroup detect scan.ply --detector iss --keypoints 500 --out keypoints",
+    show=_print_features,
+)
+def detect_command(
+    cloud: options.CloudArgument,
+    *,
+    detector: options.DetectorOption = "h3d",
+    keypoints: options.KeypointsOption = None,
+    nms_radius: options.NmsRadiusOption = None,
+    resolution: options.ResolutionOption = None,
+    out: options.OutOption = options.DEFAULT_OUT,
+) -> Document:
+    """Find the keypoints of one cloud.
+
+    Writes them as arrays, as a coloured cloud and as a picture.
+    """
+    with show_stages() as begin:
+        points = read_cloud(cloud, begin)
+        begin("keypoints")
+        found = detect(
+            points, detector=detector, keypoints=keypoints, nms_radius=nms_radius, resolution=resolution
+        )
+        begin("figure")
+        io.write_keypoints(make_folder(out) / "keypoints.npz", points, found)
+        pictures = _write_pictures(out, cloud, points, found, detector)
+    return {
+        "inputs": [describe_cloud("cloud", cloud, points)],
+        "results": {"keypoints": len(found)},
+        "files": [out / "keypoints.npz", *pictures],
+    }
+
+
+@command(
+    app,
+    "describe",
+    "cgroup describe scan.ply --descriptor rcs",
+    "",
+    "# a whole model, whose faces tell the outside",
+    "cgroup describe model.ply --normals mesh --resolution 0.5 --out model",
+    show=_print_features,
+)
+def describe_command(
+    cloud: options.CloudArgument,
+    *,
+    detector: options.DetectorOption = "h3d",
+    descriptor: options.DescriptorOption = "shot",
+    normals: options.NormalsOption = "pca",
+    keypoints: options.KeypointsOption = None,
+    nms_radius: options.NmsRadiusOption = None,
+    resolution: options.ResolutionOption = None,
+    out: options.OutOption = options.DEFAULT_OUT,
+) -> Document:
+    """Find the keypoints of one cloud, and give each a frame and a descriptor.
+
+    Writes all as arrays, and the keypoints as a coloured cloud and as a picture.
+    """
+    with show_stages() as begin:
+        points = read_cloud(cloud, begin)
+        described = describe(
+            points,
+            detector=detector,
+            descriptor=descriptor,
+            normals=normals,
+            keypoints=keypoints,
+            nms_radius=nms_radius,
+            resolution=resolution,
+            progress=begin,
+        )
+        begin("figure")
+        io.write_descriptors(make_folder(out) / "descriptors.npz", described)
+        pictures = _write_pictures(out, cloud, points, described.indices, detector)
+    return {
+        "inputs": [describe_cloud("cloud", cloud, points)],
+        "results": {
+            "resolution": described.resolution,
+            "keypoints": len(described),
+            "descriptor_length": described.descriptors.shape[1],
+        },
+        "files": [out / "descriptors.npz", *pictures],
+    }
+
+
+def _write_pictures(
+    folder: Path, file: Path, cloud: PointCloud, found: IndexArray, detector: Detector
+) -> list[Path]:
+    """Write the keypoints as a coloured cloud, and as a picture."""
+    from cgroup.plots import keypoints_figure  # noqa: PLC0415 - slow to load
+
+    title = f"{shown_name(file)}, {_DETECTORS[detector]}"
+    io.write_keypoints(folder / "keypoints.ply", cloud, found)
+    figure = keypoints_figure(cloud.points, {"Keypoints": found}, title=title)
+    return [folder / "keypoints.ply", write_figure(folder / "keypoints.png", figure)]
