@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import wraps
 from inspect import Parameter, signature
 from typing import Any, TypeVar, cast
@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from cgroup.cli.options import OUTPUT, JsonOption, SaveOption, WideOption
+from cgroup.cli.options import FRONT, OUTPUT, JsonOption, SaveOption, WideOption
 from cgroup.cli.saved_runs import save_run
 from cgroup.cli.show.json import make_document, print_document
 from cgroup.cli.show.terminal import paint, print_line
@@ -112,6 +112,7 @@ def command(
     name: str,
     *lines: str,
     show: Callable[..., None] = lambda _: None,
+    takes: Collection[str] = (),
     saves: bool = False,
 ) -> Callable[[_Function], _Function]:
     """Make a function a command, with these examples in its help text.
@@ -119,28 +120,26 @@ def command(
     The function returns what its document says, or nothing where it has printed by itself. `show` prints the
     document; it gets what it has parameters for of the command's arguments and options. A parameter `wide`
     gives the command an option of that name. Every command has ``--json``; one that `saves` has ``--save``.
+    Of the options in `FRONT`, the function gets those that it `takes` by keyword.
     """
     shown = list(signature(show).parameters)[1:]
-    common = {
-        "save": (SaveOption, None, saves),
-        "as_json": (JsonOption, False, True),
-        "wide": (WideOption, False, "wide" in shown),
-    }
+    common = {name: FRONT[name] for name in takes}
+    common |= {"save": (SaveOption, None)} if saves else {}
+    common |= {"as_json": (JsonOption, False), "context": (typer.Context, Parameter.empty)}
+    common |= {"wide": (WideOption, False)} if "wide" in shown else {}
 
     def decorate(function: _Function) -> _Function:
-        own = signature(function, eval_str=True).parameters
-        kind = Parameter.KEYWORD_ONLY
+        parameters = signature(function, eval_str=True).parameters.values()
+        own = {one.name: one for one in parameters if one.kind != Parameter.VAR_KEYWORD}
         more = [
-            Parameter(option, kind, annotation=annotation, default=default)
-            for option, (annotation, default, is_wanted) in common.items()
-            if is_wanted and option not in own
+            Parameter(option, Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+            for option, (annotation, default) in common.items()
+            if option not in own
         ]
-        if "context" not in own:
-            more.append(Parameter("context", kind, annotation=typer.Context))
 
         @wraps(function)
         def run(**given: Any) -> None:
-            said = function(**{name: given[name] for name in own})
+            said = function(**{name: given[name] for name in (*own, *takes)})
             if said is None:
                 return
             context, saved = given["context"], given.get("save")

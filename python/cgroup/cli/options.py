@@ -154,38 +154,6 @@ FrontOption = Annotated[
 ]
 SupportOption = Annotated[float, option("VOXELS", "Radius that FPFH describes, in voxels.", SEARCH)]
 EffortOption = Annotated[Effort, choice(Effort, "How long to search where the pose is not sure.", SEARCH)]
-DetectorOption = Annotated[Detector, choice(Detector, "Keypoint detector.", KEYPOINTS)]
-DescriptorOption = Annotated[Descriptor, choice(Descriptor, "Descriptor.", KEYPOINTS)]
-NormalsOption = Annotated[
-    Normals,
-    choice(
-        Normals,
-        "Fitted planes that face the origin, those of the mesh (for whole models), or the file's.",
-        KEYPOINTS,
-    ),
-]
-KeypointsOption = Annotated[
-    int | None,
-    option("COUNT", "How many keypoints to aim at in each cloud.", KEYPOINTS, "all found", min=3),
-]
-NmsRadiusOption = Annotated[
-    float | None,
-    option(
-        "RADIUS",
-        "Radius of the non-maximum suppression in pr: the larger, the fewer keypoints.",
-        KEYPOINTS,
-        "2.7 for h3d, 1.8 for iss",
-    ),
-]
-ResolutionOption = Annotated[
-    float | None,
-    option(
-        "LENGTH",
-        "The unit pr, in the file's unit; clouds to be matched need the same.",
-        KEYPOINTS,
-        "mean point spacing of the cloud",
-    ),
-]
 MaxRotationOption = Annotated[
     float, option("DEGREES", "Largest rotation error of a registered pair.", LIMITS, min=0)
 ]
@@ -211,3 +179,51 @@ HtmlOption = Annotated[
     bool,
     flag("--html", "Write a page for the browser too: the clouds to turn around.", callback=_need_plotly),
 ]
+
+FRONT: dict[str, tuple[Any, Any]] = {
+    "detector": (Annotated[Detector, choice(Detector, "Keypoint detector.", KEYPOINTS)], "h3d"),
+    "descriptor": (Annotated[Descriptor, choice(Descriptor, "Descriptor.", KEYPOINTS)], "shot"),
+    "normals": (
+        Annotated[
+            Normals,
+            choice(
+                Normals,
+                "Fitted planes that face the origin, those of the mesh (for whole models), or the file's.",
+                KEYPOINTS,
+            ),
+        ],
+        "pca",
+    ),
+    "keypoints": (
+        Annotated[
+            int | None,
+            option("COUNT", "How many keypoints to aim at in each cloud.", KEYPOINTS, "all found", min=3),
+        ],
+        None,
+    ),
+    "nms_radius": (
+        Annotated[
+            float | None,
+            option(
+                "RADIUS",
+                "Radius of the non-maximum suppression in pr: the larger, the fewer keypoints.",
+                KEYPOINTS,
+                "2.7 for h3d, 1.8 for iss",
+            ),
+        ],
+        None,
+    ),
+    "resolution": (
+        Annotated[
+            float | None,
+            option(
+                "LENGTH",
+                "The unit pr, in the file's unit; clouds to be matched need the same.",
+                KEYPOINTS,
+                "mean point spacing of the cloud",
+            ),
+        ],
+        None,
+    ),
+}
+"""Options of keypoints and descriptors, the paper's front end, with their defaults; `command` adds them."""

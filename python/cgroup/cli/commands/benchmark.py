@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -311,10 +311,11 @@ def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> 
 def _print_claims(document: Document, *, format: Format, wide: bool) -> None:  # noqa: A002 - the option's
     from cgroup.benchmark.paper.verdicts import Stability, Verdict, as_markdown  # noqa: PLC0415 - slow to load
 
-    verdicts: list[Verdict] = []
-    for claim in document["results"]["claims"]:
-        stability = claim["stability"] and Stability(**claim["stability"])
-        verdicts.append(Verdict(**{**claim, "stability": stability}))
+    verdicts = [Verdict(**claim) for claim in document["results"]["claims"]]
+    verdicts = [
+        replace(each, stability=Stability(**vars(each)["stability"])) if each.stability else each
+        for each in verdicts
+    ]
     resamples = document["options"]["resamples"]
     if format == "markdown":
         print_text(as_markdown(verdicts))

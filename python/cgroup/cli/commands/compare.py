@@ -26,7 +26,6 @@ from cgroup.cli.show.terminal import (
 from cgroup.comparison import (
     MAX_DISPLACEMENT,
     MAX_ROTATION,
-    MethodResult,
     compare,
     find_correct,
     table,
@@ -118,6 +117,7 @@ def _say_correct(matches: int, correct: int) -> str:
     "cgroup compare a.ply b.ply --truth pose.txt --descriptor rcs --save rcs",
     "cgroup results compare shot rcs",
     show=print_comparison,
+    takes=[name for name in options.FRONT if name != "resolution"],
     saves=True,
 )
 def compare_command(
@@ -129,13 +129,9 @@ def compare_command(
     ],
     max_rotation: options.MaxRotationOption = MAX_ROTATION,
     max_displacement: options.MaxDisplacementOption = MAX_DISPLACEMENT,
-    detector: options.DetectorOption = "h3d",
-    descriptor: options.DescriptorOption = "shot",
-    normals: options.NormalsOption = "pca",
-    keypoints: options.KeypointsOption = None,
-    nms_radius: options.NmsRadiusOption = None,
     out: options.OutOption = options.DEFAULT_OUT,
     html: options.HtmlOption = False,
+    **keypoints: Any,
 ) -> Document:
     """Run all methods on a pair whose pose is known, and judge what each selects.
 
@@ -153,11 +149,7 @@ def compare_command(
         folder=out,
         html=html,
         limits=(max_rotation, max_displacement),
-        detector=detector,
-        descriptor=descriptor,
-        normals=normals,
-        keypoints=keypoints,
-        nms_radius=nms_radius,
+        **keypoints,
     )
 
 
@@ -209,11 +201,11 @@ def _compare_methods(
     folder: Path,
     html: bool,
     limits: tuple[float, float] = (MAX_ROTATION, MAX_DISPLACEMENT),
-    **front: Any,
+    **keypoints: Any,
 ) -> Document:
     """Match, group by every method, and write the files; `limits` are in degrees and pr."""
     with show_stages() as begin:
-        matches = correspond(*clouds, progress=begin, **front)
+        matches = correspond(*clouds, progress=begin, **keypoints)
         pr = matches.resolution or np.nan
         correct = find_correct(matches, true_pose)
         results = list(
@@ -227,8 +219,23 @@ def _compare_methods(
             )
         )
         begin("figures")
+        from cgroup.plots import comparison_figure, precision_recall_figure  # noqa: PLC0415 - slow to load
+
         names = ["comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz"]
-        _draw_comparison(make_folder(folder), clouds, matches, results, true_pose, correct, title)
+        make_folder(folder)
+        titled = f"{title}: {_say_correct(len(correct), int(correct.sum()))}"
+        panels = comparison_figure(
+            clouds[0].points,
+            clouds[1].points,
+            matches,
+            correct=correct,
+            masks={result.method: result.grouping.mask for result in results},
+            T_target_source=true_pose,
+            title=titled,
+        )
+        write_figure(folder / "comparison.png", panels)
+        scores = {result.method: result.score for result in results}
+        write_figure(folder / "precision_recall.png", precision_recall_figure(scores, title=titled))
         if html:
             from cgroup.pages import comparison_page, write_page  # noqa: PLC0415 - slow to load
 
@@ -257,32 +264,6 @@ def _compare_methods(
         },
         "files": [folder / name for name in names],
     }
-
-
-def _draw_comparison(
-    folder: Path,
-    clouds: tuple[PointCloud, PointCloud],
-    matches: Correspondences,
-    results: list[MethodResult],
-    true_pose: FloatArray,
-    correct: BoolArray,
-    title: str,
-) -> None:
-    from cgroup.plots import comparison_figure, precision_recall_figure  # noqa: PLC0415 - slow to load
-
-    title = f"{title}: {_say_correct(len(correct), int(correct.sum()))}"
-    panels = comparison_figure(
-        clouds[0].points,
-        clouds[1].points,
-        matches,
-        correct=correct,
-        masks={result.method: result.grouping.mask for result in results},
-        T_target_source=true_pose,
-        title=title,
-    )
-    write_figure(folder / "comparison.png", panels)
-    scores = {result.method: result.score for result in results}
-    write_figure(folder / "precision_recall.png", precision_recall_figure(scores, title=title))
 
 
 def _count_under_inverse(matches: Correspondences, correct: BoolArray, true_pose: FloatArray) -> int | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from cgroup import io
 from cgroup.cli import options
@@ -44,15 +45,13 @@ def _print_features(document: Document) -> None:
     "cgroup detect scan.ply",
     "cgroup detect scan.ply --detector iss --keypoints 500 --out keypoints",
     show=_print_features,
+    takes=("detector", "keypoints", "nms_radius", "resolution"),
 )
 def detect_command(
     cloud: options.CloudArgument,
     *,
-    detector: options.DetectorOption = "h3d",
-    keypoints: options.KeypointsOption = None,
-    nms_radius: options.NmsRadiusOption = None,
-    resolution: options.ResolutionOption = None,
     out: options.OutOption = options.DEFAULT_OUT,
+    **keypoints: Any,
 ) -> Document:
     """Find the keypoints of one cloud.
 
@@ -61,12 +60,10 @@ def detect_command(
     with show_stages() as begin:
         points = read_cloud(cloud, begin)
         begin("keypoints")
-        found = detect(
-            points, detector=detector, keypoints=keypoints, nms_radius=nms_radius, resolution=resolution
-        )
+        found = detect(points, **keypoints)
         begin("figure")
         io.write_keypoints(make_folder(out) / "keypoints.npz", points, found)
-        pictures = _write_pictures(out, cloud, points, found, detector)
+        pictures = _write_pictures(out, cloud, points, found, keypoints["detector"])
     return {
         "inputs": [describe_cloud("cloud", cloud, points)],
         "results": {"keypoints": len(found)},
@@ -82,17 +79,13 @@ def detect_command(
     "# a whole model, whose faces tell the outside",
     "cgroup describe model.ply --normals mesh --resolution 0.5 --out model",
     show=_print_features,
+    takes=options.FRONT,
 )
 def describe_command(
     cloud: options.CloudArgument,
     *,
-    detector: options.DetectorOption = "h3d",
-    descriptor: options.DescriptorOption = "shot",
-    normals: options.NormalsOption = "pca",
-    keypoints: options.KeypointsOption = None,
-    nms_radius: options.NmsRadiusOption = None,
-    resolution: options.ResolutionOption = None,
     out: options.OutOption = options.DEFAULT_OUT,
+    **keypoints: Any,
 ) -> Document:
     """Find the keypoints of one cloud, and give each a frame and a descriptor.
 
@@ -100,19 +93,10 @@ def describe_command(
     """
     with show_stages() as begin:
         points = read_cloud(cloud, begin)
-        described = describe(
-            points,
-            detector=detector,
-            descriptor=descriptor,
-            normals=normals,
-            keypoints=keypoints,
-            nms_radius=nms_radius,
-            resolution=resolution,
-            progress=begin,
-        )
+        described = describe(points, **keypoints, progress=begin)
         begin("figure")
         io.write_descriptors(make_folder(out) / "descriptors.npz", described)
-        pictures = _write_pictures(out, cloud, points, described.indices, detector)
+        pictures = _write_pictures(out, cloud, points, described.indices, keypoints["detector"])
     return {
         "inputs": [describe_cloud("cloud", cloud, points)],
         "results": {

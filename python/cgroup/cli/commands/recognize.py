@@ -15,7 +15,7 @@ from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io._results import make_folder
-from cgroup.registration import Recognized, recognize
+from cgroup.registration import recognize
 
 _COLUMNS = (
     Column("model", is_text=True),
@@ -35,7 +35,12 @@ def _print_models(document: Document, *, wide: bool) -> None:
     rows: list[tuple[str, ...]] = []
     for name in (Path(one["file"]).stem for one in document["inputs"][1:]):
         copies = [one for one in results["found"] if one["model"] == name]
-        rows += [_cells(name, place, copies) for place in range(len(copies))] or [(name, "no", "", "", "")]
+        if not copies:
+            rows.append((name, "no", "", "", ""))
+        for place, one in enumerate(copies, 1):
+            which = "yes" if len(copies) == 1 else f"{place} of {len(copies)}"
+            numbers = f"{one['probability']:.3f}", f"{100 * one['fitness']:.0f}", f"{one['inlier_rmse']:.3g}"
+            rows.append((name, which, *numbers))
     print_table(_COLUMNS, rows, wide=wide)
     if results["found"]:
         print_facts(
@@ -43,17 +48,6 @@ def _print_models(document: Document, *, wide: bool) -> None:
             ("time", f"{results['seconds']:.2f} s"),
         )
         print_files(document)
-
-
-def _cells(name: str, place: int, copies: list[Document]) -> tuple[str, ...]:
-    one = copies[place]
-    return (
-        name,
-        "yes" if len(copies) == 1 else f"{place + 1} of {len(copies)}",
-        f"{one['probability']:.3f}",
-        f"{100 * one['fitness']:.0f}",
-        f"{one['inlier_rmse']:.3g}",
-    )
 
 
 @command(
@@ -99,19 +93,47 @@ def recognize_command(
     Writes the pose and the posed cloud of each model found: NAME.txt and NAME.ply; of further copies
     NAME-2.txt and so on.
     """
-    files = _by_name(models)
+    files = {file.stem: file for file in models}
+    if len(files) < len(models):
+        name = Counter(file.stem for file in models).most_common(1)[0][0]
+        message = f"models: got two files named {name!r}; rename one"
+        raise InputError(message)
     with show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
         found = recognize(clouds, target, voxel=voxel, viewpoint=viewpoint, most=most, progress=begin)
-    named = _name_copies(found)
+    copies: Counter[str] = Counter()
+    poses: list[Document] = []
+    written: list[Path] = []
+    for name, one in found:
+        copies[name] += 1
+        stem = name if copies[name] == 1 else f"{name}-{copies[name]}"
+        pose, posed = make_folder(out) / f"{stem}.txt", out / f"{stem}.ply"
+        io.write_transform(pose, one.T_target_source)
+        io.write_cloud(posed, clouds[name].transformed(one.T_target_source))
+        written += [pose, posed]
+        poses.append(
+            {
+                "model": name,
+                "file": pose.name,
+                "T_target_source": one.T_target_source,
+                "probability": one.probability,
+                "fitness": one.fitness,
+                "inlier_rmse": one.inlier_rmse,
+            }
+        )
     said: Document = {
         "inputs": [
             describe_cloud("scene", scene, target),
             *(describe_cloud("model", file, clouds[name]) for name, file in files.items()),
         ],
-        "results": _results(list(clouds), named),
-        "files": [out / (stem + suffix) for stem in named for suffix in (".txt", ".ply")],
+        "results": {
+            "found": poses,
+            "not_found": [name for name in clouds if name not in copies],
+            "voxel": found[0][1].voxel if found else None,
+            "seconds": sum(found[0][1].seconds.values()) if found else None,
+        },
+        "files": written,
     }
     if not found:
         if not as_json:  # an error is an object of its own
@@ -119,50 +141,4 @@ def recognize_command(
         hint = "; if the scene is one single scan, say where the scanner stood: --viewpoint"
         message = f"none of the models was found in {scene.name}{'' if viewpoint else hint}"
         raise NoConsensusError(message)
-    make_folder(out)
-    for stem, (name, one) in named.items():
-        io.write_transform(out / f"{stem}.txt", one.T_target_source)
-        io.write_cloud(out / f"{stem}.ply", clouds[name].transformed(one.T_target_source))
     return said
-
-
-def _by_name(models: list[Path]) -> dict[str, Path]:
-    files = {file.stem: file for file in models}
-    if len(files) < len(models):
-        name = Counter(file.stem for file in models).most_common(1)[0][0]
-        message = f"models: got two files named {name!r}; rename one"
-        raise InputError(message)
-    return files
-
-
-def _name_copies(found: list[Recognized]) -> dict[str, Recognized]:
-    """Name the files of each copy of a model: NAME, NAME-2 and so on."""
-    copies: Counter[str] = Counter()
-    named: dict[str, Recognized] = {}
-    for one in found:
-        name = one[0]
-        copies[name] += 1
-        named[name if copies[name] == 1 else f"{name}-{copies[name]}"] = one
-    return named
-
-
-def _results(names: list[str], found: dict[str, Recognized]) -> Document:
-    """List what a document says of the models in a scene."""
-    poses = [
-        {
-            "model": name,
-            "file": f"{stem}.txt",
-            "T_target_source": one.T_target_source,
-            "probability": one.probability,
-            "fitness": one.fitness,
-            "inlier_rmse": one.inlier_rmse,
-        }
-        for stem, (name, one) in found.items()
-    ]
-    first = next((one for _, one in found.values()), None)
-    return {
-        "found": poses,
-        "not_found": [name for name in names if name not in {name for name, _ in found.values()}],
-        "voxel": None if first is None else first.voxel,
-        "seconds": None if first is None else sum(first.seconds.values()),
-    }

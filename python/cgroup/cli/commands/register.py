@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -29,11 +30,6 @@ from cgroup.io._results import make_folder
 from cgroup.registration import DenseFront, PaperFront, Registration, register
 from cgroup.registration.prepare import VOXELS
 from cgroup.types import PointCloud
-
-_OF_FRONT = {
-    "paper": ("detector", "descriptor", "normals", "keypoints", "nms_radius", "resolution"),
-    "dense": ("support",),
-}
 
 app = make_app()
 
@@ -68,6 +64,7 @@ def print_registration(document: Document) -> None:
     "# the paper's front end, for a script, and kept to be compared later",
     "cgroup register a.ply b.ply --front paper --method gtm --json --save gtm",
     show=print_registration,
+    takes=options.FRONT,
     saves=True,
 )
 def register_command(
@@ -84,14 +81,9 @@ def register_command(
     front: options.FrontOption = "dense",
     method: options.ProposingMethodOption = None,
     support: options.SupportOption = DenseFront.support,
-    detector: options.DetectorOption = "h3d",
-    descriptor: options.DescriptorOption = "shot",
-    normals: options.NormalsOption = "pca",
-    keypoints: options.KeypointsOption = None,
-    nms_radius: options.NmsRadiusOption = None,
-    resolution: options.ResolutionOption = None,
     out: options.OutOption = options.DEFAULT_OUT,
     html: options.HtmlOption = False,
+    **keypoints: Any,
 ) -> Document:
     """Place one scan on another, or say that no pose can be trusted (exit status 3).
 
@@ -102,7 +94,6 @@ def register_command(
         method = check_method(method)
     _refuse_options_of_the_other_front(context, front)
     clouds = read_both(source, target)
-    paper = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
     title = f"{source.name} on {target.name}"
     try:
         with show_stages() as begin:
@@ -113,7 +104,7 @@ def register_command(
                 target_viewpoint=target_viewpoint or viewpoint,
                 axis=axis,
                 effort=effort,
-                front=paper if front == "paper" else DenseFront(support=support),
+                front=PaperFront(**keypoints) if front == "paper" else DenseFront(support=support),
                 method=method,
                 progress=begin,
             )
@@ -138,8 +129,8 @@ def register_command(
 
 def _refuse_options_of_the_other_front(context: typer.Context, front: options.Front) -> None:
     """Raise `InputError` for an option that would be ignored."""
-    other = "dense" if front == "paper" else "paper"
-    for name in _OF_FRONT[other]:
+    other, names = ("dense", ["support"]) if front == "paper" else ("paper", options.FRONT)
+    for name in names:
         if is_given(context, name):
             option = "--" + name.replace("_", "-")
             message = f"{option}: belongs to --front {other}, but the front is {front!r}"

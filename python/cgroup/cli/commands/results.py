@@ -308,9 +308,12 @@ def _pose_differences(documents: Sequence[Document]) -> dict[str, list[float | N
     turns: list[float | None] = []
     ways: list[float | None] = []
     for pose in matrices:
-        known = first is not None and pose is not None
-        turns.append(rotation_error(pose, first) if known else None)
-        ways.append(float(np.linalg.norm(apply(pose, center) - apply(first, center))) if known else None)
+        if first is None or pose is None:
+            turns.append(None)
+            ways.append(None)
+        else:
+            turns.append(rotation_error(pose, first))
+            ways.append(float(np.linalg.norm(apply(pose, center) - apply(first, center))))
     return {"rotated_deg": turns, "displaced": ways}
 
 
