@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Sequence
+from typing import Annotated
 
 try:
     import typer
@@ -21,9 +22,6 @@ from cgroup import __version__
 from cgroup._checks.quoting import escape
 from cgroup._runtime import interrupts
 from cgroup._runtime.interrupts import INTERRUPTED
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 app = make_app(
     name="cgroup",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from functools import wraps
 from inspect import Parameter, signature
-from typing import Any, TypeVar, cast
+from typing import Annotated, Any, TypeVar, cast
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -123,7 +123,10 @@ def command(
     Of the options in `FRONT`, the function gets those that it `takes` by keyword.
     """
     shown = list(signature(show).parameters)[1:]
-    common = {name: FRONT[name] for name in takes}
+    common: dict[str, tuple[Any, Any]] = {}
+    for option in takes:
+        kind, default, described = FRONT[option]
+        common[option] = (Annotated[kind, described], default)
     common |= {"save": (SaveOption, None)} if saves else {}
     common |= {"as_json": (JsonOption, False), "context": (typer.Context, Parameter.empty)}
     common |= {"wide": (WideOption, False)} if "wide" in shown else {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import traceback
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import typer
 
@@ -12,9 +12,6 @@ from cgroup.cli.commands.register import registration_results
 from cgroup.cli.show.json import Document, make_document, print_document
 from cgroup.cli.streams import OutputError, write_error
 from cgroup.errors import CgroupError, InputError, NoConsensusError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 INPUT_ERROR = 2
 NO_CONSENSUS = 3

@@ -180,50 +180,42 @@ HtmlOption = Annotated[
     flag("--html", "Write a page for the browser too: the clouds to turn around.", callback=_need_plotly),
 ]
 
-FRONT: dict[str, tuple[Any, Any]] = {
-    "detector": (Annotated[Detector, choice(Detector, "Keypoint detector.", KEYPOINTS)], "h3d"),
-    "descriptor": (Annotated[Descriptor, choice(Descriptor, "Descriptor.", KEYPOINTS)], "shot"),
+FRONT = {
+    "detector": (Detector, "h3d", choice(Detector, "Keypoint detector.", KEYPOINTS)),
+    "descriptor": (Descriptor, "shot", choice(Descriptor, "Descriptor.", KEYPOINTS)),
     "normals": (
-        Annotated[
-            Normals,
-            choice(
-                Normals,
-                "Fitted planes that face the origin, those of the mesh (for whole models), or the file's.",
-                KEYPOINTS,
-            ),
-        ],
+        Normals,
         "pca",
+        choice(
+            Normals,
+            "Fitted planes that face the origin, those of the mesh (for whole models), or the file's.",
+            KEYPOINTS,
+        ),
     ),
     "keypoints": (
-        Annotated[
-            int | None,
-            option("COUNT", "How many keypoints to aim at in each cloud.", KEYPOINTS, "all found", min=3),
-        ],
+        int | None,
         None,
+        option("COUNT", "How many keypoints to aim at in each cloud.", KEYPOINTS, "all found", min=3),
     ),
     "nms_radius": (
-        Annotated[
-            float | None,
-            option(
-                "RADIUS",
-                "Radius of the non-maximum suppression in pr: the larger, the fewer keypoints.",
-                KEYPOINTS,
-                "2.7 for h3d, 1.8 for iss",
-            ),
-        ],
+        float | None,
         None,
+        option(
+            "RADIUS",
+            "Radius of the non-maximum suppression in pr: the larger, the fewer keypoints.",
+            KEYPOINTS,
+            "2.7 for h3d, 1.8 for iss",
+        ),
     ),
     "resolution": (
-        Annotated[
-            float | None,
-            option(
-                "LENGTH",
-                "The unit pr, in the file's unit; clouds to be matched need the same.",
-                KEYPOINTS,
-                "mean point spacing of the cloud",
-            ),
-        ],
+        float | None,
         None,
+        option(
+            "LENGTH",
+            "The unit pr, in the file's unit; clouds to be matched need the same.",
+            KEYPOINTS,
+            "mean point spacing of the cloud",
+        ),
     ),
 }
-"""Options of keypoints and descriptors, the paper's front end, with their defaults; `command` adds them."""
+"""Type, default and description of each option of the paper's front end; `command` adds them."""

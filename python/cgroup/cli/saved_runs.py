@@ -7,19 +7,17 @@ import json
 import os
 import platform
 import re
+from collections.abc import Iterable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from cgroup._checks.quoting import show
 from cgroup.cli.show.json import SCHEMA_VERSION, Document, as_text
 from cgroup.errors import InputError
 from cgroup.io._files import read_content
 from cgroup.io._results import check_folder, make_folder
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 FOLDER = "CGROUP_RESULTS"
 """Environment variable: the folder in place of that in the user's data."""
@@ -84,8 +82,16 @@ def save_run(path: Path, document: Document) -> None:
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
     }
     text = as_text({**document, "inputs": inputs, "saved": saved}) + "\n"
-    make_folder(path.parent)
-    _replace(path, text.encode())
+    unfinished = make_folder(path.parent) / f".{path.name}.{os.getpid()}.part"
+    try:
+        unfinished.write_text(text, encoding="utf-8")
+        unfinished.replace(path)
+    except OSError as error:
+        message = f"{path}: can't be written ({error.strerror or error})"
+        raise InputError(message) from error
+    finally:
+        with suppress(OSError):
+            unfinished.unlink(missing_ok=True)
 
 
 def load_run(name: str) -> Document:
@@ -102,7 +108,16 @@ def load_run(name: str) -> Document:
     except (ValueError, RecursionError) as error:
         message = f"{path}: not a saved run, or cut off ({' '.join(str(error).split())[:80]})"
         raise InputError(message) from error
-    return _check(path, document)
+    if not isinstance(document, dict) or not all(
+        isinstance(document.get(key), kind) for key, kind in _KEYS.items()
+    ):
+        message = f"{path}: not a saved run of cgroup; --save writes them"
+        raise InputError(message)
+    version = document.get("schema_version")
+    if version != SCHEMA_VERSION:
+        message = f"{path}: saved in layout {show(version)}, and {SCHEMA_VERSION} is known; update cgroup"
+        raise InputError(message)
+    return cast("Document", document)
 
 
 def remove_runs(names: Iterable[str]) -> list[Path]:
@@ -120,35 +135,9 @@ def remove_runs(names: Iterable[str]) -> list[Path]:
     return files
 
 
-def _check(path: Path, document: object) -> Document:
-    if isinstance(document, dict) and all(isinstance(document.get(key), kind) for key, kind in _KEYS.items()):
-        known = cast("Document", document)
-        version = known.get("schema_version")
-        if version == SCHEMA_VERSION:
-            return known
-        message = f"{path}: saved in layout {show(version)}, and {SCHEMA_VERSION} is known; update cgroup"
-    else:
-        message = f"{path}: not a saved run of cgroup; --save writes them"
-    raise InputError(message)
-
-
 def _digest(file: str) -> str | None:
     """Return the SHA-256 of a file, None where it isn't there any more."""
     try:
         return hashlib.sha256(Path(file).read_bytes()).hexdigest()
     except (OSError, ValueError):
         return None
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Write a file that is there whole, or not at all."""
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
-    except OSError as error:
-        message = f"{path}: can't be written ({error.strerror or error})"
-        raise InputError(message) from error
-    finally:
-        with suppress(OSError):
-            unfinished.unlink(missing_ok=True)

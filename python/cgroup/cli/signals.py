@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
+from types import FrameType
 
 from cgroup._runtime.interrupts import once_loaded
-
-if TYPE_CHECKING:
-    from collections.abc import Generator
-    from types import FrameType
 
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows lacks the last
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Any, TextIO, cast
-
-if TYPE_CHECKING:
-    from collections.abc import Generator
+from typing import Any, TextIO, cast
 
 
 class OutputError(Exception):
@@ -27,14 +25,14 @@ class _Output:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        try:
-            return self._stream.write(text)
-        except OSError as error:
-            raise OutputError(error) from error
+        return self._guard(self._stream.write, text)
 
     def flush(self) -> None:
+        self._guard(self._stream.flush)
+
+    def _guard(self, function: Callable[..., Any], *arguments: str) -> Any:
         try:
-            self._stream.flush()
+            return function(*arguments)
         except OSError as error:
             raise OutputError(error) from error
 
