@@ -1,21 +1,25 @@
-"""The command line: what it writes, and that whatever goes wrong is one line and an exit status."""
+"""The command line: what its commands write, and that wrong input is one line and an exit status."""
 
 from __future__ import annotations
 
 import csv
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
-from command_lines import run
+import trimesh
+from command_lines import run, write_inputs
+from scenes import stone_model, stone_scene
 
-import cgroup
+from benchmark_runs import CLOUDS
 from cgroup import METHODS, Correspondences, comparison, group
-from cgroup.datasets import MatchingPair, standin_pair
+from cgroup.benchmark.config import preset_names
 from cgroup.io import (
     PointCloud,
     read_cloud,
@@ -29,129 +33,207 @@ from cgroup.io import (
 from cgroup.registration import describe
 from cgroup.registry import label_of
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 pytestmark = pytest.mark.usefixtures("elsewhere")
 
-
-@pytest.fixture(scope="module")
-def pair() -> MatchingPair:
-    return standin_pair(pixels=80)
+Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(scope="module")
-def folder(pair: MatchingPair, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two scans, their pose, and correspondences between other points."""
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Scans, models, matches, and files with which something is wrong."""
     path = tmp_path_factory.mktemp("input")
-    write_cloud(path / "source.ply", pair.source)
-    write_cloud(path / "target.ply", pair.target)
-    write_transform(path / "truth.txt", pair.T_target_source)
-    write_transform(path / "inverse.txt", np.linalg.inv(pair.T_target_source))
-    rng = np.random.default_rng(0)
-    source = rng.uniform(size=(60, 3))
-    target = source + np.array([1, 2, 3])
-    target[40:] = rng.uniform(size=(20, 3))
-    write_correspondences(path / "some.npz", Correspondences(source, target))
-    np.savetxt(path / "some.txt", np.hstack([source, target]))
+    write_inputs(path)
+    source, rng = read_cloud(path / "source.ply"), np.random.default_rng(0)
+    write_transform(path / "inverse.txt", np.linalg.inv(read_transform(path / "truth.txt")))
     np.save(path / "nan.npy", np.full((30, 3), np.nan))
     np.save(path / "few.npy", rng.uniform(size=(4, 3)))
-    write_cloud(path / "metres.ply", PointCloud(1e-3 * pair.source.points))
+    write_cloud(path / "metres.ply", PointCloud(1e-3 * source.points))
     (path / "empty.ply").write_bytes(b"")
     (path / "garbage.pcd").write_bytes(b"not a cloud\n" * 10)
     (path / "cut.ply").write_bytes((path / "source.ply").read_bytes()[:5000])
     (path / "scaled.txt").write_text("2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n")
+    (path / "again").mkdir()
+    for name in ("stone1", "stone2", "stone3", "again/stone1"):
+        model = stone_model(int(name[-1]))
+        trimesh.Trimesh(model.points, model.faces, process=False).export(path / f"{name}.ply")
+    write_cloud(path / "scene.ply", stone_scene([1, 2, 1])[0])
+    write_cloud(path / "bare.ply", stone_scene([3])[0])
     return path
 
 
-def test_register(
-    folder: Path, pair: MatchingPair, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = (folder / "source.ply", folder / "target.ply", "--method", "ransac", "--out", "result/here")
-    status, out, err = run(capsys, "register", *arguments)
+@pytest.fixture
+def pair(folder: Path) -> tuple[Path, Path]:
+    return folder / "source.ply", folder / "target.ply"
+
+
+def is_picture(path: Path) -> bool:
+    return path.read_bytes().startswith(b"\x89PNG")
+
+
+# --- what commands write -------------------------------------------------------------------------
+
+
+def test_register(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    status, out, err = run(capsys, "register", *pair, "--method", "ransac", "--out", "result/here")
     assert (status, err) == (0, "")
     for word in ("points", "voxel", "matches", "overlap", "residual", "probability", "pose", "wrote"):
         assert word in out
     result = tmp_path / "result" / "here"
-    pose = read_transform(result / "transform.txt")
-    expected = pair.source.transformed(pose).points
+    expected = read_cloud(pair[0]).transformed(read_transform(result / "transform.txt")).points
     np.testing.assert_allclose(read_cloud(result / "aligned.ply").points, expected)
-    matches = read_correspondences(result / "correspondences.npz")
-    assert matches.ratio is not None
-    assert (result / "registration.png").read_bytes().startswith(b"\x89PNG")
+    assert read_correspondences(result / "correspondences.npz").ratio is not None
+    assert is_picture(result / "registration.png")
 
 
-def test_compare(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
-    status, out, err = run(capsys, "compare", *arguments)
+def test_compare(
+    folder: Path,
+    pair: tuple[Path, Path],
+    tmp_path: Path,
+    capsys: Capture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    poses: list[object] = []
+    correct_matches = comparison.correct_matches
+
+    def judge(*arguments: object, **options: float) -> object:
+        poses.append(np.asarray(arguments[2]).tobytes())
+        return correct_matches(*arguments, **options)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(comparison, "correct_matches", judge)
+    status, out, err = run(capsys, "compare", *pair, "--truth", folder / "truth.txt")
     assert (status, err) == (0, "")
+    # Matches are judged once under the truth, and at most once more under its inverse.
+    assert len(set(poses)) == len(poses) <= 2
     rows = list(csv.DictReader((tmp_path / "out" / "comparison.csv").read_text().splitlines()))
     assert [row["method"] for row in rows] == list(METHODS)
     for row in rows:
         assert label_of(row["method"]) in out
         assert 0 <= float(row["precision"]) <= 1
         assert float(row["milliseconds"]) > 0
-    for name in ("comparison.png", "precision_recall.png"):
-        assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
+    assert all(is_picture(tmp_path / "out" / name) for name in ("comparison.png", "precision_recall.png"))
     assert "inverse" not in out
 
 
-def test_compare_judges_the_matches_once(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls: list[object] = []
-
-    def judge(*arguments: object, **options: float) -> object:
-        calls.append(arguments)
-        return correct_matches(*arguments, **options)  # pyright: ignore[reportArgumentType]
-
-    correct_matches = comparison.correct_matches
-    monkeypatch.setattr(comparison, "correct_matches", judge)
-    arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
-    assert run(capsys, "compare", *arguments)[0] == 0
-    # Under the truth, and at most once more under its inverse.
-    poses = [arguments[2] for arguments in calls]
-    assert len(poses) <= 2
-    assert len({np.asarray(pose).tobytes() for pose in poses}) == len(poses)
-
-
-def test_compare_notices_an_inverted_truth(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "inverse.txt")
-    status, out, _ = run(capsys, "compare", *arguments)
+def test_compare_notices_an_inverted_truth(folder: Path, pair: tuple[Path, Path], capsys: Capture) -> None:
+    status, out, _ = run(capsys, "compare", *pair, "--truth", folder / "inverse.txt")
     assert status == 0
     assert "would be correct under the inverse of this truth" in out
 
 
-@pytest.mark.parametrize("name", ["some.npz", "some.txt"])
-def test_group(name: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, err = run(capsys, "group", folder / name, "--method", "gtm")
-    assert (status, err) == (0, "")
-    mask = np.load(tmp_path / "some_gtm.npy")
-    expected = group(read_correspondences(folder / name), "gtm").mask
-    np.testing.assert_array_equal(mask, expected)
-    assert f"{mask.sum()} of 60 selected by GTM" in out
-
-
-def test_group_takes_lengths(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, _, err = run(capsys, "group", folder / "some.txt", "--method", "gc")
-    assert status == 2
-    assert "resolution" in err
-    assert "tolerance" in err
-    for option in ("--resolution", "--tolerance"):
-        status, _, err = run(
-            capsys, "group", folder / "some.txt", "--method", "gc", option, "0.01", "--out", "mask.txt"
-        )
-        assert (status, err) == (0, "")
-        assert np.loadtxt(tmp_path / "mask.txt").sum() >= 40
-
-
-def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_demo(tmp_path: Path, capsys: Capture) -> None:
     status, out, err = run(capsys, "demo", "--out", "pictures")
     assert (status, err) == (0, "")
     assert "GTM" in out
     for name in ("source.ply", "target.ply", "truth.txt", "comparison.csv", "comparison.png"):
         assert (tmp_path / "pictures" / name).exists()
 
+
+@pytest.mark.parametrize("name", ["matches.npz", "matches.txt"])
+def test_group(name: str, folder: Path, tmp_path: Path, capsys: Capture) -> None:
+    status, out, err = run(capsys, "group", folder / name, "--method", "gtm")
+    assert (status, err) == (0, "")
+    mask = np.load(tmp_path / "matches_gtm.npy")
+    np.testing.assert_array_equal(mask, group(read_correspondences(folder / name), "gtm").mask)
+    assert f"{mask.sum()} of 60 selected by GTM" in out
+
+
+def test_group_takes_lengths(folder: Path, tmp_path: Path, capsys: Capture) -> None:
+    line = ("group", folder / "matches.txt", "--method", "gc")
+    status, _, err = run(capsys, *line)
+    assert status == 2
+    assert "resolution" in err
+    assert "tolerance" in err
+    for option in ("--resolution", "--tolerance"):
+        status, _, err = run(capsys, *line, option, "0.01", "--out", "mask.txt")
+        assert (status, err) == (0, "")
+        assert np.loadtxt(tmp_path / "mask.txt").sum() >= 40
+
+
+def test_detect(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    options = ("--detector", "iss", "--keypoints", 100, "--out", "kp")
+    status, out, err = run(capsys, "detect", pair[0], *options)
+    assert (status, err) == (0, "")
+    with np.load(tmp_path / "kp/keypoints.npz") as file:
+        found = dict(file)
+    assert np.array_equal(found["points"], read_cloud(pair[0]).points[found["indices"]])
+    assert 80 <= len(found["indices"]) <= 120
+    assert f"keypoints   {len(found['indices'])} by ISS" in out
+    colors = read_cloud(tmp_path / "kp/keypoints.ply").colors
+    assert colors is not None
+    assert np.array_equal(np.flatnonzero(colors[:, 0] != colors[:, 1]), found["indices"])
+    assert is_picture(tmp_path / "kp/keypoints.png")
+
+
+def test_describe(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    options = ("--descriptor", "rcs", "--nms-radius", 4, "--out", "kp")
+    status, out, err = run(capsys, "describe", pair[0], *options)
+    assert (status, err) == (0, "")
+    written = read_descriptors(tmp_path / "kp/descriptors.npz")
+    expected = describe(read_cloud(pair[0]), descriptor="rcs", nms_radius=4)
+    for name in ("indices", "points", "lrf", "descriptors", "centroid"):
+        assert np.array_equal(getattr(written, name), getattr(expected, name))
+    assert written.resolution == expected.resolution
+    assert "RCS, 72 numbers each" in out
+
+
+def test_recognize(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    monkeypatch.chdir(folder)  # lines of long paths would be broken
+    models = [f"stone{seed}.ply" for seed in (1, 2, 3)]
+    options = ("--scene", "scene.ply", "--viewpoint", 0, 0, 0, "--out", "found")
+    status, out, err = run(capsys, "recognize", *models, *options)
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[1].split("  ")[0] == "model"
+    rows = [re.split(r"  +", line) for line in lines[2:6]]
+    assert [row[:2] for row in rows] == [
+        ["stone1", "1 of 2"],
+        ["stone1", "2 of 2"],
+        ["stone2", "yes"],
+        ["stone3", "no"],
+    ]
+    assert all(float(row[2]) > 0.9 and 0 < float(row[3]) <= 100 for row in rows[:3])
+    names = sorted(file.name for file in (folder / "found").iterdir())
+    assert names == ["stone1-2.ply", "stone1-2.txt", "stone1.ply", "stone1.txt", "stone2.ply", "stone2.txt"]
+    assert all(name in out for name in names)
+    pose = read_transform(folder / "found" / "stone2.txt")
+    posed = read_cloud(folder / "found" / "stone2.ply")
+    np.testing.assert_allclose(posed.points, stone_model(2).transformed(pose).points, rtol=1e-4, atol=1e-2)
+
+
+def test_recognize_finds_nothing(folder: Path, tmp_path: Path, capsys: Capture) -> None:
+    status, out, err = run(capsys, "recognize", folder / "stone3.ply", "--scene", folder / "scene.ply")
+    assert status == 3
+    assert "no" in out
+    says = "cgroup: none of the models was found in scene.ply; if the scene is one single scan"
+    assert err.startswith(says)
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_benchmark_run_and_status(tmp_path: Path, capsys: Capture) -> None:
+    config = tmp_path / "own.toml"
+    config.write_text(CLOUDS.replace('["a", "b"]', '["a", "broken"]'))
+    status, out, err = run(capsys, "benchmark", "run", config, "--workers", 1)
+    assert (status, err) == (0, "")
+    assert "cases matched  2 of 4, 2 failed" in out
+    assert "2 of 12 failed; see: cgroup benchmark status" in out
+    status, out, err = run(capsys, "benchmark", "status")
+    assert (status, err) == (0, "")
+    assert "failed     2 x correspond: OSError: this pair is broken" in out
+    status, out, err = run(capsys, "benchmark", "status", "--json")
+    assert (status, err) == (0, "")
+    results = json.loads(out)["results"]
+    assert results["counts"]["correspond"] == {"done": 2, "failed": 2, "wanted": 4}
+    assert results["failures"] == [{"method": "", "error": "OSError: this pair is broken", "times": 2}]
+
+
+def test_benchmark_presets(capsys: Capture) -> None:
+    status, out, err = run(capsys, "benchmark", "presets")
+    assert (status, err) == (0, "")
+    assert all(name in out for name in preset_names())
+
+
+# --- wrong input ---------------------------------------------------------------------------------
 
 WRONG = [
     ("register missing.ply {target}", "missing.ply: no such file"),
@@ -169,13 +251,10 @@ WRONG = [
     ("register {source} {target} --front paper --normals mesh", "neither cloud has faces"),
     ("register {folder}/metres.ply {target}", "scale them to the same unit"),
     ("register {source} {target} --voxel 0", "voxel: got 0"),
-    ("register {source} {target} --voxel -1", "voxel: got -1"),
-    ("register {source} {target} --voxel nan", "voxel: got nan"),
     ("register {source} {target} --voxel 1e-9", "give a larger voxel"),
     ("register {source} {target} --voxel 500", "leave 1 voxels of 500"),
     ("register {source} {target} --axis 0 0 0", "axis: got a zero vector"),
     ("register {source} {target} --axis 0 1", "--axis"),
-    ("register {source} {target} --viewpoint 0 0 nan", "--viewpoint: got"),
     ("register {source} {target} --target-viewpoint 0 0 1e9", "--target-viewpoint: got"),
     ("register {source} {target} --effort max", "--effort"),
     ("register {source} {target} --front fast", "--front"),
@@ -191,101 +270,49 @@ WRONG = [
     ("compare {source} {target} --truth {source}", "source.ply"),
     ("group missing.npz", "missing.npz: no such file"),
     ("group {source}", "source.ply"),
-    ("group {folder}/some.npz --method gtm --tolerance 1", "tolerance"),
-    ("group {folder}/some.npz --method ss", "similarity"),
-    ("group {folder}/some.npz --method cv", "ratio"),
-    ("group {folder}/some.npz --method gc --resolution -1", "resolution"),
-    ("group {folder}/some.npz --method gc --resolution nan", "resolution"),
-    ("group {folder}/some.npz --out nowhere/mask.npy", "can't be written"),
+    ("group {folder}/matches.npz --method gtm --tolerance 1", "tolerance"),
+    ("group {folder}/matches.npz --method ss", "similarity"),
+    ("group {folder}/matches.npz --method cv", "ratio"),
+    ("group {folder}/matches.npz --method gc --resolution -1", "resolution"),
+    ("group {folder}/matches.npz --out nowhere/mask.npy", "can't be written"),
+    ("detect {source} --resolution 0", "resolution: got 0"),
+    ("detect {source} --resolution 500", "the whole cloud is"),
+    ("detect {source} --nms-radius -1", "--nms-radius: got -1"),
+    ("recognize {stone} {folder}/again/stone1.ply --scene {scene}", "two files named 'stone1'"),
+    ("recognize {folder}/bare.ply --scene {scene} --viewpoint 0 0 0", "neither faces nor normals"),
+    ("recognize {stone}", "--scene"),
+    ("recognize --scene {scene}", "Missing argument"),
+    ("recognize {stone} --scene {scene} --most 0", "most"),
+    ("recognize {stone} --scene {scene} --voxel 1e9", "voxel"),
+    ("benchmark run nowhere.toml", "nowhere.toml: no configuration that can be read"),
+    ("benchmark run smoke --backend mpi", "--backend"),
+    ("benchmark run smoke --workers 0", "--workers"),
+    ("benchmark status --out nowhere", "nowhere: no records; make some"),
+    ("benchmark frobnicate", "frobnicate"),
     ("demo --seed -1", "seed"),
     ("frobnicate", "frobnicate"),
 ]
 
 
 @pytest.mark.parametrize(("line", "says"), WRONG, ids=[line for line, _ in WRONG])
-def test_wrong_input_is_one_line_and_status_2(
-    line: str, says: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    names = {"folder": folder, "source": folder / "source.ply", "target": folder / "target.ply"}
-    status, out, err = run(capsys, *(word.format(**names) for word in line.split()))
-    assert status == 2
-    assert out == ""
+def test_wrong_input_is_one_line_and_status_2(line: str, says: str, folder: Path, capsys: Capture) -> None:
+    names = {"source": "source", "target": "target", "stone": "stone1", "scene": "scene"}
+    files = {name: folder / f"{stem}.ply" for name, stem in names.items()}
+    status, out, err = run(capsys, *(word.format(folder=folder, **files) for word in line.split()))
+    assert (status, out) == (2, "")
     assert err.count("\n") == 1
     assert err.startswith("cgroup: ")
     assert says in err
 
 
-def test_no_pose_is_one_line_and_status_3(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_cloud(tmp_path / "other.ply", standin_pair(seed=5, pixels=60).target)
-    status, out, err = run(capsys, "register", folder / "source.ply", tmp_path / "other.ply")
-    assert (status, out) == (3, "")
-    assert err.startswith("cgroup: no pose that can be trusted: ")
-    assert err.count("\n") == 1
-    assert not (tmp_path / "out" / "transform.txt").exists()
-
-
-@pytest.mark.parametrize("arguments", [(), ("--help",)])
-def test_help_names_the_commands(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, err = run(capsys, *arguments)
+def test_without_a_command_there_is_help(capsys: Capture) -> None:
+    status, out, err = run(capsys)
     assert (status, err) == (0, "")
-    for command in ("register", "compare", "group", "demo"):
-        assert command in out
+    assert all(f"\n  {command} " in out for command in ("register", "compare", "group", "demo"))
 
 
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(capsys, "--version") == (0, f"cgroup {cgroup.__version__}\n", "")
+# --- Ctrl-C --------------------------------------------------------------------------------------
 
-
-# --- as a process of its own ---------------------------------------------------------------------
-
-
-def test_detect(folder: Path, pair: MatchingPair, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = (folder / "source.ply", "--detector", "iss", "--keypoints", 100, "--out", "kp")
-    status, out, err = run(capsys, "detect", *arguments)
-    assert (status, err) == (0, "")
-    with np.load(tmp_path / "kp/keypoints.npz") as file:
-        found = dict(file)
-    assert np.array_equal(found["points"], pair.source.points[found["indices"]])
-    assert 80 <= len(found["indices"]) <= 120
-    assert f"keypoints   {len(found['indices'])} by ISS" in out
-    colors = read_cloud(tmp_path / "kp/keypoints.ply").colors
-    assert colors is not None
-    assert np.array_equal(np.flatnonzero(colors[:, 0] != colors[:, 1]), found["indices"])
-    assert (tmp_path / "kp/keypoints.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_describe(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = (folder / "source.ply", "--descriptor", "rcs", "--nms-radius", 4, "--out", "kp")
-    status, out, err = run(capsys, "describe", *arguments)
-    assert (status, err) == (0, "")
-    written = read_descriptors(tmp_path / "kp/descriptors.npz")
-    expected = describe(read_cloud(folder / "source.ply"), descriptor="rcs", nms_radius=4)
-    for name in ("indices", "points", "lrf", "descriptors", "centroid"):
-        assert np.array_equal(getattr(written, name), getattr(expected, name))
-    assert written.resolution == expected.resolution
-    assert "RCS, 72 numbers each" in out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("--resolution", 0), "resolution: got 0"),
-        (("--resolution", 500), "the whole cloud is"),
-        (("--nms-radius", -1), "--nms-radius: got -1"),
-    ],
-)
-def test_detect_says_what_is_wrong(
-    arguments: tuple, says: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    status, out, err = run(capsys, "detect", folder / "source.ply", *arguments)
-    assert (status, out) == (2, "")
-    assert says in err
-
-
-READY = "from cgroup.cli import main; print('ready', flush=True); main()"
-# Says so when the first function of the compiled core is called.
 COMPUTING = """
 import sys
 from cgroup import _core
@@ -299,22 +326,7 @@ def look(_frame, event, function):
 sys.setprofile(look)
 main()
 """
-
-
-def process(*arguments: object, code: str = READY, **options: object) -> subprocess.Popen[str]:
-    command = [sys.executable, "-c", code, *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)  # pyright: ignore[reportCallIssue]
-
-
-def test_exit_status_of_the_process(folder: Path) -> None:
-    failing = process("register", "missing.ply", folder / "target.ply")
-    out, err = failing.communicate(timeout=60)
-    assert (failing.returncode, out) == (2, "ready\n")
-    assert err == "cgroup: missing.ply: no such file\n"
-    working = process("group", folder / "some.npz")
-    out, err = working.communicate(timeout=60)
-    assert (working.returncode, err) == (0, "")
-    assert "selected by GTM" in out
+"""Says so when the first function of the compiled core is called."""
 
 
 @pytest.mark.skipif(os.name == "nt", reason="interrupts are sent differently there")
@@ -322,7 +334,12 @@ def test_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     many = Correspondences(rng.uniform(size=(50_000, 3)), rng.uniform(size=(50_000, 3)))
     write_correspondences(tmp_path / "many.npz", many)
-    running = process("group", tmp_path / "many.npz", "--method", "st", code=COMPUTING)
+    running = subprocess.Popen(
+        [sys.executable, "-c", COMPUTING, "group", tmp_path / "many.npz", "--method", "st"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     assert running.stdout is not None
     assert running.stdout.readline() == "computing\n"
     assert running.poll() is None, "the work was over before it could be interrupted"

@@ -50,21 +50,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(
     *arguments: str | bytes | Path,
     cwd: Path,
+    module: str = "cgroup",
     out: int | IO[bytes] = subprocess.PIPE,
     err: int | IO[bytes] = subprocess.PIPE,
     **environment: str,
 ) -> tuple[int, str, str]:
-    """Run the program; return its exit status and what it printed."""
-    done = subprocess.run(
-        command(*arguments), cwd=cwd, stdout=out, stderr=err, env={**os.environ, **environment}, check=False
-    )
+    """Run the program, or a module in its place; return its exit status and what it printed."""
+    command: Sequence[Any] = [sys.executable, "-m", module, *arguments]
+    environment = {**os.environ, **environment}
+    done = subprocess.run(command, cwd=cwd, stdout=out, stderr=err, env=environment, check=False)
     return done.returncode, *(
         (text or b"").decode("utf-8", "surrogateescape") for text in (done.stdout, done.stderr)
     )
-
-
-def command(*arguments: str | bytes | Path) -> Sequence[Any]:
-    return [sys.executable, "-m", "cgroup", *arguments]
 
 
 def test_the_module_is_the_program(tmp_path: Path) -> None:
@@ -155,23 +152,16 @@ WRITING = (
 
 
 @pytest.mark.parametrize("line", WRITING)
-@pytest.mark.parametrize("out", ["cloud.ply/below", "/proc/nowhere/out"])
+@pytest.mark.parametrize("out", ["cloud.ply/below", "/proc/nowhere/out", "/proc"])
 def test_where_results_go_is_looked_at_before_work_starts(
     capsys: pytest.CaptureFixture[str], elsewhere: Path, line: str, out: str
 ) -> None:
-    """The input isn't even there."""
+    """The input isn't even there; and nothing can be made in /proc by those who may do anything either."""
     (elsewhere / "cloud.ply").touch()
     status, printed, err = command_lines.run(capsys, *line.format(*3 * ["missing.ply"]).split(), "--out", out)
     assert (status, printed) == (2, "")
     assert err.startswith(f"cgroup: {out}: ")
     assert err.count("\n") == 1
-
-
-def test_a_folder_that_cannot_be_written(capsys: pytest.CaptureFixture[str]) -> None:
-    """Also to those who may do anything: nothing can be made in /proc."""
-    status, _, err = command_lines.run(capsys, "detect", "missing.ply", "--out", "/proc")
-    assert status == 2
-    assert err.startswith("cgroup: /proc: can't be made a folder for the results (")
 
 
 # --- Ctrl-C --------------------------------------------------------------------------------------
@@ -256,16 +246,9 @@ sys.last = Last()
 
 def run_interrupted(*arguments: str, how: str, folder: Path) -> tuple[int, str]:
     (folder / "sitecustomize.py").write_text(how)
-    path = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
-    done = subprocess.run(
-        [sys.executable, "-m", "cgroup", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(path)},
-    )
-    return done.returncode, done.stderr
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    status, _, err = run(*arguments, cwd=folder, PYTHONPATH=path)
+    return status, err
 
 
 @pytest.mark.parametrize(
@@ -316,24 +299,17 @@ cli.main(["group", "matches.npz"])
 def test_whatever_goes_wrong_is_one_line(folder: Path, error: str, status: int, says: str) -> None:
     (folder / "broken.py").write_text(BROKEN.format(error=error))
     # As a module, as which the command line is run: what Python makes of an interrupt depends on it.
-    program = [sys.executable, "-m", "broken"]
-    done = subprocess.run(program, cwd=folder, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (status, "")
-    assert done.stderr.startswith(f"cgroup: {says}")
-    assert done.stderr.count("\n") == 1
+    ended, out, err = run(cwd=folder, module="broken")
+    assert (ended, out) == (status, "")
+    assert err.startswith(f"cgroup: {says}")
+    assert err.count("\n") == 1
 
 
 def test_the_traceback_can_be_asked_for(folder: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", BROKEN.format(error="ZeroDivisionError")],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "CGROUP_TRACEBACK": "1"},
-    )
-    assert done.returncode == 70
-    assert done.stderr.startswith("Traceback (most recent call last):")
+    (folder / "broken.py").write_text(BROKEN.format(error="ZeroDivisionError"))
+    status, _, err = run(cwd=folder, module="broken", CGROUP_TRACEBACK="1")
+    assert status == 70
+    assert err.startswith("Traceback (most recent call last):")
     assert "CGROUP_TRACEBACK=1" in run("--help", cwd=folder)[1]
 
 

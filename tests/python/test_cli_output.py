@@ -22,7 +22,7 @@ from cgroup.cli import app
 from cgroup.cli.commands.group import _length
 from cgroup.cli.show.json import as_text, make_document
 from cgroup.cli.show.tables import Column, print_table
-from cgroup.cli.show.terminal import show_stages, wants_colors
+from cgroup.cli.show.terminal import show_stages
 from cgroup.datasets import standin_pair
 from cgroup.io import read_transform, write_cloud
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("elsewhere")
 
+PROGRAM = [sys.executable, "-m", "cgroup"]
 BOXES = re.compile("[\u2500-\u257f\x1b]")
 
 
@@ -106,34 +107,33 @@ COLUMNS = (
 ROWS = [("n" * 30, "1" * 20, "2" * 20, "3" * 20), ("m", "1", "2", "3")]
 
 
-def test_columns_go_by_priority(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table(COLUMNS, ROWS)
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["name", "first", "second"]
-    assert lines[1] == f"{'n' * 30}  {'1' * 20}  {'2' * 20}"
-    assert lines[2] == f"{'m':30}  {1:20}  {2:20}"
-    assert lines[3:] == ["Left out: third. --wide shows all."]
+FIRST, SECOND, THIRD = (f"  {number * 20}" for number in "123")
 
 
-def test_wide_tables_have_all_columns(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table(COLUMNS, ROWS, wide=True)
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["name", "first", "second", "third"]
-    assert len(lines) == 3
-    assert len(lines[1]) == 30 + 3 * 22
-
-
-def test_the_width_of_the_terminal_counts(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("room", "wide", "row", "says"),
+    [
+        ("80", False, "n" * 30 + FIRST + SECOND, "Left out: third. --wide shows all."),
+        ("80", True, "n" * 30 + FIRST + SECOND + THIRD, ""),
+        ("200", False, "n" * 30 + FIRST + SECOND + THIRD, ""),
+        ("40", False, "n" * 15 + "..." + FIRST, "Left out: second, third. --wide shows all."),
+    ],
+)
+def test_columns_go_by_priority(
+    room: str,
+    wide: bool,
+    row: str,
+    says: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
-    print_table(COLUMNS, ROWS)
-    assert "third" in capsys.readouterr().out.splitlines()[0]
-    monkeypatch.setenv("COLUMNS", "40")
-    print_table(COLUMNS, ROWS)
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["name", "first"]
-    assert lines[1] == f"{'n' * 15}...  {'1' * 20}"
+    monkeypatch.setenv("COLUMNS", room)
+    print_table(COLUMNS, ROWS, wide=wide)
+    head, first, second, *rest = capsys.readouterr().out.splitlines()
+    assert head.split() == ["name", "first", "second", "third"][: len(row.split())]
+    assert (first, " ".join(rest)) == (row, says)
+    assert second.split() == ["m", "1", "2", "3"][: len(row.split())]
+    assert len(second) == len(row)
 
 
 @pytest.mark.parametrize(
@@ -150,33 +150,23 @@ def test_strange_names_keep_rows_in_line(name: str, capsys: pytest.CaptureFixtur
     assert "\x1b" not in "".join(lines)
 
 
-def test_the_main_table_fits_80_columns(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_main_table_fits_80_columns_and_has_every_method_as_json(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
-    status, out, err = run(capsys, "compare", *arguments)
+    status, document, err = run(capsys, "compare", *arguments, "--save", "one", "--json")
     assert (status, err) == (0, "")
-    lines = out.splitlines()
+    rows = parse(document)["results"]["methods"]
+    assert [row["method"] for row in rows] == list(METHODS)
+    assert all((row["T_target_source"] is None) == (row["rotation_error_deg"] is None) for row in rows)
+    lines = run(capsys, "results", "show", "one")[1].splitlines()
     head = next(line for line in lines if line.startswith("method"))
     assert head.split()[:6] == ["method", "selected", "precision", "recall", "F", "registered"]
     rows = lines[lines.index(head) + 1 :][: len(METHODS)]
     scores = [float(row.split()[4]) for row in rows]
     assert scores == sorted(scores, reverse=True)
     assert max(len(line) for line in lines if str(folder) not in line) <= 80
-    assert not BOXES.search(out)
-
-
-@pytest.mark.parametrize(
-    ("environment", "expected"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
-)
-def test_colours_are_for_terminals(
-    environment: dict[str, str], expected: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert not wants_colors()
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    monkeypatch.setenv("TERM", "xterm")
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    assert wants_colors() is expected
+    assert not BOXES.search("".join(lines))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
@@ -187,13 +177,10 @@ def test_a_terminal_gets_colours_and_its_own_width(environment: dict[str, str], 
     import pty  # noqa: PLC0415 - Unix only
 
     main, inner = pty.openpty()
-    unset = {
-        name: value
-        for name, value in os.environ.items()
-        if name not in {"COLUMNS", "NO_COLOR", "FORCE_COLOR"}
-    }
+    others = {"COLUMNS", "NO_COLOR", "FORCE_COLOR"}
+    unset = {name: value for name, value in os.environ.items() if name not in others}
     subprocess.run(
-        [sys.executable, "-m", "cgroup", "--help"],
+        [*PROGRAM, "--help"],
         stdout=inner,
         stderr=inner,
         check=True,
@@ -225,13 +212,8 @@ def parse(text: str) -> dict[str, Any]:
 def test_documents_are_plain() -> None:
     document = make_document("x", a=np.nan, b=np.eye(2), c=(np.float32(1), np.bool_(True)), d={"e": -np.inf})
     assert parse(as_text(document)) == document
-    assert document == {
-        **make_document("x"),
-        "a": None,
-        "b": [[1, 0], [0, 1]],
-        "c": [1, True],
-        "d": {"e": None},
-    }
+    plain = {"a": None, "b": [[1, 0], [0, 1]], "c": [1, True], "d": {"e": None}}
+    assert document == {**make_document("x"), **plain}
     assert as_text({"é\udcff": "日"}).isascii()
 
 
@@ -242,9 +224,9 @@ def test_register_as_json(folder: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert list(document) == [
         "schema_version", "cgroup_version", "command", "inputs", "options", "results", "files"
     ]  # fmt: skip
-    results = document["results"]
-    np.testing.assert_array_equal(results["T_target_source"], read_transform(tmp_path / "out/transform.txt"))
-    assert results["ok"] is True
+    written = read_transform(tmp_path / "out/transform.txt")
+    np.testing.assert_array_equal(document["results"]["T_target_source"], written)
+    assert document["results"]["ok"] is True
     assert document["options"]["effort"] == "normal"
     assert [one["role"] for one in document["inputs"]] == ["source", "target"]
     assert all((tmp_path / file).exists() for file in document["files"])
@@ -278,15 +260,6 @@ def test_errors_as_json(line: str, command: str, kind: str, capsys: pytest.Captu
     assert document["error"] == {"kind": kind, "message": err[len("cgroup: ") : -1], "exit_status": status}
     assert all(part is None or part in err for part in parts.values())
     assert status == 2
-
-
-def test_compare_as_json_has_every_method(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt", "--json")
-    status, out, err = run(capsys, "compare", *arguments)
-    assert (status, err) == (0, "")
-    rows = parse(out)["results"]["methods"]
-    assert [row["method"] for row in rows] == list(METHODS)
-    assert all((row["T_target_source"] is None) == (row["rotation_error_deg"] is None) for row in rows)
 
 
 @pytest.mark.parametrize("method", ["gtm", "GTM", "3DHV", "hough3d", "SC2-PCR", "teaser++", "RANSAC"])
@@ -344,21 +317,11 @@ def test_a_dumb_terminal_gets_no_spinner(
 # --- completion ----------------------------------------------------------------------------------
 
 
-def complete(words: str, **environment: str) -> list[str]:
+def complete(**environment: str) -> str:
     done = subprocess.run(
-        [sys.executable, "-m", "cgroup"],
-        env={
-            **os.environ,
-            "_CGROUP_COMPLETE": "complete_bash",
-            "COMP_WORDS": words,
-            "COMP_CWORD": str(words.count(" ")),
-            **environment,
-        },
-        capture_output=True,
-        text=True,
-        check=True,
+        PROGRAM, env={**os.environ, **environment}, capture_output=True, text=True, check=True
     )
-    return done.stdout.split()
+    return done.stdout
 
 
 @pytest.mark.parametrize(
@@ -374,19 +337,13 @@ def complete(words: str, **environment: str) -> list[str]:
 def test_bash_completes(words: str, expected: list[str], tmp_path: Path) -> None:
     (tmp_path / "saved").mkdir()
     (tmp_path / "saved" / "first.json").write_text("{}")
-    assert complete(words) == expected
+    place = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    assert complete(_CGROUP_COMPLETE="complete_bash", **place).split() == expected
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_scripts_are_printed(shell: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "cgroup"],
-        env={**os.environ, "_CGROUP_COMPLETE": f"source_{shell}"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "_CGROUP_COMPLETE=complete_" + shell in done.stdout
+    assert "_CGROUP_COMPLETE=complete_" + shell in complete(_CGROUP_COMPLETE=f"source_{shell}")
 
 
 SLOW = "rich matplotlib plotly pandas pydantic platformdirs scipy trimesh pypcd4 laspy"

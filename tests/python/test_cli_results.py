@@ -36,23 +36,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def saved(elsewhere: Path) -> Path:
-    return elsewhere / "saved"
-
-
-def save_groups(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def saved(folder: Path, elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """Save two runs."""
     for name, options in {
         "one": ("--method", "gtm"),
         "two": ("--method", "lc", "--tolerance", "0.05"),
     }.items():
         status, _, err = run(capsys, "group", folder / "matches.npz", *options, "--save", name)
         assert (status, err) == (0, "")
+    return elsewhere / "saved"
 
 
-def test_a_saved_run_says_what_was_done(
-    folder: Path, saved: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    save_groups(folder, capsys)
+def test_a_saved_run_says_what_was_done(saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = json.loads((saved / "two.json").read_text())
     assert document["command"] == "group"
     assert document["options"]["method"] == "lc"
@@ -65,13 +60,13 @@ def test_a_saved_run_says_what_was_done(
 
 
 @pytest.mark.parametrize("words", [("results",), ("results", "list")])
-def test_runs_are_listed(words: tuple[str, ...], folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no saved runs in" in run(capsys, *words)[1]
-    save_groups(folder, capsys)
+def test_runs_are_listed(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, *words)
     assert (status, err) == (0, "")
     assert [line.split()[0] for line in out.splitlines()] == ["name", "one", "two"]
     assert "40 of 60 by LC" in out
+    assert run(capsys, "results", "remove", "one", "two")[0] == 0
+    assert "no saved runs in" in run(capsys, *words)[1]
 
 
 def test_a_run_is_shown_as_it_was(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,8 +80,7 @@ def test_a_run_is_shown_as_it_was(folder: Path, capsys: pytest.CaptureFixture[st
         assert shown.splitlines()[2:] == said.splitlines()[:-1]
 
 
-def test_groups_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_groups(folder, capsys)
+def test_groups_side_by_side(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, "results", "compare", "one", "two")
     assert (status, err) == (0, "")
     assert max(map(len, out.splitlines())) <= 80
@@ -99,9 +93,8 @@ def test_groups_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) -
     assert compared["differing_inputs"] == {}
 
 
-def test_the_way_between_two_poses(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_way_between_two_poses(capsys: pytest.CaptureFixture[str]) -> None:
     """Turned by 90 degrees about z, and then shifted by (0, 0, 2)."""
-    save_groups(folder, capsys)
     first, second = load_run("one"), load_run("two")
     first["results"]["T_target_source"] = np.eye(4).tolist()
     second["results"]["T_target_source"] = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 2], [0, 0, 0, 1]]
@@ -125,20 +118,13 @@ def test_comparisons_side_by_side(folder: Path, capsys: pytest.CaptureFixture[st
     assert head.split()[:6] == ["method", "F", "1", "F", "2", "change"]
     assert "descriptor" in out.splitlines()[0]
     _, out, _ = run(capsys, "results", "compare", "shot", "rcs", "--json")
+    saved = [load_run(name)["results"]["methods"] for name in ("shot", "rcs")]
+    f_scores = [{row["method"]: row["f_score"] for row in rows} for rows in saved]
     for row in json.loads(out)["results"]["methods"]:
-        expected = [
-            next(
-                other["f_score"]
-                for other in load_run(name)["results"]["methods"]
-                if other["method"] == row["method"]
-            )
-            for name in ("shot", "rcs")
-        ]
-        assert row["f_score"] == expected
+        assert row["f_score"] == [one[row["method"]] for one in f_scores]
 
 
 def test_other_inputs_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_groups(folder, capsys)
     changed = tmp_path / "matches.npz"
     with np.load(folder / "matches.npz") as file:
         np.savez(changed, **{**file, "resolution": 0.03})
@@ -176,7 +162,6 @@ def test_runs_as_files(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_wrong_words_are_one_line(
     line: str, says: str, folder: Path, saved: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    save_groups(folder, capsys)
     names = {"matches": folder / "matches.npz", "saved": saved}
     status, out, err = run(capsys, *line.format(**names).split())
     assert (status, out) == (2, "")
@@ -186,10 +171,7 @@ def test_wrong_words_are_one_line(
 
 
 @pytest.mark.parametrize("kind", CHANGES)
-def test_broken_files_are_one_line(
-    kind: str, folder: Path, saved: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    save_groups(folder, capsys)
+def test_broken_files_are_one_line(kind: str, saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     whole = (saved / "one.json").read_bytes()
     (saved / "broken.json").write_bytes(whole[: len(whole) // 2] if kind == "cut" else CHANGES[kind] or b"")
     for words in (("show", "broken"), ("compare", "broken", "one"), ("compare", "one", "broken")):
@@ -204,8 +186,7 @@ def test_broken_files_are_one_line(
     assert names_of_runs() == ["one", "two"]
 
 
-def test_a_later_layout_is_refused(folder: Path, saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_groups(folder, capsys)
+def test_a_later_layout_is_refused(saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     later = {**load_run("one"), "schema_version": 99}
     (saved / "later.json").write_text(json.dumps(later))
     status, out, err = run(capsys, "results", "show", "later")
@@ -216,15 +197,13 @@ def test_a_later_layout_is_refused(folder: Path, saved: Path, capsys: pytest.Cap
 def test_runs_of_different_commands_are_not_compared(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    save_groups(folder, capsys)
     run(capsys, "register", folder / "source.ply", folder / "target.ply", "--save", "reg")
     status, out, err = run(capsys, "results", "compare", "one", "reg")
     assert (status, out) == (2, "")
     assert "one of group, reg of register: give runs of the same command" in err
 
 
-def test_nothing_half_written_is_left(folder: Path, saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_groups(folder, capsys)
+def test_nothing_half_written_is_left(saved: Path) -> None:
     document = load_run("one")
     (saved / "taken.json").mkdir()
     with pytest.raises(InputError, match="can't be written"):

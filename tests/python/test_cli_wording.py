@@ -182,9 +182,11 @@ def test_remedies_of_a_pose_that_cannot_be_trusted(
 ) -> None:
     write_cloud(tmp_path / "other.ply", standin_pair(seed=5, pixels=60).target)
     base = ("register", files["source"], "other.ply")
-    status, _, err = run(capsys, *base)
-    assert status == 3
+    status, out, err = run(capsys, *base)
+    assert (status, out, err.count("\n")) == (3, "", 1)
+    assert err.startswith("cgroup: no pose that can be trusted: ")
     assert "by --source-viewpoint and --target-viewpoint" in err
+    assert not (tmp_path / "out" / "transform.txt").exists()
     status, _, err = run(capsys, *base, "--viewpoint", 0, 0, 0)
     assert status == 3
     assert err.endswith("--effort high may find a pose\n")
