@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from functools import wraps
 from inspect import Parameter, signature
-from typing import Annotated, Any, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from cgroup.cli.options import FRONT, OUTPUT, JsonOption, SaveOption, WideOption
+from cgroup.cli.options import FRONT, JSON, OUTPUT, SAVE, WIDE
 from cgroup.cli.saved_runs import save_run
 from cgroup.cli.show.json import make_document, print_document
 from cgroup.cli.show.terminal import paint, print_line
@@ -123,20 +123,17 @@ def command(
     Of the options in `FRONT`, the function gets those that it `takes` by keyword.
     """
     shown = list(signature(show).parameters)[1:]
-    common: dict[str, tuple[Any, Any]] = {}
-    for option in takes:
-        kind, default, described = FRONT[option]
-        common[option] = (Annotated[kind, described], default)
-    common |= {"save": (SaveOption, None)} if saves else {}
-    common |= {"as_json": (JsonOption, False), "context": (typer.Context, Parameter.empty)}
-    common |= {"wide": (WideOption, False)} if "wide" in shown else {}
+    common: dict[str, tuple[Any, Any]] = {name: FRONT[name] for name in takes}
+    common |= {"save": (str | None, SAVE)} if saves else {}
+    common |= {"as_json": (bool, JSON), "context": (typer.Context, Parameter.empty)}
+    common |= {"wide": (bool, WIDE)} if "wide" in shown else {}
 
     def decorate(function: _Function) -> _Function:
         parameters = signature(function, eval_str=True).parameters.values()
         own = {one.name: one for one in parameters if one.kind != Parameter.VAR_KEYWORD}
         more = [
-            Parameter(option, Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
-            for option, (annotation, default) in common.items()
+            Parameter(option, Parameter.KEYWORD_ONLY, annotation=kind, default=described)
+            for option, (kind, described) in common.items()
             if option not in own
         ]
 
@@ -159,7 +156,9 @@ def command(
             if saved:
                 print_line(f"saved as {saved.stem}; see: cgroup results")
 
-        vars(run)["__signature__"] = signature(function).replace(parameters=[*own.values(), *more])
+        taken = [*own.values(), *more]
+        run.__annotations__ = {one.name: one.annotation for one in taken}
+        vars(run)["__signature__"] = signature(function).replace(parameters=taken)
         app.command(name, cls=_Command, epilog=examples(*lines))(run)
         return function
 

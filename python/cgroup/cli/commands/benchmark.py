@@ -8,21 +8,12 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
 from cgroup.cli.command import command, examples, make_app
-from cgroup.cli.options import (
-    OUTPUT,
-    JsonOption,
-    WideOption,
-    argument,
-    choice,
-    complete_presets,
-    flag,
-    option,
-)
+from cgroup.cli.options import JSON, OUTPUT, WIDE, argument, choice, complete_presets, flag, option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import (
@@ -45,8 +36,6 @@ if TYPE_CHECKING:  # slow to load
     from cgroup.benchmark.paper.verdicts import Verdict
     from cgroup.benchmark.report.cells import Table
 
-_WORKERS = "Workers"
-_BASE = "readings"
 
 _DONE = {
     "correspond": "cases matched",
@@ -77,11 +66,16 @@ _INDENT = " " * 15
 Backend = Literal["processes", "dask", "threading"]
 Format = Literal["table", "markdown"]
 
-DataOption = Annotated[Path | None, option("FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA")]
-FormatOption = Annotated[Format, choice(Format, "How to print them.", OUTPUT)]
-OutOption = Annotated[Path, option("FOLDER", "Folder of the records and everything made from them.", OUTPUT)]
-RetryOption = Annotated[bool, flag("--retry-failed", "Try again what failed.", None)]
-DEFAULT_OUT = Path("benchmark")
+
+def _out(folder: str) -> Any:
+    text = "Folder of the records and everything made from them."
+    return option(Path(folder), "FOLDER", text, OUTPUT)
+
+
+_OUT = _out("benchmark")
+_DATA = option(None, "FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA")
+_FORMAT = choice("table", Format, "How to print them.", OUTPUT)
+_RETRY = flag("--retry-failed", "Try again what failed.", None)
 
 app = make_app(
     help="Run the paper's evaluation, draw its figures and check its claims.",
@@ -148,39 +142,31 @@ def _format_duration(seconds: float) -> str:
 )
 @_needs_extra()
 def run_command(
-    config: Annotated[
-        str,
-        argument(
-            "CONFIG",
-            "TOML file, or a preset: see `cgroup benchmark presets`.",
-            autocompletion=complete_presets,
-        ),
-    ],
+    config: str = argument(
+        "CONFIG", "TOML file, or a preset: see `cgroup benchmark presets`.", autocompletion=complete_presets
+    ),
     *,
-    data: DataOption = None,
-    out: OutOption = DEFAULT_OUT,
-    backend: Annotated[
+    data: Path | None = _DATA,
+    out: Path = _OUT,
+    backend: Backend = choice(
+        "processes",
         Backend,
-        choice(Backend, "Processes on this machine, a Dask cluster, or threads of this process.", _WORKERS),
-    ] = "processes",
-    workers: Annotated[
-        int | None, option("COUNT", "How many workers.", _WORKERS, "one per core", min=1)
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        option("ADDRESS", "Address of the Dask scheduler.", _WORKERS, "$DASK_SCHEDULER_ADDRESS"),
-    ] = None,
-    retry_failed: RetryOption = False,
-    methods: Annotated[
-        str | None,
-        option(
-            "NAMES",
-            "Methods in place of the configuration's: names with commas between, or all, or paper.",
-            None,
-            "the configuration's",
-        ),
-    ] = None,
-    as_json: JsonOption = False,
+        "Processes on this machine, a Dask cluster, or threads of this process.",
+        "Workers",
+    ),
+    workers: int | None = option(None, "COUNT", "How many workers.", "Workers", "one per core", min=1),
+    scheduler: str | None = option(
+        None, "ADDRESS", "Address of the Dask scheduler.", "Workers", "$DASK_SCHEDULER_ADDRESS"
+    ),
+    retry_failed: bool = _RETRY,
+    methods: str | None = option(
+        None,
+        "NAMES",
+        "Methods in place of the configuration's: names with commas between, or all, or paper.",
+        None,
+        "the configuration's",
+    ),
+    as_json: bool = JSON,
 ) -> Document:
     """Compute what a configuration asks for. Stopped and started again, it continues."""
     from cgroup.benchmark.config import read_config, replace_methods  # noqa: PLC0415 - slow to load
@@ -251,7 +237,7 @@ def _print_status(document: Document) -> None:
 
 @command(app, "status", "cgroup benchmark status --out smoke", show=_print_status)
 @_needs_extra()
-def status_command(out: OutOption = DEFAULT_OUT) -> Document:
+def status_command(out: Path = _OUT) -> Document:
     """Show how far a run is, and what failed."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
 
@@ -295,7 +281,7 @@ def _print_written(document: Document) -> None:
 
 @command(app, "report", "cgroup benchmark report --out smoke", show=_print_written)
 @_needs_extra()
-def report_command(*, out: OutOption = DEFAULT_OUT, data: DataOption = None) -> Document:
+def report_command(*, out: Path = _OUT, data: Path | None = _DATA) -> Document:
     """Write report.html, the figures and claims.md from the records."""
     check_folder(out)
     with show_stages() as begin:
@@ -366,17 +352,15 @@ def _print_claim(claim: Verdict) -> None:
 @_needs_extra()
 def claims_command(
     *,
-    out: OutOption = DEFAULT_OUT,
-    resamples: Annotated[
-        int,
-        option(
-            "COUNT",
-            "How often the pairs are drawn anew, to tell how sure each verdict is; 0: not at all.",
-            None,
-            min=0,
-        ),
-    ] = 200,
-    format: FormatOption = "table",  # noqa: A002, ARG001 - the option's name; what shows the claims takes it
+    out: Path = _OUT,
+    resamples: int = option(
+        200,
+        "COUNT",
+        "How often the pairs are drawn anew, to tell how sure each verdict is; 0: not at all.",
+        None,
+        min=0,
+    ),
+    format: Format = _FORMAT,  # noqa: A002, ARG001 - the option's name; what shows the claims takes it
 ) -> Document:
     """Check the paper's statements against the records."""
     with show_stages() as begin:
@@ -407,10 +391,10 @@ def claims_command(
 @_needs_extra()
 def rankings_command(
     *,
-    out: OutOption = DEFAULT_OUT,
-    format: FormatOption = "table",  # noqa: A002 - the option's name
-    as_json: JsonOption = False,
-    wide: WideOption = False,
+    out: Path = _OUT,
+    format: Format = _FORMAT,  # noqa: A002 - the option's name
+    as_json: bool = JSON,
+    wide: bool = WIDE,
 ) -> Document | None:
     """Print how grouping methods rank on matches."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
@@ -496,26 +480,20 @@ def _print_readings(document: Document, *, wide: bool) -> None:
 )
 @_needs_extra()
 def readings_command(
-    config: Annotated[
-        str,
-        argument(
-            "CONFIG",
-            "What is repeated for every reading: TOML file, or a preset.",
-            autocompletion=complete_presets,
-        ),
-    ] = _BASE,
+    config: str = argument(
+        "CONFIG",
+        "What is repeated for every reading: TOML file, or a preset.",
+        "readings",
+        autocompletion=complete_presets,
+    ),
     *,
-    data: DataOption = None,
-    out: OutOption = Path(_BASE),
-    only: Annotated[
-        str | None, option("NAMES", "Readings or questions, with commas between.", None, "all")
-    ] = None,
-    resamples: Annotated[
-        int, option("COUNT", "Draws of the pairs that show how sure a verdict is.", None, min=1)
-    ] = 200,
-    workers: Annotated[int | None, option("COUNT", "How many workers.", None, "one per core", min=1)] = None,
-    retry_failed: RetryOption = False,
-    as_json: JsonOption = False,
+    data: Path | None = _DATA,
+    out: Path = _out("readings"),
+    only: str | None = option(None, "NAMES", "Readings or questions, with commas between.", None, "all"),
+    resamples: int = option(200, "COUNT", "Draws of the pairs that show how sure a verdict is.", None, min=1),
+    workers: int | None = option(None, "COUNT", "How many workers.", None, "one per core", min=1),
+    retry_failed: bool = _RETRY,
+    as_json: bool = JSON,
 ) -> Document:
     """Read what the paper leaves open in other ways, one at a time, and check its claims each time.
 

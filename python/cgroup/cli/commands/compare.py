@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from cgroup._checks.values import refusal
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_pair, read_both
+from cgroup.cli.options import option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table, show_value
 from cgroup.cli.show.terminal import (
@@ -121,16 +122,22 @@ def _say_correct(matches: int, correct: int) -> str:
     saves=True,
 )
 def compare_command(
-    source: options.SourceArgument,
-    target: options.TargetArgument,
+    source: Path = options.SOURCE,
+    target: Path = options.TARGET,
     *,
-    truth: Annotated[
-        Path, options.option("POSE", "File of the true pose of the source in the target's frame.", "Truth")
-    ],
-    max_rotation: options.MaxRotationOption = MAX_ROTATION,
-    max_displacement: options.MaxDisplacementOption = MAX_DISPLACEMENT,
-    out: options.OutOption = options.DEFAULT_OUT,
-    html: options.HtmlOption = False,
+    truth: Path = option(..., "POSE", "File of the true pose of the source in the target's frame.", "Truth"),
+    max_rotation: float = option(
+        MAX_ROTATION, "DEGREES", "Largest rotation error of a registered pair.", "Limits", min=0
+    ),
+    max_displacement: float = option(
+        MAX_DISPLACEMENT,
+        "PR",
+        "Largest mean displacement of the matched points of a registered pair.",
+        "Limits",
+        min=0,
+    ),
+    out: Path = options.OUT,
+    html: bool = options.HTML,
     **keypoints: Any,
 ) -> Document:
     """Run all methods on a pair whose pose is known, and judge what each selects.
@@ -164,9 +171,9 @@ def compare_command(
 )
 def demo_command(
     *,
-    seed: Annotated[int, options.option("NUMBER", "Another seed, another shape.", "Shape", min=0)] = 0,
-    out: options.OutOption = options.DEFAULT_OUT,
-    html: options.HtmlOption = False,
+    seed: int = option(0, "NUMBER", "Another seed, another shape.", "Shape", min=0),
+    out: Path = options.OUT,
+    html: bool = options.HTML,
 ) -> Document:
     """Run all methods on a generated pair: two views of a closed shape rich in detail.
 

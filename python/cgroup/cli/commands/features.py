@@ -48,9 +48,9 @@ def _print_features(document: Document) -> None:
     takes=("detector", "keypoints", "nms_radius", "resolution"),
 )
 def detect_command(
-    cloud: options.CloudArgument,
+    cloud: Path = options.CLOUD,
     *,
-    out: options.OutOption = options.DEFAULT_OUT,
+    out: Path = options.OUT,
     **keypoints: Any,
 ) -> Document:
     """Find the keypoints of one cloud.
@@ -82,9 +82,9 @@ def detect_command(
     takes=options.FRONT,
 )
 def describe_command(
-    cloud: options.CloudArgument,
+    cloud: Path = options.CLOUD,
     *,
-    out: options.OutOption = options.DEFAULT_OUT,
+    out: Path = options.OUT,
     **keypoints: Any,
 ) -> Document:
     """Find the keypoints of one cloud, and give each a frame and a descriptor.

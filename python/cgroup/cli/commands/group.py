@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from cgroup import io
 from cgroup._checks.values import as_length
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
+from cgroup.cli.options import argument, option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.terminal import print_facts, print_line, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
@@ -63,33 +64,36 @@ def print_group(document: Document) -> None:
     saves=True,
 )
 def group_command(
-    correspondences: options.MatchesArgument,
+    correspondences: Path = argument(
+        "MATCHES",
+        "Six columns, x y z x' y' z', of text, CSV or NPY; or NPZ with the fields of cgroup's "
+        "correspondences.",
+    ),
     *,
-    method: options.MethodOption = "gtm",
-    resolution: Annotated[
-        float | None,
-        options.option(
-            "LENGTH",
-            "Mean point spacing of the clouds, 1 pr, in the file's unit.",
-            options.GROUPING,
-            "as in the file",
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        options.option(
-            "LENGTH",
-            "Tolerance of methods that have one, in the file's unit.",
-            options.GROUPING,
-            "the method's",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        options.option(
-            "FILE", "Mask to write: .npy, or text with 0 or 1 per line.", options.OUTPUT, "NAME_METHOD.npy"
-        ),
-    ] = None,
+    method: str = option(
+        "gtm",
+        "NAME",
+        f"Grouping method: {options.METHOD_NAMES}.",
+        options.GROUPING,
+        autocompletion=options.complete_methods,
+    ),
+    resolution: float | None = option(
+        None,
+        "LENGTH",
+        "Mean point spacing of the clouds, 1 pr, in the file's unit.",
+        options.GROUPING,
+        "as in the file",
+    ),
+    tolerance: float | None = option(
+        None,
+        "LENGTH",
+        "Tolerance of methods that have one, in the file's unit.",
+        options.GROUPING,
+        "the method's",
+    ),
+    out: Path | None = option(
+        None, "FILE", "Mask to write: .npy, or text with 0 or 1 per line.", options.OUTPUT, "NAME_METHOD.npy"
+    ),
 ) -> Document:
     """Group correspondences of your own: which are selected, what pose they fix, how sure that is."""
     method = check_method(method)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
 
 from cgroup import io
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_cloud, read_cloud
+from cgroup.cli.options import Point, argument, option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
@@ -60,33 +60,30 @@ def _print_models(document: Document, *, wide: bool) -> None:
     show=_print_models,
 )
 def recognize_command(
-    models: options.ModelsArgument,
+    models: list[Path] = argument(
+        "MODEL", f"Whole models, in the scene's unit; meshes are best: {options.FORMATS}."
+    ),
     *,
-    scene: Annotated[Path, options.option("CLOUD", "What they are looked for in.", options.CLOUDS)],
-    voxel: Annotated[
-        float | None,
-        options.option(
-            "LENGTH",
-            "Edge length of the voxels, in the files' unit.",
-            options.CLOUDS,
-            "leaves about 10,000 voxels",
-        ),
-    ] = None,
-    viewpoint: Annotated[
-        tuple[float, float, float] | None,
-        options.option(
-            "X Y Z",
-            "Where the scanner stood, if the scene is one single scan: tells far more.",
-            options.CLOUDS,
-        ),
-    ] = None,
-    most: Annotated[
-        int | None,
-        options.option("COUNT", "Copies of each model to look for.", options.SEARCH, "any number", min=1),
-    ] = None,
-    out: options.OutOption = options.DEFAULT_OUT,
-    as_json: options.JsonOption = False,
-    wide: options.WideOption = False,
+    scene: Path = option(..., "CLOUD", "What they are looked for in.", options.CLOUDS),
+    voxel: float | None = option(
+        None,
+        "LENGTH",
+        "Edge length of the voxels, in the files' unit.",
+        options.CLOUDS,
+        "leaves about 10,000 voxels",
+    ),
+    viewpoint: Point | None = option(
+        None,
+        "X Y Z",
+        "Where the scanner stood, if the scene is one single scan: tells far more.",
+        options.CLOUDS,
+    ),
+    most: int | None = option(
+        None, "COUNT", "Copies of each model to look for.", options.SEARCH, "any number", min=1
+    ),
+    out: Path = options.OUT,
+    as_json: bool = options.JSON,
+    wide: bool = options.WIDE,
 ) -> Document:
     """Say which models are in a scene, and where (exit status 3 if none is).
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import typer
 
@@ -12,6 +12,7 @@ from cgroup._checks.quoting import escape
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_pair, read_both
+from cgroup.cli.options import Point, choice, option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.terminal import (
     print_clouds,
@@ -27,9 +28,11 @@ from cgroup.cli.wording import is_given, reword
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
 from cgroup.io._results import make_folder
-from cgroup.registration import DenseFront, PaperFront, Registration, register
+from cgroup.registration import DenseFront, Effort, PaperFront, Registration, register
 from cgroup.registration.prepare import VOXELS
 from cgroup.types import PointCloud
+
+Front = Literal["dense", "paper"]
 
 app = make_app()
 
@@ -69,20 +72,52 @@ def print_registration(document: Document) -> None:
 )
 def register_command(
     context: typer.Context,
-    source: options.SourceArgument,
-    target: options.TargetArgument,
+    source: Path = options.SOURCE,
+    target: Path = options.TARGET,
     *,
-    voxel: options.VoxelOption = None,
-    viewpoint: options.ViewpointOption = None,
-    source_viewpoint: options.SourceViewpointOption = None,
-    target_viewpoint: options.TargetViewpointOption = None,
-    axis: options.AxisOption = None,
-    effort: options.EffortOption = "normal",
-    front: options.FrontOption = "dense",
-    method: options.ProposingMethodOption = None,
-    support: options.SupportOption = DenseFront.support,
-    out: options.OutOption = options.DEFAULT_OUT,
-    html: options.HtmlOption = False,
+    voxel: float | None = option(
+        None,
+        "LENGTH",
+        "Edge length of the voxels, in the files' unit; all radii are multiples of it.",
+        options.CLOUDS,
+        "leaves about 5,000 voxels",
+    ),
+    viewpoint: Point | None = option(
+        None,
+        "X Y Z",
+        "Where the scanner stood in both files, if each is one single scan: tells far more.",
+        options.CLOUDS,
+    ),
+    source_viewpoint: Point | None = option(None, "X Y Z", "The same of the source alone.", options.CLOUDS),
+    target_viewpoint: Point | None = option(None, "X Y Z", "The same of the target alone.", options.CLOUDS),
+    axis: Point | None = option(
+        None,
+        "X Y Z",
+        "Direction that both clouds share, such as gravity; the pose may tilt it by 10 degrees.",
+        options.CLOUDS,
+    ),
+    effort: Effort = choice(
+        "normal", Effort, "How long to search where the pose is not sure.", options.SEARCH
+    ),
+    front: Front = choice(
+        "dense",
+        Front,
+        "Match every voxel by FPFH, or the keypoints of the paper's evaluation.",
+        options.SEARCH,
+    ),
+    method: str | None = option(
+        None,
+        "NAME",
+        f"Grouping method that proposes poses: {options.METHOD_NAMES}.",
+        options.SEARCH,
+        "lc, or gtm with the paper's front",
+        autocompletion=options.complete_methods,
+    ),
+    support: float = option(
+        DenseFront.support, "VOXELS", "Radius that FPFH describes, in voxels.", options.SEARCH
+    ),
+    out: Path = options.OUT,
+    html: bool = options.HTML,
     **keypoints: Any,
 ) -> Document:
     """Place one scan on another, or say that no pose can be trusted (exit status 3).
@@ -127,7 +162,7 @@ def register_command(
     }
 
 
-def _refuse_options_of_the_other_front(context: typer.Context, front: options.Front) -> None:
+def _refuse_options_of_the_other_front(context: typer.Context, front: Front) -> None:
     """Raise `InputError` for an option that would be ignored."""
     other, names = ("dense", ["support"]) if front == "paper" else ("paper", options.FRONT)
     for name in names:

@@ -165,7 +165,7 @@ def _print_run(document: Document, *, run: str, wide: bool) -> None:
 
 
 @command(app, "show", "cgroup results show gtm", "cgroup results show gtm --json", show=_print_run)
-def show_command(run: options.RunArgument) -> Document:
+def show_command(run: str = options.RUN) -> Document:
     """Show a saved run as it was shown when it ended."""
     return load_run(run)
 
@@ -238,7 +238,7 @@ def _print_methods(compared: Document, *, wide: bool) -> None:
     "cgroup results compare before.json after.json --wide",
     show=_print_differences,
 )
-def compare_command(runs: options.RunsArgument) -> Document:
+def compare_command(runs: list[str] = options.RUNS) -> Document:
     """Show saved runs of one command side by side: results, and by what the poses differ."""
     if len(runs) < 2:
         message = f"NAME: got {len(runs)} run; give two or more to be compared"
@@ -325,6 +325,6 @@ def _print_removed(document: Document) -> None:
 
 
 @command(app, "remove", "cgroup results remove gtm lc", show=_print_removed)
-def remove_command(runs: options.RunsArgument) -> Document:
+def remove_command(runs: list[str] = options.RUNS) -> Document:
     """Delete saved runs."""
     return {"files": remove_runs(runs)}
