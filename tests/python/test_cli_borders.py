@@ -13,15 +13,11 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import command_lines
-import numpy as np
 import pytest
 
 import cgroup
-from cgroup import Correspondences
 from cgroup._runtime.interrupts import INTERRUPTED
 from cgroup.cli.failures import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
-from cgroup.datasets import standin_pair
-from cgroup.io import write_cloud, write_correspondences
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,10 +36,7 @@ NAMES = {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("input")
-    write_cloud(path / "cloud.ply", standin_pair(pixels=30).source)
-    points = np.random.default_rng(0).uniform(size=(30, 3))
-    write_correspondences(path / "matches.npz", Correspondences(points, points + 1))
-    np.savetxt(path / "matches.txt", np.hstack([points, points + 1]))
+    command_lines.write_inputs(path)
     return path
 
 
@@ -124,7 +117,7 @@ def test_control_characters_in_names_are_shown_escaped(
 
 def test_names_in_figures_are_no_formulas(folder: Path) -> None:
     name = "a$\\frac$[b]\x1b.ply"
-    (folder / name).write_bytes((folder / "cloud.ply").read_bytes())
+    (folder / name).write_bytes((folder / "source.ply").read_bytes())
     status, out, err = run("detect", name, cwd=folder)
     assert (status, err) == (0, "")
     assert out.startswith("cloud       a$\\frac$[b]\\x1b.ply: ")

@@ -212,7 +212,7 @@ def _run_resumably(out: Path, *, quiet: bool) -> Generator[Callable[[str, int, i
                     return
                 if stage not in tasks:
                     # What earlier runs did says nothing of the speed of this one.
-                    tasks[stage] = progress.add_task(_DONE[stage], total=wanted, completed=done)
+                    tasks[stage] = progress.add_task(f"{_DONE[stage]:<14}", total=wanted, completed=done)
                 progress.update(tasks[stage], completed=done)
 
             yield report

@@ -109,7 +109,7 @@ def show_progress(*, counts: bool) -> Generator[Progress | None, None, None]:
     from rich import progress  # noqa: PLC0415 - slow to load
     from rich.console import Console  # noqa: PLC0415
 
-    name = progress.TextColumn("{task.description:<14}", markup=False)
+    name = progress.TextColumn("{task.description}", markup=False)
     left = progress.TimeRemainingColumn(elapsed_when_finished=True)
     columns = (
         (name, progress.BarColumn(), progress.MofNCompleteColumn(), left)
