@@ -138,7 +138,7 @@ def compare_command(
     ),
     out: Path = options.OUT,
     html: bool = options.HTML,
-    **keypoints: Any,
+    **front_end: Any,
 ) -> Document:
     """Run all methods on a pair whose pose is known, and judge what each selects.
 
@@ -156,7 +156,7 @@ def compare_command(
         folder=out,
         html=html,
         limits=(max_rotation, max_displacement),
-        **keypoints,
+        **front_end,
     )
 
 
@@ -208,11 +208,11 @@ def _compare_methods(
     folder: Path,
     html: bool,
     limits: tuple[float, float] = (MAX_ROTATION, MAX_DISPLACEMENT),
-    **keypoints: Any,
+    **front_end: Any,
 ) -> Document:
     """Match, group by every method, and write the files; `limits` are in degrees and pr."""
     with show_stages() as begin:
-        matches = correspond(*clouds, progress=begin, **keypoints)
+        matches = correspond(*clouds, progress=begin, **front_end)
         pr = matches.resolution or np.nan
         correct = find_correct(matches, true_pose)
         results = list(

@@ -51,7 +51,7 @@ def detect_command(
     cloud: Path = options.CLOUD,
     *,
     out: Path = options.OUT,
-    **keypoints: Any,
+    **front_end: Any,
 ) -> Document:
     """Find the keypoints of one cloud.
 
@@ -60,10 +60,10 @@ def detect_command(
     with show_stages() as begin:
         points = read_cloud(cloud, begin)
         begin("keypoints")
-        found = detect(points, **keypoints)
+        found = detect(points, **front_end)
         begin("figure")
         io.write_keypoints(make_folder(out) / "keypoints.npz", points, found)
-        pictures = _write_pictures(out, cloud, points, found, keypoints["detector"])
+        pictures = _write_pictures(out, cloud, points, found, front_end["detector"])
     return {
         "inputs": [describe_cloud("cloud", cloud, points)],
         "results": {"keypoints": len(found)},
@@ -85,7 +85,7 @@ def describe_command(
     cloud: Path = options.CLOUD,
     *,
     out: Path = options.OUT,
-    **keypoints: Any,
+    **front_end: Any,
 ) -> Document:
     """Find the keypoints of one cloud, and give each a frame and a descriptor.
 
@@ -93,10 +93,10 @@ def describe_command(
     """
     with show_stages() as begin:
         points = read_cloud(cloud, begin)
-        described = describe(points, **keypoints, progress=begin)
+        described = describe(points, **front_end, progress=begin)
         begin("figure")
         io.write_descriptors(make_folder(out) / "descriptors.npz", described)
-        pictures = _write_pictures(out, cloud, points, described.indices, keypoints["detector"])
+        pictures = _write_pictures(out, cloud, points, described.indices, front_end["detector"])
     return {
         "inputs": [describe_cloud("cloud", cloud, points)],
         "results": {

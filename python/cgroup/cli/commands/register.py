@@ -118,7 +118,7 @@ def register_command(
     ),
     out: Path = options.OUT,
     html: bool = options.HTML,
-    **keypoints: Any,
+    **front_end: Any,
 ) -> Document:
     """Place one scan on another, or say that no pose can be trusted (exit status 3).
 
@@ -139,7 +139,7 @@ def register_command(
                 target_viewpoint=target_viewpoint or viewpoint,
                 axis=axis,
                 effort=effort,
-                front=PaperFront(**keypoints) if front == "paper" else DenseFront(support=support),
+                front=PaperFront(**front_end) if front == "paper" else DenseFront(support=support),
                 method=method,
                 progress=begin,
             )
@@ -167,8 +167,8 @@ def _refuse_options_of_the_other_front(context: typer.Context, front: Front) -> 
     other, names = ("dense", ["support"]) if front == "paper" else ("paper", options.FRONT)
     for name in names:
         if is_given(context, name):
-            option = "--" + name.replace("_", "-")
-            message = f"{option}: belongs to --front {other}, but the front is {front!r}"
+            refused = "--" + name.replace("_", "-")
+            message = f"{refused}: belongs to --front {other}, but the front is {front!r}"
             raise InputError(message)
 
 
