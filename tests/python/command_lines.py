@@ -21,6 +21,13 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     return ended.value.code, out, err
 
 
+def succeed(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """Run the command line without an error; return what it printed."""
+    status, out, err = run(capsys, *arguments)
+    assert (status, err) == (0, "")
+    return out
+
+
 def parse_command(words: list[str]) -> None:
     """Let each command take its words, as far as running it."""
     command, context = typer.main.get_command(app), None

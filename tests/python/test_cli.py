@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from command_lines import run, write_inputs
+from command_lines import run, succeed, write_inputs
 from scenes import stone_model, stone_scene
 
 from benchmark_runs import CLOUDS
@@ -74,8 +74,7 @@ def is_picture(path: Path) -> bool:
 
 
 def test_register(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
-    status, out, err = run(capsys, "register", *pair, "--method", "ransac", "--out", "result/here")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "register", *pair, "--method", "ransac", "--out", "result/here")
     for word in ("points", "voxel", "matches", "overlap", "residual", "probability", "pose", "wrote"):
         assert word in out
     result = tmp_path / "result" / "here"
@@ -100,8 +99,7 @@ def test_compare(
         return correct_matches(*arguments, **options)  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(comparison, "correct_matches", judge)
-    status, out, err = run(capsys, "compare", *pair, "--truth", folder / "truth.txt")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "compare", *pair, "--truth", folder / "truth.txt")
     # Matches are judged once under the truth, and at most once more under its inverse.
     assert len(set(poses)) == len(poses) <= 2
     rows = list(csv.DictReader((tmp_path / "out" / "comparison.csv").read_text().splitlines()))
@@ -121,8 +119,7 @@ def test_compare_notices_an_inverted_truth(folder: Path, pair: tuple[Path, Path]
 
 
 def test_demo(tmp_path: Path, capsys: Capture) -> None:
-    status, out, err = run(capsys, "demo", "--out", "pictures")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "demo", "--out", "pictures")
     assert "GTM" in out
     for name in ("source.ply", "target.ply", "truth.txt", "comparison.csv", "comparison.png"):
         assert (tmp_path / "pictures" / name).exists()
@@ -130,8 +127,7 @@ def test_demo(tmp_path: Path, capsys: Capture) -> None:
 
 @pytest.mark.parametrize("name", ["matches.npz", "matches.txt"])
 def test_group(name: str, folder: Path, tmp_path: Path, capsys: Capture) -> None:
-    status, out, err = run(capsys, "group", folder / name, "--method", "gtm")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "group", folder / name, "--method", "gtm")
     mask = np.load(tmp_path / "matches_gtm.npy")
     np.testing.assert_array_equal(mask, group(read_correspondences(folder / name), "gtm").mask)
     assert f"{mask.sum()} of 60 selected by GTM" in out
@@ -144,15 +140,13 @@ def test_group_takes_lengths(folder: Path, tmp_path: Path, capsys: Capture) -> N
     assert "resolution" in err
     assert "tolerance" in err
     for option in ("--resolution", "--tolerance"):
-        status, _, err = run(capsys, *line, option, "0.01", "--out", "mask.txt")
-        assert (status, err) == (0, "")
+        succeed(capsys, *line, option, "0.01", "--out", "mask.txt")
         assert np.loadtxt(tmp_path / "mask.txt").sum() >= 40
 
 
 def test_detect(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
     options = ("--detector", "iss", "--keypoints", 100, "--out", "kp")
-    status, out, err = run(capsys, "detect", pair[0], *options)
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "detect", pair[0], *options)
     with np.load(tmp_path / "kp/keypoints.npz") as file:
         found = dict(file)
     assert np.array_equal(found["points"], read_cloud(pair[0]).points[found["indices"]])
@@ -166,8 +160,7 @@ def test_detect(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> Non
 
 def test_describe(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
     options = ("--descriptor", "rcs", "--nms-radius", 4, "--out", "kp")
-    status, out, err = run(capsys, "describe", pair[0], *options)
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "describe", pair[0], *options)
     written = read_descriptors(tmp_path / "kp/descriptors.npz")
     expected = describe(read_cloud(pair[0]), descriptor="rcs", nms_radius=4)
     for name in ("indices", "points", "lrf", "descriptors", "centroid"):
@@ -180,8 +173,7 @@ def test_recognize(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captur
     monkeypatch.chdir(folder)  # lines of long paths would be broken
     models = [f"stone{seed}.ply" for seed in (1, 2, 3)]
     options = ("--scene", "scene.ply", "--viewpoint", 0, 0, 0, "--out", "found")
-    status, out, err = run(capsys, "recognize", *models, *options)
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "recognize", *models, *options)
     lines = out.splitlines()
     assert lines[1].split("  ")[0] == "model"
     rows = [re.split(r"  +", line) for line in lines[2:6]]
@@ -213,23 +205,19 @@ def test_recognize_finds_nothing(folder: Path, tmp_path: Path, capsys: Capture) 
 def test_benchmark_run_and_status(tmp_path: Path, capsys: Capture) -> None:
     config = tmp_path / "own.toml"
     config.write_text(CLOUDS.replace('["a", "b"]', '["a", "broken"]'))
-    status, out, err = run(capsys, "benchmark", "run", config, "--workers", 1)
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "benchmark", "run", config, "--workers", 1)
     assert "cases matched  2 of 4, 2 failed" in out
     assert "2 of 12 failed; see: cgroup benchmark status" in out
-    status, out, err = run(capsys, "benchmark", "status")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "benchmark", "status")
     assert "failed     2 x correspond: OSError: this pair is broken" in out
-    status, out, err = run(capsys, "benchmark", "status", "--json")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "benchmark", "status", "--json")
     results = json.loads(out)["results"]
     assert results["counts"]["correspond"] == {"done": 2, "failed": 2, "wanted": 4}
     assert results["failures"] == [{"method": "", "error": "OSError: this pair is broken", "times": 2}]
 
 
 def test_benchmark_presets(capsys: Capture) -> None:
-    status, out, err = run(capsys, "benchmark", "presets")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "benchmark", "presets")
     assert all(name in out for name in preset_names())
 
 
@@ -306,8 +294,7 @@ def test_wrong_input_is_one_line_and_status_2(line: str, says: str, folder: Path
 
 
 def test_without_a_command_there_is_help(capsys: Capture) -> None:
-    status, out, err = run(capsys)
-    assert (status, err) == (0, "")
+    out = succeed(capsys)
     assert all(f"\n  {command} " in out for command in ("register", "compare", "group", "demo"))
 
 

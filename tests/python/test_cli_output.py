@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import typer.main
-from command_lines import parse_command, run, write_inputs
+from command_lines import parse_command, run, succeed, write_inputs
 
 from cgroup import METHODS
 from cgroup.cli import app
@@ -63,8 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_help_is_plain_and_fits_80_columns(
     words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    status, out, err = run(capsys, *words, "--help")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, *words, "--help")
     assert max(map(len, out.splitlines())) <= 80
     assert not BOXES.search(out)
     assert out.startswith("Usage: cgroup")
@@ -154,8 +153,7 @@ def test_the_main_table_fits_80_columns_and_has_every_method_as_json(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
-    status, document, err = run(capsys, "compare", *arguments, "--save", "one", "--json")
-    assert (status, err) == (0, "")
+    document = succeed(capsys, "compare", *arguments, "--save", "one", "--json")
     rows = parse(document)["results"]["methods"]
     assert [row["method"] for row in rows] == list(METHODS)
     assert all((row["T_target_source"] is None) == (row["rotation_error_deg"] is None) for row in rows)
@@ -218,8 +216,7 @@ def test_documents_are_plain() -> None:
 
 
 def test_register_as_json(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, err = run(capsys, "register", folder / "source.ply", folder / "target.ply", "--json")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "register", folder / "source.ply", folder / "target.ply", "--json")
     document = parse(out)
     assert list(document) == [
         "schema_version", "cgroup_version", "command", "inputs", "options", "results", "files"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from command_lines import run, write_inputs
+from command_lines import run, succeed, write_inputs
 
 from cgroup.cli.saved_runs import folder_of_runs, load_run, names_of_runs, save_run
 from cgroup.errors import InputError
@@ -42,8 +42,7 @@ def saved(folder: Path, elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> 
         "one": ("--method", "gtm"),
         "two": ("--method", "lc", "--tolerance", "0.05"),
     }.items():
-        status, _, err = run(capsys, "group", folder / "matches.npz", *options, "--save", name)
-        assert (status, err) == (0, "")
+        succeed(capsys, "group", folder / "matches.npz", *options, "--save", name)
     return elsewhere / "saved"
 
 
@@ -61,11 +60,10 @@ def test_a_saved_run_says_what_was_done(saved: Path, capsys: pytest.CaptureFixtu
 
 @pytest.mark.parametrize("words", [("results",), ("results", "list")])
 def test_runs_are_listed(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, err = run(capsys, *words)
-    assert (status, err) == (0, "")
+    out = succeed(capsys, *words)
     assert [line.split()[0] for line in out.splitlines()] == ["name", "one", "two"]
     assert "40 of 60 by LC" in out
-    assert run(capsys, "results", "remove", "one", "two")[0] == 0
+    succeed(capsys, "results", "remove", "one", "two")
     assert "no saved runs in" in run(capsys, *words)[1]
 
 
@@ -81,8 +79,7 @@ def test_a_run_is_shown_as_it_was(folder: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_groups_side_by_side(capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, err = run(capsys, "results", "compare", "one", "two")
-    assert (status, err) == (0, "")
+    out = succeed(capsys, "results", "compare", "one", "two")
     assert max(map(len, out.splitlines())) <= 80
     assert out.splitlines()[0].split() == ["run", "name", "saved", "version", "method", "tolerance"]
     _, out, _ = run(capsys, "results", "compare", "one", "two", "--json")
@@ -110,9 +107,8 @@ def test_the_way_between_two_poses(capsys: pytest.CaptureFixture[str]) -> None:
 def test_comparisons_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
     for name in ("shot", "rcs"):
-        assert run(capsys, "compare", *arguments, "--descriptor", name, "--save", name)[0] == 0
-    status, out, err = run(capsys, "results", "compare", "shot", "rcs")
-    assert (status, err) == (0, "")
+        succeed(capsys, "compare", *arguments, "--descriptor", name, "--save", name)
+    out = succeed(capsys, "results", "compare", "shot", "rcs")
     assert max(map(len, out.splitlines())) <= 80
     head = next(line for line in out.splitlines() if line.startswith("method"))
     assert head.split()[:6] == ["method", "F", "1", "F", "2", "change"]
@@ -136,11 +132,10 @@ def test_other_inputs_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.C
 
 def test_runs_as_files(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("here.json", "made/there.json"):
-        status, _, err = run(capsys, "group", folder / "matches.npz", "--save", name)
-        assert (status, err) == (0, "")
+        succeed(capsys, "group", folder / "matches.npz", "--save", name)
         assert (tmp_path / name).exists()
-    assert run(capsys, "results", "compare", "here.json", "made/there.json")[0] == 0
-    assert run(capsys, "results", "remove", "here.json", "made/there.json")[0] == 0
+    succeed(capsys, "results", "compare", "here.json", "made/there.json")
+    succeed(capsys, "results", "remove", "here.json", "made/there.json")
     assert not (tmp_path / "here.json").exists()
 
 
@@ -182,7 +177,7 @@ def test_broken_files_are_one_line(kind: str, saved: Path, capsys: pytest.Captur
     assert status == 0
     assert [line.split()[0] for line in out.splitlines()[1:4]] == ["broken", "one", "two"]
     assert "can't be read" in out
-    assert run(capsys, "results", "remove", "broken")[0] == 0
+    succeed(capsys, "results", "remove", "broken")
     assert names_of_runs() == ["one", "two"]
 
 
