@@ -28,6 +28,14 @@ def succeed(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return out
 
 
+def fail(capsys: pytest.CaptureFixture[str], *arguments: object, status: int = 2) -> str:
+    """Run the command line, which ends with a status and one line alone; return the line."""
+    ended, out, err = run(capsys, *arguments)
+    assert (ended, out, err.count("\n")) == (status, "", 1)
+    assert err.startswith("cgroup: ")
+    return err
+
+
 def parse_command(words: list[str]) -> None:
     """Let each command take its words, as far as running it."""
     command, context = typer.main.get_command(app), None
