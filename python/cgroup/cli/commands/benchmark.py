@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -295,13 +295,11 @@ def report_command(*, out: Path = _OUT, data: Path | None = _DATA) -> Document:
 
 
 def _print_claims(document: Document, *, format: Format, wide: bool) -> None:  # noqa: A002 - the option's
-    from cgroup.benchmark.paper.verdicts import Stability, Verdict, as_markdown  # noqa: PLC0415 - slow to load
+    from pydantic import TypeAdapter  # noqa: PLC0415 - slow to load
 
-    verdicts = [Verdict(**claim) for claim in document["results"]["claims"]]
-    verdicts = [
-        replace(each, stability=Stability(**vars(each)["stability"])) if each.stability else each
-        for each in verdicts
-    ]
+    from cgroup.benchmark.paper.verdicts import Verdict, as_markdown  # noqa: PLC0415
+
+    verdicts = TypeAdapter(list[Verdict]).validate_python(document["results"]["claims"])
     resamples = document["options"]["resamples"]
     if format == "markdown":
         print_text(as_markdown(verdicts))
