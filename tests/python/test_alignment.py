@@ -12,7 +12,6 @@ from cgroup import InputError, features
 from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Alignment, FineSurface, align
-from interrupts import assert_hears_interrupt, posix_only
 from reference import alignment as reference
 from strategies import random_motion
 
@@ -228,13 +227,3 @@ def test_poses_and_partners_that_make_no_sense_are_refused() -> None:
             align(source, target, pose)
     with pytest.raises(InputError, match="same spacing"):
         align(source, FineSurface(PAIR.target.points, 1.01 * SPACING), TRUTH)
-
-
-@posix_only
-def test_control_c_is_heard() -> None:
-    preparation = """
-        import numpy as np
-        from cgroup.verification import FineSurface
-        points = np.random.default_rng(0).normal(size=(4_000_000, 3))
-    """
-    assert_hears_interrupt(preparation, "for _ in range(100): FineSurface(points, 0.01)")

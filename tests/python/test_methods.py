@@ -2,11 +2,11 @@
 
 import inspect
 import os
-import re
 import select
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 import threading
 from pathlib import Path
@@ -55,12 +55,20 @@ def packed_record(array: np.ndarray) -> np.ndarray:
     return record["values"]
 
 
+def memory_mapped(array: np.ndarray) -> np.ndarray:
+    with tempfile.TemporaryFile() as file:
+        mapped = np.memmap(file, array.dtype, "w+", shape=array.shape)
+    mapped[:] = array
+    return mapped
+
+
 LAYOUTS = {
     "packed_record": packed_record,
     "non_contiguous": lambda array: np.repeat(array, 2, axis=0)[::2],
     "reversed_twice": lambda array: array[::-1].copy()[::-1],
     "fortran": np.asfortranarray,
     "read_only": read_only,
+    "memory_mapped": memory_mapped,
     "swapped_bytes": lambda array: array.astype(array.dtype.newbyteorder()),
     "nested_lists": lambda array: array.tolist(),
     "Wrapped": Wrapped,
@@ -68,27 +76,32 @@ LAYOUTS = {
 ARRAYS = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "source_centroid")
 
 
+def grouped(method, arrays):
+    return group(Correspondences(**arrays, resolution=1.0), method)
+
+
+def directly(method, arrays):
+    """Call the method's own function, with no `Correspondences` in between."""
+    taken = inspect.signature(METHODS[method]).parameters
+    given = arrays | {"resolution": 1.0}
+    return METHODS[method](**{name: value for name, value in given.items() if name in taken})
+
+
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("method", METHODS)
-def test_layout_changes_nothing(method, layout):
-    plain = correspondences()
-    arrays = {name: layout(getattr(plain, name)) for name in ARRAYS}
-    other = Correspondences(**arrays, resolution=plain.resolution)
-    expected, got = group(plain, method), group(other, method)
-    np.testing.assert_array_equal(got.mask, expected.mask)
-    np.testing.assert_array_equal(got.scores, expected.scores)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_float32_means_the_same_numbers(method):
-    single = {name: getattr(PROBLEM, name).astype(np.float32) for name in ("source", "target")}
-    double = {name: values.astype(np.float64) for name, values in single.items()}
-    fields = {name: getattr(PROBLEM, name) for name in (*ARRAYS[2:6], "resolution")}
-    got, expected = (group(Correspondences(**points, **fields), method) for points in (single, double))
-    np.testing.assert_array_equal(got.mask, expected.mask)
-    np.testing.assert_array_equal(got.scores, expected.scores)
-    if got.size > 2:
-        np.testing.assert_array_equal(got.transform(), expected.transform())
+def test_layout_and_precision_change_nothing_and_input_stays(method, dtype, layout):
+    arrays = {name: getattr(PROBLEM, name).astype(dtype) for name in ARRAYS}
+    expected = grouped(method, {name: array.astype(np.float64) for name, array in arrays.items()})
+    given = {name: layout(array) for name, array in arrays.items()}
+    for call in (grouped, directly):
+        got = call(method, given)
+        np.testing.assert_array_equal(got.mask, expected.mask)
+        np.testing.assert_array_equal(got.scores, expected.scores)
+        if call is grouped and got.size > 2:
+            np.testing.assert_array_equal(got.transform(), expected.transform())
+    for name, array in given.items():
+        np.testing.assert_array_equal(np.asarray(array), arrays[name])
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -111,81 +124,6 @@ def test_the_table_knows_the_fields_of_each_method(info):
     taken = {name: parameters[name].default for name in FIELDS if name in parameters}
     assert {name for name, default in taken.items() if default is inspect.Parameter.empty} == set(info.fields)
     assert {name for name, default in taken.items() if default is None} == set(info.optional_fields)
-
-
-@pytest.mark.parametrize("method", METHODS.values(), ids=lambda method: method.__name__)
-def test_help_explains_every_argument(method):
-    section = inspect.getdoc(method).partition("Parameters\n")[2].partition("Returns\n")[0]
-    explained = re.findall(r"^(\w[\w, ]*) : \S", section, flags=re.MULTILINE)
-    assert {name for names in explained for name in names.split(", ")} == set(
-        inspect.signature(method).parameters
-    )
-
-
-def directly(method, change):
-    """Call the method's own function, with no `Correspondences` in between."""
-    function = METHODS[method]
-    taken = inspect.signature(function).parameters
-    fields = {name: change(getattr(PROBLEM, name)) for name in ARRAYS if name in taken}
-    return function(**fields, **({"resolution": 1.0} if "resolution" in taken else {}))
-
-
-@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
-@pytest.mark.parametrize("method", METHODS)
-def test_single_precision_is_read_as_it_lies(method, layout):
-    got = directly(method, lambda array: layout(array.astype(np.float32)))
-    expected = directly(method, lambda array: array.astype(np.float32).astype(np.float64))
-    np.testing.assert_array_equal(got.mask, expected.mask)
-    np.testing.assert_array_equal(got.scores, expected.scores)
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_wrong_rows_are_named_in_either_precision(dtype):
-    arrays = {name: getattr(PROBLEM, name).astype(dtype) for name in ("source_lrf", "target_lrf")}
-    arrays["target_lrf"][17] *= 1.1
-    with pytest.raises(InputError, match="target_lrf.*row 17"):
-        cgroup.hough3d(PROBLEM.source, PROBLEM.target, **arrays)
-    source = PROBLEM.source.astype(dtype)
-    source[23, 1] = np.inf
-    with pytest.raises(InputError, match="source.*row 23"):
-        cgroup.gc(source, PROBLEM.target, tolerance=1.0)
-
-
-def test_memory_mapped_points(tmp_path):
-    for name in ("source", "target"):
-        np.save(tmp_path / f"{name}.npy", getattr(PROBLEM, name))
-    mapped = [np.load(tmp_path / f"{name}.npy", mmap_mode="r") for name in ("source", "target")]
-    np.testing.assert_array_equal(cgroup.gtm(*mapped).mask, cgroup.gtm(PROBLEM.source, PROBLEM.target).mask)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_input_is_never_modified(method):
-    given = correspondences()
-    before = [np.copy(getattr(given, name)) for name in ("source", "target", "ratio", "source_lrf")]
-    group(given, method)
-    for name, expected in zip(("source", "target", "ratio", "source_lrf"), before, strict=True):
-        np.testing.assert_array_equal(getattr(given, name), expected)
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("n", [0, 1, 2, 3])
-def test_tiny_input(method, n):
-    result = group(correspondences(n), method)
-    assert result.mask.shape == (n,)
-    assert result.mask.dtype == bool
-    if result.scores is not None:
-        assert result.scores.shape == (n,)
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("points", [np.zeros((30, 3)), np.outer(np.arange(30.0), [1.0, 2.0, 3.0])])
-def test_coincident_and_collinear_points(method, points):
-    fields = {
-        name: getattr(PROBLEM, name)[:30] for name in ("similarity", "ratio", "source_lrf", "target_lrf")
-    }
-    result = group(Correspondences(points, points, resolution=1.0, **fields), method)
-    assert result.mask.shape == (30,)
-    assert result.scores is None or not np.isnan(result.scores).any()
 
 
 @pytest.mark.parametrize("method", ["sc2pcr", "turboreg"])
@@ -213,6 +151,7 @@ def test_far_from_the_origin():
         ({"source": PROBLEM.source[:, :2]}, r"source.*\(120,2\).*\(n,3\)"),
         ({"target": PROBLEM.target[:-1]}, "target.*119"),
         ({"source": "abc"}, "source"),
+        ({"source": None}, "source.*real numbers"),
         ({"source": PROBLEM.source.astype(complex)}, "source.*complex"),
         ({"source": [[1, 2, 3], [1, 2]]}, "source"),
         ({"ratio": PROBLEM.ratio[:5]}, r"ratio.*\(5\).*\(120,\)"),
@@ -240,93 +179,50 @@ def test_bad_fields(change, words):
         group(Correspondences(**fields), method)
 
 
-@pytest.mark.parametrize("name", ["source", "target"])
-def test_first_bad_row_is_named(name):
-    points = {"source": PROBLEM.source.copy(), "target": PROBLEM.target.copy()}
-    points[name][[7, 9], 1] = np.nan, np.inf
-    with pytest.raises(InputError, match=f"{name}.*row 7"):
-        cgroup.gtm(**points)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("name", ["source", "target", "source_lrf", "target_lrf"])
+def test_the_first_wrong_row_is_named(name, dtype):
+    arrays = {each: getattr(PROBLEM, each).astype(dtype) for each in ("source", "target", *ARRAYS[4:6])}
+    if "lrf" in name:
+        arrays[name][[17, 23]] *= 1.1
+    else:
+        arrays[name][[17, 23], 1] = np.nan, np.inf
+    with pytest.raises(InputError, match=f"{name}.*row 17"):
+        cgroup.hough3d(**arrays)
 
 
 @pytest.mark.parametrize(
     ("method", "options", "words"),
     [
         ("ss", {"threshold": "best"}, "threshold.*otsu"),
-        ("ss", {"otsu": "median"}, "otsu.*minmax"),
-        ("ss", {"bins": 0}, "bins.*at least 1"),
+        ("ss", {"threshold": [0.5]}, "threshold.*0.5.*otsu.*number"),
+        ("ss", {"threshold": 0.5, "otsu": "median"}, "otsu.*median.*minmax"),
+        ("ss", {"bins": 2**60}, "bins.*1,000,000"),
         ("nnsr", {"max_ratio": 1.5}, "max_ratio.*between 0 and 1"),
-        ("si", {"neighbors": 0}, "neighbors.*at least 1"),
-        ("si", {"global_rank": "best"}, "global_rank.*local_score"),
         ("cv", {"angle_scale": 0.0}, "angle_scale.*greater than 0"),
-        ("cv", {"distance_scale": -1.0}, "distance_scale.*greater than 0"),
-        ("cv", {"threshold": np.nan}, "threshold"),
         ("ransac", {"iterations": 0}, "iterations.*at least 1"),
+        ("ransac", {"iterations": 10.0}, "iterations.*10.0.*whole number"),
         ("ransac", {"tolerance": np.inf}, "tolerance.*finite"),
         ("ransac", {"confidence": 1.0}, "confidence.*less than 1"),
-        ("ransac", {"edge_ratio": 2.0}, "edge_ratio.*between 0 and 1"),
+        ("ransac", {"refine": 1}, "refine.*got 1.*True or False"),
         ("ransac", {"threads": 0}, "threads.*at least 1"),
-        ("st", {"min_distance_ratio": -0.1}, "min_distance_ratio"),
+        ("ransac", {"threads": 10**6}, "threads.*at most"),
         ("st", {"eigensolver": "dense", "max_memory": 1000}, "eigensolver.*MiB.*power"),
-        ("gc", {"variant": "ring"}, "variant.*star.*clique"),
         ("3dhv", {"neighbors": 5}, "neighbors.*0, 6 or 26"),
         ("3dhv", {"variant": "pcl"}, "bin_size.*side"),
         ("3dhv", {"bin_size": 1e-12}, "bin_size.*larger"),
-        ("gtm", {"payoff": "money"}, "payoff.*distance_ratio"),
         ("gtm", {"tolerance": 1.0}, "tolerance.*distance_difference"),
-        ("gtm", {"convergence_tolerance": 0.0}, "convergence_tolerance"),
         ("gtm", {"iteration": 5}, "gtm has no 'iteration'.*iterations"),
-        ("mac", {"min_weight": 1.0}, "min_weight.*less than 1"),
+        ("gtm", {"max_memory": -1}, "max_memory"),
+        ("gtm", {"preset": "best"}, "preset.*literal"),
         ("mac", {"min_clique_size": 2}, "min_clique_size.*at least 3"),
         ("mac", {"max_hypotheses": 1.5}, "max_hypotheses.*at least 1, or None"),
         ("mac", {"max_seconds": 0.0}, "max_seconds.*greater than 0"),
-        ("gmt", {}, "method.*'gmt'.*gtm"),
     ],
 )
 def test_bad_options(method, options, words):
     with pytest.raises(InputError, match=f"(?s){words}"):
         group(correspondences(), method, **options)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"seed": -1}, "seed.*-1.*whole number"),
-        ({"seed": 2**64}, "seed"),
-        ({"iterations": 10.0}, "iterations.*10.0.*whole number"),
-        ({"iterations": True}, "iterations"),
-        ({"tolerance": "5"}, "tolerance.*'5'.*number"),
-        ({"tolerance": [1.0, 2.0]}, "tolerance"),
-        ({"resolution": "a"}, "resolution.*number"),
-        ({"threads": 2.5}, "threads.*whole number"),
-        ({"threads": 10**6}, "threads.*at most"),
-        ({"refine": 1}, "refine.*got 1.*True or False"),
-        ({"refine": None}, "refine.*True or False"),
-        ({"edge_ratio": True}, "edge_ratio.*True.*number"),
-        ({"confidence": np.ones(1)}, "confidence.*number"),
-        ({"seed": np.float64(3.0)}, "seed.*whole number"),
-        ({"iterations": None}, "iterations.*None.*whole number"),
-        ({"progress": 5}, "progress.*5.*function"),
-    ],
-)
-def test_options_of_the_wrong_kind(options, words):
-    with pytest.raises(InputError, match=words):
-        cgroup.ransac(PROBLEM.source, PROBLEM.target, **{"resolution": 1.0, **options})
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda p: cgroup.gc(p.source, p.target, tolerance=1.0, variant=3), "variant: got 3.*star.*clique"),
-        (lambda p: cgroup.ss(p.similarity, threshold=[0.5]), "threshold.*0.5.*otsu.*number"),
-        (lambda p: cgroup.ss(p.similarity, threshold=None), "threshold.*None.*otsu"),
-        (lambda p: cgroup.ss(p.similarity, threshold=0.5, otsu="median"), "otsu.*median.*minmax"),
-        (lambda p: cgroup.nnsr(p.ratio, max_ratio="a"), "max_ratio: got 'a'; give a number"),
-        (lambda p: cgroup.gtm(None, p.target), "source.*real numbers"),
-    ],
-)
-def test_arguments_of_the_wrong_kind(call, words):
-    with pytest.raises(InputError, match=f"(?s){words}"):
-        call(PROBLEM)
 
 
 @pytest.mark.parametrize(
@@ -353,23 +249,6 @@ def test_an_option_that_nobody_reads_is_an_error():
         _core.group("nsr", fields, run, {})
 
 
-def test_memory_bound_is_a_count():
-    with pytest.raises(InputError, match="max_memory"):
-        cgroup.gtm(PROBLEM.source, PROBLEM.target, max_memory=-1)
-
-
-def test_too_many_bins():
-    with pytest.raises(InputError, match="bins.*1,000,000"):
-        cgroup.ss(PROBLEM.similarity, bins=2**60)
-
-
-def test_masked_rows_are_not_used_by_mistake():
-    masked = np.ma.masked_array(PROBLEM.source, mask=np.zeros((120, 3), bool))
-    masked.mask[3] = True
-    with pytest.raises(InputError, match="masked"):
-        cgroup.gtm(masked, PROBLEM.target)
-
-
 def test_extents_too_small_to_square():
     with pytest.raises(InputError, match="smaller unit"):
         cgroup.gtm(PROBLEM.source * 1e-100, PROBLEM.target * 1e-100)
@@ -390,11 +269,6 @@ def test_a_length_or_the_resolution_is_needed(method):
 def test_missing_fields_are_named(method):
     with pytest.raises(InputError, match=f"{method} needs"):
         group(Correspondences(PROBLEM.source, PROBLEM.target, resolution=1.0), method)
-
-
-def test_unknown_preset():
-    with pytest.raises(InputError, match="preset.*literal"):
-        group(correspondences(), "gtm", preset="best")
 
 
 # --- what comes back ---------------------------------------------------------------------------
@@ -460,24 +334,17 @@ def test_threads_and_repetition_change_nothing(method):
         np.testing.assert_array_equal(results[0].scores, other.scores)
 
 
-@pytest.mark.parametrize("method", ["st", "gtm"])
-def test_memory_bound_changes_nothing(method):
-    plain, tight = (group(correspondences(), method, max_memory=bound) for bound in (1 << 30, 0))
-    np.testing.assert_array_equal(plain.scores, tight.scores)
-
-
-def test_memory_bound_changes_no_clique_of_gc():
-    options = {"variant": "clique", "tolerance": 3.0}
-    plain, tight = (
-        cgroup.gc(PROBLEM.source, PROBLEM.target, max_memory=bound, **options) for bound in (1 << 30, 0)
-    )
-    np.testing.assert_array_equal(plain.mask, tight.mask)
-    assert plain.diagnostics == tight.diagnostics
-
-
 def outcome(result: cgroup.Grouping) -> tuple:
     scores = None if result.scores is None else result.scores.tolist()
     return result.mask.tolist(), scores, result.threshold, result.diagnostics
+
+
+@pytest.mark.parametrize(
+    ("method", "options"), [("st", {}), ("gtm", {}), ("gc", {"variant": "clique", "tolerance": 3.0})]
+)
+def test_memory_bound_changes_nothing(method, options):
+    plain, tight = (group(correspondences(), method, max_memory=bound, **options) for bound in (1 << 30, 0))
+    assert outcome(plain) == outcome(tight)
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -614,10 +481,18 @@ def test_an_error_in_the_progress_callback_ends_the_run():
         "cgroup.st(a, b, recompute=True, min_distance_ratio=0.01, max_memory=1 << 30)",
         "cgroup.st(a, b, eigensolver='dense', max_memory=1 << 33)",
         "cgroup.gc(a, b, tolerance=9.0, variant='clique', iterations=10**9)",
+        "score_poses(surface, surface, poses)",
+        "for _ in range(100): FineSurface(many, 0.01)",
     ],
 )
 def test_ctrl_c_is_heard(call):
-    preparation = "import numpy as np, cgroup\na, b = np.random.default_rng(0).normal(size=(2, 4000, 3))"
+    preparation = """
+        import numpy as np, cgroup
+        from cgroup.verification import FineSurface, Surface, score_poses
+        rng = np.random.default_rng(0)
+        (a, b), many = rng.normal(size=(2, 4000, 3)), rng.normal(size=(4_000_000, 3))
+        surface, poses = Surface(20 * a, a, unit=1.0), np.tile(np.eye(4), (3_000_000, 1, 1))
+    """
     assert_hears_interrupt(preparation, call)  # the work itself would take hours
 
 

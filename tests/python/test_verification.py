@@ -12,7 +12,6 @@ from cgroup import Correspondences, InputError, features
 from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Surface, score_poses, verify
-from interrupts import assert_hears_interrupt, posix_only
 from reference import verification as reference
 from strategies import random_motion, random_rotations
 
@@ -291,15 +290,3 @@ def test_surfaces_that_share_nothing_still_have_an_answer() -> None:
     assert (found.score, found.fitness) == (0, 0)
     assert np.isnan(found.inlier_rmse)
     assert found.open_motion is not None
-
-
-@posix_only
-def test_control_c_is_heard() -> None:
-    preparation = """
-        import numpy as np
-        from cgroup.verification import Surface, score_poses
-        points = np.random.default_rng(0).normal(size=(3000, 3)) * 20
-        surface = Surface(points, points, unit=1.0)
-        poses = np.tile(np.eye(4), (3_000_000, 1, 1))
-    """
-    assert_hears_interrupt(preparation, "score_poses(surface, surface, poses)")
