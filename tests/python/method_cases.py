@@ -4,7 +4,6 @@ The tests of options run both sides of a trial and compare them with each other;
 compare what cgroup and the reference make of its options.
 """
 
-import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -105,8 +104,7 @@ class MethodCase:
     """How a method is called, and its trials.
 
     `fields` are passed by name unless an option of the same name says otherwise. `quick` are options with which
-    the properties of a method are tested often. `field_trials` exchange a field; that must show. All combinations of
-    the `choices` must work on input of every shape. `score_tolerance` is the largest difference of a score from the
+    the properties of a method are tested often. `field_trials` exchange a field; that must show. `score_tolerance` is the largest difference of a score from the
     reference's relative to the greatest score, 0 for the same bits (CV is compared score by score, see
     `score_margin`); the second is that of problems so large that GTM's payoffs are rounded to 16 bits, and the
     entries of ST's matrix to f32.
@@ -118,7 +116,6 @@ class MethodCase:
     fields: tuple[str, ...] = ()
     quick: Options = field(default_factory=dict)
     field_trials: list[Trial] = field(default_factory=list)
-    choices: dict[str, tuple[object, ...]] = field(default_factory=dict)
     score_tolerance: float = 0.0
     large_score_tolerance: float = 1e-9
 
@@ -126,11 +123,6 @@ class MethodCase:
         """Yield the defaults, and the options of each trial."""
         yield {}
         yield from (trial.options for trial in self.trials if trial.compared)
-
-    def combinations(self) -> Iterator[Options]:
-        """Yield all combinations of the choices."""
-        for values in itertools.product(*self.choices.values()):
-            yield dict(zip(self.choices, values, strict=True))
 
 
 SIMILARITY = Field("similarity")
@@ -280,12 +272,6 @@ CASES: dict[str, MethodCase] = {
             Trial({"recompute": True}, {"conflict": "one_to_one", "affinity": "threshold"}),
         ],
         field_trials=[Trial({"similarity": OTHER_SIMILARITY}, SCORED)],
-        choices={
-            "affinity": ("raw", "threshold", "binary"),
-            "diagonal": ("zero", "one", "score"),
-            "eigensolver": ("power", "dense"),
-            "similarity": (SIMILARITY,),
-        },
     ),
     "gc": MethodCase(
         gc,
@@ -368,12 +354,6 @@ CASES: dict[str, MethodCase] = {
             Trial({"otsu": "legacy"}),
         ],
         field_trials=[Trial({"resolution": Pr(2.0)}, CLOSE)],
-        choices={
-            "payoff": ("distance_ratio", "distance_difference"),
-            "dynamics": ("replicator", "infection_immunisation"),
-            "one_to_one": (False, True),
-            "resolution": (Field("resolution"),),
-        },
     ),
     "lc": MethodCase(
         lc,
@@ -434,7 +414,6 @@ CASES: dict[str, MethodCase] = {
             Trial({"resolution": None}, LARGE, shows=False),
         ],
         field_trials=[Trial({"resolution": Pr(0.3)})],
-        choices={"candidates": (None, CANDIDATES), "resolution": (Field("resolution"),)},
     ),
     "turboreg": MethodCase(
         turboreg,
@@ -469,7 +448,6 @@ CASES: dict[str, MethodCase] = {
             Trial({"scale": "estimate"}, {"dof": 4}, shows=False),
         ],
         field_trials=[Trial({"resolution": Pr(2.0)})],
-        choices={"prune": ("core", "clique"), "dof": (6, 4), "scale": ("known", "estimate")},
     ),
     "clipper": MethodCase(
         clipper,
@@ -490,7 +468,6 @@ CASES: dict[str, MethodCase] = {
             Trial({"seed": 3}),
         ],
         field_trials=[Trial({"resolution": Pr(2.0)})],
-        choices={"variant": ("densest", "maximum")},
     ),
 }
 """By the name of the function, in cgroup and in the reference."""
