@@ -65,19 +65,20 @@ def test_one_scan_alone_has_no_pairs() -> None:
     assert register_many(SCANS[:2], []) == []
 
 
-def test_names_what_can_not_be_worked_with() -> None:
-    with pytest.raises(InputError, match=r"scans\[1\]: got 3 points"):
-        register_many([SCANS[0], np.eye(3)])
-    with pytest.raises(InputError, match=r"pairs\[1\]: got \(0, 2\), but there are 2 scans"):
-        register_many(SCANS[:2], [(0, 1), (0, 2)])
-    with pytest.raises(InputError, match=r"pairs\[0\]: got \(0, 1, 1\)"):
-        register_many(SCANS[:2], [(0, 1, 1)])  # type: ignore[list-item]
-    with pytest.raises(InputError, match=r"pairs\[0\]: got -1"):
-        register_many(SCANS[:2], [(0, -1)])
-    with pytest.raises(InputError, match="viewpoints: got 1 for 2"):
-        register_many(SCANS[:2], viewpoints=EYES[:1])
-    with pytest.raises(InputError, match="scans: got none"):
-        register_many([])
+@pytest.mark.parametrize(
+    ("scans", "pairs", "words"),
+    [
+        ([SCANS[0], np.eye(3)], None, r"scans\[1\]: got 3 points"),
+        (SCANS[:2], [(0, 1), (0, 2)], r"pairs\[1\]: got \(0, 2\), but there are 2 scans"),
+        (SCANS[:2], [(0, 1, 1)], r"pairs\[0\]: got \(0, 1, 1\)"),
+        (SCANS[:2], [(0, -1)], r"pairs\[0\]: got -1"),
+        (SCANS[:3], None, "viewpoints: got 2 for 3"),
+        ([], None, "scans: got none"),
+    ],
+)
+def test_names_what_can_not_be_worked_with(scans: list, pairs: list | None, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        register_many(scans, pairs, viewpoints=EYES[:2] if len(scans) == 3 else None)
 
 
 @posix_only
