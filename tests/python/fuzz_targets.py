@@ -47,16 +47,13 @@ class Draws:
         self._bytes: Iterator[int] = iter(data)
 
     def number(self, count: int) -> int:
-        """Return a number below `count`."""
         high, low = next(self._bytes, 0), next(self._bytes, 0)
         return (256 * high + low) % count
 
     def one_of(self, values: tuple[Any, ...]) -> Any:
-        """Return one of the values."""
         return values[self.number(len(values))]
 
     def rest(self) -> bytes:
-        """Return the bytes that are left."""
         return bytes(self._bytes)
 
 
@@ -125,7 +122,6 @@ HEADS = (
 
 
 def run_command(data: bytes) -> None:
-    """Run a command on a file of any bytes."""
     draws = Draws(data)
     command, ending, head = draws.one_of(COMMANDS), draws.one_of(ENDINGS), draws.one_of(HEADS)
     start, length = draws.number(len(head) + 1), draws.number(8)

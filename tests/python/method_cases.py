@@ -39,11 +39,9 @@ class Pr:
     multiple: float
 
     def __repr__(self) -> str:
-        """Return the length as one would write it."""
         return f"{self.multiple:g}pr"
 
     def of(self, problem: Problem) -> float:
-        """Return the length."""
         return self.multiple * problem.resolution
 
 
@@ -55,22 +53,18 @@ class Field:
     change: Callable[[FloatArray], FloatArray] | None = None
 
     def __repr__(self) -> str:
-        """Return the name of the field."""
         return self.name if self.change is None else f"{self.change.__name__}({self.name})"
 
     def of(self, problem: Problem) -> Any:
-        """Return its value."""
         value = getattr(problem, self.name)
         return value if self.change is None else self.change(value)
 
 
 def backwards(values: FloatArray) -> FloatArray:
-    """Return the rows in reverse order."""
     return values[::-1].copy()
 
 
 def rolled(values: FloatArray) -> FloatArray:
-    """Return the rows moved on by one."""
     return np.roll(values, 1, axis=0)
 
 
@@ -95,7 +89,6 @@ class Trial:
 
     @property
     def options(self) -> Options:
-        """All options of the trial."""
         return self.base | self.change
 
 
@@ -120,7 +113,6 @@ class MethodCase:
     large_score_tolerance: float = 1e-9
 
     def option_sets(self) -> Iterator[Options]:
-        """Yield the defaults, and the options of each trial."""
         yield {}
         yield from (trial.options for trial in self.trials if trial.compared)
 
@@ -476,12 +468,10 @@ OPTION_SETS = [(method, options) for method, case in CASES.items() for options i
 
 
 def call_reference(method: str, problem: Problem, options: Options) -> ReferenceGrouping:
-    """Call a method of the reference on a problem."""
     return _call(CASES[method].reference, method, problem, options)
 
 
 def call_cgroup(method: str, problem: Problem, options: Options) -> cgroup.Grouping:
-    """Call a method of cgroup on a problem."""
     return _call(getattr(cgroup, method), method, problem, options)
 
 
@@ -496,7 +486,6 @@ def _call(function: Callable[..., Any], method: str, problem: Problem, options: 
 
 
 def name_of(value: object) -> str | None:
-    """Return the name of a test parameter."""
     if callable(value):
         return value.__name__
     if isinstance(value, Trial):

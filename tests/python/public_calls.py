@@ -36,7 +36,6 @@ class Call(NamedTuple):
     arguments: dict[str, Any]
 
     def run(self, **changed: Any) -> Any:
-        """Call it, with some arguments changed."""
         arguments = {**self.arguments, **changed}
         parameters = inspect.signature(self.function).parameters.values()
         spread = [

@@ -36,18 +36,12 @@ PER_OPTION = settings(max_examples=max(10, settings().max_examples // 3))
 
 
 def compare(oracle: OracleReport, method: str, problem: Problem, options: Options) -> None:
-    """Compare cgroup with the reference on one problem and record the outcome."""
     for value in vars(problem).values():
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
-    expected = call_reference(method, problem, options)
-    nudged = [call_reference(method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+    expected, nudged, margin, shaky, ambiguous = expect(method, problem, options)
     got = call_cgroup(method, problem, options)
-
-    margin = score_margin(method, expected, options)
-    shaky = ambiguous_scores(expected, nudged, margin)
     difference = assert_same_scores(got, expected, shaky, margin)
-    ambiguous = ambiguous_rows(method, expected, nudged, shaky)
     masks_equal = assert_same_group(got, expected, ambiguous)
     assert_same_threshold(got, expected, ambiguous)
     assert_same_alternatives(got, expected, nudged, problem)
@@ -61,6 +55,15 @@ def compare(oracle: OracleReport, method: str, problem: Problem, options: Option
         unequal_masks=not masks_equal,
         score_difference=difference,
     )
+
+
+def expect(method: str, problem: Problem, options: Options) -> tuple[Any, ...]:
+    """Return the reference's answers to the problem and to deformed ones, the margin of scores, and the rows in doubt."""
+    expected = call_reference(method, problem, options)
+    nudged = [call_reference(method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
+    margin = score_margin(method, expected, options)
+    shaky = ambiguous_scores(expected, nudged, margin)
+    return expected, nudged, margin, shaky, ambiguous_rows(method, expected, nudged, shaky)
 
 
 # --- What is ambiguous --------------------------------------------------------------
@@ -184,7 +187,6 @@ def assert_same_scores(
 
 
 def assert_same_group(rust: Any, reference: ReferenceGrouping, ambiguous_rows: BoolArray) -> bool:
-    """Compare the masks except in ambiguous rows; returns whether all are equal."""
     assert rust.mask.dtype == np.bool_
     assert rust.mask.shape == reference.mask.shape
     unequal = rust.mask != reference.mask
@@ -197,10 +199,12 @@ def assert_same_threshold(rust: Any, reference: ReferenceGrouping, ambiguous_row
     """Compare the thresholds, unless ambiguous rows may have moved them."""
     if ambiguous_rows.any():
         return
-    if reference.threshold is None:
-        assert rust.threshold is None
-    else:
-        assert rust.threshold == pytest.approx(reference.threshold, rel=1e-6, abs=1e-12)
+    assert_same_cut(rust.threshold, reference.threshold, rel=1e-6, abs=1e-12)
+
+
+def assert_same_cut(cut: float | None, expected: float | None, **close: float) -> None:
+    assert (cut is None) == (expected is None)
+    assert expected is None or cut == pytest.approx(expected, **close)
 
 
 def assert_same_alternatives(
@@ -265,10 +269,7 @@ def assert_mask_follows_scores(
             rust.scores, options.get("threshold", "otsu"), options.get("otsu", "minmax")
         )
         np.testing.assert_array_equal(rust.mask, mask)
-        if threshold is None:
-            assert rust.threshold is None
-        else:
-            assert rust.threshold == pytest.approx(threshold, rel=1e-12)
+        assert_same_cut(rust.threshold, threshold, rel=1e-12)
     if method == "gtm" and options.get("dynamics") == "infection_immunisation":
         cut = options.get("threshold", 1e-9)
         np.testing.assert_array_equal(rust.mask, rust.scores > cut)
@@ -403,12 +404,8 @@ def test_few_rows_are_ambiguous(method: str, options: Options) -> None:
     rows = ambiguous = 0
     for seed in range(3):
         problem = make_problem(np.random.default_rng(seed), 60, missing_frames=0.1)
-        expected = call_reference(method, problem, options)
-        nudged = [call_reference(method, nudge(problem, size), options) for size in (NUDGE, -NUDGE)]
-        margin = score_margin(method, expected, options)
-        shaky = ambiguous_scores(expected, nudged, margin)
         rows += len(problem)
-        ambiguous += ambiguous_rows(method, expected, nudged, shaky).sum()
+        ambiguous += expect(method, problem, options)[-1].sum()
     assert ambiguous <= 0.02 * rows
 
 

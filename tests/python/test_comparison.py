@@ -106,8 +106,8 @@ def test_no_pose_is_not_registered() -> None:
 
 def test_limits_need_a_resolution(matches: Correspondences) -> None:
     unknown = Correspondences(matches.source, matches.target)
-    correct = find_correct(matches, POSE)
+    options = {"methods": ["st"], "correct": find_correct(matches, POSE)}
     with pytest.raises(InputError, match="max_displacement"):
-        next(compare(unknown, POSE, methods=["st"], correct=correct))
-    (result,) = compare(unknown, POSE, methods=["st"], correct=correct, max_displacement=0.05)
+        next(compare(unknown, POSE, **options))
+    (result,) = compare(unknown, POSE, **options, max_displacement=0.05)
     assert result.score.correct == 40

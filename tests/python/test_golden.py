@@ -115,28 +115,14 @@ def test_generated_goldens_agree_in_every_keypoint(name):
         assert (cosines(ours, golden["fpfh"]) > 0.9999).all()
 
 
-@pytest.fixture(scope="module")
-def matches():
-    with np.load(HERE / "matches.npz") as data:
-        return {key: data[key] for key in data.files}
-
-
-def test_gc_clique(matches):
-    ours = cgroup.gc(
-        matches["source"],
-        matches["target"],
-        similarity=matches["similarity"],
-        tolerance=float(matches["gc_size"]),
-        variant="clique",
-    )
-    np.testing.assert_array_equal(ours.indices, matches["gc"])
-    assert len(matches["gc"]) >= 30
-
-
-def test_hough3d_pcl(matches):
-    frames = {name: matches[name] for name in ("source_lrf", "target_lrf")}
-    ours = cgroup.hough3d(
-        matches["source"], matches["target"], **frames, bin_size=float(matches["hough_bin"]), variant="pcl"
-    )
-    np.testing.assert_array_equal(ours.indices, matches["hough"])
-    assert len(matches["hough"]) >= 30
+def test_clique_and_voting_methods():
+    with np.load(HERE / "matches.npz") as matches:
+        points = matches["source"], matches["target"]
+        tolerance, bin_size = float(matches["gc_size"]), float(matches["hough_bin"])
+        frames = {name: matches[name] for name in ("source_lrf", "target_lrf")}
+        expected = matches["gc"], matches["hough"]
+        gc = cgroup.gc(*points, similarity=matches["similarity"], tolerance=tolerance, variant="clique")
+    hough = cgroup.hough3d(*points, **frames, bin_size=bin_size, variant="pcl")
+    for ours, theirs in zip((gc, hough), expected, strict=True):
+        np.testing.assert_array_equal(ours.indices, theirs)
+        assert len(theirs) >= 30

@@ -14,27 +14,21 @@ from cgroup.registration import register
 from cgroup.registry import METHOD_INFO, label_of
 
 SPELLINGS = {
-    "3dhv": ("3DHV", "hough3d", "Hough3D", "HOUGH_3D", "3d-hv"),
-    "sc2pcr": ("SC2-PCR", "sc2_pcr", "SC²-PCR", "Sc2Pcr"),
-    "teaser": ("TEASER++", "Teaser", "teaser++"),
-    "turboreg": ("TurboReg", "turbo-reg"),
-    "gtm": ("GTM", " gtm "),
-    "ransac": ("RANSAC", "Ransac"),
+    "3dhv": ("Hough3D", "HOUGH_3D", "3d-hv"),
+    "sc2pcr": ("SC2-PCR", "sc2_pcr", "Sc2Pcr"),
+    "teaser": ("Teaser",),
+    "turboreg": ("turbo-reg",),
+    "gtm": (" gtm ",),
+    "ransac": ("Ransac",),
 }
 
 
-@pytest.mark.parametrize(("name", "spelling"), [(n, s) for n, all_ in SPELLINGS.items() for s in all_])
-def test_a_method_goes_by_all_its_spellings(name: str, spelling: str):
-    assert check_method(spelling) == name
-    assert label_of(spelling) == METHOD_INFO[name].label
-
-
 @pytest.mark.parametrize("info", METHOD_INFO.values(), ids=lambda info: info.name)
-def test_name_label_and_function_mean_the_same(info):
-    for spelling in (info.name, info.label, info.function.__name__):
-        assert {check_method(spelling), check_method(spelling.upper()), check_method(spelling.lower())} == {
-            info.name
-        }
+def test_a_method_goes_by_all_its_spellings(info):
+    names = (info.name, info.label, info.function.__name__)
+    for spelling in (*names, *map(str.upper, names), *map(str.lower, names), *SPELLINGS.get(info.name, ())):
+        assert check_method(spelling) == info.name
+        assert label_of(spelling) == info.label
 
 
 @pytest.mark.parametrize(

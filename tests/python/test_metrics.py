@@ -85,16 +85,21 @@ def test_correct_includes_the_limit() -> None:
     assert correct.tolist() == [True, True, False, False]
 
 
-def test_correct_rejects_what_does_not_fit() -> None:
-    with pytest.raises(InputError, match="4x4"):
-        correct_matches(np.zeros((2, 3)), np.zeros((2, 3)), np.eye(3), tolerance=1)
-    with pytest.raises(InputError, match="`source` has 2"):
-        correct_matches(np.zeros((2, 3)), np.zeros((3, 3)), np.eye(4), tolerance=1)
-    with pytest.raises(InputError, match=r"give \(n,3\)"):
-        correct_matches(np.zeros((3, 2)), np.zeros((3, 2)), np.eye(4), tolerance=1)
-    for tolerance in (0, -1, float("nan"), float("inf")):
-        with pytest.raises(InputError, match="tolerance"):
-            correct_matches(np.zeros((2, 3)), np.zeros((2, 3)), np.eye(4), tolerance=tolerance)
+@pytest.mark.parametrize(
+    ("source", "target", "pose", "tolerance", "words"),
+    [
+        (np.zeros((2, 3)), np.zeros((2, 3)), np.eye(3), 1, "4x4"),
+        (np.zeros((2, 3)), np.zeros((3, 3)), np.eye(4), 1, "`source` has 2"),
+        (np.zeros((3, 2)), np.zeros((3, 2)), np.eye(4), 1, r"give \(n,3\)"),
+        *(
+            (np.eye(3), np.eye(3), np.eye(4), tolerance, "tolerance")
+            for tolerance in (0, -1, math.nan, math.inf)
+        ),
+    ],
+)
+def test_correct_rejects_what_does_not_fit(source, target, pose, tolerance, words) -> None:
+    with pytest.raises(InputError, match=words):
+        correct_matches(source, target, pose, tolerance=tolerance)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-7, 0.5, 45, 120, 179.9999, 180])

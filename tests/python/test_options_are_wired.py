@@ -32,7 +32,6 @@ TRIALS = [
 
 
 def outcome(group: Any) -> tuple[list[Any] | float | None, ...]:
-    """Return all that a caller can observe."""
     arrays = (group.mask, group.scores, group.alternatives, group.alternative_scores, group.instances)
     return (*(None if array is None else np.asarray(array).tolist() for array in arrays), group.threshold)
 
@@ -67,22 +66,16 @@ def test_every_method_has_a_case() -> None:
 
 
 @pytest.mark.parametrize("method", CASES)
-def test_every_option_is_in_the_reference_and_in_the_table(method: str) -> None:
+def test_options_and_defaults_are_those_of_the_reference_and_are_tried(method: str) -> None:
     options = keyword_options(CASES[method].reference)
     assert keyword_options(getattr(cgroup, method)) - CONTROL == options
     assert options <= {name for m, trial in TRIALS if m == method for name in trial.change}
-
-
-@pytest.mark.parametrize("method", CASES)
-def test_defaults_are_those_of_the_reference(method: str) -> None:
-    expected = inspect.signature(CASES[method].reference).parameters
     actual = inspect.signature(getattr(cgroup, method)).parameters
-    for name, parameter in expected.items():
+    for name, parameter in inspect.signature(CASES[method].reference).parameters.items():
         assert actual[name].default == parameter.default, name
         assert actual[name].kind in {parameter.kind, inspect.Parameter.POSITIONAL_ONLY}, name
 
 
 def keyword_options(function: Callable[..., object]) -> set[str]:
-    """Return the names of the keyword-only parameters."""
     parameters = inspect.signature(function).parameters.values()
     return {p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}

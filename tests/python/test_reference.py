@@ -22,7 +22,7 @@ from reference.rigid import apply, determines_rotation, kabsch
 from reference.search_of_inliers import si
 from reference.similarity_score import ss
 from reference.spectral import st
-from strategies import Problem, make_problem, problems, random_motion, random_rotations
+from strategies import Problem, make_problem, random_motion, random_rotations
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -33,12 +33,10 @@ ROW_BY_ROW = {"ransac", "hough3d", "teaser"}
 
 
 def frames(problem: Problem) -> dict[str, Any]:
-    """Return the frames of a problem as keyword arguments."""
     return {"source_lrf": problem.source_lrf, "target_lrf": problem.target_lrf}
 
 
 def quick(method: str, problem: Problem) -> ReferenceGrouping:
-    """Call a reference method with the options that make it quick."""
     return call_reference(method, problem, CASES[method].quick)
 
 
@@ -102,14 +100,6 @@ def test_otsu_invariances(seed: int, n: int, mode: Any) -> None:
     assert (otsu_split(scores[order], mode)[0] == mask[order]).all()
     if mode == "exact" or n > 10:  # binning of few values is sensitive to rounding
         assert (otsu_split(0.25 * scores + 4.0, mode)[0] == mask).mean() > 0.98
-
-
-def test_otsu_modes_agree_on_a_wide_gap() -> None:
-    rng = np.random.default_rng(1)
-    scores = np.concatenate([rng.uniform(0.0, 0.3, 50), rng.uniform(0.7, 1.0, 20)])
-    expected = np.arange(70) >= 50
-    for mode in ("minmax", "exact"):
-        assert (otsu_split(scores, mode)[0] == expected).all()
 
 
 # --- Geometry -----------------------------------------------------------------------
@@ -275,24 +265,16 @@ def test_cv_by_hand() -> None:
 # --- Group methods, by hand ---------------------------------------------------------
 
 
-def test_ransac_options() -> None:
+def test_ransac_refits_once() -> None:
     problem = make_problem(np.random.default_rng(3), 80, inlier_ratio=0.4, noise=1.0)
     points = problem.source, problem.target
     plain = ransac(*points, resolution=1.0, iterations=1000)
     assert plain.details["best_count"] == plain.mask.sum()
-    assert quality(plain.mask, problem.inlier_mask).precision > 0.95
     refined = ransac(*points, resolution=1.0, iterations=1000, refine=True)
     rotation, translation = kabsch(problem.source[plain.mask], problem.target[plain.mask])
     error = np.linalg.norm(apply(rotation, translation, problem.source) - problem.target, axis=1)
     assert (refined.mask == (error < 5.0)).all()
-    transform = refined.details["transform"]
-    assert transform == pytest.approx(problem.T_target_source, rel=0.1, abs=1.0)
-    stopped = ransac(*points, resolution=1.0, confidence=0.99)
-    assert stopped.details["iterations"] < 10_000
-    assert stopped.details["iterations"] % 256 == 0
-    picky = ransac(*points, resolution=1.0, iterations=50, edge_ratio=0.999)
-    assert picky.details["best_count"] == 0
-    assert not picky.mask.any()
+    assert refined.details["transform"] == pytest.approx(problem.T_target_source, rel=0.1, abs=1.0)
 
 
 def test_early_stop_rule() -> None:
@@ -319,7 +301,7 @@ def test_st_of_two() -> None:
     assert not st(source[:1], source[:1], diagonal="one").mask.any()
 
 
-def test_st_eigenvector_and_conflicts() -> None:
+def test_st_scores_are_an_eigenvector() -> None:
     problem = make_problem(np.random.default_rng(5), 60, noise=1.0)
     for affinity in ("raw", "threshold", "binary"):
         power = st(problem.source, problem.target, affinity=affinity)
@@ -327,17 +309,9 @@ def test_st_eigenvector_and_conflicts() -> None:
         assert power.scores == pytest.approx(dense.scores, abs=1e-8)
         matrix, v = power.details["matrix"], power.scores
         assert matrix @ v == pytest.approx((v @ matrix @ v) * v, abs=1e-6)
-        inside = np.ix_(power.mask, power.mask)
-        np.fill_diagonal(power.details["conflicts"], val=False)
-        assert not power.details["conflicts"][inside].any()
-    recomputed = st(problem.source, problem.target, recompute=True)
-    assert quality(recomputed.mask, problem.inlier_mask).f_score > 0.8
-    all_in = noiseless(12)
-    assert st(all_in.source, all_in.target, recompute=True).mask.all()
 
 
 def on_a_line(positions: list[float]) -> np.ndarray:
-    """Return points on the x axis."""
     return np.array([[x, 0.0, 0.0] for x in positions])
 
 
@@ -431,29 +405,6 @@ def test_hough_pcl_by_hand() -> None:
     for interpolation in (True, False):
         space = hough3d(**data, variant="pcl", bin_size=1.0, interpolation=interpolation).details["space"]
         assert 1 not in set().union(*space.values())
-
-
-def test_hough_pcl_finds_the_exact_inliers() -> None:
-    problem = noiseless(30)
-    problem.target[20:] = np.random.default_rng(1).normal(size=(10, 3)) * 100.0
-    similarity = np.linspace(0.9, 0.1, 30)
-    for options in (
-        {},
-        {"interpolation": False},
-        {"vote_threshold": -0.5},
-        {"distance_weight": True, "similarity": similarity},
-    ):
-        group = hough3d(
-            problem.source,
-            problem.target,
-            source_centroid=problem.source_centroid,
-            variant="pcl",
-            bin_size=5.0,
-            iterations=200,
-            **frames(problem),
-            **options,
-        )
-        assert np.flatnonzero(group.mask).tolist() == list(range(20))
 
 
 def isosceles(third: float) -> tuple[np.ndarray, np.ndarray]:
@@ -566,32 +517,11 @@ def test_cv_is_symmetric_in_the_sides() -> None:
     assert back.scores == pytest.approx(forth.scores, rel=1e-12)
 
 
-# --- The strategies -----------------------------------------------------------------
-
-
-@given(problem=problems())
-@settings(max_examples=30)
-def test_problems_are_what_they_promise(problem: Problem) -> None:
-    n = len(problem)
-    assert 0 <= n <= 150
-    for side in (problem.source, problem.target):
-        assert np.isfinite(side).all()
-    for blocks in (problem.source_lrf, problem.target_lrf):
-        assert blocks.shape == (n, 3, 3)
-        valid = blocks[np.isfinite(blocks).all(axis=(1, 2))]
-        product = valid @ np.swapaxes(valid, 1, 2)
-        assert product == pytest.approx(np.tile(np.eye(3), (len(valid), 1, 1)))
-    assert ((problem.ratio >= 0.0) & (problem.ratio <= 1.0)).all()
-    error = np.linalg.norm(
-        problem.source @ problem.T_target_source[:3, :3].T + problem.T_target_source[:3, 3] - problem.target,
-        axis=1,
-    )
-    assert (error[problem.inlier_mask] <= 5.0 * problem.resolution).all()
+# --- The paper's table -------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def large() -> dict[float, Problem]:
-    """Return a problem of 1000 correspondences for each inlier ratio of the table."""
     return {
         share: make_problem(np.random.default_rng(0), 1000, inlier_ratio=share, noise=1.75, clutter=clutter)
         for share, clutter in ((0.5, 0.0), (0.23, 0.0), (0.08, 0.0), (0.03, 0.7))

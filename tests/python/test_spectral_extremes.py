@@ -47,16 +47,6 @@ def test_a_dominant_diagonal_takes_the_vector_to_itself(eigensolver):
 
 
 @pytest.mark.parametrize("eigensolver", SOLVERS)
-@pytest.mark.parametrize("n", range(4))
-def test_few_or_coincident_points(n, eigensolver):
-    line = np.arange(3.0 * n).reshape(n, 3)
-    group = cgroup.st(line, line, eigensolver=eigensolver)
-    assert group.mask.sum() == (n if n > 1 else 0)
-    same = np.ones((n, 3))
-    assert not cgroup.st(same, same, eigensolver=eigensolver).mask.any()
-
-
-@pytest.mark.parametrize("eigensolver", SOLVERS)
 def test_of_two_equal_clusters_both_are_in_the_vector(eigensolver):
     cluster = np.random.default_rng(1).normal(size=(20, 3))
     source = np.concatenate([cluster, cluster + 100.0])

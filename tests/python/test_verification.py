@@ -102,26 +102,10 @@ def test_the_reference_is_seldom_in_doubt() -> None:
     assert np.median(doubts) < 0.1
 
 
-def test_both_directions_and_any_frame_give_the_same_scores() -> None:
+def test_both_directions_give_the_same_scores() -> None:
     poses = poses_near_and_far(40)
-    poses[-1] = TRUTH
-    scores = score_poses(SOURCE, TARGET, poses)
     back = score_poses(TARGET, SOURCE, np.array([invert(pose) for pose in poses]))
-    np.testing.assert_allclose(back, scores, atol=0.01)
-    motions = [random_motion(np.random.default_rng(k), 1e3 * PR) for k in (1, 2)]
-    moved = [
-        Surface(
-            apply(motion, scan.points),
-            features.normals(scan.points) @ motion[:3, :3].T,
-            unit=0.4 * PR,
-            viewpoint=motion[:3, 3],
-        )
-        for motion, scan in zip(motions, (PAIR.source, PAIR.target), strict=True)
-    ]
-    moved_poses = [motions[1] @ pose @ invert(motions[0]) for pose in poses]
-    # Cells lie along the axes: another frame finds other nearest points.
-    np.testing.assert_allclose(score_poses(*moved, moved_poses), scores, atol=0.15)
-    assert score_poses(*moved, moved_poses).argmax() == scores.argmax() == len(poses) - 1
+    np.testing.assert_allclose(back, score_poses(SOURCE, TARGET, poses), atol=0.01)
 
 
 @pytest.mark.parametrize("options", [{"viewpoint": (0, 0, 0)}, {"oriented": True}, {}])
@@ -200,19 +184,14 @@ def test_free_space_counts_against_a_pose() -> None:
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:
     poses = poses_near_and_far(300)
-    results = [
-        (
-            verify(*(scans(viewpoint=(0, 0, 0), threads=n)), poses, threads=n),
-            score_poses(SOURCE, TARGET, poses, threads=n),
-        )
-        for n in (1, 2, 5)
-    ]
-    for found, scores in results[1:]:
-        np.testing.assert_array_equal(found.poses, results[0][0].poses)
-        np.testing.assert_array_equal(found.scores, results[0][0].scores)
-        np.testing.assert_array_equal(found.information, results[0][0].information)
-        assert found.margin == results[0][0].margin
-        np.testing.assert_array_equal(scores, results[0][1])
+
+    def run(threads: int) -> list[bytes]:
+        found = verify(*scans(viewpoint=(0, 0, 0), threads=threads), poses, threads=threads)
+        arrays = (found.poses, found.scores, found.information, np.array(found.margin))
+        scores = score_poses(SOURCE, TARGET, poses, threads=threads)
+        return [array.tobytes() for array in (*arrays, scores)]
+
+    assert run(1) == run(2) == run(5)
 
 
 def test_input_is_left_as_it_is() -> None:

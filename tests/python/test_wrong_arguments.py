@@ -15,7 +15,7 @@ from public_calls import MATCHES, PAIR, PROBLEM, Call, called_names, public_call
 from wrong_values import HUGE, WRONG, FloatLike
 
 import cgroup
-from cgroup import Correspondences, features, registration
+from cgroup import features, registration
 from cgroup.errors import CgroupError, InputError
 from cgroup.io import PointCloud
 
@@ -155,7 +155,6 @@ def test_several_wrong_values_at_once(calls: dict[str, Call], data: st.DataObjec
         ({"variant": "x" * 10**6}, "variant: got 'xxx.*; choose one of"),
         ({"seed": -1}, "seed: got -1; give a whole number of at least 0"),
         ({"seed": 2**64}, "seed: got 18446744073709551616; give a whole number of at most"),
-        ({"threads": True}, "threads: got True; give a whole number of at least 1"),
         ({"progress": 5}, "progress: got 5; give a function that takes the share of the work done"),
         ({"resolution": np.array([1.0])}, r"resolution: got array\(\[1.\]\); give a number"),
     ],
@@ -172,13 +171,11 @@ def test_no_correspondences() -> None:
         cgroup.group_many([MATCHES, None], "gtm")  # pyright: ignore[reportArgumentType]
 
 
-def test_a_callback_is_checked_before_work_begins() -> None:
+@pytest.mark.parametrize("call", [registration.register, registration.correspond])
+def test_a_callback_is_checked_before_work_begins(call: Any) -> None:
     """And not after the 50 ms that pass until it is called for the first time."""
-    for call in (registration.register, registration.correspond):
-        with pytest.raises(
-            InputError, match="progress: got 5; give a function that takes the name of a stage"
-        ):
-            call(PAIR.source, PAIR.target, progress=5)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError, match="progress: got 5; give a function that takes the name of a stage"):
+        call(PAIR.source, PAIR.target, progress=5)
 
 
 def test_missing_and_unknown_names_are_errors_of_python() -> None:
@@ -203,8 +200,3 @@ def test_clouds_with_wrong_parts(wrong: dict[str, Any], words: str) -> None:
     parts: dict[str, Any] = {"points": PAIR.source.points, **wrong}
     with pytest.raises(InputError, match=words):
         registration.describe(PointCloud(**parts))
-
-
-def test_lists_that_hold_what_they_should_are_read() -> None:
-    matches = Correspondences(PROBLEM.source.tolist(), [tuple(row) for row in PROBLEM.target.tolist()])
-    np.testing.assert_array_equal(matches.source, PROBLEM.source)

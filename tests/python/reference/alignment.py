@@ -138,7 +138,6 @@ def equations(pairs: Pairs, reach: float) -> tuple[FloatArray, FloatArray]:
 
 
 def rotation_of(vector: FloatArray) -> FloatArray:
-    """Rodrigues' formula."""
     angle = np.linalg.norm(vector)
     if angle == 0:
         return np.eye(3)

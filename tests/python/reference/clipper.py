@@ -61,10 +61,9 @@ def clipper(
     variant: str = "densest",
     seed: int = 0,
 ) -> ReferenceGrouping:
-    """Group the densest, or the largest, set of correspondences that all agree."""
     p_raw, q_raw = as_points(source), as_points(target)
     p, q = centred(p_raw), centred(q_raw)
-    epsilon = length(max_distance_difference, resolution, 5.0, "max_distance_difference")
+    epsilon = length(max_distance_difference, resolution, 5.0)
     sigma = epsilon / 3.0 if deviation is None else deviation
     delta = distance_difference(p, q)
     joined = (delta < epsilon) & (np.minimum(edge_lengths(p), edge_lengths(q)) > min_distance)
@@ -86,7 +85,6 @@ def clipper(
 
 
 def random_start(n: int, seed: int) -> FloatArray:
-    """(n,) numbers in [0,1)."""
     words = [int(np.random.Philox(counter=i, key=seed).random_raw(1)[0]) for i in range(n)]
     return np.array([(word >> 11) * 2.0**-53 for word in words])
 
@@ -139,7 +137,6 @@ def ascend(affinity: FloatArray, excluded: BoolArray, start: FloatArray) -> Asce
 def step(
     matrix: FloatArray, u: FloatArray, gradient: FloatArray, objective: float
 ) -> tuple[FloatArray, float]:
-    """Return the next u and its objective, by backtracking."""
     size, trial, value = 1.0, u, objective
     for _ in range(99):
         trial = np.maximum(0.0, u + size * gradient)
@@ -186,7 +183,6 @@ def maximum(joined: BoolArray, seed: int) -> tuple[IntArray, FloatArray, bool]:
 
 
 def is_clique(rows: IntArray, joined: BoolArray) -> bool:
-    """Return True for rows that are all joined."""
     return bool((joined[np.ix_(rows, rows)] | np.eye(len(rows), dtype=bool)).all())
 
 

@@ -32,10 +32,9 @@ def cv(
     threshold: float | Literal["otsu"] = "otsu",
     otsu: OtsuMode = "minmax",
 ) -> ReferenceGrouping:
-    """Group by the support of the most distinctive correspondences."""
     p, q, lowe = as_points(source), as_points(target), as_vector(ratio)
     source_frames, target_frames = as_frames(source_lrf), as_frames(target_lrf)
-    delta_r = length(distance_scale, resolution, 10.0, "distance_scale")
+    delta_r = length(distance_scale, resolution, 10.0)
 
     voting_set = np.argsort(lowe, kind="stable")[:voters]  # C_v: top k by 1 - ratio
     rigidity = distance_difference(p, q)  # r(c_i, c_j), Eq. 7

@@ -17,7 +17,6 @@ def fpfh(
     max_neighbors: int | None = 100,
     convention: str = "open3d",
 ) -> FloatArray:
-    """Descriptors (N,33) of all points."""
     neighbors = [ball(points, i, radius)[:max_neighbors] for i in range(len(points))]
     simple = [
         simple_histogram(points, normals, i, near, keeps_flat=convention == "open3d")

@@ -55,13 +55,12 @@ def gtm(
     convergence_tolerance: float | None = None,
     dynamics: Literal["replicator", "infection_immunisation"] = "replicator",
 ) -> ReferenceGrouping:
-    """Group the strategies that survive in the matching game."""
     p, q = as_points(source), as_points(target)
     n = len(p)
     if payoff == "distance_ratio":
         pi = distance_ratio(p, q)  # Pi_ij = r(c_i, c_j), Eq. 18 with Eq. 12
     else:
-        limit = length(tolerance, resolution, 3.0, "tolerance")
+        limit = length(tolerance, resolution, 3.0)
         pi = (distance_difference(p, q) <= limit).astype(np.float64)
     np.fill_diagonal(pi, 0.0)  # Eq. 18, c_i = c_j
     if one_to_one:

@@ -37,9 +37,8 @@ def gc(
     seed: int = 0,
     iterations: int = 10_000,
 ) -> ReferenceGrouping:
-    """Group around the correspondence with which most others are consistent."""
     p, q = as_points(source), as_points(target)
-    t_gc = length(tolerance, resolution, 3.0, "tolerance")
+    t_gc = length(tolerance, resolution, 3.0)
     delta = distance_difference(p, q)  # d(c_i, c_j), Eq. 13
     if variant == "star":
         return star(delta, t_gc, ties)

@@ -31,7 +31,6 @@ def responses(
 
 
 def of_tensor(tensor: FloatArray, response: str) -> float:
-    """One response."""
     trace, det = np.trace(tensor), np.linalg.det(tensor)
     if response == "noble":
         return det / trace
@@ -43,16 +42,8 @@ def of_tensor(tensor: FloatArray, response: str) -> float:
 
 
 def harris3d(
-    points: FloatArray,
-    *,
-    radius: float,
-    response: str = "harris",
-    threshold: float = 0.0,
-    nms_radius: float | None = None,
-    break_ties: bool = False,
-    normals: FloatArray | None = None,
+    points: FloatArray, scores: FloatArray, *, nms_radius: float, threshold: float, break_ties: bool = False
 ) -> list[int]:
-    """Rows of the keypoints."""
-    scores = responses(points, radius=radius, response=response, normals=normals)
-    maxima = local_maxima(points, scores, nms_radius or radius, break_ties=break_ties)
-    return [i for i in maxima if scores[i] >= threshold]
+    return [
+        i for i in local_maxima(points, scores, nms_radius, break_ties=break_ties) if scores[i] >= threshold
+    ]

@@ -63,7 +63,6 @@ def hough3d(
     iterations: int = 10_000,
     seed: int = 0,
 ) -> ReferenceGrouping:
-    """Group the correspondences that vote for the same place of the source centroid."""
     p, q = as_points(source), as_points(target)
     source_frames, target_frames = as_frames(source_lrf), as_frames(target_lrf)
     if source_centroid is None:
@@ -83,9 +82,7 @@ def hough3d(
             details |= {"cells": cells, "peak": peak}
         return ReferenceGrouping(mask, None, None, details)
 
-    if bin_size is None:
-        message = 'variant="pcl" needs bin_size (a length)'
-        raise ValueError(message)
+    assert bin_size is not None
     weights = vote_weights(len(p), similarity) if distance_weight else np.ones(len(p))
     if len(rows):
         space = accumulate(rows, votes, weights, bin_size, interpolation=interpolation)
@@ -139,9 +136,7 @@ def within(cells: IntArray, peak: IntArray, neighbors: int) -> BoolArray:
 
 def vote_weights(n: int, similarity: ArrayLike | None) -> FloatArray:
     """(n,) 1 - d / d_max with d = 1 - similarity."""
-    if similarity is None:
-        message = "distance_weight=True needs similarity"
-        raise ValueError(message)
+    assert similarity is not None
     d = 1.0 - as_vector(similarity)
     finite = np.isfinite(d)
     d_max = d[finite].max(initial=0.0)

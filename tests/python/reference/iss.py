@@ -33,25 +33,5 @@ def saliencies(
     return result
 
 
-def iss(
-    points: FloatArray,
-    *,
-    salient_radius: float,
-    nms_radius: float,
-    gamma_21: float = 0.975,
-    gamma_32: float = 0.975,
-    min_neighbors: int = 5,
-    density_weight: bool = False,
-    covariance: str = "point",
-) -> list[int]:
-    """Rows of the keypoints."""
-    scores = saliencies(
-        points,
-        salient_radius=salient_radius,
-        gamma_21=gamma_21,
-        gamma_32=gamma_32,
-        min_neighbors=min_neighbors,
-        density_weight=density_weight,
-        covariance=covariance,
-    )
+def iss(points: FloatArray, scores: FloatArray, *, nms_radius: float, min_neighbors: int = 5) -> list[int]:
     return [i for i in local_maxima(points, scores, nms_radius, least=min_neighbors) if scores[i] > 0]

@@ -72,7 +72,7 @@ from .result import (
     has_frame,
     length,
 )
-from .rigid import Pose, apply, fixes_rotation, homogeneous, nearest_rotation, weighted_kabsch
+from .rigid import Pose, apply, fixes_rotation, in_data, nearest_rotation, weighted_kabsch
 
 EDGES = 1000
 VERTICES = 2500
@@ -103,7 +103,6 @@ class Model(NamedTuple):
     share: float = 0.0
 
     def squares(self, pose: Pose) -> FloatArray:
-        """r_i^2."""
         return ((apply(pose.rotation, pose.translation, self.p) - self.q) ** 2).sum(axis=1)
 
     def levels(self, pose: Pose) -> FloatArray:
@@ -116,11 +115,9 @@ class Model(NamedTuple):
         return self.level + np.where(np.isfinite(cosine), said, 0.0)
 
     def log_odds(self, pose: Pose) -> FloatArray:
-        """Logarithm of the odds of each match."""
         return self.levels(pose) - self.squares(pose) / (2.0 * SIGMA**2)
 
     def positive(self, pose: Pose) -> BoolArray:
-        """Tell which matches support a pose."""
         return (self.squares(pose) < 6.0**2) & (self.log_odds(pose) > 0.0)
 
     def terms(self, pose: Pose) -> FloatArray:
@@ -129,7 +126,6 @@ class Model(NamedTuple):
         return terms if self.weight is None else self.weight * terms
 
     def subset(self, rows: BoolArray) -> "Model":
-        """Return the given matches alone."""
         weight = None if self.weight is None else self.weight[rows]
         turns = None if self.turns is None else self.turns[rows]
         return Model(self.p[rows], self.q[rows], self.level[rows], weight, turns, self.share)
@@ -163,9 +159,8 @@ def lc(
     modes: int = 40,
     instances: int = 1,
 ) -> ReferenceGrouping:
-    """Group the correspondences near the pose under which they are likeliest."""
     p_raw, q_raw = as_points(source), as_points(target)
-    unit = length(tolerance, resolution, 3.0, "tolerance") / 3.0
+    unit = length(tolerance, resolution, 3.0) / 3.0
     n = len(p_raw)
     p, q = centred(p_raw) / unit, centred(q_raw) / unit
     model = Model(p, q, levels(p, q, None if ratio is None else as_vector(ratio)))
@@ -210,7 +205,6 @@ def proposed(n: int, source_lrf: ArrayLike | None, target_lrf: ArrayLike | None)
 
 
 def rank(model: Model, hypotheses: list[Pose], modes: int) -> list[Ranked]:
-    """Modes with their scores, the best first."""
     found: list[Ranked] = []
     n = len(model.p)
     rows = np.arange(min(n, SAMPLES)) * n // max(1, min(n, SAMPLES))
@@ -248,7 +242,6 @@ def with_frames(
 
 
 def agreeing(turns: FloatArray, rotation: FloatArray) -> BoolArray:
-    """Tell which proposed rotations are within 30 degrees of another."""
     return np.einsum("nij,ij->n", turns, rotation) > 1.0 + 2.0 * np.cos(np.pi / 6.0)
 
 
@@ -377,7 +370,6 @@ def heaviest_edges(joined: BoolArray) -> IntArray:
 
 
 def posterior(log_odds: FloatArray) -> FloatArray:
-    """Probability from the logarithm of the odds."""
     with np.errstate(over="ignore"):
         return 1.0 / (1.0 + np.exp(-log_odds))
 
@@ -428,9 +420,3 @@ def apart(a: Pose, b: Pose, p: FloatArray) -> float:
     """Root mean square distance between where two poses lay the points."""
     difference = apply(a.rotation, a.translation, p) - apply(b.rotation, b.translation, p)
     return float(np.sqrt((difference**2).sum(axis=1).mean()))
-
-
-def in_data(pose: Pose, p_raw: FloatArray, q_raw: FloatArray, unit: float) -> FloatArray:
-    """(4,4) the motion in the caller's coordinates."""
-    shift = unit * pose.translation + q_raw.mean(axis=0) - pose.rotation @ p_raw.mean(axis=0)
-    return homogeneous(pose.rotation, shift)

@@ -59,9 +59,8 @@ def mac(
     max_hypotheses: int | None = None,
     refine: bool = True,
 ) -> ReferenceGrouping:
-    """Group by the best of the motions that maximal cliques propose."""
     p, q = centred(as_points(source)), centred(as_points(target))
-    tau = length(tolerance, resolution, 5.0, "tolerance")
+    tau = length(tolerance, resolution, 5.0)
     second = second_order(p, q, max_distance_difference or tau / 5.0, min_weight)
     kept = dense_part(second)
     found, complete = search(second, kept, min_clique_size, max_cliques)
@@ -93,7 +92,6 @@ def second_order(p: FloatArray, q: FloatArray, bound: float, min_weight: float) 
 
 
 def dense_part(second: IntArray) -> IntArray:
-    """Vertices whose cliques are sought."""
     n = len(second)
     if n <= LEAST_VERTICES:
         return np.arange(n)
@@ -114,7 +112,6 @@ def dense_part(second: IntArray) -> IntArray:
 
 
 def in_single(values: Any) -> Any:
-    """Round to single precision, and return doubles."""
     return np.float64(np.float32(values))
 
 

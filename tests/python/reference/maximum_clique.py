@@ -65,7 +65,6 @@ class Search:
         self.best: list[int] = []
 
     def keep(self, clique: list[int]) -> None:
-        """Take a clique that is larger than the best one."""
         if len(clique) > len(self.best):
             self.best = clique
 
@@ -91,7 +90,6 @@ class Search:
 
 
 def maximum_clique(joined: BoolArray, most_steps: int) -> list[int]:
-    """Members of a maximum clique, ascending."""
     if len(joined) == 0:
         return []
     numbers, order = cores(joined)

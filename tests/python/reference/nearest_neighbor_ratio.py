@@ -14,7 +14,6 @@ from .result import ReferenceGrouping, as_vector
 
 
 def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8) -> ReferenceGrouping:
-    """Group by the ratio of nearest to second nearest descriptor distance."""
     distances_ratio = as_vector(ratio)
     scores = 1.0 - distances_ratio  # Eq. 2, left side
     mask = distances_ratio <= max_ratio  # Eq. 2 solved for the ratio

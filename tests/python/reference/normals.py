@@ -24,7 +24,6 @@ def normals(
     radius: float | None = None,
     viewpoint: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> FloatArray:
-    """Normals (N,3) of all points."""
     result = np.empty_like(points)
     for i, point in enumerate(points):
         rows = nearest(points, i, neighbors or 20) if radius is None else ball(points, i, radius)[:neighbors]

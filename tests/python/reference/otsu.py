@@ -33,13 +33,7 @@ STRICTLY_BETTER = 1.0 + 1e-12
 def otsu_split(
     scores: FloatArray, mode: OtsuMode = "minmax", bins: int = 100
 ) -> tuple[BoolArray, float | None]:
-    """Split finite `scores` in two classes.
-
-    Returns
-    -------
-    mask, threshold
-        True above the threshold; threshold None for constant scores.
-    """
+    """Split finite `scores` in two: True above the threshold, which is None for constant scores."""
     if len(scores) == 0:
         return np.zeros(0, dtype=bool), None
     lo, hi = float(scores.min()), float(scores.max())

@@ -19,12 +19,10 @@ ZERO_EDGE = 1e-12
 
 
 def centred(points: FloatArray) -> FloatArray:
-    """`points` minus their mean."""
     return points - points.mean(axis=0) if len(points) else points
 
 
 def bounding_box_diagonal(points: FloatArray) -> float:
-    """Length of the diagonal of the axis-aligned bounding box; 0 without points."""
     return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
 
 

@@ -6,26 +6,16 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from reference.verification import ALONG, COSINE, DOUBT, FACING, IN_FRONT, TOLERANCE, Surface, look, nearest
+from reference.verification import COSINE, DOUBT, FACING, IN_FRONT, TOLERANCE, Surface, in_units, look, meet
 
 FloatArray = NDArray[np.float64]
 
 
 def places(source: Surface, target: Surface, pose: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Place of each point, and whether single precision may decide otherwise."""
-    rotation = pose[:3, :3]
-    moved = (
-        source.points @ rotation.T + (rotation @ source.center + pose[:3, 3] - target.center) / source.unit
-    )
-    normals = source.normals @ rotation.T
-    index, near, doubt = nearest(target, moved)
-    d = moved - target.points[index]
-    plane = (d * target.normals[index]).sum(axis=1)
-    error = np.sqrt(plane**2 + ALONG * (d**2).sum(axis=1))
-    cosine = (normals * target.normals[index]).sum(axis=1)
-    if not (source.oriented and target.oriented):
-        cosine = np.abs(cosine)
-    doubt |= near & ((np.abs(cosine - COSINE) < DOUBT) | (np.abs(error - TOLERANCE) < DOUBT))
+    moved, normals, near, squares, cosine, doubt = meet(source, target, *in_units(source, target, pose))
+    error = np.sqrt(squares)
+    doubt |= near & (np.abs(error - TOLERANCE) < DOUBT)
     found = np.where(near, np.where((error < TOLERANCE) & (cosine > COSINE), 1, 2), 0)
     if target.eye is not None:
         in_front, _, unsure = look(target.points, target.eye, moved, normals)

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from .pairwise import bounding_box_diagonal, centred
 from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
-from .rigid import apply, determines_rotation, homogeneous, kabsch
+from .rigid import Pose, apply, determines_rotation, in_data, kabsch
 
 SAMPLE_SIZE = 3
 BLOCK = 256
@@ -43,10 +43,9 @@ def ransac(
     edge_ratio: float | None = None,
     confidence: float | None = None,
 ) -> ReferenceGrouping:
-    """Group the correspondences that follow the best rigid motion of a sample."""
     p_raw, q_raw = as_points(source), as_points(target)
     p, q, n = centred(p_raw), centred(q_raw), len(p_raw)
-    d_ransac = length(tolerance, resolution, 5.0, "tolerance")
+    d_ransac = length(tolerance, resolution, 5.0)
     best_count, best_iteration, spent = 0, None, 0
     if n >= SAMPLE_SIZE:
         for first in range(0, iterations, BLOCK):
@@ -73,8 +72,7 @@ def ransac(
     if refine and mask.sum() >= SAMPLE_SIZE and determines_rotation(p[mask], q[mask]):
         rotation, translation = kabsch(p[mask], q[mask])
         mask = np.linalg.norm(apply(rotation, translation, p) - q, axis=1) < d_ransac
-    shift = translation + q_raw.mean(axis=0) - rotation @ p_raw.mean(axis=0)
-    transform = homogeneous(rotation, shift) if mask.any() else None
+    transform = in_data(Pose(rotation, translation), p_raw, q_raw) if mask.any() else None
     return ReferenceGrouping(mask, None, None, {**details, "transform": transform})
 
 

@@ -14,13 +14,12 @@ Decisions where the sources are open
 import numpy as np
 
 from .result import BoolArray, FloatArray
-from .rigid import Pose, apply, fixes_rotation, homogeneous, kabsch, spreads, weighted_kabsch
+from .rigid import Pose, apply, fixes_rotation, kabsch, spreads, weighted_kabsch
 
 ROUNDS = 20
 
 
 def residuals(pose: Pose, p: FloatArray, q: FloatArray) -> FloatArray:
-    """(n,) r_i."""
     return np.linalg.norm(apply(pose.rotation, pose.translation, p) - q, axis=1)
 
 
@@ -58,11 +57,4 @@ def refine(pose: Pose, p: FloatArray, q: FloatArray, tolerance: float, rounds: i
 
 
 def inliers_of(pose: Pose | None, p: FloatArray, q: FloatArray, tolerance: float) -> BoolArray:
-    """(n,) True for residuals below the tolerance."""
     return np.zeros(len(p), dtype=bool) if pose is None else residuals(pose, p, q) < tolerance
-
-
-def in_data(pose: Pose, p_raw: FloatArray, q_raw: FloatArray) -> FloatArray:
-    """(4,4) the motion in the caller's coordinates."""
-    shift = pose.translation + q_raw.mean(axis=0) - pose.rotation @ p_raw.mean(axis=0)
-    return homogeneous(pose.rotation, shift)

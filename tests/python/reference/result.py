@@ -13,26 +13,7 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class ReferenceGrouping:
-    """Result of a reference method.
-
-    Attributes
-    ----------
-    mask
-        (n,) True where the correspondence belongs to the group; input order.
-    scores
-        (n,) one number per correspondence, higher is better, or None.
-    threshold
-        The cut on `scores` really used; None when the method cuts no scores or
-        when Otsu's method found nothing to cut (constant scores).
-    details
-        Intermediate quantities, for tests and for reading along.
-    alternatives
-        (k,4,4) possible motions, the best first, or None for methods that find one or none.
-    alternative_scores
-        (k,) the score of each.
-    ok, false_alarms, instances
-        As in `cgroup.Grouping`, or None for methods that have none.
-    """
+    """What a method of cgroup gives, and intermediate quantities; `threshold` is the cut really used."""
 
     mask: BoolArray
     scores: FloatArray | None
@@ -65,11 +46,9 @@ def has_frame(source_lrf: FloatArray, target_lrf: FloatArray) -> BoolArray:
     return np.isfinite(source_lrf).all(axis=(1, 2)) & np.isfinite(target_lrf).all(axis=(1, 2))
 
 
-def length(value: float | None, resolution: float | None, multiple: float, name: str) -> float:
+def length(value: float | None, resolution: float | None, multiple: float) -> float:
     """Return `value`, or `multiple` times `resolution` when it is not given."""
-    if value is not None:
-        return float(value)
-    if resolution is not None:
-        return multiple * float(resolution)
-    message = f"give {name} (a length) or resolution ({name} = {multiple:g} resolution)"
-    raise ValueError(message)
+    if value is None:
+        assert resolution is not None
+        return multiple * resolution
+    return value

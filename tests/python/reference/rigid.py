@@ -31,30 +31,25 @@ def cross_covariance(source: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def kabsch(source: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rotation R (..., 3, 3) and translation t (..., 3) with R p + t close to p'.
-
-    R = V diag(1, 1, det(V U^T)) U^T from H = U S V^T, and t = mean p' - R mean p.
-    """
-    u, _, v_transposed = np.linalg.svd(cross_covariance(source, target))
-    v, u_transposed = np.swapaxes(v_transposed, -1, -2), np.swapaxes(u, -1, -2)
-    signs = np.ones((*u.shape[:-2], 3))
-    signs[..., 2] = np.linalg.det(v @ u_transposed)
-    rotation = (v * signs[..., None, :]) @ u_transposed
+    """Rotation R (..., 3, 3) and translation t (..., 3) = mean p' - R mean p with R p + t close to p'."""
+    rotation = nearest_rotation(cross_covariance(source, target))
     moved_mean = np.einsum("...ij,...j->...i", rotation, source.mean(axis=-2))
     return rotation, target.mean(axis=-2) - moved_mean
 
 
 def weighted_kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> Pose:
-    """Weighted least-squares motion."""
     p_mean, q_mean = np.average(p, axis=0, weights=weight), np.average(q, axis=0, weights=weight)
     rotation = nearest_rotation(((p - p_mean) * weight[:, None]).T @ (q - q_mean))
     return Pose(rotation, q_mean - rotation @ p_mean)
 
 
 def nearest_rotation(covariance: FloatArray) -> FloatArray:
-    """Kabsch's rotation for H = sum p q^T."""
+    """R = V diag(1, 1, det(V U^T)) U^T from H = sum p q^T = U S V^T, (..., 3, 3)."""
     u, _, vt = np.linalg.svd(covariance)
-    return vt.T @ np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)]) @ u.T
+    v, ut = np.swapaxes(vt, -1, -2), np.swapaxes(u, -1, -2)
+    signs = np.ones((*u.shape[:-2], 1, 3))
+    signs[..., 0, 2] = np.linalg.det(v @ ut)
+    return (v * signs) @ ut
 
 
 def spreads(points: FloatArray) -> BoolArray:
@@ -84,3 +79,9 @@ def homogeneous(rotation: FloatArray, translation: FloatArray) -> FloatArray:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, translation
     return matrix
+
+
+def in_data(pose: Pose, p_raw: FloatArray, q_raw: FloatArray, unit: float = 1.0) -> FloatArray:
+    """(4,4) the motion of points centred and divided by `unit`, in the caller's coordinates."""
+    shift = unit * pose.translation + q_raw.mean(axis=0) - pose.rotation @ p_raw.mean(axis=0)
+    return homogeneous(pose.rotation, shift)

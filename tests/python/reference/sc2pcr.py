@@ -34,9 +34,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .refinement import best_pose, in_data, inliers_of, refine, residuals
+from .refinement import best_pose, inliers_of, refine, residuals
 from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
-from .rigid import Pose, apply, fixes_rotation, weighted_kabsch
+from .rigid import Pose, apply, fixes_rotation, in_data, weighted_kabsch
 
 POWER_STEPS = 10
 TIE = 1e-9
@@ -56,10 +56,9 @@ def sc2pcr(
     k1: int = 30,
     k2: int = 20,
 ) -> ReferenceGrouping:
-    """Group the inliers of the best consensus set's pose."""
     p_raw, q_raw = as_points(source), as_points(target)
     p, q, n = centred(p_raw), centred(q_raw), len(p_raw)
-    t = length(tolerance, resolution, 5.0, "tolerance")
+    t = length(tolerance, resolution, 5.0)
     limit = t if max_distance_difference is None else max_distance_difference
     delta = distance_difference(p, q)
     confidence = leading_eigenvector(soft(delta, limit))
@@ -87,7 +86,6 @@ def sc2pcr(
 
 
 def soft(delta: FloatArray, limit: float) -> FloatArray:
-    """S."""
     return np.maximum(0.0, 1.0 - (delta / limit) ** 2)
 
 
@@ -104,7 +102,6 @@ def leading_eigenvector(matrix: FloatArray) -> FloatArray:
 
 
 def pick_seeds(p: FloatArray, confidence: FloatArray, radius: float, most: int) -> IntArray:
-    """Indices of the seeds, the best first."""
     rounded = np.rint(confidence / (TIE * confidence.max()))
     near = edge_lengths(p) < radius
     is_maximum = ~(near & (rounded[None, :] > rounded[:, None])).any(axis=1)

@@ -47,9 +47,8 @@ def si(
     threshold: float | Literal["otsu"] = "otsu",
     otsu: OtsuMode = "minmax",
 ) -> ReferenceGrouping:
-    """Group by the share of local and global voters that agree."""
     p, q, lowe = as_points(source), as_points(target), as_vector(ratio)
-    delta = length(tolerance, resolution, 5.0, "tolerance")
+    delta = length(tolerance, resolution, 5.0)
     rigid = distance_ratio(p, q) > min_distance_ratio  # r(c_i, c_j) > varsigma
 
     # Initialisation and local voting.
@@ -100,5 +99,4 @@ def transfer_error(
 
 
 def share(votes: np.ndarray, voters: np.ndarray) -> FloatArray:
-    """Votes / voters, and 0 without voters."""
     return np.where(voters > 0, votes / np.maximum(voters, 1), 0.0)

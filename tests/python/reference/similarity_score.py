@@ -24,7 +24,6 @@ def ss(
     otsu: OtsuMode = "minmax",
     bins: int = 100,
 ) -> ReferenceGrouping:
-    """Group by descriptor similarity; `similarity` is (n,), higher is better."""
     scores = as_vector(similarity)  # Eq. 1, left side: 1 - |f_norm - f'_norm|
     finite = np.isfinite(scores)
     mask = np.zeros(len(scores), dtype=bool)

@@ -51,7 +51,6 @@ def st(
     eigensolver: Eigensolver = "power",
     conflict: Conflict = "rigidity",
 ) -> ReferenceGrouping:
-    """Group greedily along the principal eigenvector of the affinity matrix."""
     p, q = as_points(source), as_points(target)
     n = len(p)
     matrix = affinity_matrix(p, q, min_distance_ratio, affinity)  # M_ij = r(c_i, c_j), Eq. 12
@@ -81,14 +80,11 @@ def affinity_matrix(
 
 
 def diagonal_values(n: int, diagonal: Diagonal, similarity: ArrayLike | None) -> FloatArray:
-    """(n,) individual scores on the diagonal of M."""
     if diagonal == "zero":
         return np.zeros(n)
     if diagonal == "one":
         return np.ones(n)
-    if similarity is None:
-        message = 'diagonal="score" needs similarity'
-        raise ValueError(message)
+    assert similarity is not None
     return np.maximum(as_vector(similarity), 0.0)
 
 

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from .maximum_clique import cores, maximum_clique
 from .pairwise import bounding_box_diagonal, centred, distance_difference, edge_lengths
 from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
-from .rigid import homogeneous, spreads
+from .rigid import Pose, in_data, nearest_rotation, spreads
 
 MOST_RATIOS = 1_000_000
 SAME_COST = 1e-9
@@ -48,9 +48,8 @@ def teaser(
     scale: str = "known",
     max_steps: int = 1_000_000,
 ) -> ReferenceGrouping:
-    """Group those kept that the translation of truncated least squares holds for."""
     p_raw, q_raw = as_points(source), as_points(target)
-    beta = length(tolerance, resolution, 2.5, "tolerance")
+    beta = length(tolerance, resolution, 2.5)
     difference = 2.0 * beta if max_distance_difference is None else max_distance_difference
     nothing = ReferenceGrouping(np.zeros(len(p_raw), dtype=bool), None, None)
     p, q = centred(p_raw), centred(q_raw)
@@ -65,9 +64,8 @@ def teaser(
     rotation, shift = pose
     mask = np.zeros(len(p), dtype=bool)
     mask[kept] = (np.abs(q[kept] - p[kept] @ rotation.T - shift) <= beta).all(axis=1)
-    linear = factor * rotation
-    shift = shift + q_raw.mean(axis=0) - linear @ p_raw.mean(axis=0)
-    return ReferenceGrouping(mask, None, None, {"model": homogeneous(linear, shift), "kept": len(kept)})
+    model = in_data(Pose(factor * rotation, shift), p_raw, q_raw)
+    return ReferenceGrouping(mask, None, None, {"model": model, "kept": len(kept)})
 
 
 def joined_pairs(p: FloatArray, q: FloatArray, difference: float) -> BoolArray:
@@ -76,7 +74,6 @@ def joined_pairs(p: FloatArray, q: FloatArray, difference: float) -> BoolArray:
 
 
 def keep(joined: BoolArray, prune: str, max_steps: int) -> IntArray:
-    """Indices of what the pruning leaves, ascending."""
     if prune == "clique":
         return np.array(maximum_clique(joined, max_steps), dtype=np.int64)
     numbers, _ = cores(joined)
@@ -84,7 +81,6 @@ def keep(joined: BoolArray, prune: str, max_steps: int) -> IntArray:
 
 
 def pose_of(p: FloatArray, q: FloatArray, beta: float, dof: int) -> tuple[FloatArray, FloatArray] | None:
-    """Rotation and translation of those kept."""
     if len(p) < 3 or (dof == 6 and not all(spreads(x) for x in (p, q))):
         return None
     rotation = truncated_rotation(np.roll(p, -1, axis=0) - p, np.roll(q, -1, axis=0) - q, 2.0 * beta, dof)
@@ -130,8 +126,7 @@ def least_squares(covariance: FloatArray, dof: int) -> FloatArray:
         angle = np.arctan2(covariance[0, 1] - covariance[1, 0], covariance[0, 0] + covariance[1, 1])
         c, s = np.cos(angle), np.sin(angle)
         return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    u, _, vt = np.linalg.svd(covariance)
-    return vt.T @ np.diag([1.0, 1.0, np.linalg.det(vt.T @ u.T)]) @ u.T
+    return nearest_rotation(covariance)
 
 
 def truncated_mean(values: FloatArray, ranges: FloatArray) -> float:

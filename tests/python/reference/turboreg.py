@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .refinement import best_pose, in_data, inliers_of, refine, triangle_poses
+from .refinement import best_pose, inliers_of, refine, triangle_poses
 from .result import BoolArray, FloatArray, ReferenceGrouping, as_points, length
+from .rigid import in_data
 
 
 def turboreg(
@@ -37,10 +38,9 @@ def turboreg(
     cliques_per_pivot: int = 2,
     choice: str = "inliers",
 ) -> ReferenceGrouping:
-    """Group the inliers of the best triangle's pose."""
     p_raw, q_raw = as_points(source), as_points(target)
     p, q = centred(p_raw), centred(q_raw)
-    t = length(tolerance, resolution, 5.0, "tolerance")
+    t = length(tolerance, resolution, 5.0)
     limit = 0.12 * t if max_distance_difference is None else max_distance_difference
     shortest = 1.5 * t if nms_radius is None else nms_radius
     joined = (distance_difference(p, q) < limit) & (edge_lengths(p) + edge_lengths(q) > shortest)

@@ -39,7 +39,6 @@ def surface(
     viewpoint: FloatArray | None = None,
     oriented: bool = False,
 ) -> Surface:
-    """Prepare a surface."""
     center = points.mean(axis=0)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     known = np.isfinite(length) & (length > 0)
@@ -49,35 +48,41 @@ def surface(
 
 
 def score(source: Surface, target: Surface, pose: FloatArray) -> tuple[float, float]:
-    """Score of a pose, and by how much single precision may change it."""
-    rotation = pose[:3, :3]
-    shift = (rotation @ source.center + pose[:3, 3] - target.center) / source.unit
+    rotation, shift = in_units(source, target, pose)
     there = one_way(source, target, rotation, shift)
     back = one_way(target, source, rotation.T, -rotation.T @ shift)
     return there[0] + back[0], there[1] + back[1]
 
 
+def in_units(source: Surface, target: Surface, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+    rotation = pose[:3, :3]
+    return rotation, (rotation @ source.center + pose[:3, 3] - target.center) / source.unit
+
+
 def one_way(from_: Surface, to: Surface, rotation: FloatArray, shift: FloatArray) -> tuple[float, float]:
     """Mean over the samples of one surface (all points with a normal), and the doubt."""
     has_normal = from_.normals.any(axis=1)
-    places = from_.points[has_normal] @ rotation.T + shift
-    normals = from_.normals[has_normal] @ rotation.T
-    index, near, doubt = nearest(to, places)
-    oriented = from_.oriented and to.oriented
-    values = np.zeros(len(places))
-    d = places - to.points[index]
-    plane = (d * to.normals[index]).sum(axis=1)
-    squares = plane**2 + ALONG * (d**2).sum(axis=1)
-    cosine = (normals * to.normals[index]).sum(axis=1)
-    cosine = cosine if oriented else np.abs(cosine)
-    agree = near & (squares < TOLERANCE**2) & (cosine > COSINE)
-    values[agree] = 1 - squares[agree] / TOLERANCE**2
-    doubt |= near & (np.abs(cosine - COSINE) < DOUBT)
+    places, normals, near, squares, cosine, doubt = meet(from_, to, rotation, shift)
+    values = np.where(near & (squares < TOLERANCE**2) & (cosine > COSINE), 1 - squares / TOLERANCE**2, 0)
     if to.eye is not None:
         seen, unsure = sight(to, places, normals)
         values[~near] = seen[~near]
         doubt |= ~near & unsure
-    return float(values.mean()), 1e-4 + 2.3 * float(doubt.mean())
+    return float(values[has_normal].mean()), 1e-4 + 2.3 * float(doubt[has_normal].mean())
+
+
+def meet(
+    from_: Surface, to: Surface, rotation: FloatArray, shift: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray, BoolArray]:
+    """Moved points and normals, whether a point is near, squared distance and cosine to it, and the doubt."""
+    places, normals = from_.points @ rotation.T + shift, from_.normals @ rotation.T
+    index, near, doubt = nearest(to, places)
+    d = places - to.points[index]
+    squares = (d * to.normals[index]).sum(axis=1) ** 2 + ALONG * (d**2).sum(axis=1)
+    cosine = (normals * to.normals[index]).sum(axis=1)
+    if not (from_.oriented and to.oriented):
+        cosine = np.abs(cosine)
+    return places, normals, near, squares, cosine, doubt | near & (np.abs(cosine - COSINE) < DOUBT)
 
 
 def nearest(to: Surface, places: FloatArray) -> tuple[NDArray[np.intp], BoolArray, BoolArray]:
