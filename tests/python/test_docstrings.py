@@ -137,6 +137,6 @@ def test_what_is_documented_is_raised(
     provoked = {"InputError"} if public.name.removeprefix("cgroup.") in called_names() else set()
     for call in WRONG_CALLS.get(public.name, ()):
         with pytest.raises(Exception) as caught:
-            call()
+            call(public.value)
         provoked.add(type(caught.value).__name__)
     assert provoked == raised_by(public) - {"OutOfMemoryError"}

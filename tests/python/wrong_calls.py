@@ -1,4 +1,4 @@
-"""Wrong calls of public functions and methods: one for each error that they document.
+"""Wrong calls of public functions and methods: one for each error that they document. Each takes the function.
 
 For an `InputError` of the functions in `public_calls`, and for memory that is refused, there are tests of their
 own.
@@ -7,7 +7,6 @@ own.
 from __future__ import annotations
 
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest import mock
@@ -16,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 import cgroup
-from cgroup import comparison, datasets, features, pages, plots, registration, registry, types
-from cgroup.benchmark import config, pipelines, report, run, solver, stats, tables
-from cgroup.benchmark.paper import claims, reading_tables, readings
+from cgroup import datasets, registration, types
+from cgroup.benchmark import config, pipelines, solver
+from cgroup.benchmark.paper import readings
 from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.pages import page
 
@@ -38,145 +37,122 @@ GENERATED = config.Config(
 )
 
 
-def draw(figure: str, *, rows: int = 12, pose: np.ndarray | None = None) -> object:
+def given(*arguments: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Call a function with these arguments."""
+    return lambda function: function(*arguments, **options)
+
+
+def drawn(*, rows: int = 12, pose: np.ndarray | None = None, compared: bool = False) -> Callable[..., Any]:
     """Draw the problem with a mask of so many rows and a pose, the right ones by default."""
     mask = np.ones(rows, dtype=bool)
-    given = {"correct": PROBLEM.inlier_mask, "masks": {"gtm": mask}} if "comp" in figure else {"mask": mask}
-    given |= {"T_target_source": np.eye(4) if pose is None else pose, "title": ""}
-    return getattr(plots, figure)(PROBLEM.source, PROBLEM.target, BARE, **given)
+    masks = {"correct": PROBLEM.inlier_mask, "masks": {"gtm": mask}} if compared else {"mask": mask}
+    pose = np.eye(4) if pose is None else pose
+    return given(PROBLEM.source, PROBLEM.target, BARE, **masks, T_target_source=pose, title="")
 
 
-def find_open3d_missing() -> object:
+def find_open3d_missing(iss: Callable[..., Any]) -> object:
     with mock.patch.dict(sys.modules, {"open3d": None}):
-        return features.iss(PROBLEM.source, backend="open3d")
+        return iss(PROBLEM.source, backend="open3d")
 
 
-def find_plotly_missing() -> object:
+def find_plotly_missing(page_html: Callable[..., Any]) -> object:
     page._packed_plotly.cache_clear()
     with mock.patch.dict(sys.modules, {"plotly.offline": None}):
-        return pages.page_html("", '<figure class="chart"></figure>')
+        return page_html("", '<figure class="chart"></figure>')
 
 
-WRONG_CALLS: dict[str, tuple[Callable[[], Any], ...]] = {
-    "cgroup.Grouping.transform": (
-        lambda: cgroup.nnsr([0.5]).transform(),
-        lambda: cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2]).transform(),
-    ),
-    "cgroup.Grouping.explain": (lambda: cgroup.nnsr([0.5]).explain(1),),
-    "cgroup.Grouping.plot": (lambda: cgroup.nnsr([0.5]).plot(),),
-    "cgroup.Correspondences.plot": (lambda: BARE.plot(T_target_source=np.eye(3)),),
-    "cgroup.types.PointCloud.transformed": (lambda: CLOUD.transformed(2 * np.eye(4)),),
-    "cgroup.registry.label_of": (lambda: registry.label_of("nonsense"),),
-    "cgroup.features.iss": (find_open3d_missing,),
-    "cgroup.registration.register": (lambda: registration.register(UNRELATED.source, UNRELATED.target),),
-    "cgroup.registration.Registration.plot": (
-        lambda: registration.register(PAIR.source, PAIR.target).plot(correct=[True]),
-    ),
-    "cgroup.registration.PreparedScan.resized": (
-        lambda: registration.prepare(PAIR.source, voxel=6.0).resized(100),
-    ),
+PAPER = "cgroup.benchmark.paper"
+WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
+    "cgroup.Grouping.transform": [given(cgroup.nnsr([0.5])), given(cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2]))],
+    "cgroup.Grouping.explain": [given(cgroup.nnsr([0.5]), 1)],
+    "cgroup.Grouping.plot": [given(cgroup.nnsr([0.5]))],
+    "cgroup.Correspondences.plot": [given(BARE, T_target_source=np.eye(3))],
+    "cgroup.types.PointCloud.transformed": [given(CLOUD, 2 * np.eye(4))],
+    "cgroup.registry.label_of": [given("nonsense")],
+    "cgroup.features.iss": [find_open3d_missing],
+    "cgroup.registration.register": [given(UNRELATED.source, UNRELATED.target)],
+    "cgroup.registration.Registration.plot": [
+        lambda plot: plot(registration.register(PAIR.source, PAIR.target), correct=[True]),
+    ],
+    "cgroup.registration.PreparedScan.resized": [given(registration.prepare(PAIR.source, voxel=6.0), 100)],
     **{
-        f"cgroup.datasets.Dataset.{name}": (partial(getattr(STONES, name), "nonsense"),)
+        f"cgroup.datasets.Dataset.{name}": [lambda _, name=name: getattr(STONES, name)("nonsense")]
         for name in ("load", "origin_of", "protocols_of", "subject_of", "check_name")
     },
-    "cgroup.datasets.Dataset.measure_facts": (lambda: STONES.measure_facts("nonsense", bound=2),),
-    "cgroup.datasets.MatchingProblem.subset": (lambda: PROBLEM.subset(np.array([12])),),
-    "cgroup.datasets.data_root": (lambda: datasets.data_root(NOWHERE),),
-    "cgroup.datasets.make_problem": (lambda: datasets.make_problem(np.random.default_rng(0), -1),),
-    "cgroup.datasets.make_scene": (
-        lambda: datasets.make_scene(
-            np.random.default_rng(0), 9, inliers=0.5, noise=1, scene="nonsense", frames="good"
-        ),
-    ),
-    "cgroup.datasets.open_dataset": (lambda: datasets.open_dataset("nonsense"),),
-    "cgroup.datasets.standin_pair": (lambda: datasets.standin_pair(pixels=1),),
-    "cgroup.comparison.compare": (lambda: list(comparison.compare(BARE, np.eye(4))),),
-    "cgroup.comparison.find_correct": (lambda: comparison.find_correct(BARE, np.eye(4)),),
-    "cgroup.comparison.write_table": (lambda: comparison.write_table("table.csv", []),),
-    "cgroup.plots.comparison_figure": (
-        lambda: draw("comparison_figure", pose=np.eye(3)),
-        lambda: draw("comparison_figure", rows=3),
-    ),
-    "cgroup.plots.keypoints_figure": (
-        lambda: plots.keypoints_figure(PROBLEM.source, {"h3d": np.array([12])}, title=""),
-    ),
-    "cgroup.plots.registration_figure": (
-        lambda: draw("registration_figure", pose=np.eye(3)),
-        lambda: draw("registration_figure", rows=13),
-    ),
+    "cgroup.datasets.Dataset.measure_facts": [lambda _: STONES.measure_facts("nonsense", bound=2)],
+    "cgroup.datasets.MatchingProblem.subset": [given(PROBLEM, np.array([12]))],
+    "cgroup.datasets.data_root": [given(NOWHERE)],
+    "cgroup.datasets.make_problem": [given(np.random.default_rng(0), -1)],
+    "cgroup.datasets.make_scene": [
+        given(np.random.default_rng(0), 9, inliers=0.5, noise=1, scene="nonsense", frames="good"),
+    ],
+    "cgroup.datasets.open_dataset": [given("nonsense")],
+    "cgroup.datasets.standin_pair": [given(pixels=1)],
+    "cgroup.comparison.compare": [lambda compare: list(compare(BARE, np.eye(4)))],
+    "cgroup.comparison.find_correct": [given(BARE, np.eye(4))],
+    "cgroup.comparison.write_table": [given("table.csv", [])],
+    "cgroup.plots.comparison_figure": [drawn(pose=np.eye(3), compared=True), drawn(rows=3, compared=True)],
+    "cgroup.plots.keypoints_figure": [given(PROBLEM.source, {"h3d": np.array([12])}, title="")],
+    "cgroup.plots.registration_figure": [drawn(pose=np.eye(3)), drawn(rows=13)],
     **{
-        f"cgroup.plots.{name}": (partial(getattr(plots, name), pd.DataFrame(columns), title="", **options),)
-        for columns, options, names in (
-            (
-                {"method": ["gtm"]},
-                {"xlabel": ""},
-                ("inliers_figure", "registration_rate_figure", "scores_figure"),
-            ),
-            ({}, {"methods": ("gc", "gtm")}, ("pair_precision_figure",)),
-            ({}, {}, ("pipelines_figure", "readings_figure", "trials_figure")),
-        )
-        for name in names
+        f"cgroup.plots.{name}_figure": [given(pd.DataFrame({"method": ["gtm"]}), title="", xlabel="")]
+        for name in ("inliers", "registration_rate", "scores")
     },
-    "cgroup.pages.chart_html": (lambda: pages.chart_html("a", 3, label="a"),),
-    "cgroup.pages.comparison_page": (lambda: pages.comparison_page(CLOUD, CLOUD, BARE, [], np.eye(4)),),
-    "cgroup.pages.log_to_rerun": (lambda: pages.log_to_rerun(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5])),),
-    "cgroup.pages.page_html": (find_plotly_missing,),
-    "cgroup.pages.registration_page": (lambda: pages.registration_page(CLOUD, CLOUD, 3),),
-    "cgroup.pages.write_page": (lambda: pages.write_page(NOWHERE / "page.html", ""),),
-    "cgroup.benchmark.solver.Solver.group": (lambda: solver.candidate("", "lc", {}).group(BARE),),
-    "cgroup.benchmark.solver.Solver.parameters": (
-        lambda: solver.candidate("", "lc", {"tolerance_pr": 1}).parameters(0, None),
-    ),
-    "cgroup.benchmark.solver.Solver.register": (
-        lambda: solver.make_pipeline("", "cgroup", {}).register(
+    "cgroup.plots.pair_precision_figure": [given(pd.DataFrame(), title="", methods=("gc", "gtm"))],
+    **{
+        f"cgroup.plots.{name}_figure": [given(pd.DataFrame(), title="")]
+        for name in ("pipelines", "readings", "trials")
+    },
+    "cgroup.pages.chart_html": [given("a", 3, label="a")],
+    "cgroup.pages.comparison_page": [given(CLOUD, CLOUD, BARE, [], np.eye(4))],
+    "cgroup.pages.log_to_rerun": [given(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5]))],
+    "cgroup.pages.page_html": [find_plotly_missing],
+    "cgroup.pages.registration_page": [given(CLOUD, CLOUD, 3)],
+    "cgroup.pages.write_page": [given(NOWHERE / "page.html", "")],
+    "cgroup.benchmark.solver.Solver.group": [lambda _: solver.candidate("", "lc", {}).group(BARE)],
+    "cgroup.benchmark.solver.Solver.parameters": [
+        lambda _: solver.candidate("", "lc", {"tolerance_pr": 1}).parameters(0, None),
+    ],
+    "cgroup.benchmark.solver.Solver.register": [
+        lambda _: solver.make_pipeline("", "cgroup", {}).register(
             pipelines.Clouds(PROBLEM.source, PROBLEM.target, None, None, voxel=-1)
         ),
-    ),
-    "cgroup.benchmark.solver.candidate": (lambda: solver.candidate("", "nonsense", {}),),
-    "cgroup.benchmark.solver.make_pipeline": (lambda: solver.make_pipeline("", "nonsense", {}),),
+    ],
+    "cgroup.benchmark.solver.candidate": [given("", "nonsense", {})],
+    "cgroup.benchmark.solver.make_pipeline": [given("", "nonsense", {})],
     **{
-        f"cgroup.benchmark.config.{name}": (partial(getattr(config, name), nonsense=1),)
+        f"cgroup.benchmark.config.{name}": [given(nonsense=1)]
         for name in ("Config", *(name for name in config.__all__ if name.endswith("Entry")))
     },
-    "cgroup.benchmark.config.parse_config": (lambda: config.parse_config("nonsense"),),
-    "cgroup.benchmark.config.read_config": (lambda: config.read_config("nonsense"),),
-    "cgroup.benchmark.config.replace_methods": (lambda: config.replace_methods(GENERATED, ["nonsense"]),),
-    "cgroup.benchmark.run.run": (lambda: run.run(GENERATED, NOWHERE, workers=0),),
-    "cgroup.benchmark.tables.aggregate": (
-        lambda: tables.aggregate(pd.DataFrame(), ["method"], "nonsense"),
-        lambda: tables.aggregate(pd.DataFrame(), ["method"]),
-    ),
-    "cgroup.benchmark.tables.exponents": (lambda: tables.exponents(pd.DataFrame()),),
-    "cgroup.benchmark.tables.load_groups": (lambda: tables.load_groups(NOWHERE, "nonsense"),),
-    "cgroup.benchmark.tables.load": (lambda: tables.load(NOWHERE),),
-    "cgroup.benchmark.paper.readings.Reading": (partial(readings.Reading, nonsense=1),),
-    "cgroup.benchmark.paper.readings.Question": (partial(readings.Question, nonsense=1),),
-    "cgroup.benchmark.paper.readings.add_readings": (
-        lambda: readings.add_readings(config.read_config("matches"), []),
-        lambda: readings.add_readings(
+    "cgroup.benchmark.config.parse_config": [given("nonsense")],
+    "cgroup.benchmark.config.read_config": [given("nonsense")],
+    "cgroup.benchmark.config.replace_methods": [given(GENERATED, ["nonsense"])],
+    "cgroup.benchmark.run.run": [given(GENERATED, NOWHERE, workers=0)],
+    "cgroup.benchmark.tables.aggregate": [
+        given(pd.DataFrame(), ["method"], "nonsense"),
+        given(pd.DataFrame(), ["method"]),
+    ],
+    "cgroup.benchmark.tables.exponents": [given(pd.DataFrame())],
+    "cgroup.benchmark.tables.load_groups": [given(NOWHERE, "nonsense")],
+    "cgroup.benchmark.tables.load": [given(NOWHERE)],
+    f"{PAPER}.readings.Reading": [given(nonsense=1)],
+    f"{PAPER}.readings.Question": [given(nonsense=1)],
+    f"{PAPER}.readings.add_readings": [
+        given(config.read_config("matches"), []),
+        given(
             config.read_config("smoke"),
             [readings.Reading(name="wrong", label="", methods={"gtm": {"nonsense": 1}})],
         ),
-    ),
-    "cgroup.benchmark.paper.readings.judge_readings": (
-        lambda: readings.judge_readings(pd.DataFrame(), pd.DataFrame(), [], resamples=0),
-    ),
-    "cgroup.benchmark.paper.readings.list_readings": (lambda: readings.list_readings(["nonsense"]),),
-    "cgroup.benchmark.paper.reading_tables.write_readings": (
-        lambda: reading_tables.write_readings(NOWHERE, NO_READINGS),
-    ),
-    "cgroup.benchmark.paper.claims.check_claims": (
-        lambda: claims.check_claims(pd.DataFrame(), pd.DataFrame(), resamples=-1),
-    ),
-    "cgroup.benchmark.paper.claims.check_evidence": (
-        lambda: claims.check_evidence(Evidence(pd.DataFrame(), pd.DataFrame()), seed=-1),
-    ),
-    "cgroup.benchmark.paper.claims.bootstrap_verdicts": (
-        lambda: claims.bootstrap_verdicts(pd.DataFrame(), pd.DataFrame(), resamples=0),
-    ),
-    "cgroup.benchmark.stats.comparable": (lambda: stats.comparable(pd.DataFrame()),),
-    "cgroup.benchmark.stats.rank_methods": (lambda: stats.rank_methods(pd.DataFrame()),),
-    "cgroup.benchmark.stats.mcnemar": (lambda: stats.mcnemar([True, False], [True, True, False]),),
-    "cgroup.benchmark.stats.signed_rank": (lambda: stats.signed_rank([1, 2], [1, 2, 3]),),
-    "cgroup.benchmark.report.write_report": (lambda: report.write_report(NOWHERE),),
+    ],
+    f"{PAPER}.readings.judge_readings": [given(pd.DataFrame(), pd.DataFrame(), [], resamples=0)],
+    f"{PAPER}.readings.list_readings": [given(["nonsense"])],
+    f"{PAPER}.reading_tables.write_readings": [given(NOWHERE, NO_READINGS)],
+    f"{PAPER}.claims.check_claims": [given(pd.DataFrame(), pd.DataFrame(), resamples=-1)],
+    f"{PAPER}.claims.check_evidence": [given(Evidence(pd.DataFrame(), pd.DataFrame()), seed=-1)],
+    f"{PAPER}.claims.bootstrap_verdicts": [given(pd.DataFrame(), pd.DataFrame(), resamples=0)],
+    "cgroup.benchmark.stats.comparable": [given(pd.DataFrame())],
+    "cgroup.benchmark.stats.rank_methods": [given(pd.DataFrame())],
+    "cgroup.benchmark.stats.mcnemar": [given([True, False], [True, True, False])],
+    "cgroup.benchmark.stats.signed_rank": [given([1, 2], [1, 2, 3])],
+    "cgroup.benchmark.report.write_report": [given(NOWHERE)],
 }
