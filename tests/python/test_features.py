@@ -10,16 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cgroup import CgroupError, InputError, features
-from reference import fpfh as reference_fpfh
-from reference import harris3d as reference_harris3d
-from reference import iss as reference_iss
-from reference import lfsh as reference_lfsh
-from reference import matching as reference_matching
-from reference import normals as reference_normals
-from reference import rcs as reference_rcs
-from reference import shot as reference_shot
-from reference import shot_lrf as reference_lrf
-from reference import voxels as reference_voxels
+from reference import fpfh, harris3d, iss, lfsh, matching, rcs, shot, shot_lrf, voxels
+from reference import normals as planes
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -67,7 +59,7 @@ class TestAgainstReference:
         viewpoint = tuple(np.random.default_rng(seed).normal(scale=9, size=3))
         options = {"neighbors": neighbors, "radius": radius, "viewpoint": viewpoint}
         ours = features.normals(points, **options)
-        np.testing.assert_allclose(ours, reference_normals.normals(points, **options), atol=1e-6)
+        np.testing.assert_allclose(ours, planes.normals(points, **options), atol=1e-6)
 
     @given(
         seed=seeds,
@@ -90,8 +82,8 @@ class TestAgainstReference:
         # Off the grid that responses are rounded to, and far above rounding errors.
         ours = features.harris3d(points, threshold=threshold + 1.3e-9, **options)
         radius, break_ties = options.pop("nms_radius") or options["radius"], options.pop("break_ties")
-        scores = reference_harris3d.responses(points, **options)
-        theirs = reference_harris3d.harris3d(
+        scores = harris3d.responses(points, **options)
+        theirs = harris3d.harris3d(
             points, scores, nms_radius=radius, threshold=threshold + 1.3e-9, break_ties=break_ties
         )
         odd = np.setxor1d(ours, theirs).astype(int)
@@ -114,17 +106,17 @@ class TestAgainstReference:
     def test_iss(self, seed, nms, options):
         points = surface(seed)
         ours = features.iss(points, nms_radius=nms, **options)
-        scores = reference_iss.saliencies(points, **options)
-        theirs = reference_iss.iss(points, scores, nms_radius=nms, min_neighbors=options["min_neighbors"])
+        scores = iss.saliencies(points, **options)
+        theirs = iss.iss(points, scores, nms_radius=nms, min_neighbors=options["min_neighbors"])
         assert all(is_tie(points, scores, i, nms) for i in np.setxor1d(ours, theirs).astype(int))
 
     @pytest.mark.parametrize(
         ("step", "reference"),
         [
-            (features.shot_lrf, reference_lrf.shot_lrf),
-            (features.toldi_lrf, reference_lrf.toldi_lrf),
-            (features.lfsh, reference_lfsh.lfsh),
-            (features.rcs, reference_rcs.rcs),
+            (features.shot_lrf, shot_lrf.shot_lrf),
+            (features.toldi_lrf, shot_lrf.toldi_lrf),
+            (features.lfsh, lfsh.lfsh),
+            (features.rcs, rcs.rcs),
         ],
     )
     @given(seed=seeds, radius=st.floats(0.5, 15))
@@ -148,7 +140,7 @@ class TestAgainstReference:
         ours = features.shot(points, normals, keypoints, lrf=frames, **options)
         each = [None] * len(keypoints) if own_frames else frames
         theirs = [
-            reference_shot.shot(points, normals, i, lrf=frame, **options)
+            shot.shot(points, normals, i, lrf=frame, **options)
             for i, frame in zip(keypoints, each, strict=True)
         ]
         assert ours.dtype == np.float32
@@ -174,7 +166,7 @@ class TestAgainstReference:
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         normals[::13] = np.nan
         ours = features.fpfh(points, normals, **options)
-        theirs = reference_fpfh.fpfh(points, normals, **options)
+        theirs = fpfh.fpfh(points, normals, **options)
         assert ours.dtype == np.float32
         np.testing.assert_allclose(ours, theirs, atol=2e-3)
         keypoints = np.arange(0, len(points), 7)
@@ -186,7 +178,7 @@ class TestAgainstReference:
         normals = np.random.default_rng(seed).normal(size=(count, 3))
         normals[::11] = np.nan
         ours = features.voxel_downsample(points, voxel, normals=normals)
-        means, directions, indices = reference_voxels.voxel_downsample(points, normals, voxel)
+        means, directions, indices = voxels.voxel_downsample(points, normals, voxel)
         assert ours.indices.tolist() == indices
         np.testing.assert_allclose(ours.points, means, atol=1e-12)
         np.testing.assert_allclose(ours.normals, directions, atol=1e-9)
@@ -225,7 +217,7 @@ class TestAgainstReference:
         target[rng.uniform(size=columns) < 0.1, -1] = np.nan
         options = {"k": k, "mutual": mutual, "max_distance": max_distance}
         ours = features.match(source, target, **options)
-        theirs = reference_matching.match(source, target, **options)
+        theirs = matching.match(source, target, **options)
         columns = [np.array(column) for column in zip(*theirs, strict=True)] or [np.empty(0)] * 8
         assert ours.source_indices.tolist() == columns[0].tolist()
         assert ours.target_indices.tolist() == columns[1].tolist()
@@ -330,7 +322,7 @@ class TestPromises:
         points = np.column_stack([u.ravel(), v.ravel(), 0.3 * np.sin(5 * u.ravel())])
         first = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
         faces = np.vstack([first[:, None] + corners for corners in ([0, 9, 1], [1, 9, 10])])
-        expected = reference_normals.mesh_normals(points, faces)
+        expected = planes.mesh_normals(points, faces)
         np.testing.assert_allclose(features.mesh_normals(points, faces), expected, atol=1e-12)
         faces[::5] = faces[::5, ::-1]
         np.testing.assert_allclose(features.mesh_normals(points, faces), expected, atol=1e-12)
