@@ -145,6 +145,9 @@ WIDE = {"max_distance_difference": Pr(20.0)}
 STRICT = {"max_distance_difference": Pr(4.0)}
 INFECTION = {"dynamics": "infection_immunisation"}
 
+OTSU = [Trial({"otsu": "exact"}, shows=False), Trial({"otsu": "covis"}), Trial({"otsu": "legacy"})]
+WITHOUT_RESOLUTION = Trial({"resolution": None}, LARGE, shows=False)
+
 CASES: dict[str, MethodCase] = {
     "ss": MethodCase(
         ss,
@@ -153,9 +156,7 @@ CASES: dict[str, MethodCase] = {
             Trial({"bins": 7}),
             Trial({"threshold": 0.5}),
             Trial({"threshold": -1.0}),
-            Trial({"otsu": "exact"}, shows=False),
-            Trial({"otsu": "covis"}),
-            Trial({"otsu": "legacy"}),
+            *OTSU,
             Trial({"bins": 12}, {"otsu": "legacy"}),
         ],
     ),
@@ -174,13 +175,11 @@ CASES: dict[str, MethodCase] = {
             Trial({"global_rank": "local_score"}, {"neighbors": 10}),
             Trial({"otsu": "covis"}, {"neighbors": 50, "global_rank": "local_score"}),
             Trial(LARGE),
-            Trial({"resolution": None}, LARGE, shows=False),
+            WITHOUT_RESOLUTION,
             Trial({"min_distance_ratio": 0.97}),
             Trial({"lowe_ratio": 0.6}),
             Trial({"threshold": 0.25}),
-            Trial({"otsu": "exact"}, shows=False),
-            Trial({"otsu": "covis"}),
-            Trial({"otsu": "legacy"}),
+            *OTSU,
         ],
         field_trials=[
             Trial(change, {"neighbors": 20})
@@ -202,9 +201,7 @@ CASES: dict[str, MethodCase] = {
             Trial({"angle_scale": 3.0}),
             Trial({"angle_scale": 40.0}),
             Trial({"threshold": 1.5}),
-            Trial({"otsu": "exact"}, shows=False),
-            Trial({"otsu": "covis"}),
-            Trial({"otsu": "legacy"}),
+            *OTSU,
         ],
         field_trials=[
             Trial(change, {"voters": 30})
@@ -273,7 +270,7 @@ CASES: dict[str, MethodCase] = {
             Trial({"ties": "union"}),
             Trial({"ties": "union"}, {"tolerance": Pr(1e-4)}),
             Trial({"tolerance": Pr(0.5)}),
-            Trial({"resolution": None}, LARGE, shows=False),
+            WITHOUT_RESOLUTION,
             Trial({"ties": "union"}, {"tolerance": Pr(0.5)}, shows=False),
             Trial(CLIQUE),
             Trial({"similarity": SIMILARITY}, CLIQUE),
@@ -341,9 +338,7 @@ CASES: dict[str, MethodCase] = {
             Trial({"convergence_tolerance": 0.1}, INFECTION),
             Trial({"threshold": 0.02}, INFECTION),
             Trial({"one_to_one": True}, {**INFECTION, "payoff": "distance_difference", "tolerance": Pr(5.0)}),
-            Trial({"otsu": "exact"}, shows=False),
-            Trial({"otsu": "covis"}),
-            Trial({"otsu": "legacy"}),
+            *OTSU,
         ],
         field_trials=[Trial({"resolution": Pr(2.0)}, CLOSE)],
     ),
@@ -356,7 +351,7 @@ CASES: dict[str, MethodCase] = {
             Trial({"ratio": Field("ratio")}),
             Trial({"tolerance": Pr(6.0)}),
             Trial({"tolerance": Pr(1.0)}),
-            Trial({"resolution": None}, LARGE, shows=False),
+            WITHOUT_RESOLUTION,
             Trial({"modes": 1}, {"tolerance": Pr(0.5)}),
             Trial({"modes": 3}, {"tolerance": Pr(0.5), "ratio": Field("ratio")}),
             Trial(FRAMED, shows=False),  # frames that are no better than the positions don't count
@@ -375,7 +370,7 @@ CASES: dict[str, MethodCase] = {
         fields=("resolution",),
         trials=[
             Trial({"tolerance": Pr(2.0)}),
-            Trial({"resolution": None}, LARGE, shows=False),
+            WITHOUT_RESOLUTION,
             Trial({"max_distance_difference": Pr(3.0)}),
             Trial({"max_distance_difference": Pr(0.3)}, {"refine": False}),
             Trial({"min_weight": 0.5}),
@@ -403,7 +398,7 @@ CASES: dict[str, MethodCase] = {
             Trial({"k1": 5}, NARROW),
             Trial({"k2": 4}, NARROW),
             Trial({"candidates": CANDIDATES}, NARROW),
-            Trial({"resolution": None}, LARGE, shows=False),
+            WITHOUT_RESOLUTION,
         ],
         field_trials=[Trial({"resolution": Pr(0.3)})],
     ),
@@ -418,7 +413,7 @@ CASES: dict[str, MethodCase] = {
             Trial({"cliques_per_pivot": 1}, NARROW),
             Trial({"choice": "mae"}, NARROW),
             Trial({"choice": "mse"}, NARROW),
-            Trial({"resolution": None}, LARGE, shows=False),
+            WITHOUT_RESOLUTION,
         ],
         field_trials=[Trial({"resolution": Pr(0.3)})],
     ),
@@ -427,7 +422,7 @@ CASES: dict[str, MethodCase] = {
         fields=("resolution",),
         trials=[
             Trial({"tolerance": Pr(6.0)}),
-            Trial({"resolution": None}, LARGE, shows=False),
+            WITHOUT_RESOLUTION,
             Trial({"max_distance_difference": Pr(2.0)}),
             Trial({"prune": "core"}),
             Trial({"prune": "core", "tolerance": Pr(6.0)}),

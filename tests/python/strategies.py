@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup.datasets.matching_problems import MatchingProblem as Problem
 from cgroup.datasets.matching_problems import make_problem, random_rotations
@@ -69,4 +69,14 @@ def random_motion(rng: np.random.Generator, distance: float) -> FloatArray:
     motion = np.eye(4)
     motion[:3, :3] = random_rotations(rng, 1)[0]
     motion[:3, 3] = rng.normal(size=3) * distance
+    return motion
+
+
+def rigid(axis: ArrayLike, degrees: float, shift: ArrayLike = (0, 0, 0)) -> FloatArray:
+    """(4,4) turn about an axis, by Rodrigues' formula, and a shift."""
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    cross, angle = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), np.radians(degrees)
+    motion = np.eye(4)
+    motion[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    motion[:3, 3] = shift
     return motion

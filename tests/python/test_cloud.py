@@ -113,12 +113,14 @@ def test_a_cloud_is_read_only_and_outlives_its_array() -> None:
 
 
 def test_what_is_no_cloud() -> None:
-    with pytest.raises(InputError, match=r"scan: got shape \(3,2\); give \(n,3\)"):
-        features.Cloud(np.zeros((3, 2)), name="scan")
     bad = POINTS.copy()
     bad[7, 1] = np.inf
-    with pytest.raises(InputError, match=r"scan: got .*inf.* in row 7; coordinates must be finite"):
-        features.Cloud(bad, name="scan")
+    for points, words in (
+        (np.zeros((3, 2)), r"got shape \(3,2\); give \(n,3\)"),
+        (bad, "got .*inf.* in row 7; .* finite"),
+    ):
+        with pytest.raises(InputError, match=f"scan: {words}"):
+            features.Cloud(points, name="scan")
     with pytest.raises(InputError, match="two points"):
         features.resolution(features.Cloud(np.zeros((1, 3))))
 

@@ -10,9 +10,9 @@ from cgroup import METHODS, Correspondences
 from cgroup.comparison import compare, find_correct, table, write_table
 from cgroup.errors import InputError
 from cgroup.evaluation import score_group
+from strategies import rigid
 
-POSE = np.eye(4)
-POSE[:3, 3] = (1, 2, 3)
+POSE = rigid((0, 0, 1), 0, (1, 2, 3))
 
 
 @pytest.fixture
@@ -87,8 +87,7 @@ def test_a_pair_is_registered_by_its_pose(matches: Correspondences) -> None:
 
 @pytest.mark.parametrize("limits", [{}, {"max_rotation": 6}])
 def test_a_pose_that_turns_too_far_is_not_registered(matches: Correspondences, limits: dict) -> None:
-    turn = np.eye(4)
-    turn[:2, :2] = [[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]]
+    turn = rigid((0, 0, 1), np.degrees(0.1))
     options = {"methods": ["gc"], "correct": find_correct(matches, POSE), "max_displacement": 1.0, **limits}
     (result,) = compare(matches, POSE @ turn, **options)
     assert result.rotation_error == pytest.approx(np.degrees(0.1))

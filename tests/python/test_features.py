@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from cgroup import CgroupError, InputError, features
 from reference import fpfh, harris3d, iss, lfsh, matching, rcs, shot, shot_lrf, voxels
 from reference import normals as planes
+from strategies import random_motion
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -22,15 +23,6 @@ def surface(seed, count=160):
     u, v = rng.uniform(-5, 5, size=(2, count))
     a, b, c, d = rng.uniform(0.3, 1.2, size=4)
     return np.column_stack([u, v, a * np.sin(b * u + v) + c * np.cos(d * v)])
-
-
-def motion(seed):
-    """A random rotation and shift."""
-    rng = np.random.default_rng(seed)
-    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
-    q *= np.sign(np.diag(r))
-    q[:, 0] *= np.linalg.det(q)
-    return q, rng.normal(scale=100, size=3)
 
 
 def far_from_radius(points, keypoints, radii, margin=1e-7):
@@ -242,7 +234,8 @@ class TestRigidMotion:
     @given(seed=seeds, moved_by=seeds, radius=st.floats(1, 8))
     def test_descriptors(self, seed, moved_by, radius):
         points = surface(seed)
-        rotation, shift = motion(moved_by)
+        motion = random_motion(np.random.default_rng(moved_by), 100)
+        rotation, shift = motion[:3, :3], motion[:3, 3]
         moved = points @ rotation.T + shift
         viewpoint = np.array([0, 0, 50])
         normals = features.normals(points, viewpoint=viewpoint)
@@ -264,7 +257,8 @@ class TestRigidMotion:
     @given(seed=seeds, moved_by=seeds, scale=st.floats(1e-3, 1e3))
     def test_keypoints(self, seed, moved_by, scale):
         points = surface(seed)
-        rotation, shift = motion(moved_by)
+        motion = random_motion(np.random.default_rng(moved_by), 100)
+        rotation, shift = motion[:3, :3], motion[:3, 3]
         moved = scale * (points @ rotation.T + shift)
         before = features.harris3d(points, radius=1.5, threshold=1e-6)
         after = features.harris3d(moved, radius=1.5 * scale, threshold=1e-6)

@@ -11,6 +11,7 @@ from cgroup.datasets import standin_pair
 from cgroup.registration import prepare
 from cgroup.registration.judge import Found, count_open_motions, differ, judge, misfit, probability, rank
 from cgroup.types import Correspondences
+from strategies import rigid
 
 PAIR = standin_pair(pixels=40)
 SCAN = prepare(PAIR.source, voxel=6.0)
@@ -19,12 +20,10 @@ CENTER = np.array([1.0, 2.0, 3.0])
 
 def poses(*changes: tuple[float, float]) -> np.ndarray:
     """Poses that turn by so many degrees about an axis through the centre, and shift by so much."""
-    made = np.tile(np.eye(4), (len(changes), 1, 1))
-    for pose, (degrees, shift) in zip(made, changes, strict=True):
-        turn = np.radians(degrees)
-        pose[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    made = [rigid((0, 0, 1), degrees) for degrees, _ in changes]
+    for pose, (_, shift) in zip(made, changes, strict=True):
         pose[:3, 3] = CENTER - pose[:3, :3] @ CENTER + (0, 0, shift)
-    return made
+    return np.array(made)
 
 
 def test_poses_differ_beyond_ten_degrees_or_eight_voxels() -> None:

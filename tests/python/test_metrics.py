@@ -18,21 +18,12 @@ from cgroup.evaluation import (
     translation_error,
     within,
 )
+from strategies import rigid
 
 
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(11)
-
-
-def pose(axis: tuple[float, float, float], degrees: float, shift: object = (0, 0, 0)) -> np.ndarray:
-    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = np.radians(degrees)
-    transform = np.eye(4)
-    transform[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    transform[:3, 3] = shift
-    return transform
 
 
 def test_scores_of_a_group() -> None:
@@ -81,7 +72,7 @@ def test_many_groups_are_scored_as_each_alone() -> None:
 def test_correct_includes_the_limit() -> None:
     source = np.zeros((4, 3))
     target = np.array([[10.0, 0, 0], [10, 5, 0], [10, 0, 5.0001], [0, 0, 0]])
-    correct = correct_matches(source, target, pose((0, 0, 1), 90, (10, 0, 0)), tolerance=5)
+    correct = correct_matches(source, target, rigid((0, 0, 1), 90, (10, 0, 0)), tolerance=5)
     assert correct.tolist() == [True, True, False, False]
 
 
@@ -104,15 +95,15 @@ def test_correct_rejects_what_does_not_fit(source, target, pose, tolerance, word
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-7, 0.5, 45, 120, 179.9999, 180])
 def test_rotation_error(degrees: float, rng: np.random.Generator) -> None:
-    start = pose((1, 2, 3), 77, rng.normal(size=3))
-    turned = start @ pose((3, -1, 0.5), degrees)
+    start = rigid((1, 2, 3), 77, rng.normal(size=3))
+    turned = start @ rigid((3, -1, 0.5), degrees)
     assert rotation_error(turned, start) == pytest.approx(degrees, abs=1e-6)
     assert rotation_error(start, turned) == pytest.approx(degrees, abs=1e-6)
     assert translation_error(turned, start) == pytest.approx(0, abs=1e-12)
 
 
 def test_translation_error() -> None:
-    assert translation_error(pose((1, 0, 0), 30, (1, 2, 3)), pose((0, 1, 0), 9, (1, 5, 7))) == 5
+    assert translation_error(rigid((1, 0, 0), 30, (1, 2, 3)), rigid((0, 1, 0), 9, (1, 5, 7))) == 5
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.3, 5.0])
@@ -142,7 +133,7 @@ def test_within_bounds_its_cells() -> None:
 def test_overlap_of_two_halves(rng: np.random.Generator) -> None:
     cloud = rng.uniform(size=(1000, 3)) * (10, 1, 1)
     left, right = cloud[cloud[:, 0] < 6], cloud[cloud[:, 0] > 4]
-    motion = pose((1, 1, 0), 40, (3, 2, 1))
+    motion = rigid((1, 1, 0), 40, (3, 2, 1))
     moved = left @ motion[:3, :3].T + motion[:3, 3]
     common = ((cloud[:, 0] > 4) & (cloud[:, 0] < 6)).sum()
     share = overlap(moved, right, np.linalg.inv(motion), tolerance=1e-6)
@@ -154,7 +145,7 @@ def test_overlap_of_two_halves(rng: np.random.Generator) -> None:
 
 def test_alignment_error(rng: np.random.Generator) -> None:
     cloud = rng.normal(size=(50, 3))
-    true = pose((0, 1, 1), 30, (1, 0, 0))
+    true = rigid((0, 1, 1), 30, (1, 0, 0))
     target = cloud @ true[:3, :3].T + true[:3, 3]
     shifted = true.copy()
     shifted[:3, 3] += (0.3, 0, 0.4)
@@ -172,7 +163,7 @@ def test_clutter_and_occlusion() -> None:
 
     model, model_faces = strip(2)
     scene, scene_faces = strip(4)
-    away = pose((0, 0, 1), 0, (3, 0, 0))  # the model covers the scene's last square only
+    away = rigid((0, 0, 1), 0, (3, 0, 0))  # the model covers the scene's last square only
     clutter, occlusion = clutter_and_occlusion(model, model_faces, scene, scene_faces, away, tolerance=0.01)
     assert (clutter, occlusion) == (pytest.approx(0.75), pytest.approx(0.5))
     with pytest.raises(InputError, match="no area"):

@@ -10,6 +10,7 @@ import pytest
 from cgroup.errors import InputError
 from cgroup.io import read_transform, read_transforms
 from cgroup.rigid import apply, check_rigid, rotation_error
+from strategies import rigid
 
 HALF = np.deg2rad(35) / 2
 AXIS = np.array([2.0, -1.0, 2.0]) / 3
@@ -17,15 +18,7 @@ QUATERNION = [*(np.sin(HALF) * AXIS), np.cos(HALF)]
 TRANSLATION = [0.5, -12.25, 3e-3]
 
 
-def rotation() -> np.ndarray:
-    """Rodrigues' formula: not that by which quaternions are read."""
-    cross = np.array([[0, -AXIS[2], AXIS[1]], [AXIS[2], 0, -AXIS[0]], [-AXIS[1], AXIS[0], 0]])
-    angle = 2 * HALF
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-
-
-POSE = np.eye(4)
-POSE[:3, :3], POSE[:3, 3] = rotation(), TRANSLATION
+POSE = rigid(AXIS, 35, TRANSLATION)
 OTHER = np.eye(4)
 OTHER[:3, 3] = 1, 2, 3
 WORDS = [[repr(float(number)) for number in row] for row in POSE]
@@ -79,7 +72,7 @@ def test_few_digits_of_a_quaternion_are_made_one(tmp_path: Path) -> None:
     (tmp_path / "pose.txt").write_text("0 0 0 " + " ".join(f"{number:.4f}" for number in QUATERNION))
     found = read_transform(tmp_path / "pose.txt")
     np.testing.assert_allclose(found[:3, :3].T @ found[:3, :3], np.eye(3), atol=1e-15)
-    assert rotation_error(found, np.block([[rotation(), np.zeros((3, 1))], [0, 0, 0, 1]])) < 0.01
+    assert rotation_error(found, rigid(AXIS, 35)) < 0.01
 
 
 TRAJECTORIES = {

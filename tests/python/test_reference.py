@@ -22,7 +22,7 @@ from reference.rigid import apply, determines_rotation, kabsch
 from reference.search_of_inliers import si
 from reference.similarity_score import ss
 from reference.spectral import st
-from strategies import Problem, make_problem, random_motion, random_rotations
+from strategies import Problem, make_problem, random_motion, random_rotations, rigid
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -238,18 +238,12 @@ def test_si_by_hand() -> None:
 
 
 def test_cv_by_hand() -> None:
-    source = np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
-    target = np.array([[0.0, 0.0, 0.0], [30.0, 0.0, 0.0]])
-    angle = np.radians(10.0)
-    turn = np.array(
-        [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
-    )
     given_data = {
-        "source": source,
-        "target": target,
+        "source": on_a_line([0, 20]),
+        "target": on_a_line([0, 30]),
         "ratio": np.array([0.1, 0.2]),
         "source_lrf": np.array([np.eye(3), np.eye(3)]),
-        "target_lrf": np.array([np.eye(3), turn]),
+        "target_lrf": np.array([np.eye(3), rigid((0, 0, 1), 10.0)[:3, :3]]),
         "distance_scale": 10.0,
     }
     # delta = 10 and L = 10 degrees: D = exp(-1 - 1).

@@ -12,7 +12,7 @@ from cgroup.datasets import standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.registration import DenseFront, PaperFront, Registration, prepare, register
 from cgroup.rigid import apply, invert, rotation_error
-from strategies import random_motion
+from strategies import random_motion, rigid
 
 if TYPE_CHECKING:
     from register_shapes import FloatArray
@@ -201,10 +201,7 @@ def test_clouds_that_share_nothing_are_refused_with_the_best_guess(refusal: NoCo
 
 @pytest.mark.parametrize("seed", range(3))
 def test_an_axis_decides_between_the_poses_of_a_symmetric_shape(seed: int) -> None:
-    truth = np.eye(4)
-    angle = 1 + 2 * seed
-    truth[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    truth[:3, 3] = [3, 2, 1]
+    truth = rigid((0, 0, 1), np.degrees(1 + 2 * seed), (3, 2, 1))
     source, target = arrow(2 * seed), apply(truth, arrow(2 * seed + 1))
     free = best_guess(source, target)
     poses = [free.T_target_source, *free.alternatives]

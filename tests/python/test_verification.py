@@ -13,7 +13,7 @@ from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Surface, score_poses, verify
 from reference import verification as reference
-from strategies import random_motion, random_rotations
+from strategies import random_motion, random_rotations, rigid
 
 FloatArray = NDArray[np.float64]
 
@@ -78,10 +78,8 @@ def test_scores_are_those_of_the_reference(
         elif view == "oriented":
             option["oriented"] = True
         options.append(option)
-    wobble = np.eye(4)
-    angle = turn * rng.uniform()
-    wobble[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    wobble[:3, 3] = rng.normal(size=3) * unit * (1 + turn)
+    angle = np.degrees(turn * rng.uniform())
+    wobble = rigid((0, 0, 1), angle, rng.normal(size=3) * unit * (1 + turn))
     pose = motion @ wobble
     expected, doubt = reference.score(
         *(reference.surface(*cloud, **option) for cloud, option in zip(clouds, options, strict=True)), pose
