@@ -1,10 +1,12 @@
-"""Ctrl-C, sent to a program once it computes."""
+"""What happens to processes: Ctrl-C, sent to a program once it computes, and a fork."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable
 
 import pytest
 
@@ -43,3 +45,19 @@ def assert_hears_interrupt(preparation: str, call: str) -> None:
     """Send Ctrl-C to a call that would compute for long, once it computes beside other threads."""
     program = COMPUTING.format(preparation=textwrap.dedent(preparation), call=call)
     assert interrupt(program, after="computing") == "interrupted\n"
+
+
+def assert_holds_in_a_fork(check: Callable[[], bool]) -> None:
+    """Fork this process, which has computed before, and ask its child; one that hangs is killed after a minute."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if check() else 1)
+    os.close(writer)
+    ended, _, _ = select.select([reader], [], [], 60)  # its end of the pipe closes with it
+    os.close(reader)
+    if not ended:
+        os.kill(child, signal.SIGKILL)
+    _, status = os.waitpid(child, 0)
+    assert ended, "the forked process hangs"
+    assert os.waitstatus_to_exitcode(status) == 0

@@ -1,8 +1,6 @@
 """A cloud that is made ready once gives what its array gives, in any order, thread and process."""
 
 import gc
-import os
-import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +15,7 @@ from cgroup import InputError, _core, features
 from cgroup.datasets import standin_pair
 from cgroup.io import PointCloud
 from cgroup.registration import correspond, describe, detect
+from interrupts import assert_holds_in_a_fork, posix_only
 
 POINTS = standin_pair(pixels=80).source.points
 PR = features.resolution(POINTS)
@@ -64,17 +63,14 @@ def test_threads_share_a_cloud() -> None:
                 assert_same(got, EXPECTED[name])
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no fork there")
+@posix_only
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_forked_process_uses_the_cloud() -> None:
     cloud = features.Cloud(POINTS)
     features.harris3d(cloud)
-    child = os.fork()
-    if child == 0:
-        steps = all_steps(cloud)
-        same = all(np.array_equal(steps[name](), EXPECTED[name]) for name in ("harris3d", "shot", "iss"))
-        os._exit(0 if same else 1)
-    assert os.waitpid(child, 0)[1] == 0
+    steps = all_steps(cloud)
+    names = ("harris3d", "shot", "iss")
+    assert_holds_in_a_fork(lambda: all(np.array_equal(steps[name](), EXPECTED[name]) for name in names))
 
 
 def test_float32_is_read_as_it_is() -> None:

@@ -1,9 +1,6 @@
 """The public face of the methods: what it accepts, what it refuses, and what it promises."""
 
 import inspect
-import os
-import select
-import signal
 import subprocess
 import sys
 import tempfile
@@ -13,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wrong_values import HUGE
 
 import cgroup
 from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusError, _core, group, group_many
 from cgroup._checks.fields import FIELDS, check_scores
 from cgroup._checks.run_options import run_options
 from cgroup.registry import METHOD_INFO
-from interrupts import assert_hears_interrupt, posix_only
+from interrupts import assert_hears_interrupt, assert_holds_in_a_fork, posix_only
 from strategies import make_problem
 
 PROBLEM = make_problem(np.random.default_rng(3), 120, inlier_ratio=0.4)
@@ -163,6 +161,7 @@ def test_far_from_the_origin():
         ({"target_lrf": None}, "target_lrf.*both sides"),
         ({"resolution": 0.0}, "resolution.*greater than 0"),
         ({"resolution": np.nan}, "resolution.*greater than 0"),
+        ({"resolution": np.array([1.0])}, r"resolution: got array\(\[1.\]\); give a number"),
         ({"source_centroid": [0.0, np.inf, 0.0]}, "source_centroid.*finite"),
         ({"source": np.full((120, 3), 1e200)}, "source.*1e150"),
         ({"candidates": PROBLEM.target}, r"candidates.*\(120,3\).*\(120,k,3\)"),
@@ -211,6 +210,16 @@ def test_the_first_wrong_row_is_named(name, dtype):
         ("3dhv", {"neighbors": 5}, "neighbors.*0, 6 or 26"),
         ("3dhv", {"variant": "pcl"}, "bin_size.*side"),
         ("3dhv", {"bin_size": 1e-12}, "bin_size.*larger"),
+        (
+            "gc",
+            {"tolerance": HUGE},
+            r"tolerance: got 1000.*\.\.\..*000; give a number that fits into a float",
+        ),
+        ("gc", {"variant": None}, 'variant: got None; choose one of "star", "clique"'),
+        ("gc", {"variant": "x" * 10**6}, "variant: got 'xxx.*; choose one of"),
+        ("gc", {"seed": -1}, "seed: got -1; give a whole number of at least 0"),
+        ("gc", {"seed": 2**64}, "seed: got 18446744073709551616; give a whole number of at most"),
+        ("gc", {"progress": 5}, "progress: got 5; give a function that takes the share of the work done"),
         ("gtm", {"tolerance": 1.0}, "tolerance.*distance_difference"),
         ("gtm", {"iteration": 5}, "gtm has no 'iteration'.*iterations"),
         ("gtm", {"max_memory": -1}, "max_memory"),
@@ -496,23 +505,11 @@ def test_ctrl_c_is_heard(call):
     assert_hears_interrupt(preparation, call)  # the work itself would take hours
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@posix_only
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_a_forked_process_computes_too():
     expected = cgroup.gtm(PROBLEM.source, PROBLEM.target).mask
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        same = np.array_equal(cgroup.gtm(PROBLEM.source, PROBLEM.target).mask, expected)
-        os._exit(0 if same else 1)
-    os.close(writer)
-    ended, _, _ = select.select([reader], [], [], 60)  # its end of the pipe closes with it
-    os.close(reader)
-    if not ended:
-        os.kill(child, signal.SIGKILL)
-    _, status = os.waitpid(child, 0)
-    assert ended, "the forked process hangs"
-    assert os.waitstatus_to_exitcode(status) == 0
+    assert_holds_in_a_fork(lambda: np.array_equal(cgroup.gtm(PROBLEM.source, PROBLEM.target).mask, expected))
 
 
 def test_importing_needs_numpy_alone():

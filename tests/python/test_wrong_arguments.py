@@ -147,23 +147,6 @@ def test_several_wrong_values_at_once(calls: dict[str, Call], data: st.DataObjec
         call.run(**values)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"tolerance": HUGE}, r"tolerance: got 1000.*\.\.\..*000; give a number that fits into a float"),
-        ({"variant": None}, 'variant: got None; choose one of "star", "clique"'),
-        ({"variant": "x" * 10**6}, "variant: got 'xxx.*; choose one of"),
-        ({"seed": -1}, "seed: got -1; give a whole number of at least 0"),
-        ({"seed": 2**64}, "seed: got 18446744073709551616; give a whole number of at most"),
-        ({"progress": 5}, "progress: got 5; give a function that takes the share of the work done"),
-        ({"resolution": np.array([1.0])}, r"resolution: got array\(\[1.\]\); give a number"),
-    ],
-)
-def test_what_the_error_says(options: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        cgroup.gc(PROBLEM.source, PROBLEM.target, **options)
-
-
 def test_no_correspondences() -> None:
     with pytest.raises(InputError, match="correspondences: got None; give a Correspondences"):
         cgroup.group(None, "gtm")  # pyright: ignore[reportArgumentType]
