@@ -3,14 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cgroup.errors import NoConsensusError
 from cgroup.registration import Registration, register
 from cgroup.rigid import apply
-from strategies import random_motion
-
-FloatArray = NDArray[np.float64]
+from strategies import FloatArray, random_motion
 
 
 def plane(seed: int, count: int = 12_000, noise: float = 5e-4) -> FloatArray:

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from cgroup import InputError, features
 from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Alignment, FineSurface, align
 from reference import alignment as reference
-from strategies import random_motion
-
-FloatArray = NDArray[np.float64]
+from strategies import FloatArray, random_motion
 
 PAIR = standin_pair(pixels=80)
 TRUTH = PAIR.T_target_source

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from cgroup import Correspondences, InputError, features
 from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Surface, score_poses, verify
 from reference import verification as reference
-from strategies import random_motion, random_rotations, rigid
-
-FloatArray = NDArray[np.float64]
+from strategies import FloatArray, random_motion, random_rotations, rigid
 
 PAIR = standin_pair(pixels=70)
 PR = features.resolution(PAIR.source.points)

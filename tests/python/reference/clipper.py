@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 
 from .maximum_clique import color_classes, cores, greedy_clique
 from .pairwise import centred, distance_difference, edge_lengths
-from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows, length
 from .rigid import homogeneous, kabsch, spreads
 
 ZERO = 1e-9
@@ -61,7 +61,7 @@ def clipper(
     variant: str = "densest",
     seed: int = 0,
 ) -> ReferenceGrouping:
-    p_raw, q_raw = as_points(source), as_points(target)
+    p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
     p, q = centred(p_raw), centred(q_raw)
     epsilon = length(max_distance_difference, resolution, 5.0)
     sigma = epsilon / 3.0 if deviation is None else deviation

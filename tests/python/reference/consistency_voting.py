@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from .otsu import OtsuMode, select_above
 from .pairwise import distance_difference
-from .result import FloatArray, ReferenceGrouping, as_frames, as_points, as_vector, has_frame, length
+from .result import FloatArray, ReferenceGrouping, as_rows, has_frame, length
 
 
 def cv(
@@ -32,8 +32,8 @@ def cv(
     threshold: float | Literal["otsu"] = "otsu",
     otsu: OtsuMode = "minmax",
 ) -> ReferenceGrouping:
-    p, q, lowe = as_points(source), as_points(target), as_vector(ratio)
-    source_frames, target_frames = as_frames(source_lrf), as_frames(target_lrf)
+    p, q, lowe = as_rows(source, 3), as_rows(target, 3), as_rows(ratio)
+    source_frames, target_frames = as_rows(source_lrf, 3, 3), as_rows(target_lrf, 3, 3)
     delta_r = length(distance_scale, resolution, 10.0)
 
     voting_set = np.argsort(lowe, kind="stable")[:voters]  # C_v: top k by 1 - ratio

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 
 from .otsu import OtsuMode, select_above
 from .pairwise import distance_difference, distance_ratio, shares_an_endpoint
-from .result import FloatArray, ReferenceGrouping, as_points, length
+from .result import FloatArray, ReferenceGrouping, as_rows, length
 
 NO_PAYOFF = 1e-300
 TIE = 1e-12
@@ -55,7 +55,7 @@ def gtm(
     convergence_tolerance: float | None = None,
     dynamics: Literal["replicator", "infection_immunisation"] = "replicator",
 ) -> ReferenceGrouping:
-    p, q = as_points(source), as_points(target)
+    p, q = as_rows(source, 3), as_rows(target, 3)
     n = len(p)
     if payoff == "distance_ratio":
         pi = distance_ratio(p, q)  # Pi_ij = r(c_i, c_j), Eq. 18 with Eq. 12

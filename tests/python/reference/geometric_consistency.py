@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from .pairwise import distance_difference
 from .ransac import ransac
-from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, as_vector, length
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows, length
 
 
 def gc(
@@ -37,7 +37,7 @@ def gc(
     seed: int = 0,
     iterations: int = 10_000,
 ) -> ReferenceGrouping:
-    p, q = as_points(source), as_points(target)
+    p, q = as_rows(source, 3), as_rows(target, 3)
     t_gc = length(tolerance, resolution, 3.0)
     delta = distance_difference(p, q)  # d(c_i, c_j), Eq. 13
     if variant == "star":
@@ -71,7 +71,7 @@ def visiting_order(n: int, similarity: ArrayLike | None) -> IntArray:
     """Rows by descending similarity, ties by index; input order without similarity."""
     if similarity is None:
         return np.arange(n)
-    values = as_vector(similarity)
+    values = as_rows(similarity)
     return np.argsort(-np.where(np.isfinite(values), values, -np.inf), kind="stable")
 
 

@@ -30,16 +30,7 @@ from numpy.typing import ArrayLike
 
 from .pairwise import bounding_box_diagonal, centred
 from .ransac import ransac
-from .result import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    ReferenceGrouping,
-    as_frames,
-    as_points,
-    as_vector,
-    has_frame,
-)
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows, has_frame
 
 FLAT = 1e-9
 Bin = tuple[int, int, int]
@@ -63,8 +54,8 @@ def hough3d(
     iterations: int = 10_000,
     seed: int = 0,
 ) -> ReferenceGrouping:
-    p, q = as_points(source), as_points(target)
-    source_frames, target_frames = as_frames(source_lrf), as_frames(target_lrf)
+    p, q = as_rows(source, 3), as_rows(target, 3)
+    source_frames, target_frames = as_rows(source_lrf, 3, 3), as_rows(target_lrf, 3, 3)
     if source_centroid is None:
         centroid = p.mean(axis=0) if len(p) else np.zeros(3)
     else:
@@ -137,7 +128,7 @@ def within(cells: IntArray, peak: IntArray, neighbors: int) -> BoolArray:
 def vote_weights(n: int, similarity: ArrayLike | None) -> FloatArray:
     """(n,) 1 - d / d_max with d = 1 - similarity."""
     assert similarity is not None
-    d = 1.0 - as_vector(similarity)
+    d = 1.0 - as_rows(similarity)
     finite = np.isfinite(d)
     d_max = d[finite].max(initial=0.0)
     weights = np.zeros(n)

@@ -61,17 +61,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import poisson
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .result import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    ReferenceGrouping,
-    as_frames,
-    as_points,
-    as_vector,
-    has_frame,
-    length,
-)
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows, has_frame, length
 from .rigid import Pose, apply, fixes_rotation, in_data, nearest_rotation, weighted_kabsch
 
 EDGES = 1000
@@ -159,11 +149,11 @@ def lc(
     modes: int = 40,
     instances: int = 1,
 ) -> ReferenceGrouping:
-    p_raw, q_raw = as_points(source), as_points(target)
+    p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
     unit = length(tolerance, resolution, 3.0) / 3.0
     n = len(p_raw)
     p, q = centred(p_raw) / unit, centred(q_raw) / unit
-    model = Model(p, q, levels(p, q, None if ratio is None else as_vector(ratio)))
+    model = Model(p, q, levels(p, q, None if ratio is None else as_rows(ratio)))
     agrees = distance_difference(p, q) < 3.0
     kept = np.sort(np.argsort(-agrees.sum(axis=1), kind="stable")[:VERTICES])
     joined = agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
@@ -198,7 +188,7 @@ def proposed(n: int, source_lrf: ArrayLike | None, target_lrf: ArrayLike | None)
     """(n,3,3) the rotations that frames propose, NaN for none."""
     if source_lrf is None or target_lrf is None:
         return np.full((n, 3, 3), np.nan)
-    source, target = as_frames(source_lrf), as_frames(target_lrf)
+    source, target = as_rows(source_lrf, 3, 3), as_rows(target_lrf, 3, 3)
     turns = target.transpose(0, 2, 1) @ source
     turns[~has_frame(source, target)] = np.nan
     return turns

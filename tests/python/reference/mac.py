@@ -37,7 +37,7 @@ from .otsu import otsu_split
 from .pairwise import centred, distance_difference
 from .refinement import best_pose, residuals
 from .refinement import refine as refine_pose
-from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .result import FloatArray, IntArray, ReferenceGrouping, as_rows, length
 from .rigid import fixes_rotation, weighted_kabsch
 
 LEAST_VERTICES = 50
@@ -59,7 +59,7 @@ def mac(
     max_hypotheses: int | None = None,
     refine: bool = True,
 ) -> ReferenceGrouping:
-    p, q = centred(as_points(source)), centred(as_points(target))
+    p, q = centred(as_rows(source, 3)), centred(as_rows(target, 3))
     tau = length(tolerance, resolution, 5.0)
     second = second_order(p, q, max_distance_difference or tau / 5.0, min_weight)
     kept = dense_part(second)

@@ -10,11 +10,11 @@ Decisions where the paper is open
 
 from numpy.typing import ArrayLike
 
-from .result import ReferenceGrouping, as_vector
+from .result import ReferenceGrouping, as_rows
 
 
 def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8) -> ReferenceGrouping:
-    distances_ratio = as_vector(ratio)
+    distances_ratio = as_rows(ratio)
     scores = 1.0 - distances_ratio  # Eq. 2, left side
     mask = distances_ratio <= max_ratio  # Eq. 2 solved for the ratio
     return ReferenceGrouping(mask, scores, 1.0 - max_ratio)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from .result import FloatArray
 
 
 def ball(points: FloatArray, center: int, radius: float) -> NDArray[np.intp]:

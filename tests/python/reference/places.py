@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reference.verification import COSINE, DOUBT, FACING, IN_FRONT, TOLERANCE, Surface, in_units, look, meet
 
-FloatArray = NDArray[np.float64]
+from .result import FloatArray
 
 
 def places(source: Surface, target: Surface, pose: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .pairwise import bounding_box_diagonal, centred
-from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows, length
 from .rigid import Pose, apply, determines_rotation, in_data, kabsch
 
 SAMPLE_SIZE = 3
@@ -43,7 +43,7 @@ def ransac(
     edge_ratio: float | None = None,
     confidence: float | None = None,
 ) -> ReferenceGrouping:
-    p_raw, q_raw = as_points(source), as_points(target)
+    p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
     p, q, n = centred(p_raw), centred(q_raw), len(p_raw)
     d_ransac = length(tolerance, resolution, 5.0)
     best_count, best_iteration, spent = 0, None, 0

@@ -26,19 +26,9 @@ class ReferenceGrouping:
     instances: BoolArray | None = None
 
 
-def as_points(points: ArrayLike) -> FloatArray:
-    """(n,3) float64 copy of `points`."""
-    return np.array(points, dtype=np.float64).reshape(-1, 3)
-
-
-def as_vector(values: ArrayLike) -> FloatArray:
-    """(n,) float64 copy of `values`."""
-    return np.array(values, dtype=np.float64).reshape(-1)
-
-
-def as_frames(frames: ArrayLike) -> FloatArray:
-    """(n,3,3) float64 copy of `frames`; rows of each block are the x, y, z axes."""
-    return np.array(frames, dtype=np.float64).reshape(-1, 3, 3)
+def as_rows(values: ArrayLike, *shape: int) -> FloatArray:
+    """(n, *shape) float64 copy: numbers, points (3) or frames (3, 3) with the x, y, z axes as rows."""
+    return np.array(values, dtype=np.float64).reshape(-1, *shape)
 
 
 def has_frame(source_lrf: FloatArray, target_lrf: FloatArray) -> BoolArray:

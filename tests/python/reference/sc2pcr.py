@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike
 
 from .pairwise import centred, distance_difference, edge_lengths
 from .refinement import best_pose, inliers_of, refine, residuals
-from .result import FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .result import FloatArray, IntArray, ReferenceGrouping, as_rows, length
 from .rigid import Pose, apply, fixes_rotation, in_data, weighted_kabsch
 
 POWER_STEPS = 10
@@ -56,7 +56,7 @@ def sc2pcr(
     k1: int = 30,
     k2: int = 20,
 ) -> ReferenceGrouping:
-    p_raw, q_raw = as_points(source), as_points(target)
+    p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
     p, q, n = centred(p_raw), centred(q_raw), len(p_raw)
     t = length(tolerance, resolution, 5.0)
     limit = t if max_distance_difference is None else max_distance_difference

@@ -19,16 +19,7 @@ from numpy.typing import ArrayLike
 
 from .otsu import OtsuMode, select_above
 from .pairwise import centred, distance_ratio, edge_lengths
-from .result import (
-    BoolArray,
-    FloatArray,
-    ReferenceGrouping,
-    as_frames,
-    as_points,
-    as_vector,
-    has_frame,
-    length,
-)
+from .result import BoolArray, FloatArray, ReferenceGrouping, as_rows, has_frame, length
 
 
 def si(
@@ -47,7 +38,7 @@ def si(
     threshold: float | Literal["otsu"] = "otsu",
     otsu: OtsuMode = "minmax",
 ) -> ReferenceGrouping:
-    p, q, lowe = as_points(source), as_points(target), as_vector(ratio)
+    p, q, lowe = as_rows(source, 3), as_rows(target, 3), as_rows(ratio)
     delta = length(tolerance, resolution, 5.0)
     rigid = distance_ratio(p, q) > min_distance_ratio  # r(c_i, c_j) > varsigma
 
@@ -64,7 +55,7 @@ def si(
     global_voters = np.zeros_like(near)
     global_voters[:, leaders] = True
     np.fill_diagonal(global_voters, val=False)  # C_G without c itself
-    error = transfer_error(p, q, as_frames(source_lrf), as_frames(target_lrf))  # v_G, Eq. 4
+    error = transfer_error(p, q, as_rows(source_lrf, 3, 3), as_rows(target_lrf, 3, 3))  # v_G, Eq. 4
     global_votes = global_voters & rigid & (error < delta)  # Y_G(c), Eq. 5
 
     votes = local_votes.sum(axis=1) + global_votes.sum(axis=1)

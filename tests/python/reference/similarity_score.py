@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .otsu import OtsuMode, otsu_split
-from .result import ReferenceGrouping, as_vector
+from .result import ReferenceGrouping, as_rows
 
 
 def ss(
@@ -24,7 +24,7 @@ def ss(
     otsu: OtsuMode = "minmax",
     bins: int = 100,
 ) -> ReferenceGrouping:
-    scores = as_vector(similarity)  # Eq. 1, left side: 1 - |f_norm - f'_norm|
+    scores = as_rows(similarity)  # Eq. 1, left side: 1 - |f_norm - f'_norm|
     finite = np.isfinite(scores)
     mask = np.zeros(len(scores), dtype=bool)
     if threshold == "otsu":

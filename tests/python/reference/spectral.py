@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .pairwise import distance_ratio, shares_an_endpoint
-from .result import BoolArray, FloatArray, ReferenceGrouping, as_points, as_vector
+from .result import BoolArray, FloatArray, ReferenceGrouping, as_rows
 
 Affinity = Literal["raw", "threshold", "binary"]
 Diagonal = Literal["zero", "one", "score"]
@@ -51,7 +51,7 @@ def st(
     eigensolver: Eigensolver = "power",
     conflict: Conflict = "rigidity",
 ) -> ReferenceGrouping:
-    p, q = as_points(source), as_points(target)
+    p, q = as_rows(source, 3), as_rows(target, 3)
     n = len(p)
     matrix = affinity_matrix(p, q, min_distance_ratio, affinity)  # M_ij = r(c_i, c_j), Eq. 12
     np.fill_diagonal(matrix, diagonal_values(n, diagonal, similarity))
@@ -85,7 +85,7 @@ def diagonal_values(n: int, diagonal: Diagonal, similarity: ArrayLike | None) ->
     if diagonal == "one":
         return np.ones(n)
     assert similarity is not None
-    return np.maximum(as_vector(similarity), 0.0)
+    return np.maximum(as_rows(similarity), 0.0)
 
 
 def conflict_matrix(

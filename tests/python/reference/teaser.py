@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from .maximum_clique import cores, maximum_clique
 from .pairwise import bounding_box_diagonal, centred, distance_difference, edge_lengths
-from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_points, length
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows, length
 from .rigid import Pose, in_data, nearest_rotation, spreads
 
 MOST_RATIOS = 1_000_000
@@ -48,7 +48,7 @@ def teaser(
     scale: str = "known",
     max_steps: int = 1_000_000,
 ) -> ReferenceGrouping:
-    p_raw, q_raw = as_points(source), as_points(target)
+    p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
     beta = length(tolerance, resolution, 2.5)
     difference = 2.0 * beta if max_distance_difference is None else max_distance_difference
     nothing = ReferenceGrouping(np.zeros(len(p_raw), dtype=bool), None, None)

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from .pairwise import centred, distance_difference, edge_lengths
 from .refinement import best_pose, inliers_of, refine, triangle_poses
-from .result import BoolArray, FloatArray, ReferenceGrouping, as_points, length
+from .result import BoolArray, FloatArray, ReferenceGrouping, as_rows, length
 from .rigid import in_data
 
 
@@ -38,7 +38,7 @@ def turboreg(
     cliques_per_pivot: int = 2,
     choice: str = "inliers",
 ) -> ReferenceGrouping:
-    p_raw, q_raw = as_points(source), as_points(target)
+    p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
     p, q = centred(p_raw), centred(q_raw)
     t = length(tolerance, resolution, 5.0)
     limit = 0.12 * t if max_distance_difference is None else max_distance_difference

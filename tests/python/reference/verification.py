@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from .result import BoolArray, FloatArray
 
 CELL, REACH = 1.0, 4.0
 TOLERANCE, IN_FRONT, COSINE = 2.0, 3.0, 0.8
