@@ -1,24 +1,19 @@
 """What `Grouping.explain` says is true: its numbers are those of the reference, its cuts separate."""
 
-from __future__ import annotations
-
 import pickle
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 from method_cases import CASES, Options, Pr, call_cgroup, name_of
 
 import cgroup
-from cgroup import Correspondences, Explanation, InputError, group
+from cgroup import Correspondences, Explanation, Grouping, InputError, group
 from cgroup._explain import explain_matches
 from reference.hough_voting import hough3d
 from reference.pairwise import distance_difference, distance_ratio, edge_lengths, shares_an_endpoint
 from strategies import hard_problem
-
-if TYPE_CHECKING:
-    from cgroup import Grouping
 
 PROBLEM = hard_problem(90)
 PR = PROBLEM.resolution

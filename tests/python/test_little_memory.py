@@ -54,6 +54,7 @@ def steps() -> dict[str, Callable[[], object]]:
     poses = np.tile(np.eye(4), (20, 1, 1))
     poses[:, 0, 3] = np.arange(20)
     few = slice(0, POINTS, 20)
+    fields = {"ratio": np.full(POINTS, 0.5), "source_lrf": frames, "target_lrf": frames, "resolution": 1.0}
 
     def verify() -> object:
         built = verification.Surface(points, normals, unit=0.4)
@@ -69,16 +70,7 @@ def steps() -> dict[str, Callable[[], object]]:
         "match": lambda: features.match(table, table, k=50, threads=THREADS),
         "verify": verify,
         "register": lambda: registration.register(points[few], points[few], threads=THREADS),
-        "si": lambda: cgroup.si(
-            points,
-            points,
-            ratio=np.full(POINTS, 0.5),
-            source_lrf=frames,
-            target_lrf=frames,
-            resolution=1.0,
-            neighbors=20,
-            threads=THREADS,
-        ),
+        "si": lambda: cgroup.si(points, points, **fields, neighbors=20, threads=THREADS),
     }
 
 

@@ -1,7 +1,5 @@
 """Models in scenes: the right ones where they are, and none that are not there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scenes import stone_model, stone_scene

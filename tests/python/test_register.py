@@ -1,21 +1,16 @@
 """`register` from cloud to pose: what it takes, what it gives, and what must not change its answer."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
-from register_shapes import arrow, best_guess, cube, cylinder, moved, plane
+from register_shapes import FloatArray, arrow, best_guess, cube, cylinder, moved, plane
 
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.registration import DenseFront, PaperFront, Registration, prepare, register
 from cgroup.rigid import apply, invert, rotation_error
 from strategies import random_motion, rigid
-
-if TYPE_CHECKING:
-    from register_shapes import FloatArray
 
 PAIR = standin_pair(pixels=80)
 SOURCE, TARGET, TRUTH = PAIR.source.points, PAIR.target.points, PAIR.T_target_source

@@ -1,14 +1,13 @@
 """What `register` can't work with: one sentence that says what to do, or an honest no; never a wrong pose."""
 
-from __future__ import annotations
-
 import contextlib
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
-from register_shapes import cylinder, moved, plane, sphere
+from register_shapes import FloatArray, cylinder, moved, plane, sphere
 
 from cgroup import features
 from cgroup.datasets import standin_pair
@@ -17,11 +16,6 @@ from cgroup.registration import DenseFront, PaperFront, prepare, register
 from cgroup.rigid import apply
 from interrupts import interrupt, posix_only
 from strategies import random_motion
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from register_shapes import FloatArray
 
 PAIR = standin_pair(pixels=80)
 SOURCE, TARGET, TRUTH = PAIR.source.points, PAIR.target.points, PAIR.T_target_source

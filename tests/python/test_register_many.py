@@ -1,7 +1,5 @@
 """Many pairs at once: the same answers as one by one, each scan made ready once, stopped as one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The pipeline on pairs whose pose is known."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Whatever a caller passes by mistake: an `InputError` that says what, got what, and what to do; or a result."""
 
-from __future__ import annotations
-
 import contextlib
 import inspect
 from fractions import Fraction

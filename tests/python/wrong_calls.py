@@ -4,11 +4,10 @@ For an `InputError` of the functions in `public_calls`, and for memory that is r
 own.
 """
 
-from __future__ import annotations
-
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -20,9 +19,6 @@ from cgroup.benchmark import config, pipelines, solver
 from cgroup.benchmark.paper import readings
 from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.pages import page
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 CLOUD = types.PointCloud(np.eye(3))
 STONES = datasets.open_dataset("standin-full")
