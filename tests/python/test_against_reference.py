@@ -45,6 +45,9 @@ def compare(method: str, problem: Problem, options: Options) -> None:
     assert_same_alternatives(got, expected, nudged, problem)
     assert_same_confidence(got, expected, nudged, problem)
     assert_mask_follows_scores(method, got, expected, nudged, options)
+    if not ambiguous.any():
+        assert got.complete == expected.details.get("complete", got.complete)
+        assert got.diagnostics.get("certified") == expected.details.get("certified")
 
 
 def expect(method: str, problem: Problem, options: Options) -> tuple[Any, ...]:
@@ -306,7 +309,7 @@ def test_problems_beyond_every_block(method: str, shape: str) -> None:
             np.testing.assert_allclose(got.scores, expected.scores, rtol=0, atol=allowed)
 
 
-@pytest.mark.parametrize("method", ["sc2pcr", "turboreg"])
+@pytest.mark.parametrize("method", ["ransac", "sc2pcr", "turboreg", "teaser", "clipper"])
 def test_models_lay_the_points_in_the_same_places(method: str) -> None:
     for seed in range(5):
         problem = make_problem(np.random.default_rng(seed), 200, inlier_ratio=0.3)

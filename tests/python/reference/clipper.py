@@ -80,7 +80,7 @@ def clipper(
     mask = np.zeros(len(p), dtype=bool)
     if len(chosen) >= 3 and all(spreads(x[chosen]) for x in (p, q)):
         mask[chosen] = True
-        details["model"] = homogeneous(*kabsch(p_raw[chosen], q_raw[chosen]))
+        details["transform"] = homogeneous(*kabsch(p_raw[chosen], q_raw[chosen]))
     return ReferenceGrouping(mask, scores, None, details)
 
 

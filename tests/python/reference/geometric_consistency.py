@@ -57,14 +57,14 @@ def gc(
 def star(delta: FloatArray, t_gc: float, ties: Literal["lowest", "union"]) -> ReferenceGrouping:
     """Largest cluster {i} and {j : delta_ij < t_gc}."""
     if len(delta) == 0:
-        return ReferenceGrouping(np.zeros(0, dtype=bool), np.zeros(0), None, {"seeds": []})
+        return ReferenceGrouping(np.zeros(0, dtype=bool), np.zeros(0), None)
     clusters = delta < t_gc
     np.fill_diagonal(clusters, val=True)  # G_i
     sizes = clusters.sum(axis=1)
     largest = np.flatnonzero(sizes == sizes.max())
     seeds = largest if ties == "union" else largest[:1]  # i* = argmax |G_i|
     mask = clusters[seeds].any(axis=0)
-    return ReferenceGrouping(mask, sizes.astype(np.float64), None, {"seeds": seeds})
+    return ReferenceGrouping(mask, sizes.astype(np.float64), None)
 
 
 def visiting_order(n: int, similarity: ArrayLike | None) -> IntArray:

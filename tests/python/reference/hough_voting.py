@@ -62,7 +62,7 @@ def hough3d(
         centroid = np.asarray(source_centroid, dtype=np.float64)
     framed = has_frame(source_frames, target_frames)
     votes = cast_votes(p, centred(q), source_frames, target_frames, centroid)
-    details = {"votes": votes, "centroid": centroid, "framed": framed}
+    details = {"votes": votes, "framed": framed}
     rows = np.flatnonzero(framed)
     mask = np.zeros(len(p), dtype=bool)
     if variant == "grid":

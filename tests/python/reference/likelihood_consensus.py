@@ -129,12 +129,8 @@ class Ranked(NamedTuple):
     chance: float
 
 
-class Answer(NamedTuple):
-    """The modes, the best first, and what they are of."""
-
-    model: Model
-    ranked: list[Ranked]
-    by_frames: bool
+Answer = tuple[Model, list[Ranked]]
+"""What the modes are of, and they, the best first."""
 
 
 def lc(
@@ -160,27 +156,27 @@ def lc(
     found = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)])]
     hypotheses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
     turns = proposed(n, source_lrf, target_lrf)
-    answer = Answer(model, rank(model, hypotheses, modes), by_frames=False)
+    counted, ranked = model, rank(model, hypotheses, modes)
     if np.isfinite(turns).any():
-        answer = with_frames(answer, turns, hypotheses, kept, modes)
+        counted, ranked = with_frames((model, ranked), turns, hypotheses, kept, modes)
     mask, scores = np.zeros(n, dtype=bool), np.zeros(n)
     expected = np.inf
-    if answer.ranked:
-        best = answer.ranked[0]
-        mask, scores = model.squares(best.pose) <= 5.0**2, posterior(answer.model.log_odds(best.pose))
-        if not equalled(model, answer.ranked):
+    if ranked:
+        best = ranked[0]
+        mask, scores = model.squares(best.pose) <= 5.0**2, posterior(counted.log_odds(best.pose))
+        if not equalled(model, ranked):
             expected = alarms(model, best, np.zeros(n, dtype=bool))
     ok = bool(expected < MOST_ALARMS)
     return ReferenceGrouping(
         mask,
         scores,
         None,
-        {"hypotheses": len(hypotheses), "by_frames": answer.by_frames},
-        np.array([in_data(one.pose, p_raw, q_raw, unit) for one in answer.ranked]).reshape(-1, 4, 4),
-        np.array([one.score for one in answer.ranked]),
+        {"hypotheses": len(hypotheses)},
+        np.array([in_data(one.pose, p_raw, q_raw, unit) for one in ranked]).reshape(-1, 4, 4),
+        np.array([one.score for one in ranked]),
         ok=ok,
         false_alarms=float(expected),
-        instances=find_instances(model, answer.ranked, instances if ok else 0) if instances > 1 else None,
+        instances=find_instances(model, ranked, instances if ok else 0) if instances > 1 else None,
     )
 
 
@@ -210,10 +206,10 @@ def with_frames(
     answer: Answer, turns: FloatArray, cliques: list[Pose], vertices: IntArray, modes: int
 ) -> Answer:
     """Return the answer with frames, where they count."""
-    model = answer.model
+    model, ranked = answer
     nothing = np.zeros(len(turns), dtype=bool)
     agree: list[BoolArray] = []
-    for one in answer.ranked:
+    for one in ranked:
         if alarms(model, one, nothing) < MOST_ALARMS:
             group = (model.squares(one.pose) <= 5.0**2) & np.isfinite(turns[:, 0, 0])
             agree.append(agreeing(turns[group], one.pose.rotation))
@@ -222,13 +218,12 @@ def with_frames(
         return answer
     share = min(float(agrees.mean()), 0.9) if agrees.size else 0.5
     framed = model._replace(weight=1.0 / cluster_sizes(model.p, model.q), turns=turns, share=share)
-    ranked = rank(framed, cliques + stars(model.p, model.q, turns, vertices), modes)
-    after = Answer(framed, ranked, by_frames=True)
-    if not agrees.size and answer.ranked:
-        before = alarms(model, answer.ranked[0], nothing)
-        if not ranked or 100.0 * before <= alarms(model, ranked[0], nothing):
+    after = rank(framed, cliques + stars(model.p, model.q, turns, vertices), modes)
+    if not agrees.size and ranked:
+        before = alarms(model, ranked[0], nothing)
+        if not after or 100.0 * before <= alarms(model, after[0], nothing):
             return answer
-    return after
+    return framed, after
 
 
 def agreeing(turns: FloatArray, rotation: FloatArray) -> BoolArray:

@@ -77,7 +77,7 @@ def mac(
     best = best_pose(poses, p, q, tau, "mae")
     model = refine_pose(best, p, q, tau) if refine and best is not None else best
     mask = np.zeros(len(p), dtype=bool) if model is None else residuals(model, p, q) < tau
-    details = {"cliques": len(found), "hypotheses": len(poses), "complete": complete, "kept": kept}
+    details = {"complete": complete}
     return ReferenceGrouping(mask, scores, None, details)
 
 

@@ -46,7 +46,7 @@ def ransac(
     p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
     p, q, n = centred(p_raw), centred(q_raw), len(p_raw)
     d_ransac = length(tolerance, resolution, 5.0)
-    best_count, best_iteration, spent = 0, None, 0
+    best_count, spent = 0, 0
     if n >= SAMPLE_SIZE:
         for first in range(0, iterations, BLOCK):
             triples = sample_triples(n, first, min(BLOCK, iterations - first), seed)
@@ -58,13 +58,13 @@ def ransac(
                 counts[~edges_agree(triples, p, q, edge_ratio)] = 0
             leader = int(np.argmax(counts))
             if counts[leader] > best_count:  # ties keep the earliest iteration
-                best_count, best_iteration = int(counts[leader]), first + leader
+                best_count = int(counts[leader])
                 best = rotation[leader], translation[leader]
             spent = first + len(triples)
             if confidence is not None and enough(spent, best_count / n, confidence):
                 break
 
-    details = {"iterations": spent, "best_count": best_count, "best_iteration": best_iteration}
+    details = {"iterations": spent, "best_count": best_count}
     if best_count == 0:
         return ReferenceGrouping(np.zeros(n, dtype=bool), None, None, {**details, "transform": None})
     rotation, translation = best  # T*

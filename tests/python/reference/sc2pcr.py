@@ -63,7 +63,7 @@ def sc2pcr(
     delta = distance_difference(p, q)
     confidence = leading_eigenvector(soft(delta, limit))
     if n == 0:
-        return ReferenceGrouping(np.zeros(0, dtype=bool), confidence, None, {"hypotheses": 0})
+        return ReferenceGrouping(np.zeros(0, dtype=bool), confidence, None)
     hard, tight = delta < limit, (delta < limit / 2.0).astype(np.float32)
     most = max(1, int(n * seed_ratio))
     poses = []
@@ -81,7 +81,7 @@ def sc2pcr(
         others = np.array(candidates, dtype=np.float64) - q_raw.mean(axis=0)
         best = best_by_candidates(poses, p, q, others, t, limit)
     pose = None if best is None else refine(best, p, q, t)
-    details = {"hypotheses": len(poses), "transform": None if pose is None else in_data(pose, p_raw, q_raw)}
+    details = {"transform": None if pose is None else in_data(pose, p_raw, q_raw)}
     return ReferenceGrouping(inliers_of(pose, p, q, t), confidence, None, details)
 
 

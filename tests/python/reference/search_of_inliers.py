@@ -62,8 +62,7 @@ def si(
     voters = local_voters.sum(axis=1) + global_voters.sum(axis=1)
     scores = share(votes, voters)  # s(c), Eq. 6
     mask, cut = select_above(scores, threshold, otsu)
-    details = {"local_score": local_score, "global_voters": leaders}
-    return ReferenceGrouping(mask, scores, cut, details)
+    return ReferenceGrouping(mask, scores, cut)
 
 
 def nearest_others(points: FloatArray, count: int) -> BoolArray:

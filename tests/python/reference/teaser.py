@@ -65,7 +65,7 @@ def teaser(
     mask = np.zeros(len(p), dtype=bool)
     mask[kept] = (np.abs(q[kept] - p[kept] @ rotation.T - shift) <= beta).all(axis=1)
     model = in_data(Pose(factor * rotation, shift), p_raw, q_raw)
-    return ReferenceGrouping(mask, None, None, {"model": model, "kept": len(kept)})
+    return ReferenceGrouping(mask, None, None, {"transform": model})
 
 
 def joined_pairs(p: FloatArray, q: FloatArray, difference: float) -> BoolArray:

@@ -48,7 +48,7 @@ def turboreg(
     poses = triangle_poses(p[corners], q[corners])
     best = best_pose(poses, p, q, t, choice)
     pose = None if best is None else refine(best, p, q, t)
-    details = {"hypotheses": len(poses), "transform": None if pose is None else in_data(pose, p_raw, q_raw)}
+    details = {"transform": None if pose is None else in_data(pose, p_raw, q_raw)}
     return ReferenceGrouping(inliers_of(pose, p, q, t), None, None, details)
 
 
