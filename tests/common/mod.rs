@@ -1,7 +1,7 @@
 //! Matching problems with a known answer, for the tests of the public interface and the benches.
 //!
 //! The same distribution as that of `cgroup.datasets.make_problem` in Python, with `repeated_targets`,
-//! `random_frames` and `frame_error` 0; `tests/core/matching_problems.rs` and `test_matching_problems.py` hold both
+//! `random_frames` and `frame_error` 0; `tests/core/matching_problems.rs` and `test_generated.py` hold both
 //! to the same means.
 #![allow(dead_code, reason = "each test file uses its own part")]
 

@@ -1,4 +1,4 @@
-//! The generator of matching problems draws what it says; `test_matching_problems.py` asserts the same of Python's.
+//! The generator of matching problems draws what it says; `test_generated.py` asserts the same of Python's.
 
 use crate::common::{Problem, problem};
 use cgroup::correspondences::Frame;

@@ -1,4 +1,4 @@
-"""A data set of which some files are missing offers the pairs whose files are there, and says which are not."""
+"""A data set of which files are missing or broken offers the pairs whose files are there, and names the others."""
 
 from pathlib import Path
 
@@ -130,6 +130,30 @@ def test_pairs_that_lack_a_file_are_left_out_and_named(
             dataset.load(pair)
     total = len(whole.pair_names())
     assert dataset.note().startswith(f"{len(lacking)} of {total} pairs lack files: {lacking[0]} (no ")
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "content", "says"),
+    [
+        *(
+            ("b3r", "b3r/r/ConfigScene0.ini", content, "ConfigScene0.ini: not a readable")
+            for content in ("[MODELS]\n", "no configuration at all", "[SCENE]\nPATH = 3\n")
+        ),
+        ("stanford", "stanford_views/bunny/bun.conf", "bmesh a.ply 0 0 0 x 0 0 1\n", "bun.conf: can't read the pose"),
+        ("stanford", "manifest.json", "[]", "manifest"),
+        ("3dmatch", "threedmatch/hall-evaluation/gt.log", LOG[:-8], "gt.log: not a list of poses"),
+        ("fgr", "fgr/p1/features_0000.bin", "\1\0\0\0\3\0\0\0" + 20 * "\0", "features_0000.bin: says 1 points"),
+        ("u3m", "u3m/Chef/pairs.txt", "a.ply b.ply 1 2 3\n", "pairs.txt, line 1: has 5 words"),
+    ],
+)  # fmt: skip
+def test_broken_lists_and_poses_are_named(
+    name: str, file: str, content: str, says: str, tmp_path: Path
+) -> None:
+    lay_out(tmp_path, name)
+    first = open_dataset(name, tmp_path).pair_names()[0]
+    (tmp_path / file).write_text(content)
+    with pytest.raises(InputError, match=says):
+        open_dataset(name, tmp_path).load(first)
 
 
 @pytest.mark.parametrize(("name", "files"), [("b3r-clean", "*.ply"), ("u3m", "*.ply"), ("kitti", "*.bin")])
