@@ -21,49 +21,33 @@ from cgroup.registration import correspond
 from cgroup.rigid import check_rigid
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda seed: standin_pair(seed=seed, pixels=SMALL).source.points,
-        lambda seed: standin_pair(seed=seed, pixels=SMALL).target.points,
-        lambda seed: standin_pair(seed=seed, pixels=SMALL).T_target_source,
-        lambda seed: make_problem(np.random.default_rng(seed), 50).source,
-        lambda seed: make_problem(np.random.default_rng(seed), 50).ratio,
-    ],
-)
-def test_same_seed_same_pair_and_problem(make):
-    first, second, other = map(make, (3, 3, 4))
-    np.testing.assert_array_equal(first, second)
-    assert first.shape != other.shape or (first != other).any()
+@pytest.mark.parametrize("name", ["source", "target", "T_target_source"])
+def test_same_seed_same_pair_and_problem(name):
+    pairs = [standin_pair(seed=seed, pixels=SMALL) for seed in (3, 3, 4)]
+    problems = [make_problem(np.random.default_rng(seed), 50) for seed in (3, 3, 4)]
+    for each in (pairs, problems):
+        values = [getattr(one, name) for one in each]
+        first, second, other = (getattr(value, "points", value) for value in values)
+        np.testing.assert_array_equal(first, second)
+        assert first.shape != other.shape or (first != other).any()
 
 
 @pytest.mark.parametrize(
-    ("make", "options"),
-    [
-        *(
-            (standin_pair, {name: value})
-            for name, value in (
-                ("turn", -1),
-                ("turn", np.nan),
-                ("noise", -0.1),
-                ("noise", np.inf),
-                ("pixels", 3),
-            )
-        ),
-        *(
-            (functools.partial(make_problem, np.random.default_rng(0)), {"n": 10, name: value})
-            for name, value in (
-                ("n", -1),
-                ("inlier_ratio", 1.1),
-                ("clutter", -0.1),
-                ("missing_frames", np.nan),
-            )
-        ),
-    ],
+    ("name", "values"),
+    {"turn": (-1, np.nan), "noise": (-0.1, np.inf), "pixels": (3,)}.items(),
 )
-def test_bad_arguments(make, options):
-    with pytest.raises(InputError, match=list(options)[-1]):
-        make(**options)
+def test_no_pair_of_bad_arguments(name, values):
+    for value in values:
+        with pytest.raises(InputError, match=name):
+            standin_pair(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("n", -1), ("inlier_ratio", 1.1), ("clutter", -0.1), ("missing_frames", np.nan)]
+)
+def test_no_problem_of_bad_arguments(name, value):
+    with pytest.raises(InputError, match=name):
+        make_problem(np.random.default_rng(0), **{"n": 10, name: value})
 
 
 # --- scanner ------------------------------------------------------------------------------------

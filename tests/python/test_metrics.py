@@ -7,6 +7,7 @@ import pytest
 
 from cgroup.errors import InputError
 from cgroup.evaluation import (
+    PROTOCOLS,
     GroupScore,
     alignment_error,
     clutter_and_occlusion,
@@ -168,3 +169,40 @@ def test_clutter_and_occlusion() -> None:
     assert (clutter, occlusion) == (pytest.approx(0.75), pytest.approx(0.5))
     with pytest.raises(InputError, match="no area"):
         clutter_and_occlusion(model, [], scene, scene_faces, away, tolerance=0.01)
+
+
+# --- protocols of registration --------------------------------------------------------------
+
+
+NAN, INF = math.nan, math.inf
+
+
+@pytest.mark.parametrize(
+    ("name", "errors", "verdict"),
+    [
+        ("precision>0.1", (0.1, NAN, NAN, NAN), False),
+        ("precision>0.1", (0.1000001, INF, INF, INF), True),
+        ("precision>0.1", (0.0, 0, 0, 0), False),
+        ("rmse<=1pr", (0.0, NAN, NAN, 1.0), True),
+        ("rmse<=1pr", (1.0, 0, 0, 1.01), False),
+        ("rmse<=5pr", (0.0, 90, 90, 5.0), True),
+        ("rmse<=5pr", (1.0, INF, INF, INF), False),
+        ("3dmatch", (0.0, 15.0, 0.3, NAN), True),
+        ("3dmatch", (0.0, 15.1, 0.1, NAN), False),
+        ("3dmatch", (0.0, 1.0, 0.31, NAN), False),
+        ("kitti", (0.0, 5.0, 0.6, NAN), True),
+        ("kitti", (0.0, 5.0, 0.61, NAN), False),
+        ("kitti-2m", (0.0, 5.0, 2.0, NAN), True),
+        ("kitti-2m", (0.0, 5.1, 0.1, NAN), False),
+        ("3dmatch", (1.0, INF, INF, INF), False),
+    ],
+)
+def test_limits_of_protocols(name: str, errors: tuple[float, ...], verdict: bool) -> None:
+    assert PROTOCOLS[name].judge(*errors) is verdict
+
+
+def test_what_is_unknown_or_half_known_is_no_verdict() -> None:
+    for name, protocol in PROTOCOLS.items():
+        assert protocol.name == name
+        assert protocol.judge(NAN, NAN, NAN, NAN) is None
+    assert PROTOCOLS["3dmatch"].judge(1.0, 3.0, NAN, NAN) is None
