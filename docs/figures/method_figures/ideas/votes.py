@@ -23,6 +23,8 @@ from method_figures.drawing import (
 from method_figures.example import small_problem
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -47,34 +49,43 @@ def _usual(chosen: BoolArray, scores: FloatArray) -> int:
     return int(rows[np.argsort(scores[rows])[int(0.6 * len(rows))]])
 
 
-def si() -> Figure:
-    """Draw what global voters see of a right and of a wrong match, and the shares of votes."""
+def _votes(method: str, option: str, draw: Callable[..., None], *, of: str, title: str) -> Figure:
+    """Draw what 60 voters see of a right and of a wrong match, and what all matches get."""
     problem = _problem()
-    result = cgroup.group(problem.correspondences(), "si", neighbors=60)
+    result = cgroup.group(problem.correspondences(), method, **{option: 60})
     scores = np.asarray(result.scores)
     figure = new_figure(2.9)
-    first, second, third = figure.subplots(1, 3)
+    *pair, third = figure.subplots(1, 3)
     voters = np.argsort(problem.ratio, kind="stable")[:60]
-    for axes, match, name in zip(
-        (first, second), _candidates(problem, scores), ("right", "wrong"), strict=True
-    ):
-        _draw_residuals(axes, problem, match, voters)
+    for axes, match, name in zip(pair, _candidates(problem, scores), ("right", "wrong"), strict=True):
+        draw(axes, problem, match, voters[voters != match])
         finish(
             axes,
-            title=f"Votes for a {name} match",
-            xlabel="residual under its pose (pr)",
-            ylabel=r"distance ratio $r$" if axes is first else "",
+            title=of.format(name=name, score=scores[match]),
+            xlabel=axes.get_xlabel(),
+            ylabel=axes.get_ylabel() if axes is pair[0] else "",
+            grid=method == "si",
         )
     draw_histogram(third, scores, problem.inlier_mask, bins=np.linspace(0, scores.max(), 25))
     mark_cut(third, result.threshold or 0.0, "Otsu's cut")
-    finish(third, title="Share of votes", xlabel="$s(c)$", ylabel="matches")
+    finish(third, title=title, xlabel="$s(c)$", ylabel="matches")
     name_right_and_wrong(figure)
     return figure
 
 
-def _draw_residuals(axes: Axes, problem: MatchingProblem, match: int, voters: IndexArray) -> None:
+def si() -> Figure:
+    """Draw what global voters see of a right and of a wrong match, and the shares of votes."""
+    return _votes("si", "neighbors", _draw_residuals, of="Votes for a {name} match", title="Share of votes")
+
+
+def cv() -> Figure:
+    """Draw the weight of a vote, and what a right and a wrong match get."""
+    title = "Votes for a {name} match: {score:.1f}"
+    return _votes("cv", "voters", _draw_agreement, of=title, title="Sum of votes")
+
+
+def _draw_residuals(axes: Axes, problem: MatchingProblem, match: int, others: IndexArray) -> None:
     """Draw each voter by its residual under the candidate's own pose, and by its distance ratio."""
-    others = voters[voters != match]
     rotation = problem.target_lrf[match].T @ problem.source_lrf[match]
     moved = (problem.source[others] - problem.source[match]) @ rotation.T + problem.target[match]
     residual = np.linalg.norm(moved - problem.target[others], axis=1)
@@ -91,6 +102,7 @@ def _draw_residuals(axes: Axes, problem: MatchingProblem, match: int, voters: In
     count = int(((residual < 5) & (ratio > 0.9)).sum())
     axes.set_xscale("log")
     axes.set(xlim=(0.5, 450), ylim=(0, 1.04))
+    axes.set(xlabel="residual under its pose (pr)", ylabel=r"distance ratio $r$")
     axes.text(
         0.04,
         0.05,
@@ -106,32 +118,6 @@ def _distance_ratio(problem: MatchingProblem, match: int) -> FloatArray:
     target = np.linalg.norm(problem.target - problem.target[match], axis=1)
     longer = np.maximum(np.maximum(source, target), 1e-9)
     return np.minimum(source, target) / longer
-
-
-def cv() -> Figure:
-    """Draw the weight of a vote, and what a right and a wrong match get."""
-    problem = _problem()
-    result = cgroup.group(problem.correspondences(), "cv", voters=60)
-    scores = np.asarray(result.scores)
-    figure = new_figure(2.9)
-    first, second, third = figure.subplots(1, 3)
-    voters = np.argsort(problem.ratio, kind="stable")[:60]
-    for axes, match, name in zip(
-        (first, second), _candidates(problem, scores), ("right", "wrong"), strict=True
-    ):
-        _draw_agreement(axes, problem, match, voters[voters != match])
-        finish(
-            axes,
-            title=f"Votes for a {name} match: {scores[match]:.1f}",
-            xlabel=r"distances differ by $r$ (pr)",
-            ylabel="frames differ by $L$ (degrees)" if axes is first else "",
-            grid=False,
-        )
-    draw_histogram(third, scores, problem.inlier_mask, bins=np.linspace(0, scores.max(), 25))
-    mark_cut(third, result.threshold or 0.0, "Otsu's cut")
-    finish(third, title="Sum of votes", xlabel="$s(c)$", ylabel="matches")
-    name_right_and_wrong(figure)
-    return figure
 
 
 def _draw_agreement(axes: Axes, problem: MatchingProblem, match: int, others: IndexArray) -> None:
@@ -154,6 +140,7 @@ def _draw_agreement(axes: Axes, problem: MatchingProblem, match: int, others: In
         zorder=3,
     )
     axes.set(xlim=(0, reach), ylim=(0, turn))
+    axes.set(xlabel=r"distances differ by $r$ (pr)", ylabel="frames differ by $L$ (degrees)")
     axes.set_xticks([0, 10, 20, 30, reach], ["0", "10", "20", "30", "40+"])
     axes.set_yticks([0, 20, 40, turn], ["0", "20", "40", "60+"])
     axes.text(0.6 * reach, 0.9 * turn, "blue: vote near 1", fontsize=FONT - 1, color=QUIET_TEXT, ha="center")
