@@ -48,7 +48,7 @@ def system(tmp_path, monkeypatch):
 
 def test_a_quarter_of_what_is_free(system):
     system.available(4 << 20)
-    assert memory.default_max_memory() == GIB
+    assert memory.default_max_memory() == memory.max_memory_for(5000) == GIB
 
 
 @pytest.mark.parametrize(
@@ -110,11 +110,6 @@ def test_small_problems_get_a_bound_without_a_look_at_the_system(monkeypatch):
     monkeypatch.setattr(memory, "default_max_memory", fail)
     assert memory.max_memory_for(0) == memory.max_memory_for(900) == memory.SMALL
     assert memory.SMALL > 900**2 * 40  # more than any method takes
-
-
-def test_large_problems_get_a_share_of_what_is_free(system):
-    system.available(4 << 20)
-    assert memory.max_memory_for(5000) == GIB
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit of address space")
