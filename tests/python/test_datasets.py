@@ -30,7 +30,6 @@ from cgroup.datasets.base import mean_resolution, measure_clutter
 from cgroup.datasets.cache import cache_folder, cached
 from cgroup.datasets.generated import stones
 from cgroup.datasets.generated.shapes import stone
-from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
 from cgroup.evaluation import PROTOCOLS, overlap, within
@@ -706,12 +705,3 @@ def test_matches_have_the_known_share_of_inliers(
     assert isinstance(pair, CorrespondencePair)
     assert matches in {None, len(pair.correspondences)}
     assert share_right(pair.correspondences, pair.T_target_source) == pytest.approx(share, abs=doubt)
-
-
-def test_stanford_without_the_manifest_finds_nearly_the_same_pairs(tmp_path: Path) -> None:
-    root = data_folder("stanford_views")
-    home = tmp_path / "stanford_views" / "bunny"
-    home.mkdir(parents=True)
-    for name in ("bun.conf", "bun000.ply", "bun045.ply", "bun180.ply"):
-        (home / name).write_bytes((root / "stanford_views" / "bunny" / name).read_bytes())
-    assert StanfordViews(tmp_path).pair_names() == ["bunny/bun000-bun045"]
