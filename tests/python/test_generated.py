@@ -21,25 +21,27 @@ from cgroup.registration import correspond
 from cgroup.rigid import check_rigid
 
 
-@pytest.mark.parametrize("name", ["source", "target", "T_target_source"])
-def test_same_seed_same_pair_and_problem(name):
-    pairs = [standin_pair(seed=seed, pixels=SMALL) for seed in (3, 3, 4)]
-    problems = [make_problem(np.random.default_rng(seed), 50) for seed in (3, 3, 4)]
-    for each in (pairs, problems):
-        values = [getattr(one, name) for one in each]
-        first, second, other = (getattr(value, "points", value) for value in values)
-        np.testing.assert_array_equal(first, second)
-        assert first.shape != other.shape or (first != other).any()
+def test_same_seed_same_pair():
+    first, second, other = (standin_pair(seed=seed, pixels=SMALL) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.source.points, second.source.points)
+    np.testing.assert_array_equal(first.target.points, second.target.points)
+    np.testing.assert_array_equal(first.T_target_source, second.T_target_source)
+    assert len(other.source) != len(first.source) or (other.source.points != first.source.points).any()
+
+
+def test_same_seed_same_problem():
+    first, second, other = (make_problem(np.random.default_rng(seed), 50) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.source, second.source)
+    np.testing.assert_array_equal(first.ratio, second.ratio)
+    assert (first.source != other.source).all()
 
 
 @pytest.mark.parametrize(
-    ("name", "values"),
-    {"turn": (-1, np.nan), "noise": (-0.1, np.inf), "pixels": (3,)}.items(),
+    ("name", "value"), [("turn", -1), ("turn", np.nan), ("noise", -0.1), ("noise", np.inf), ("pixels", 3)]
 )
-def test_no_pair_of_bad_arguments(name, values):
-    for value in values:
-        with pytest.raises(InputError, match=name):
-            standin_pair(**{name: value})
+def test_no_pair_of_bad_arguments(name, value):
+    with pytest.raises(InputError, match=name):
+        standin_pair(**{name: value})
 
 
 @pytest.mark.parametrize(
@@ -54,8 +56,6 @@ def test_no_problem_of_bad_arguments(name, value):
 
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-
-
 look = functools.partial(range_image, step=0.013, offset=np.array([1.0, 1.0]))
 
 
@@ -280,8 +280,6 @@ def test_generated_matches_refuse_other_names(name: str, says: str) -> None:
 
 
 PLAIN = {"repeated_targets": 0.0, "random_frames": 0.0, "frame_error": 0.0}
-
-
 SURFACE_RADIUS = 102.61  # mean distance of the surface's points from the origin
 
 

@@ -156,7 +156,9 @@ def test_broken_lists_and_poses_are_named(
         open_dataset(name, tmp_path).load(first)
 
 
-@pytest.mark.parametrize(("name", "files"), [("b3r-clean", "*.ply"), ("u3m", "*.ply"), ("kitti", "*.bin")])
+@pytest.mark.parametrize(
+    ("name", "files"), [("b3r-clean", "*.ply"), ("u3m", "*.ply"), ("3dmatch", "*.ply"), ("kitti", "*.bin")]
+)
 def test_data_sets_without_any_whole_pair_are_not_there(name: str, files: str, tmp_path: Path) -> None:
     lay_out(tmp_path, name)
     for path in tmp_path.rglob(files):
