@@ -9,7 +9,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
 from cgroup.plots import style
-from cgroup.plots.curves import MARKER_SIZE, finish, panels
+from cgroup.plots.charts import MARKER_SIZE, finish, panels
 from peers.catalogue import OURS, PEERS, Peer
 from peers.scaling import LEAST_MIB, Curve, Quantity
 

@@ -180,5 +180,5 @@ def test_own_pipelines_are_colored_too() -> None:
         ]
     )
     figure = pipelines_figure(table, title="t")
-    colors = [line.get_color() for line in figure.axes[0].lines]
-    assert colors[1:] == list(OWN_COLORS[:2])
+    colors = dict.fromkeys(line.get_color() for line in figure.axes[0].lines)
+    assert list(colors)[1:] == list(OWN_COLORS[:2])

@@ -3,14 +3,18 @@
 They need matplotlib, which comes with the extra ``cgroup[scans]``.
 """
 
-from cgroup.plots.levels import inliers_figure, registration_rate_figure, scores_figure
+from cgroup.plots.experiments import (
+    inliers_figure,
+    pair_precision_figure,
+    pipelines_figure,
+    registration_rate_figure,
+    scores_figure,
+    timing_figure,
+    trials_figure,
+)
 from cgroup.plots.matches import comparison_figure, keypoints_figure, matches_figure, registration_figure
-from cgroup.plots.pair_precision import pair_precision_figure
-from cgroup.plots.pipelines import pipelines_figure
 from cgroup.plots.readings import readings_figure
 from cgroup.plots.scores import precision_recall_figure
-from cgroup.plots.times import timing_figure
-from cgroup.plots.trials import trials_figure
 
 __all__ = [
     "comparison_figure",

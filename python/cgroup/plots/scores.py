@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cgroup.plots import style
-from cgroup.plots.curves import marker_size
+from cgroup.plots.charts import marker_size
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -47,46 +47,13 @@ class Example:
 
 
 def choose_examples(evidence: Evidence) -> list[Example]:
-    """Choose a case per data set of the paper: the one with the median of the methods' mean F.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        All records.
-
-    Returns
-    -------
-    list of Example
-        At most three.
-    """
+    """Choose a case per data set of the paper: the one with the median of the methods' mean F."""
     found = (evidence.sample(experiment, place, every_method=True) for place, experiment in _TYPICAL.items())
     return [_choose_median(sample) for sample in found if sample is not None]
 
 
 def draw_example(out: Path, example: Example, methods: Sequence[str], root: Path | None = None) -> Figure:
-    """Draw what each method selected in a case.
-
-    Parameters
-    ----------
-    out : path
-        Folder of the run.
-    example : Example
-        Which case.
-    methods : sequence of str
-        Which methods, in the order of the panels.
-    root : path, optional
-        Folder with the data; the environment says by default.
-
-    Returns
-    -------
-    Figure
-        One panel per method; noise and the like aren't drawn.
-
-    Raises
-    ------
-    InputError
-        If the pair's clouds aren't at hand.
-    """
+    """Draw what each method selected in a case."""
     pair = open_dataset(example.dataset, root).load(example.pair)
     if isinstance(pair, CorrespondencePair):
         message = f"{example.dataset}: has no clouds to draw"

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, number, words
-from cgroup.benchmark.report.points import pipelines_chart
-from cgroup.plots import pipelines_figure
+from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
+from cgroup.plots.experiments import pipelines_chart
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cgroup.benchmark.report.charts import Chart
     from cgroup.benchmark.report.pictures import PictureBook
 
 STAGES = {
@@ -34,13 +33,13 @@ class RegistrationSection:
 
     Attributes
     ----------
-    chart : Chart
+    chart : PageChart
         Shares of right poses.
     answers, trust, details : Table
         How many poses are right; which are trusted, and how long they take; errors and times by stage.
     """
 
-    chart: Chart
+    chart: PageChart
     answers: Table
     trust: Table
     details: Table
@@ -54,30 +53,20 @@ def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> Reg
     related = good[good["kind"] == "related"]
     counts = related.drop_duplicates(["set", "dataset", "pair"]).groupby("set", sort=False).size()
     title = ", ".join(f"{name} ({count})" for name, count in counts.items())
-    figure = pipelines_figure(related, title=f"Registered pairs: {title}")
+    chart = pipelines_chart(related, estimate_with_intervals)
     shares = related.groupby("pipeline")["right"].mean()
     alt = (
         f"Share of right poses of {len(shares)} pipelines by overlap, and over the time they take; over all "
         f"pairs {shares.idxmax()} has the most, {shares.max():.2f}."
     )
-    pictures.save("registration", figure)
-    chart = pipelines_chart(related, alt=alt)
-    return RegistrationSection(chart, answer_table(related), trust_table(good), detail_table(related))
+    file = pictures.save("registration", chart.draw(f"Registered pairs: {title}"))
+    return RegistrationSection(
+        PageChart(file, alt, chart, (file,)), answer_table(related), trust_table(good), detail_table(related)
+    )
 
 
 def answer_table(related: pd.DataFrame) -> Table:
-    """List how many poses are right, and how many accurate.
-
-    Parameters
-    ----------
-    related : DataFrame
-        Records of related pairs.
-
-    Returns
-    -------
-    Table
-        One row per pipeline, one column per set, or two where it is split by overlap.
-    """
+    """List how many poses are right, and how many accurate."""
     columns = [
         column
         for name in dict.fromkeys(related["set"])
@@ -94,18 +83,7 @@ def answer_table(related: pd.DataFrame) -> Table:
 
 
 def trust_table(frame: pd.DataFrame) -> Table:
-    """List how long pipelines take, and which of their poses they trust.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Records without failed ones.
-
-    Returns
-    -------
-    Table
-        One row per pipeline.
-    """
+    """List how long pipelines take, and which of their poses they trust."""
     sets = list(dict.fromkeys(frame["set"]))
     rows: list[tuple[Cell, ...]] = []
     for name in dict.fromkeys(frame["pipeline"]):
@@ -128,18 +106,7 @@ def trust_table(frame: pd.DataFrame) -> Table:
 
 
 def detail_table(related: pd.DataFrame) -> Table:
-    """List errors and times.
-
-    Parameters
-    ----------
-    related : DataFrame
-        Records of related pairs.
-
-    Returns
-    -------
-    Table
-        One row per set and pipeline.
-    """
+    """List errors and times."""
     rows: list[tuple[Cell, ...]] = []
     for (name, pipeline), chosen in related.groupby(["set", "pipeline"], sort=False):
         right = chosen[chosen["right"]]

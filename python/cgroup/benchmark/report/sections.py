@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
 from cgroup.benchmark.paper.evidence import mean_times
-from cgroup.benchmark.report.curves import scores_chart
+from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
 from cgroup.benchmark.report.examples import choose_examples, draw_example
-from cgroup.benchmark.report.points import pairs_chart, times_chart
 from cgroup.benchmark.report.tables import ranking_table, timing_table
 from cgroup.benchmark.tables import exponents
 from cgroup.errors import CgroupError
-from cgroup.plots import (
-    inliers_figure,
-    pair_precision_figure,
-    registration_rate_figure,
-    scores_figure,
+from cgroup.plots.charts import Chart, sort_methods
+from cgroup.plots.experiments import (
+    matches_chart,
+    pairs_chart,
+    rates_chart,
+    scores_chart,
+    times_chart,
     timing_figure,
 )
-from cgroup.plots.curves import sort_methods
 from cgroup.plots.style import method_style
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from cgroup.benchmark.paper import Experiment
     from cgroup.benchmark.paper.evidence import Evidence, Sample
     from cgroup.benchmark.report.cells import Table
-    from cgroup.benchmark.report.charts import Chart
     from cgroup.benchmark.report.pictures import Picture, PictureBook
 
 
@@ -49,14 +48,14 @@ class Section:
         Link target and heading.
     ranking : Table
         Of the methods.
-    chart : Chart or None
+    chart : PageChart or None
         What becomes of the methods over the levels; None where nothing is varied.
     """
 
     anchor: str
     title: str
     ranking: Table
-    chart: Chart | None
+    chart: PageChart | None
 
 
 @dataclass(frozen=True)
@@ -100,18 +99,20 @@ def _make_section(sample: Sample, anchor: str, title: str, pictures: PictureBook
     return Section(anchor, title, ranking_table(sample), chart)
 
 
-def _chart_experiment(sample: Sample, anchor: str, pictures: PictureBook) -> Chart:
+def _chart_experiment(sample: Sample, anchor: str, pictures: PictureBook) -> PageChart:
     experiment, rows = sample.experiment, _name_combinations(sample)
-    labels = {"xlabel": experiment.label, "title": f"{experiment.title}: {sample.description}"}
-    styles = pictures.styles
-    files = [
-        pictures.save(f"{anchor}-scores", scores_figure(rows, **labels, styles=styles)),
-        pictures.save(f"{anchor}-registration", registration_rate_figure(rows, **labels, styles=styles)),
-    ]
+    by_method = experiment.label, pictures.styles, estimate_with_intervals
+    charts = {"scores": scores_chart(rows, *by_method), "registration": rates_chart(rows, *by_method)}
     if experiment.id != "epsilon":  # the same matches at each threshold
-        files.append(pictures.save(f"{anchor}-inliers", inliers_figure(rows, **labels)))
-    alt = _describe(sample)
-    return scores_chart(anchor, rows, x_title=experiment.label, alt=alt, files=tuple(files), styles=styles)
+        charts["inliers"] = matches_chart(rows, experiment.label, estimate_with_intervals)
+    title = f"{experiment.title}: {sample.description}"
+    files = tuple(
+        pictures.save(f"{anchor}-{name}", chart.draw(title, columns=min(3, len(chart.panels))))
+        for name, chart in charts.items()
+    )
+    looks = {key: look for chart in charts.values() for key, look in chart.looks.items()}
+    joined = Chart([panel for chart in charts.values() for panel in chart.panels], looks)
+    return PageChart(anchor, _describe(sample), joined, files)
 
 
 def _name_combinations(sample: Sample) -> pd.DataFrame:
@@ -149,37 +150,37 @@ def _who_registers_most(rates: pd.Series) -> str:
     return f"{', '.join(most)} {'register' if len(most) > 1 else 'registers'} the most pairs, {share}"
 
 
-def chart_pairs(evidence: Evidence, pictures: PictureBook) -> Chart | None:
+def chart_pairs(evidence: Evidence, pictures: PictureBook) -> PageChart | None:
     """Chart the precision of GC and RANSAC pair by pair, where there is such a run."""
     sample = evidence.sample("clutter", "U3OR", every_method=True)
     if sample is None or not set(_COMPARED) <= set(sample.rows["method"]):
         return None
-    figure = pair_precision_figure(sample.rows, methods=_COMPARED, title=sample.description)
+    chart = pairs_chart(sample.rows, _COMPARED, pictures.styles)
     rates = sample.overall("registered")
     alt = (
         f"Precision of GC and RANSAC on each pair; above 0.1 on a share of {rates['gc']:.2f} and "
         f"{rates['ransac']:.2f} of the pairs."
     )
-    file = pictures.save("pairs-gc-ransac", figure)
-    return pairs_chart(sample.rows, _COMPARED, styles=pictures.styles, alt=alt, file=file)
+    file = pictures.save("pairs-gc-ransac", chart.draw(sample.description, columns=2))
+    return PageChart(file, alt, chart, (file,))
 
 
-def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[Chart, Table] | None:
+def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[PageChart, Table] | None:
     """Chart and list the times; None where none were taken."""
     times = mean_times(timing)
     if times.empty:
         return None
     fitted = exponents(timing).set_index("method")["exponent"].to_dict()
     sources = ", ".join(timing["dataset"].unique())
-    looks: dict[str, Any] = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": pictures.styles}
-    pictures.save("time", timing_figure(times, **looks, title=f"Time per grouping, {sources}"))
+    told: dict[str, Any] = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": pictures.styles}
+    file = pictures.save("time", timing_figure(times, **told, title=f"Time per grouping, {sources}"))
     last = times.iloc[-1].dropna()
     alt = (
         f"Mean time of {len(times.columns)} methods over the number of matches of {sources}, logarithmic "
         f"axes; at n {times.index[-1]:,} {method_style(last.idxmin()).label} is the fastest, "
         f"{method_style(last.idxmax()).label} the slowest."
     )
-    return times_chart(times, **looks, alt=alt), timing_table(times, fitted)
+    return PageChart(file, alt, times_chart(times, **told), (file,)), timing_table(times, fitted)
 
 
 def draw_selections(out: Path, evidence: Evidence, root: Path | None, pictures: PictureBook) -> Selections:

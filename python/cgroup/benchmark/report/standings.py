@@ -41,18 +41,7 @@ class StandingsSection:
 def make_standings(
     frame: pd.DataFrame, trials: pd.DataFrame, registrations: pd.DataFrame
 ) -> list[StandingsSection]:
-    """Rank what there is: methods on cases, methods on matches, and pipelines.
-
-    Parameters
-    ----------
-    frame, trials, registrations : DataFrame
-        Rows of `load`, `load_trials`, `load_registrations`; each may be empty.
-
-    Returns
-    -------
-    list of StandingsSection
-        Real and semi-synthetic pairs before synthetic ones.
-    """
+    """Rank what there is: methods on cases, methods on matches, and pipelines."""
     kinds = {
         "methods": rank_overall(*_pick_cases(frame)),
         "methods on matches": rank_overall(*_pick_trials(trials)),

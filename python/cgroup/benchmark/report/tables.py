@@ -10,7 +10,7 @@ from cgroup.benchmark.paper.checks import TIE
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, number, words
 from cgroup.benchmark.tables import aggregate
 from cgroup.evaluation.protocols import PROTOCOL_PREFIX
-from cgroup.plots.levels import protocol_title
+from cgroup.plots.experiments import protocol_title
 from cgroup.plots.style import method_style
 
 if TYPE_CHECKING:
@@ -22,18 +22,7 @@ if TYPE_CHECKING:
 
 
 def ranking_table(sample: Sample) -> Table:
-    """Rank the methods in one experiment, by F.
-
-    Parameters
-    ----------
-    sample : Sample
-        The experiment's records.
-
-    Returns
-    -------
-    Table
-        Means over all levels and pairs; the best of each column, and what ties with it, are marked.
-    """
+    """Rank the methods in one experiment, by F."""
     columns = {"f_score": "F", "precision": "P", "recall": "R", "registered": "registered"}
     scores = {column: sample.overall(column) for column in columns}
     order = scores["f_score"].sort_values(ascending=False, kind="stable").index
@@ -49,20 +38,7 @@ def ranking_table(sample: Sample) -> Table:
 
 
 def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "median"]) -> Table:
-    """List the scores of every method in every experiment.
-
-    Parameters
-    ----------
-    samples : iterable of Sample
-        The experiments' records.
-    how : {"macro", "pooled", "median"}
-        How pairs are taken together.
-
-    Returns
-    -------
-    Table
-        One row per experiment, data set and method.
-    """
+    """List the scores of every method in every experiment."""
     tables = [(sample, aggregate(sample.rows, by=["method"], how=how)) for sample in samples]
     columns = {name for _, table in tables for name in table.columns}
     protocols = sorted(name for name in columns if name.startswith(PROTOCOL_PREFIX))
@@ -89,20 +65,7 @@ def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "medi
 
 
 def timing_table(times: pd.DataFrame, fitted: Mapping[str, float]) -> Table:
-    """List mean times, and fitted exponents beside the paper's complexities.
-
-    Parameters
-    ----------
-    times : DataFrame
-        Mean seconds: one row per number of matches, one column per method.
-    fitted : mapping of str to float
-        Exponents.
-
-    Returns
-    -------
-    Table
-        One row per method.
-    """
+    """List mean times, and fitted exponents beside the paper's complexities."""
     rows = [
         (
             method_cell(method),
@@ -118,20 +81,7 @@ def timing_table(times: pd.DataFrame, fitted: Mapping[str, float]) -> Table:
 
 
 def dataset_table(frame: pd.DataFrame, known: pd.DataFrame) -> Table:
-    """List the data sets that the records come from.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Records.
-    known : DataFrame
-        Title, role and citation of each data set.
-
-    Returns
-    -------
-    Table
-        With the origin of the pairs, and how many pairs and cases there are.
-    """
+    """List the data sets that the records come from."""
     about = known.set_index("name").to_dict("index")
     rows: list[tuple[Cell, ...]] = []
     for name, of_set in frame.groupby("dataset", sort=False):
@@ -155,18 +105,7 @@ def dataset_table(frame: pd.DataFrame, known: pd.DataFrame) -> Table:
 
 
 def failure_table(frame: pd.DataFrame, registrations: pd.DataFrame, trials: pd.DataFrame) -> Table:
-    """List what failed, with the error.
-
-    Parameters
-    ----------
-    frame, registrations, trials : DataFrame
-        Records of groupings, of pipelines, and of methods run alone.
-
-    Returns
-    -------
-    Table
-        One row per data set and error.
-    """
+    """List what failed, with the error."""
     rows = _list_failures(frame, "method", "case") if len(frame) else []
     rows += _list_failures(registrations, "pipeline", "pair") if len(registrations) else []
     rows += _list_failures(trials, "method", "case") if len(trials) else []

@@ -30,19 +30,7 @@ _OVERLAPS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 
 
 def overview_table(frame: pd.DataFrame) -> Table:
-    """List what share of the problems of each set every method registers, and its mean F.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Rows of `load_trials`.
-
-    Returns
-    -------
-    Table
-        One row per method, one column per set; what can't be told from the method that registers most is
-        marked.
-    """
+    """List what share of the problems of each set every method registers, and its mean F."""
     ranks = {
         str(name): {rank.method: rank for rank in rank_methods(with_fewest_threads(rows))}
         for name, rows in frame.groupby("set", sort=False)
@@ -70,18 +58,7 @@ def overview_table(frame: pd.DataFrame) -> Table:
 
 
 def ranking(rows: pd.DataFrame) -> Table:
-    """Rank the methods of a set, with intervals and what can't be told from the first.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Rows of `load_trials` of one set and number of threads.
-
-    Returns
-    -------
-    Table
-        One row per method, by F.
-    """
+    """Rank the methods of a set, with intervals and what can't be told from the first."""
     means = comparable(rows).groupby("method")[["precision", "recall", "accurate", "registered"]].mean()
     lines = [
         (
@@ -105,18 +82,7 @@ def ranking(rows: pd.DataFrame) -> Table:
 
 
 def cost_table(rows: pd.DataFrame) -> Table:
-    """List time, memory, and what wasn't run to its end.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Rows of `load_trials` of one set.
-
-    Returns
-    -------
-    Table
-        One row per method.
-    """
+    """List time, memory, and what wasn't run to its end."""
     threads = sorted(rows["threads"].unique(), key=lambda count: count or math.inf)
     lines: list[tuple[Cell, ...]] = []
     for method, mine in rows.groupby("method", sort=False):
@@ -146,18 +112,7 @@ def cost_table(rows: pd.DataFrame) -> Table:
 
 
 def failure_table(rows: pd.DataFrame) -> Table:
-    """List why problems aren't registered, how good the registered ones are, and what is claimed of nothing.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Rows of `load_trials` of one set and number of threads.
-
-    Returns
-    -------
-    Table
-        One row per method.
-    """
+    """List why problems aren't registered, how good the registered ones are, and unrelated ones accepted."""
     usable = comparable(rows)
     unrelated = rows[rows["kind"] != "related"]
     lines: list[tuple[Cell, ...]] = []

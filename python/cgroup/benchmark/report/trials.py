@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from cgroup.benchmark.problem import COMBINATIONS
 from cgroup.benchmark.report.cells import Table, method_cell
-from cgroup.benchmark.report.points import trials_chart
+from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
 from cgroup.benchmark.report.trial_tables import (
     cost_table,
     failure_table,
@@ -16,15 +16,13 @@ from cgroup.benchmark.report.trial_tables import (
     with_fewest_threads,
 )
 from cgroup.benchmark.stats import comparable
-from cgroup.plots import trials_figure
-from cgroup.plots.levels import protocol_title
+from cgroup.plots.experiments import protocol_title, trials_chart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import pandas as pd
 
-    from cgroup.benchmark.report.charts import Chart
     from cgroup.benchmark.report.pictures import PictureBook
 
 
@@ -36,7 +34,7 @@ class TrialSection:
     ----------
     title, label : str
         Name of the set, and all that its numbers depend on.
-    chart : Chart or None
+    chart : PageChart or None
         Registered problems beside time; None without problems that have an answer.
     ranking, costs, failures : Table
         How good the methods are; what they cost; why problems aren't registered, and what is claimed of
@@ -47,7 +45,7 @@ class TrialSection:
 
     title: str
     label: str
-    chart: Chart | None
+    chart: PageChart | None
     ranking: Table
     costs: Table
     failures: Table
@@ -73,17 +71,16 @@ def _make_section(
     label = describe_set(rows, machines)
     chart = None
     if pictures is not None and len(related):
-        figure = trials_figure(
-            related, title=f"{name}: registered problems over time", styles=pictures.styles
-        )
+        drawn = trials_chart(related, pictures.styles, estimate_with_intervals)
         shares = related.groupby("method")["right"].mean()
         alt = (
             f"Share of registered problems of {len(shares)} methods over their median time; "
             f"{method_cell(shares.idxmax()).text} has the most, {shares.max():.2f}."
         )
         anchor = "".join(c if c.isalnum() else "-" for c in name).lower()
+        figure = drawn.draw(f"{name}: registered problems over time", columns=2)
         file = pictures.save(f"trials-{anchor}", figure)
-        chart = trials_chart(file, related, styles=pictures.styles, alt=alt)
+        chart = PageChart(file, alt, drawn, (file,))
     return TrialSection(
         name, label, chart, ranking(first), cost_table(rows), failure_table(first), level_table(related)
     )
@@ -106,21 +103,7 @@ def _table_as_markdown(table: Table) -> str:
 
 
 def describe_set(rows: pd.DataFrame, machines: pd.DataFrame) -> str:
-    """Say all that the numbers of a set depend on.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Rows of `load_trials` of one set.
-    machines : DataFrame
-        From `load_machines`.
-
-    Returns
-    -------
-    str
-        Data, share of the whole test set, how matches are made, their number and share of right ones,
-        threshold, criteria, preset and hardware.
-    """
+    """Say all that the numbers of a set depend on."""
     problems = rows.drop_duplicates("case")
     related = problems[problems["kind"] == "related"]
     known = rows.iloc[0]

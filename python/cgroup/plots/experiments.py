@@ -1,0 +1,613 @@
+"""What the benchmark finds, as charts: scores and registration over levels, times, pairs one by one.
+
+Each function ``..._chart`` makes the chart, which the report shows too, and ``..._figure`` draws it. Values
+are means over pairs; an `Estimator` finds them, so that the report can add intervals.
+"""
+
+# pandas ships no types, and guesses about it are often wrong.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from cgroup.evaluation.metrics import REGISTERED_PRECISION
+from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
+from cgroup.plots import style
+from cgroup.plots.charts import Chart, Panel, Series, sort_methods
+from cgroup.plots.style import MethodStyle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from matplotlib.figure import Figure
+
+OVERLAP_EDGES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
+"""Pairs are sorted into these classes of overlap."""
+
+_SCORES = {"f_score": "F", "precision": "precision", "recall": "recall"}
+_MATCHES = {
+    "all": MethodStyle("all", style.QUIET_TEXT, "s", "square"),
+    "correct": MethodStyle("correct", style.CORRECT, "o", "circle"),
+}
+_BLUES = ("#0B3C8C", "#1F77B4", "#6BAED6", "#9ECAE1")
+_GREENS = ("#00682F", "#2CA25F", "#66C2A4", "#99D8C9")
+_REDS = ("#B2182B", "#E6550D", "#FDAE6B")
+_PURPLES = ("#6A1B9A", "#BA68C8")
+_FAMILIES = {
+    "cgroup": _BLUES,
+    "cgroup-paper": _BLUES,
+    "cgroup-matches": _GREENS,
+    "open3d-ransac": _REDS,
+    "open3d-fgr": _REDS,
+    "kiss-matcher": _PURPLES,
+}
+"""Shades of each kind of pipeline; others are drawn as methods from outside are."""
+
+_MARKERS = "osD^v<>PXhpd"
+
+
+class Estimate(NamedTuple):
+    """Mean over pairs, the ends of its interval, NaN where there is none, and the number of pairs."""
+
+    mean: float
+    low: float
+    high: float
+    pairs: int
+
+
+_NOTHING = Estimate(np.nan, np.nan, np.nan, 0)
+
+Estimator: TypeAlias = Callable[[pd.DataFrame, "Sequence[str]"], "Mapping[str, Mapping[str, Estimate]]"]
+"""Of rows with a column ``method`` and the names of numbers or flags, by name and method."""
+
+
+def estimate_means(rows: pd.DataFrame, columns: Sequence[str]) -> dict[str, dict[str, Estimate]]:
+    """Find means over pairs, without intervals; a row is a pair where none is named."""
+    by_method = rows.astype(dict.fromkeys(columns, float)).groupby("method")
+    means = by_method[list(columns)].mean()
+    pairs = by_method["pair"].nunique() if "pair" in rows else by_method.size()
+    return {
+        column: {
+            str(method): Estimate(float(mean), np.nan, np.nan, int(pairs[method]))
+            for method, mean in means[column].dropna().items()
+        }
+        for column in columns
+    }
+
+
+# --- Over the levels of an experiment ---------------------------------------------------------------------
+
+
+def scores_chart(
+    rows: pd.DataFrame,
+    xlabel: str,
+    styles: Mapping[str, MethodStyle] | None = None,
+    estimate: Estimator = estimate_means,
+) -> Chart:
+    """Chart mean precision, recall and F over the levels in the column ``x``."""
+    titles = {column: (title, f"mean {title}") for column, title in _SCORES.items()}
+    return _over_levels(rows, titles, xlabel, styles, estimate)
+
+
+def rates_chart(
+    rows: pd.DataFrame,
+    xlabel: str,
+    styles: Mapping[str, MethodStyle] | None = None,
+    estimate: Estimator = estimate_means,
+) -> Chart:
+    """Chart the share of registered pairs, by each criterion that is applicable to some record."""
+    strict = [name for name in rows.columns if name.startswith(PROTOCOL_PREFIX) and rows[name].notna().any()]
+    titles = {"registered": PAPER_PROTOCOL} | {name: name.removeprefix(PROTOCOL_PREFIX) for name in strict}
+    named = {column: (protocol_title(name), "share of pairs registered") for column, name in titles.items()}
+    return _over_levels(rows, named, xlabel, styles, estimate)
+
+
+def matches_chart(rows: pd.DataFrame, xlabel: str, estimate: Estimator = estimate_means) -> Chart:
+    """Chart the initial matches, which no method has a part in."""
+    once = rows.drop_duplicates([*rows.columns.intersection(["dataset"]), "pair", "x"]).assign(method="all")
+    levels, found = _estimate_levels(once, ("n", "correct", "inlier_ratio"), estimate)
+    numbers = [_series(key, "all", column, found) for key, column in (("all", "n"), ("correct", "correct"))]
+    ratio = [_series("correct", "all", "inlier_ratio", found)]
+    return Chart(
+        [
+            Panel("initial matches", xlabel, "mean number", numbers, at=levels, share=False),
+            Panel("inlier ratio", xlabel, "share correct", ratio, at=levels, share=False),
+        ],
+        _MATCHES,
+    )
+
+
+def _over_levels(
+    rows: pd.DataFrame,
+    titles: Mapping[str, tuple[str, str]],
+    xlabel: str,
+    styles: Mapping[str, MethodStyle] | None,
+    estimate: Estimator,
+) -> Chart:
+    """Chart columns of the records, a panel each, titled as given beside its y axis."""
+    looks = choose_looks(rows["method"], styles)
+    levels, found = _estimate_levels(rows, tuple(titles), estimate)
+    return Chart(
+        [
+            Panel(title, xlabel, y_title, [_series(m, m, column, found) for m in looks], at=levels)
+            for column, (title, y_title) in titles.items()
+        ],
+        looks,
+    )
+
+
+def _estimate_levels(
+    rows: pd.DataFrame, columns: Sequence[str], estimate: Estimator
+) -> tuple[list[float | str], list[Mapping[str, Mapping[str, Estimate]]]]:
+    levels = sorted(rows["x"].dropna().unique().tolist())
+    return levels, [estimate(rows[rows["x"] == level], columns) for level in levels]
+
+
+def _series(
+    key: str,
+    method: str,
+    column: str,
+    found: Iterable[Mapping[str, Mapping[str, Estimate]]],
+    **more: Sequence[float],
+) -> Series:
+    mean, low, high, pairs = zip(*(each.get(column, {}).get(method, _NOTHING) for each in found), strict=True)
+    return Series(key, y=mean, low=low, high=high, counts=pairs, **more)
+
+
+def protocol_title(protocol: str) -> str:
+    """Name a registration criterion for people."""
+    return {
+        PAPER_PROTOCOL: "precision > 0.1 (the paper's)",
+        "rmse<=1pr": "RMSE at most 1 pr",
+        "rmse<=5pr": "RMSE at most 5 pr",
+        "3dmatch": "3DMatch: 15°, 0.3 m",
+        "3dmatch-strict": "5°, 0.1 m",
+        "kitti": "KITTI: 5°, 0.6 m",
+        "kitti-2m": "5°, 2 m",
+        "5deg+5pr": "5°, 5 pr over the overlap",
+        "2deg+2pr": "2°, 2 pr over the overlap",
+    }.get(protocol, protocol)
+
+
+def choose_looks(
+    methods: Iterable[str], styles: Mapping[str, MethodStyle] | None = None
+) -> dict[str, MethodStyle]:
+    """Choose the looks of methods, in the order of the legend."""
+    chosen = style.method_styles(methods, styles)
+    return {name: chosen[name] for name in sort_methods(chosen)}
+
+
+# --- Times, pairs one by one, and how often over how fast -------------------------------------------------
+
+
+def times_chart(
+    times: pd.DataFrame,
+    exponents: Mapping[str, float],
+    complexities: Mapping[str, str],
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> Chart:
+    """Chart milliseconds over the number of matches; notes tell each method's growth."""
+    looks = choose_looks(times.columns, styles)
+    series = [
+        Series(
+            method,
+            y=(1e3 * times[method]).tolist(),
+            notes=[describe_growth(exponents.get(method, np.nan), complexities.get(method))] * len(times),
+        )
+        for method in looks
+    ]
+    panel = Panel(
+        "time", "number of matches n", "milliseconds per grouping, one thread", series,
+        at=times.index.tolist(), share=False, logarithmic="xy",
+    )  # fmt: skip
+    return Chart([panel], looks)
+
+
+def describe_growth(exponent: float, paper: str | None) -> str:
+    """Say how fast a method's time grows, as measured and by the paper's table."""
+    measured = "" if np.isnan(exponent) else f"measured n^{exponent:.2f}"
+    return "; ".join(filter(None, (measured, paper and f"paper {paper}")))
+
+
+def pairs_chart(
+    rows: pd.DataFrame, methods: tuple[str, str], styles: Mapping[str, MethodStyle] | None = None
+) -> Chart:
+    """Chart the precision of two methods pair by pair, and the share of pairs up to each precision."""
+    table = rows.pivot_table(index="pair", columns="method", values="precision")[list(methods)].dropna()
+    table = table.sort_values([methods[1], methods[0]])
+    order = [float(place) for place in range(1, len(table) + 1)]
+    names = [str(name) for name in table.index]
+    looks = style.method_styles(methods, styles)
+    each = [Series(method, y=table[method].tolist(), x=order, notes=names) for method in methods]
+    height = [0.0, *(np.array(order) / len(table)).tolist(), 1.0]
+    up_to = [
+        Series(method, y=height, x=[0.0, *np.sort(table[method].to_numpy()).tolist(), 1.0])
+        for method in methods
+    ]
+    by = f"pairs, by the precision of {looks[methods[1]].label}"
+    bound = REGISTERED_PRECISION
+    return Chart(
+        [
+            Panel("each pair", by, "precision", each, kind="points", bounds={"y": bound}),
+            Panel(
+                "all pairs", "precision", "share of pairs up to it", up_to, kind="lines", bounds={"x": bound}
+            ),
+        ],
+        looks,
+    )
+
+
+def trials_chart(
+    related: pd.DataFrame,
+    styles: Mapping[str, MethodStyle] | None = None,
+    estimate: Estimator = estimate_means,
+) -> Chart:
+    """Chart the share of registered problems, and mean F, over median time."""
+    looks = choose_looks(related["method"], styles)
+    milliseconds = 1e3 * related.groupby("method")["seconds"].median()
+    found = [estimate(related, ("right", "f_score"))]
+    panels = [
+        Panel(
+            title, "median milliseconds per call", f"{title} (mean over problems)",
+            [_series(m, m, column, found, x=[float(milliseconds[m])]) for m in looks],
+            kind="points", logarithmic="x",
+        )
+        for column, title in (("right", "registered"), ("f_score", "F"))
+    ]  # fmt: skip
+    return Chart(panels, looks)
+
+
+def pipelines_chart(related: pd.DataFrame, estimate: Estimator = estimate_means) -> Chart:
+    """Chart how many pairs pipelines register: by overlap over all sets, and over time for each set."""
+    rows = related.assign(method=related["pipeline"])
+    looks = _style_pipelines(related)
+    panels = [_by_overlap(rows, looks, estimate)] if rows["overlap"].notna().any() else []
+    for name, of_set in rows.groupby("set", sort=False):
+        found = estimate(of_set, ("right",))
+        seconds = of_set.groupby("method")["seconds"].median()
+        points = [
+            _series(m, m, "right", [found], x=[float(seconds[m])]) for m in looks if m in found["right"]
+        ]
+        panels.append(
+            Panel(
+                str(name), "median seconds per pair", "share of right poses", points,
+                kind="points", logarithmic="x",
+            )
+        )  # fmt: skip
+    return Chart(panels, looks)
+
+
+def _by_overlap(rows: pd.DataFrame, looks: Iterable[str], estimate: Estimator) -> Panel:
+    places = np.digitize(rows["overlap"].to_numpy(), OVERLAP_EDGES[1:-1])
+    known = rows["overlap"].notna().to_numpy()
+    chosen = [rows[known & (places == number)] for number in range(len(OVERLAP_EDGES) - 1)]
+    found = [estimate(each, ("right",)) if len(each) else {} for each in chosen]
+    middles = [(low + high) / 2 for low, high in itertools.pairwise(OVERLAP_EDGES)]
+    series = [_series(name, name, "right", found) for name in looks]
+    return Panel("by overlap", "overlap (share), all sets", "share of right poses", series, at=middles)
+
+
+def _style_pipelines(frame: pd.DataFrame) -> dict[str, MethodStyle]:
+    """Choose colours by the kind of pipeline, and markers by the order; refined ones are drawn dashed."""
+    named = frame.drop_duplicates("pipeline")
+    own = style.own_styles(named.loc[~named["name"].isin(_FAMILIES), "pipeline"])
+    looks: dict[str, MethodStyle] = {}
+    used: dict[tuple[str, ...], int] = {}
+    for label, name, refined in zip(named["pipeline"], named["name"], named["refined"], strict=True):
+        dashes = (0, (3, 1.5)) if refined else "-"
+        if label in own:
+            looks[label] = own[label]._replace(dashes=dashes)
+            continue
+        shades = _FAMILIES[name]
+        used[shades] = used.get(shades, -1) + 1
+        color, marker = shades[used[shades] % len(shades)], _MARKERS[len(looks) % len(_MARKERS)]
+        looks[label] = MethodStyle(label, color, marker, style.SYMBOLS[marker], dashes=dashes)
+    return looks
+
+
+# --- Figures ----------------------------------------------------------------------------------------------
+
+
+def scores_figure(
+    rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
+) -> Figure:
+    """Draw mean precision, recall and F over the levels of an experiment.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Records with the columns ``pair``, ``method``, ``precision``, ``recall``, ``f_score``, and the level
+        in ``x``.
+    xlabel : str
+        What the levels are, with the unit.
+    title : str
+        Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
+
+    Returns
+    -------
+    Figure
+        Three panels, a curve per method.
+
+    Raises
+    ------
+    KeyError
+        For records that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import scores_figure
+    >>> rows = pd.DataFrame(
+    ...     {"method": ["gtm"] * 3, "x": [0.1, 0.2, 0.3], "precision": [1.0, 0.9, 0.8]}
+    ... )
+    >>> rows = rows.assign(recall=0.5, f_score=0.6, pair="a")
+    >>> figure = scores_figure(rows, xlabel="noise (pr)", title="Noise")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['F', 'precision', 'recall']
+    """
+    return scores_chart(rows, xlabel, styles).draw(title)
+
+
+def registration_rate_figure(
+    rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
+) -> Figure:
+    """Draw the share of registered pairs over the levels, by each criterion.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Records with the columns ``pair``, ``method``, ``registered`` (by the paper's criterion), and the
+        level in ``x``; stricter criteria are the columns ``ok:<protocol>``.
+    xlabel : str
+        What the levels are, with the unit.
+    title : str
+        Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
+
+    Returns
+    -------
+    Figure
+        One panel per criterion that is applicable to some record.
+
+    Raises
+    ------
+    KeyError
+        For records that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import registration_rate_figure
+    >>> rows = pd.DataFrame(
+    ...     {"method": "gtm", "x": [0.1, 0.2, 0.3], "registered": [True, True, False]}
+    ... )
+    >>> rows = rows.assign(pair="a")
+    >>> figure = registration_rate_figure(rows, xlabel="noise (pr)", title="Noise")
+    >>> figure.axes[0].get_title(loc="left")
+    "precision > 0.1 (the paper's)"
+    """
+    chart = rates_chart(rows, xlabel, styles)
+    count = len(chart.panels)
+    return chart.draw(title, columns=max(2, count if count <= 3 else -(-count // 2)))
+
+
+def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
+    """Draw how many initial matches there are over the levels, and how many are right.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Records with the columns ``pair``, ``n``, ``correct``, ``inlier_ratio``, and the level in ``x``.
+    xlabel : str
+        What the levels are, with the unit.
+    title : str
+        Shown on top.
+
+    Returns
+    -------
+    Figure
+        Two panels, numbers and shares; means over pairs.
+
+    Raises
+    ------
+    KeyError
+        For records that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import inliers_figure
+    >>> rows = pd.DataFrame(
+    ...     {"pair": "a", "x": [0.1, 0.2], "n": 1000, "correct": [300, 200]}
+    ... )
+    >>> rows = rows.assign(inlier_ratio=rows["correct"] / rows["n"])
+    >>> figure = inliers_figure(rows, xlabel="noise (pr)", title="Matches")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['initial matches', 'inlier ratio']
+    """
+    return matches_chart(rows, xlabel).draw(title, columns=2)
+
+
+def timing_figure(
+    times: pd.DataFrame,
+    *,
+    exponents: Mapping[str, float],
+    complexities: Mapping[str, str],
+    title: str,
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> Figure:
+    """Draw seconds over the number of matches on logarithmic axes.
+
+    Parameters
+    ----------
+    times : DataFrame
+        Mean seconds: one row per number of matches, one column per method.
+    exponents : mapping of str to float
+        Exponent a of ``seconds ~ n^a`` fitted to each method, NaN where none could be fitted.
+    complexities : mapping of str to str
+        What the paper's table says of each method, for comparison.
+    title : str
+        Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
+
+    Returns
+    -------
+    Figure
+        The legend names exponents and complexities, slowest method first.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import timing_figure
+    >>> times = pd.DataFrame(
+    ...     {"gc": [0.001, 0.004], "gtm": [0.01, 0.04]}, index=[1000, 2000]
+    ... )
+    >>> figure = timing_figure(
+    ...     times, exponents={"gc": 2.0, "gtm": 2.0}, complexities={}, title="Time"
+    ... )
+    >>> figure.savefig("times.png")
+    """
+    chart = times_chart(times, exponents, complexities, styles)
+    last = times.ffill().iloc[-1]
+    looks: dict[str, MethodStyle] = {}
+    for name in sorted(chart.looks, key=lambda name: -last[name]):
+        growth = describe_growth(exponents.get(name, np.nan), complexities.get(name))
+        looks[name] = chart.looks[name]._replace(label=f"{chart.looks[name].label}  {growth}".rstrip())
+    return replace(chart, looks=looks).draw(title, columns=1, legend="right")
+
+
+def pair_precision_figure(
+    rows: pd.DataFrame,
+    *,
+    methods: tuple[str, str],
+    title: str,
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> Figure:
+    """Draw the precision of two methods on every pair.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Records with the columns ``pair``, ``method`` and ``precision``, one per pair and method.
+    methods : tuple of str
+        Two of them; pairs are sorted by the precision of the second.
+    title : str
+        Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
+
+    Returns
+    -------
+    Figure
+        Left pair by pair, right the share of pairs up to each precision.
+
+    Raises
+    ------
+    KeyError
+        For records that lack a column, or one of the methods.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import pair_precision_figure
+    >>> rows = pd.DataFrame(
+    ...     {"pair": ["a", "b"] * 2, "method": ["gc", "gc", "gtm", "gtm"]}
+    ... )
+    >>> rows = rows.assign(precision=[0.4, 0.7, 0.9, 0.95])
+    >>> figure = pair_precision_figure(rows, methods=("gc", "gtm"), title="Two methods")
+    >>> len(figure.axes)
+    2
+    """
+    return pairs_chart(rows, methods, styles).draw(title, columns=2)
+
+
+def trials_figure(
+    frame: pd.DataFrame, *, title: str, styles: Mapping[str, MethodStyle] | None = None
+) -> Figure:
+    """Draw the share of problems that methods register, and mean F, over median time.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        `method, right, f_score, seconds`, one row per problem and method.
+    title : str
+        Shown on top.
+    styles : mapping of str to MethodStyle, optional
+        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
+        figure by default.
+
+    Returns
+    -------
+    Figure
+        Two panels, one point per method.
+
+    Raises
+    ------
+    KeyError
+        For rows that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import trials_figure
+    >>> frame = pd.DataFrame(
+    ...     {"method": ["gc", "gtm"], "right": [False, True], "f_score": [0.6, 0.9]}
+    ... )
+    >>> figure = trials_figure(frame.assign(seconds=[0.001, 0.01]), title="Two methods")
+    >>> [axes.get_title(loc="left") for axes in figure.axes]
+    ['registered', 'F']
+    """
+    return trials_chart(frame, styles).draw(title, columns=2)
+
+
+def pipelines_figure(frame: pd.DataFrame, *, title: str) -> Figure:
+    """Draw how many pairs pipelines register, by overlap and over time.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        `pipeline, name, refined, set, overlap, right, seconds`, one row per pair and pipeline; without
+        unrelated clouds.
+    title : str
+        Shown on top.
+
+    Returns
+    -------
+    Figure
+        A panel with the share of right poses over the overlap, all sets together, and for each set one with
+        that share over the median seconds.
+
+    Raises
+    ------
+    KeyError
+        For rows that lack a column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.plots import pipelines_figure
+    >>> frame = pd.DataFrame(
+    ...     {"pipeline": "cgroup", "name": "cgroup", "set": "rooms"}, index=[0, 1]
+    ... )
+    >>> frame = frame.assign(
+    ...     refined=False, overlap=[0.3, 0.8], right=[False, True], seconds=[0.5, 0.4]
+    ... )
+    >>> len(pipelines_figure(frame, title="One way to register").axes)
+    2
+    """
+    return pipelines_chart(frame).draw(title)
