@@ -145,6 +145,6 @@ def test_front_cloud_hides_the_other(rng: np.random.Generator) -> None:
         assert (opaque[:, ahead] > opaque[:, 2 - ahead]).mean() > 0.9
 
 
-def test_global_matplotlib_state_is_left_alone() -> None:
-    code = "import sys, cgroup.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
+def test_plots_load_neither_pyplot_nor_pandas() -> None:
+    code = "import sys, cgroup.plots; sys.exit(', '.join({'matplotlib.pyplot', 'pandas'} & set(sys.modules)) or 0)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

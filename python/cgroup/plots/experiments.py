@@ -10,12 +10,10 @@ are means over pairs; an `Estimator` finds them, so that the report can add inte
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
-import pandas as pd
 
 from cgroup.evaluation.metrics import REGISTERED_PRECISION
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
@@ -24,8 +22,9 @@ from cgroup.plots.charts import Chart, Panel, Series, sort_methods
 from cgroup.plots.style import MethodStyle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    import pandas as pd
     from matplotlib.figure import Figure
 
 OVERLAP_EDGES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
@@ -64,7 +63,7 @@ class Estimate(NamedTuple):
 
 _NOTHING = Estimate(np.nan, np.nan, np.nan, 0)
 
-Estimator: TypeAlias = Callable[[pd.DataFrame, "Sequence[str]"], "Mapping[str, Mapping[str, Estimate]]"]
+Estimator: TypeAlias = "Callable[[pd.DataFrame, Sequence[str]], Mapping[str, Mapping[str, Estimate]]]"
 """Of rows with a column ``method`` and the names of numbers or flags, by name and method."""
 
 
