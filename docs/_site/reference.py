@@ -105,14 +105,11 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.plots": {
         "Clouds and matches": "registration_figure comparison_figure matches_figure keypoints_figure",
-        "Curves of an evaluation": "precision_recall_figure scores_figure inliers_figure "
-        "registration_rate_figure pair_precision_figure timing_figure",
-        "Rankings": "trials_figure pipelines_figure",
-        "Claims": "readings_figure",
+        "Scores": "precision_recall_figure",
     },
     "cgroup.pages": {
         "Pages of a result": "registration_page comparison_page",
-        "Any page": "page_html write_page chart_html data_html chart_text",
+        "Any page": "write_page",
         "Rerun": "log_to_rerun",
     },
     "cgroup.registry": {
@@ -120,31 +117,25 @@ GROUPS: dict[str, dict[str, str]] = {
         "Names": "METHODS PAPER_METHODS PRESETS",
     },
     "cgroup.benchmark.config": {
-        "Reading": "read_config parse_config preset_names replace_methods METHOD_SETS",
+        "Reading": "read_config parse_config preset_names METHOD_SETS",
         "What a configuration holds": "Config",
     },
     "cgroup.benchmark.run": {"Running": "run Summary"},
     "cgroup.benchmark.tables": {"Results": "load load_groups", "Means": "aggregate exponents FITTED_FROM"},
     "cgroup.benchmark.report": {"Report": "write_report"},
     "cgroup.benchmark.stats": {
-        "Ranking on a set of problems": "rank_methods Rank comparable",
-        "Ranking over all pairs": "rank_overall Overall Standing name_units REAL GENERATED LEAST_OBJECTS",
-        "Statistics": "bootstrap Interval mcnemar signed_rank holm LEVEL RESAMPLES",
+        "Ranking on a set of problems": "rank_methods Rank",
+        "Ranking over all pairs": "rank_overall Overall Standing REAL GENERATED LEAST_OBJECTS",
+        "Statistics": "bootstrap Interval LEVEL RESAMPLES",
     },
     "cgroup.benchmark.solver": {
         "Methods and ways to register": "Solver candidate make_pipeline IN_RESOLUTIONS",
     },
     "cgroup.benchmark.pipelines": {"Ways to register": "PIPELINES Clouds Answer"},
     "cgroup.benchmark.paper.claims": {
-        "The paper's claims": "check_claims check_evidence CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
+        "The paper's claims": "check_claims CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
         "How sure verdicts are": "bootstrap_verdicts Stability RESAMPLES",
-        "As text": "as_markdown count_verdicts counts_line",
     },
-    "cgroup.benchmark.paper.readings": {
-        "What the paper leaves open": "read_questions Question list_readings Reading",
-        "Claims under each reading": "add_readings judge_readings ReadingOutcome",
-    },
-    "cgroup.benchmark.paper.reading_tables": {"As files": "write_readings"},
 }
 
 

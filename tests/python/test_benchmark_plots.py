@@ -14,19 +14,13 @@ from matplotlib.lines import Line2D
 
 from cgroup.benchmark.paper.evidence import Evidence, mean_times
 from cgroup.evaluation.bins import LEAST_PAIRS
-from cgroup.plots import (
-    inliers_figure,
-    pair_precision_figure,
-    registration_rate_figure,
-    scores_figure,
-    timing_figure,
-)
+from cgroup.plots.experiments import draw_times, matches_chart, pairs_chart, rates_chart, scores_chart
 from cgroup.plots.style import METHOD_STYLES, PRINT_WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LABELS = {"xlabel": "level (pr)", "title": "A title"}
+LEVEL = "level (pr)"
 
 
 def rows(experiment: str, place: str) -> pd.DataFrame:
@@ -53,7 +47,7 @@ def marked(axes) -> list[Line2D]:
 
 def test_scores_are_the_means_in_each_methods_color() -> None:
     noise = rows("noise", "B3R")
-    figure = scores_figure(noise, **LABELS)
+    figure = scores_chart(noise, LEVEL).draw("A title")
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["F", "precision", "recall"]
     found = curves(figure.axes[2])
     assert set(found) == {METHOD_STYLES[method].color.upper() for method in METHODS}
@@ -64,7 +58,7 @@ def test_scores_are_the_means_in_each_methods_color() -> None:
 
 
 def test_legend_names_every_method_below_the_panels() -> None:
-    figure = scores_figure(rows("overlap", "U3M"), **LABELS)
+    figure = scores_chart(rows("overlap", "U3M"), LEVEL).draw("A title")
     drawn(figure)
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == [METHOD_STYLES[name].label for name in METHODS]
@@ -74,7 +68,7 @@ def test_legend_names_every_method_below_the_panels() -> None:
 
 
 def test_names_have_no_order_and_nothing_connects_them() -> None:
-    figure = scores_figure(rows("combinations", "U3OR"), **LABELS)
+    figure = scores_chart(rows("combinations", "U3OR"), LEVEL).draw("A title")
     axes = figure.axes[0]
     assert [label.get_text() for label in axes.get_xticklabels()] == ["C1", "C2", "C3", "C4", "C5", "C6"]
     assert {line.get_linestyle() for line in axes.lines} == {"None"}
@@ -87,7 +81,7 @@ def test_levels_of_few_pairs_are_hollow_and_no_solid_line_leads_there() -> None:
     found = rows("overlap", "U3M")
     sparse = found["x"] == found["x"].min()
     few = found["pair"].isin(found.loc[sparse, "pair"].unique()[: LEAST_PAIRS - 1])
-    figure = scores_figure(found[~sparse | few], **LABELS)
+    figure = scores_chart(found[~sparse | few], LEVEL).draw("A title")
     filled, hollow = (
         [line for line in marked(figure.axes[0]) if line.get_markerfacecolor() == face]
         for face in (METHOD_STYLES["gtm"].color, "white")
@@ -99,13 +93,13 @@ def test_levels_of_few_pairs_are_hollow_and_no_solid_line_leads_there() -> None:
     assert "fewer than 5 pairs" in {text.get_text() for text in figure.legends[0].get_texts()}
     assert drawn(figure)
     assert "fewer than 5 pairs" not in {
-        text.get_text() for text in scores_figure(found, **LABELS).legends[0].get_texts()
+        text.get_text() for text in scores_chart(found, LEVEL).draw("A title").legends[0].get_texts()
     }
 
 
 def test_registration_has_a_panel_per_applicable_criterion() -> None:
     views = rows("overlap", "U3M").assign(**{"ok:kitti": None})
-    figure = registration_rate_figure(views, **LABELS)
+    figure = rates_chart(views, LEVEL).draw("A title")
     titles = [axes.get_title(loc="left") for axes in figure.axes if axes.axison]
     assert titles == ["precision > 0.1 (the paper's)", "RMSE at most 5 pr"]
     assert drawn(figure)
@@ -116,13 +110,13 @@ def test_registration_leaves_out_what_is_not_judged() -> None:
     judged = views.assign(
         **{"ok:rmse<=5pr": views["ok:rmse<=5pr"].astype(object).where(views["overlap"] > 0.5)}
     )
-    figure = registration_rate_figure(judged, **LABELS)
+    figure = rates_chart(judged, LEVEL).draw("A title")
     assert np.isfinite(marked(figure.axes[0])[0].get_ydata()).sum() == 7
     assert np.isfinite(marked(figure.axes[1])[0].get_ydata()).sum() == 5
 
 
 def test_matches_are_counted_once_per_pair() -> None:
-    figure = inliers_figure(rows("density", "B3R"), **LABELS)
+    figure = matches_chart(rows("density", "B3R"), LEVEL).draw("A title")
     counts, ratio = figure.axes
     np.testing.assert_allclose(marked(counts)[0].get_ydata(), 1200)
     assert "fewer than 5 pairs" in {text.get_text() for text in figure.legends[0].get_texts()}
@@ -132,7 +126,7 @@ def test_matches_are_counted_once_per_pair() -> None:
 
 def test_pairs_are_sorted_by_the_second_method() -> None:
     scenes = rows("clutter", "U3OR")
-    figure = pair_precision_figure(scenes, methods=("gc", "ransac"), title="A title")
+    figure = pairs_chart(scenes, ("gc", "ransac")).draw("A title")
     ransac = curves(figure.axes[0])[METHOD_STYLES["ransac"].color]
     assert (np.diff(ransac) >= 0).all()
     assert len(ransac) == scenes["pair"].nunique()
@@ -141,9 +135,7 @@ def test_pairs_are_sorted_by_the_second_method() -> None:
 
 def test_times_on_logarithmic_axes_with_both_exponents() -> None:
     times = mean_times(paper_timing())
-    figure = timing_figure(
-        times, exponents={"st": 2.5, "gtm": np.nan}, complexities={"st": "n³"}, title="A title"
-    )
+    figure = draw_times(times, {"st": 2.5, "gtm": np.nan}, {"st": "n³"}, "A title")
     (axes,) = figure.axes
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
@@ -154,8 +146,8 @@ def test_times_on_logarithmic_axes_with_both_exponents() -> None:
 
 def test_one_level_and_one_method_are_enough() -> None:
     one = rows("noise", "B3R").query("method == 'gtm' and x == 0.05")
-    for draw in (scores_figure, registration_rate_figure, inliers_figure):
-        assert drawn(draw(one, **LABELS))
+    for make in (scores_chart, rates_chart, matches_chart):
+        assert drawn(make(one, LEVEL).draw("A title"))
 
 
 @pytest.mark.parametrize("method", METHODS)

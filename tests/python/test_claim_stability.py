@@ -22,13 +22,12 @@ from cgroup.benchmark.paper.claims import (
     RESAMPLES,
     Claim,
     Stability,
-    as_markdown,
     bootstrap_verdicts,
     check_claims,
-    counts_line,
     decide,
 )
 from cgroup.benchmark.paper.evidence import Evidence, draw_pairs, resample_evidence
+from cgroup.benchmark.paper.verdicts import as_markdown, counts_line
 from cgroup.cli import main
 from cgroup.errors import InputError
 

@@ -22,20 +22,9 @@ from cgroup.benchmark.paper.checks import (
     in_top,
     rank,
 )
-from cgroup.benchmark.paper.claims import (
-    CLAIMS,
-    CRITERIA,
-    OUTCOMES,
-    Claim,
-    Verdict,
-    as_markdown,
-    check_claims,
-    count_verdicts,
-    counts_line,
-    decide,
-)
+from cgroup.benchmark.paper.claims import CLAIMS, CRITERIA, OUTCOMES, Claim, Verdict, check_claims, decide
 from cgroup.benchmark.paper.evidence import Evidence
-from cgroup.benchmark.paper.verdicts import read_explanations
+from cgroup.benchmark.paper.verdicts import as_markdown, count_verdicts, counts_line, read_explanations
 
 NO_TIMES = pd.DataFrame()
 

@@ -12,14 +12,14 @@ from matplotlib.markers import MarkerStyle
 
 from cgroup import METHODS
 from cgroup.evaluation import score_counts
-from cgroup.plots import (
-    pair_precision_figure,
-    pipelines_figure,
-    precision_recall_figure,
-    registration_rate_figure,
-    scores_figure,
-    timing_figure,
-    trials_figure,
+from cgroup.plots import precision_recall_figure
+from cgroup.plots.experiments import (
+    draw_times,
+    pairs_chart,
+    pipelines_chart,
+    rates_chart,
+    scores_chart,
+    trials_chart,
 )
 from cgroup.plots.style import METHOD_STYLES, OWN_COLORS, OWN_MARKERS, method_style, method_styles
 
@@ -114,11 +114,11 @@ def times(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def timing(rows: pd.DataFrame, title: str, **options) -> Figure:
-    return timing_figure(times(rows), exponents={}, complexities={}, title=title, **options)
+    return draw_times(times(rows), {}, {}, title, **options)
 
 
 def pair_by_pair(rows: pd.DataFrame, title: str, **options) -> Figure:
-    return pair_precision_figure(rows, methods=(AWKWARD[1], AWKWARD[2]), title=title, **options)
+    return pairs_chart(rows, (AWKWARD[1], AWKWARD[2]), **options).draw(title)
 
 
 def precision_recall(rows: pd.DataFrame, title: str, **options) -> Figure:
@@ -127,14 +127,18 @@ def precision_recall(rows: pd.DataFrame, title: str, **options) -> Figure:
 
 
 def scores(rows: pd.DataFrame, title: str, **options) -> Figure:
-    return scores_figure(rows, xlabel="x", title=title, **options)
+    return scores_chart(rows, "x", **options).draw(title)
 
 
 def rates(rows: pd.DataFrame, title: str, **options) -> Figure:
-    return registration_rate_figure(rows, xlabel="x", title=title, **options)
+    return rates_chart(rows, "x", **options).draw(title)
 
 
-FIGURES = (scores, rates, timing, pair_by_pair, precision_recall, trials_figure)
+def trials(rows: pd.DataFrame, title: str, **options) -> Figure:
+    return trials_chart(rows, **options).draw(title)
+
+
+FIGURES = (scores, rates, timing, pair_by_pair, precision_recall, trials)
 
 
 def shown_labels(figure: Figure) -> list[str]:
@@ -179,6 +183,6 @@ def test_own_pipelines_are_colored_too() -> None:
             for _ in range(4)
         ]
     )
-    figure = pipelines_figure(table, title="t")
+    figure = pipelines_chart(table).draw("t")
     colors = dict.fromkeys(line.get_color() for line in figure.axes[0].lines)
     assert list(colors)[1:] == list(OWN_COLORS[:2])

@@ -17,15 +17,8 @@ from cgroup.comparison import compare, find_correct
 from cgroup.datasets import standin_pair
 from cgroup.evaluation import match_errors
 from cgroup.io import write_cloud, write_transform
-from cgroup.pages import (
-    chart_html,
-    chart_text,
-    comparison_page,
-    log_to_rerun,
-    page_html,
-    registration_page,
-    write_page,
-)
+from cgroup.pages import comparison_page, log_to_rerun, registration_page, write_page
+from cgroup.pages.page import chart_html, chart_text, page_html
 from cgroup.pages.recording import between
 from cgroup.pages.scene import MAX_POINTS, line_vertices, scene_of
 from cgroup.pages.viewer import MAX_MATCHES

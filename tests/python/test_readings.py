@@ -43,7 +43,7 @@ from cgroup.benchmark.tables import add_scores
 from cgroup.datasets import open_dataset
 from cgroup.datasets.generated.stones import StandinViews
 from cgroup.errors import InputError
-from cgroup.plots import readings_figure
+from cgroup.plots.readings import draw_readings
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -449,7 +449,7 @@ def test_figure_frames_verdicts_that_are_not_as_by_default() -> None:
         for claim in default.verdicts
         if each.verdicts[claim].verdict != default.verdicts[claim].verdict
     ]
-    figure = readings_figure(list_figure_cells(outcomes()), title="Claims")
+    figure = draw_readings(list_figure_cells(outcomes()), title="Claims")
     cells = [patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle)]
     assert len(cells) == 3 * len(CLAIMS)
     assert sum(cell.get_edgecolor()[3] > 0 for cell in cells) == len(changed) > 0

@@ -16,9 +16,6 @@ import pandas as pd
 import cgroup
 from cgroup import datasets, registration, types
 from cgroup.benchmark import config, pipelines, solver
-from cgroup.benchmark.paper import readings
-from cgroup.benchmark.paper.evidence import Evidence
-from cgroup.pages import page
 
 CLOUD = types.PointCloud(np.eye(3))
 STONES = datasets.open_dataset("standin-full")
@@ -27,7 +24,6 @@ PAIR = datasets.standin_pair(pixels=60)
 UNRELATED = datasets.mirror(PAIR)
 BARE = cgroup.Correspondences(PROBLEM.source, PROBLEM.target)
 NOWHERE = Path("nowhere")
-NO_READINGS = readings.judge_readings(pd.DataFrame(), pd.DataFrame(), [])
 GENERATED = config.Config(
     name="wrong", methods=["gtm"], experiment=[{"id": "small", "dataset": "generated-matches"}]
 )
@@ -49,12 +45,6 @@ def drawn(*, rows: int = 12, pose: np.ndarray | None = None, compared: bool = Fa
 def find_open3d_missing(iss: Callable[..., Any]) -> object:
     with mock.patch.dict(sys.modules, {"open3d": None}):
         return iss(PROBLEM.source, backend="open3d")
-
-
-def find_plotly_missing(page_html: Callable[..., Any]) -> object:
-    page._packed_plotly.cache_clear()
-    with mock.patch.dict(sys.modules, {"plotly.offline": None}):
-        return page_html("", '<figure class="chart"></figure>')
 
 
 PAPER = "cgroup.benchmark.paper"
@@ -90,19 +80,8 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.plots.comparison_figure": [drawn(pose=np.eye(3), compared=True), drawn(rows=3, compared=True)],
     "cgroup.plots.keypoints_figure": [given(PROBLEM.source, {"h3d": np.array([12])}, title="")],
     "cgroup.plots.registration_figure": [drawn(pose=np.eye(3)), drawn(rows=13)],
-    **{
-        f"cgroup.plots.{name}_figure": [given(pd.DataFrame({"method": ["gtm"]}), title="", xlabel="")]
-        for name in ("inliers", "registration_rate", "scores")
-    },
-    "cgroup.plots.pair_precision_figure": [given(pd.DataFrame(), title="", methods=("gc", "gtm"))],
-    **{
-        f"cgroup.plots.{name}_figure": [given(pd.DataFrame(), title="")]
-        for name in ("pipelines", "readings", "trials")
-    },
-    "cgroup.pages.chart_html": [given("a", 3, label="a")],
     "cgroup.pages.comparison_page": [given(CLOUD, CLOUD, BARE, [], np.eye(4))],
     "cgroup.pages.log_to_rerun": [given(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5]))],
-    "cgroup.pages.page_html": [find_plotly_missing],
     "cgroup.pages.registration_page": [given(CLOUD, CLOUD, 3)],
     "cgroup.pages.write_page": [given(NOWHERE / "page.html", "")],
     "cgroup.benchmark.solver.Solver.group": [lambda _: solver.candidate("", "lc", {}).group(BARE)],
@@ -122,7 +101,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     },
     "cgroup.benchmark.config.parse_config": [given("nonsense")],
     "cgroup.benchmark.config.read_config": [given("nonsense")],
-    "cgroup.benchmark.config.replace_methods": [given(GENERATED, ["nonsense"])],
     "cgroup.benchmark.run.run": [given(GENERATED, NOWHERE, workers=0)],
     "cgroup.benchmark.tables.aggregate": [
         given(pd.DataFrame(), ["method"], "nonsense"),
@@ -131,24 +109,8 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.benchmark.tables.exponents": [given(pd.DataFrame())],
     "cgroup.benchmark.tables.load_groups": [given(NOWHERE, "nonsense")],
     "cgroup.benchmark.tables.load": [given(NOWHERE)],
-    f"{PAPER}.readings.Reading": [given(nonsense=1)],
-    f"{PAPER}.readings.Question": [given(nonsense=1)],
-    f"{PAPER}.readings.add_readings": [
-        given(config.read_config("matches"), []),
-        given(
-            config.read_config("smoke"),
-            [readings.Reading(name="wrong", label="", methods={"gtm": {"nonsense": 1}})],
-        ),
-    ],
-    f"{PAPER}.readings.judge_readings": [given(pd.DataFrame(), pd.DataFrame(), [], resamples=0)],
-    f"{PAPER}.readings.list_readings": [given(["nonsense"])],
-    f"{PAPER}.reading_tables.write_readings": [given(NOWHERE, NO_READINGS)],
     f"{PAPER}.claims.check_claims": [given(pd.DataFrame(), pd.DataFrame(), resamples=-1)],
-    f"{PAPER}.claims.check_evidence": [given(Evidence(pd.DataFrame(), pd.DataFrame()), seed=-1)],
     f"{PAPER}.claims.bootstrap_verdicts": [given(pd.DataFrame(), pd.DataFrame(), resamples=0)],
-    "cgroup.benchmark.stats.comparable": [given(pd.DataFrame())],
     "cgroup.benchmark.stats.rank_methods": [given(pd.DataFrame())],
-    "cgroup.benchmark.stats.mcnemar": [given([True, False], [True, True, False])],
-    "cgroup.benchmark.stats.signed_rank": [given([1, 2], [1, 2, 3])],
     "cgroup.benchmark.report.write_report": [given(NOWHERE)],
 }

@@ -41,7 +41,6 @@ __all__ = [
     "parse_config",
     "preset_names",
     "read_config",
-    "replace_methods",
 ]
 
 METHOD_SETS = {"paper": PAPER_METHODS, "all": tuple(METHODS)}
@@ -442,30 +441,6 @@ def replace_methods(config: Config, methods: list[str]) -> Config:
     """Return a configuration that runs other methods.
 
     Sets that name their own methods keep these.
-
-    Parameters
-    ----------
-    config : Config
-        Left as it is.
-    methods : list of str
-        Names, or ``"paper"`` and ``"all"``.
-
-    Returns
-    -------
-    Config
-        The same otherwise.
-
-    Raises
-    ------
-    InputError
-        If there is no such method.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.config import read_config, replace_methods
-    >>> config = replace_methods(read_config("smoke"), ["gtm", "lc"])
-    >>> [method.name for method in config.methods]
-    ['gtm', 'lc']
     """
     try:
         return Config.model_validate({**config.model_dump(exclude_defaults=True), "methods": methods})

@@ -47,13 +47,8 @@ __all__ = [
     "Rank",
     "Standing",
     "bootstrap",
-    "comparable",
-    "holm",
-    "mcnemar",
-    "name_units",
     "rank_methods",
     "rank_overall",
-    "signed_rank",
 ]
 
 RESAMPLES = 10_000
@@ -273,30 +268,7 @@ def _percentiles(draws: FloatArray) -> tuple[float, float]:
 
 
 def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
-    """Return the p of Wilcoxon's signed-rank test on paired values.
-
-    Parameters
-    ----------
-    one, other : (n,) array_like of float
-        Values on the same problems.
-
-    Returns
-    -------
-    float
-        Two-sided; 1 where all are equal.
-
-    Raises
-    ------
-    ValueError
-        For unlike numbers of values.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.stats import signed_rank
-    >>> one, other = [0.9, 0.8, 0.7, 0.9, 0.6, 0.8], [0.1, 0.3, 0.2, 0.4, 0.1, 0.2]
-    >>> signed_rank(one, other) < 0.05
-    True
-    """
+    """Return the p of Wilcoxon's signed-rank test on paired values."""
     difference = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)
     if not difference.any():
         return 1.0
@@ -305,29 +277,7 @@ def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
-    """Return the p of McNemar's exact test on paired successes.
-
-    Parameters
-    ----------
-    one, other : (n,) array_like of bool
-        Whether each of two methods succeeded, on the same problems.
-
-    Returns
-    -------
-    float
-        Two-sided; 1 where they never differ.
-
-    Raises
-    ------
-    ValueError
-        For unlike numbers of values.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.stats import mcnemar
-    >>> mcnemar([True] * 8, [True, True] + [False] * 6)
-    0.03125
-    """
+    """Return the p of McNemar's exact test on paired successes."""
     first, second = np.asarray(one, dtype=bool), np.asarray(other, dtype=bool)
     only_first, only_second = int((first & ~second).sum()), int((second & ~first).sum())
     if not only_first + only_second:
@@ -339,22 +289,6 @@ def holm(p: Sequence[float]) -> list[float]:
     """Adjust the p of several tests, so that the chance of any false alarm keeps.
 
     After Holm, Scandinavian Journal of Statistics 1979.
-
-    Parameters
-    ----------
-    p : sequence of float
-        Of each test.
-
-    Returns
-    -------
-    list of float
-        In the same order; significant are those below the level.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.stats import holm
-    >>> holm([0.01, 0.04, 0.03])
-    [0.03, 0.06, 0.06]
     """
     adjusted = [0.0] * len(p)
     so_far = 0.0
@@ -428,31 +362,6 @@ def comparable(trials: pd.DataFrame) -> pd.DataFrame:
 
     A pair without a single right match stays: its matches are what the front end left of it, and no
     method registers it.
-
-    Parameters
-    ----------
-    trials : DataFrame
-        Rows of `cgroup.benchmark.tables.load`.
-
-    Returns
-    -------
-    DataFrame
-        Some of the rows.
-
-    Raises
-    ------
-    KeyError
-        For trials that lack a column.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.stats import comparable
-    >>> trials = pd.DataFrame(
-    ...     {"method": ["ss", "gtm"], "skipped": ["needs similarity", ""]}
-    ... )
-    >>> list(comparable(trials.assign(kind="related"))["method"])
-    ['gtm']
     """
     related = trials[trials["kind"] == "related"]
     lacking = related["skipped"].str.startswith("needs ")
@@ -509,26 +418,7 @@ def rank_overall(rows: pd.DataFrame, measures: Sequence[str]) -> list[Overall]:
 
 
 def name_units(pairs: pd.DataFrame) -> list[str]:
-    """Name what is drawn with replacement for each pair: its object, or itself.
-
-    Parameters
-    ----------
-    pairs : DataFrame
-        `dataset, pair`, one row per pair.
-
-    Returns
-    -------
-    list of str
-        One name per row; rows of the same name are drawn together.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.stats import name_units
-    >>> pairs = [f"room{k}/{i}" for k in range(5) for i in range(2)]
-    >>> name_units(pd.DataFrame({"dataset": "rooms", "pair": pairs}))[:3]
-    ['rooms:room0', 'rooms:room0', 'rooms:room1']
-    """
+    """Name what is drawn with replacement for each pair: its object, or itself."""
     objects = [
         f"{dataset}:{pair.rpartition('/')[0]}" if "/" in pair and dataset != GeneratedMatches.name else ""
         for dataset, pair in zip(pairs["dataset"], pairs["pair"], strict=True)

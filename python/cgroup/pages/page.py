@@ -33,37 +33,6 @@ def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", cap
 
     The chart is drawn when it comes into sight, as wide as its place, in the page's light or dark colours:
     the figure's template is left out, and its colours of texts, grids and backgrounds are replaced.
-
-    Parameters
-    ----------
-    name : str
-        Identifier of its element; the page's script finds the drawn chart by ``charts.get(name)``.
-    figure : plotly.graph_objects.Figure or dict
-        Or its ``data`` and ``layout``.
-    label : str
-        What the chart shows, for those who can't see it; plain text.
-    height : str
-        A length in CSS.
-    caption : str
-        HTML below the chart.
-
-    Returns
-    -------
-    str
-        A ``<figure>``.
-
-    Raises
-    ------
-    InputError
-        If plotly isn't installed, or the figure is none.
-
-    Examples
-    --------
-    >>> chart = chart_html(
-    ...     "line", {"data": [{"y": [1, 3, 2]}], "layout": {}}, label="A line"
-    ... )
-    >>> chart.startswith('<figure class="chart" id="line"')
-    True
     """
     below = f"<figcaption>{caption}</figcaption>" if caption else ""
     return (
@@ -74,26 +43,7 @@ def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", cap
 
 
 def data_html(name: str, value: Any) -> str:  # noqa: ANN401 - whatever JSON can hold
-    """Make the HTML of data for a page's own script, which nobody sees.
-
-    Parameters
-    ----------
-    name : str
-        Identifier of its element; the script reads
-        ``JSON.parse(document.getElementById(name).textContent)``.
-    value : object
-        What JSON can hold; numbers are finite.
-
-    Returns
-    -------
-    str
-        A ``<script>`` for the body of `page_html`.
-
-    Examples
-    --------
-    >>> data_html("counts", {"kept": 3})
-    '<script type="application/json" id="counts">{"kept":3}</script>'
-    """
+    """Make the HTML of data for a page's own script, which nobody sees."""
     return f'<script type="application/json" id="{html.escape(name)}">{_json(value)}</script>'
 
 
@@ -105,57 +55,12 @@ def chart_text(text: object) -> str:
     """Escape a text that a chart is to show as it is.
 
     Without it plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
-
-    Parameters
-    ----------
-    text : object
-        Shown by `str`.
-
-    Returns
-    -------
-    str
-        For names of traces, hover texts, titles and annotations.
-
-    Examples
-    --------
-    >>> chart_text("a<b>.ply")
-    'a&lt;b&gt;.ply'
     """
     return html.escape(str(text), quote=False)
 
 
 def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
-    """Put a page together: style, body, and what draws the charts in it.
-
-    Parameters
-    ----------
-    title : str
-        Plain text.
-    body : str
-        HTML; usually one ``<main>``, with what `chart_html` made in it.
-    css : str
-        Rules of the page's own, after the common ones, whose colours are variables: ``--text``, ``--quiet``,
-        ``--line``, ``--soft``, ``--surface``, ``--link``, ``--grid``.
-    script : str
-        JavaScript of the page's own; ``charts.get(name)`` promises the element of a drawn chart,
-        ``charts.plotly`` is then plotly.
-
-    Returns
-    -------
-    str
-        A whole HTML document. It may not fetch anything: its content security policy forbids it.
-
-    Raises
-    ------
-    InputError
-        If there is a chart and plotly isn't installed.
-
-    Examples
-    --------
-    >>> page = page_html("A & B", "<main><h1>Two clouds</h1></main>")
-    >>> "<title>A &amp; B</title>" in page
-    True
-    """
+    """Put a page together: style, body, and what draws the charts in it."""
     has_charts = '<figure class="chart"' in body
     library = (
         f'<script type="text/plain" id="chart-library">{_packed_plotly()}</script>' if has_charts else ""

@@ -1,7 +1,6 @@
 """What the benchmark finds, as charts: scores and registration over levels, times, pairs one by one.
 
-Each function ``..._chart`` makes the chart, which the report shows too, and ``..._figure`` draws it. Values
-are means over pairs; an `Estimator` finds them, so that the report can add intervals.
+Values are means over pairs; an `Estimator` finds them, so that the report can add intervals.
 """
 
 # pandas ships no types, and guesses about it are often wrong.
@@ -215,6 +214,23 @@ def describe_growth(exponent: float, paper: str | None) -> str:
     return "; ".join(filter(None, (measured, paper and f"paper {paper}")))
 
 
+def draw_times(
+    times: pd.DataFrame,
+    exponents: Mapping[str, float],
+    complexities: Mapping[str, str],
+    title: str,
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> Figure:
+    """Draw `times_chart` with a legend that names exponents and complexities, slowest method first."""
+    chart = times_chart(times, exponents, complexities, styles)
+    last = times.ffill().iloc[-1]
+    looks: dict[str, MethodStyle] = {}
+    for name in sorted(chart.looks, key=lambda name: -last[name]):
+        growth = describe_growth(exponents.get(name, np.nan), complexities.get(name))
+        looks[name] = chart.looks[name]._replace(label=f"{chart.looks[name].label}  {growth}".rstrip())
+    return replace(chart, looks=looks).draw(title, columns=1, legend="right")
+
+
 def pairs_chart(
     rows: pd.DataFrame, methods: tuple[str, str], styles: Mapping[str, MethodStyle] | None = None
 ) -> Chart:
@@ -309,304 +325,3 @@ def _style_pipelines(frame: pd.DataFrame) -> dict[str, MethodStyle]:
         color, marker = shades[used[shades] % len(shades)], _MARKERS[len(looks) % len(_MARKERS)]
         looks[label] = MethodStyle(label, color, marker, style.SYMBOLS[marker], dashes=dashes)
     return looks
-
-
-# --- Figures ----------------------------------------------------------------------------------------------
-
-
-def scores_figure(
-    rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
-) -> Figure:
-    """Draw mean precision, recall and F over the levels of an experiment.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Records with the columns ``pair``, ``method``, ``precision``, ``recall``, ``f_score``, and the level
-        in ``x``.
-    xlabel : str
-        What the levels are, with the unit.
-    title : str
-        Shown on top.
-    styles : mapping of str to MethodStyle, optional
-        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
-        figure by default.
-
-    Returns
-    -------
-    Figure
-        Three panels, a curve per method.
-
-    Raises
-    ------
-    KeyError
-        For records that lack a column.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.plots import scores_figure
-    >>> rows = pd.DataFrame(
-    ...     {"method": ["gtm"] * 3, "x": [0.1, 0.2, 0.3], "precision": [1.0, 0.9, 0.8]}
-    ... )
-    >>> rows = rows.assign(recall=0.5, f_score=0.6, pair="a")
-    >>> figure = scores_figure(rows, xlabel="noise (pr)", title="Noise")
-    >>> [axes.get_title(loc="left") for axes in figure.axes]
-    ['F', 'precision', 'recall']
-    """
-    return scores_chart(rows, xlabel, styles).draw(title)
-
-
-def registration_rate_figure(
-    rows: pd.DataFrame, *, xlabel: str, title: str, styles: Mapping[str, MethodStyle] | None = None
-) -> Figure:
-    """Draw the share of registered pairs over the levels, by each criterion.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Records with the columns ``pair``, ``method``, ``registered`` (by the paper's criterion), and the
-        level in ``x``; stricter criteria are the columns ``ok:<protocol>``.
-    xlabel : str
-        What the levels are, with the unit.
-    title : str
-        Shown on top.
-    styles : mapping of str to MethodStyle, optional
-        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
-        figure by default.
-
-    Returns
-    -------
-    Figure
-        One panel per criterion that is applicable to some record.
-
-    Raises
-    ------
-    KeyError
-        For records that lack a column.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.plots import registration_rate_figure
-    >>> rows = pd.DataFrame(
-    ...     {"method": "gtm", "x": [0.1, 0.2, 0.3], "registered": [True, True, False]}
-    ... )
-    >>> rows = rows.assign(pair="a")
-    >>> figure = registration_rate_figure(rows, xlabel="noise (pr)", title="Noise")
-    >>> figure.axes[0].get_title(loc="left")
-    "precision > 0.1 (the paper's)"
-    """
-    chart = rates_chart(rows, xlabel, styles)
-    count = len(chart.panels)
-    return chart.draw(title, columns=max(2, count if count <= 3 else -(-count // 2)))
-
-
-def inliers_figure(rows: pd.DataFrame, *, xlabel: str, title: str) -> Figure:
-    """Draw how many initial matches there are over the levels, and how many are right.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Records with the columns ``pair``, ``n``, ``correct``, ``inlier_ratio``, and the level in ``x``.
-    xlabel : str
-        What the levels are, with the unit.
-    title : str
-        Shown on top.
-
-    Returns
-    -------
-    Figure
-        Two panels, numbers and shares; means over pairs.
-
-    Raises
-    ------
-    KeyError
-        For records that lack a column.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.plots import inliers_figure
-    >>> rows = pd.DataFrame(
-    ...     {"pair": "a", "x": [0.1, 0.2], "n": 1000, "correct": [300, 200]}
-    ... )
-    >>> rows = rows.assign(inlier_ratio=rows["correct"] / rows["n"])
-    >>> figure = inliers_figure(rows, xlabel="noise (pr)", title="Matches")
-    >>> [axes.get_title(loc="left") for axes in figure.axes]
-    ['initial matches', 'inlier ratio']
-    """
-    return matches_chart(rows, xlabel).draw(title, columns=2)
-
-
-def timing_figure(
-    times: pd.DataFrame,
-    *,
-    exponents: Mapping[str, float],
-    complexities: Mapping[str, str],
-    title: str,
-    styles: Mapping[str, MethodStyle] | None = None,
-) -> Figure:
-    """Draw seconds over the number of matches on logarithmic axes.
-
-    Parameters
-    ----------
-    times : DataFrame
-        Mean seconds: one row per number of matches, one column per method.
-    exponents : mapping of str to float
-        Exponent a of ``seconds ~ n^a`` fitted to each method, NaN where none could be fitted.
-    complexities : mapping of str to str
-        What the paper's table says of each method, for comparison.
-    title : str
-        Shown on top.
-    styles : mapping of str to MethodStyle, optional
-        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
-        figure by default.
-
-    Returns
-    -------
-    Figure
-        The legend names exponents and complexities, slowest method first.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.plots import timing_figure
-    >>> times = pd.DataFrame(
-    ...     {"gc": [0.001, 0.004], "gtm": [0.01, 0.04]}, index=[1000, 2000]
-    ... )
-    >>> figure = timing_figure(
-    ...     times, exponents={"gc": 2.0, "gtm": 2.0}, complexities={}, title="Time"
-    ... )
-    >>> figure.savefig("times.png")
-    """
-    chart = times_chart(times, exponents, complexities, styles)
-    last = times.ffill().iloc[-1]
-    looks: dict[str, MethodStyle] = {}
-    for name in sorted(chart.looks, key=lambda name: -last[name]):
-        growth = describe_growth(exponents.get(name, np.nan), complexities.get(name))
-        looks[name] = chart.looks[name]._replace(label=f"{chart.looks[name].label}  {growth}".rstrip())
-    return replace(chart, looks=looks).draw(title, columns=1, legend="right")
-
-
-def pair_precision_figure(
-    rows: pd.DataFrame,
-    *,
-    methods: tuple[str, str],
-    title: str,
-    styles: Mapping[str, MethodStyle] | None = None,
-) -> Figure:
-    """Draw the precision of two methods on every pair.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Records with the columns ``pair``, ``method`` and ``precision``, one per pair and method.
-    methods : tuple of str
-        Two of them; pairs are sorted by the precision of the second.
-    title : str
-        Shown on top.
-    styles : mapping of str to MethodStyle, optional
-        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
-        figure by default.
-
-    Returns
-    -------
-    Figure
-        Left pair by pair, right the share of pairs up to each precision.
-
-    Raises
-    ------
-    KeyError
-        For records that lack a column, or one of the methods.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.plots import pair_precision_figure
-    >>> rows = pd.DataFrame(
-    ...     {"pair": ["a", "b"] * 2, "method": ["gc", "gc", "gtm", "gtm"]}
-    ... )
-    >>> rows = rows.assign(precision=[0.4, 0.7, 0.9, 0.95])
-    >>> figure = pair_precision_figure(rows, methods=("gc", "gtm"), title="Two methods")
-    >>> len(figure.axes)
-    2
-    """
-    return pairs_chart(rows, methods, styles).draw(title, columns=2)
-
-
-def trials_figure(
-    frame: pd.DataFrame, *, title: str, styles: Mapping[str, MethodStyle] | None = None
-) -> Figure:
-    """Draw the share of problems that methods register, and mean F, over median time.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        `method, right, f_score, seconds`, one row per problem and method.
-    title : str
-        Shown on top.
-    styles : mapping of str to MethodStyle, optional
-        How methods are drawn, as `style.method_styles` chooses it for a whole report; for those of this
-        figure by default.
-
-    Returns
-    -------
-    Figure
-        Two panels, one point per method.
-
-    Raises
-    ------
-    KeyError
-        For rows that lack a column.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.plots import trials_figure
-    >>> frame = pd.DataFrame(
-    ...     {"method": ["gc", "gtm"], "right": [False, True], "f_score": [0.6, 0.9]}
-    ... )
-    >>> figure = trials_figure(frame.assign(seconds=[0.001, 0.01]), title="Two methods")
-    >>> [axes.get_title(loc="left") for axes in figure.axes]
-    ['registered', 'F']
-    """
-    return trials_chart(frame, styles).draw(title, columns=2)
-
-
-def pipelines_figure(frame: pd.DataFrame, *, title: str) -> Figure:
-    """Draw how many pairs pipelines register, by overlap and over time.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        `pipeline, name, refined, set, overlap, right, seconds`, one row per pair and pipeline; without
-        unrelated clouds.
-    title : str
-        Shown on top.
-
-    Returns
-    -------
-    Figure
-        A panel with the share of right poses over the overlap, all sets together, and for each set one with
-        that share over the median seconds.
-
-    Raises
-    ------
-    KeyError
-        For rows that lack a column.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.plots import pipelines_figure
-    >>> frame = pd.DataFrame(
-    ...     {"pipeline": "cgroup", "name": "cgroup", "set": "rooms"}, index=[0, 1]
-    ... )
-    >>> frame = frame.assign(
-    ...     refined=False, overlap=[0.3, 0.8], right=[False, True], seconds=[0.5, 0.4]
-    ... )
-    >>> len(pipelines_figure(frame, title="One way to register").axes)
-    2
-    """
-    return pipelines_chart(frame).draw(title)

@@ -30,41 +30,8 @@ _INSET = 0.07  # of a cell, left white around it
 _UNMOVED = 0.28  # opacity
 
 
-def readings_figure(rows: pd.DataFrame, *, title: str) -> Figure:
-    """Draw the verdict on every claim under every reading.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        One row per claim and reading, in the order in which they are to be shown, with the columns ``group``
-        (of readings), ``reading``, ``claim``, ``verdict``, ``close`` and ``moved``: whether another draw of
-        the pairs often gives another verdict, and whether a number is another than in the first column.
-    title : str
-        Shown on top.
-
-    Returns
-    -------
-    Figure
-        One row per claim, one column per reading; cells that a reading doesn't move are pale, verdicts other
-        than that of the first column are framed, and those that are close have a dot.
-
-    Raises
-    ------
-    KeyError
-        For rows that lack a column, or an unknown verdict.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.plots import readings_figure
-    >>> rows = pd.DataFrame({"reading": ["default", "20 steps"], "group": ["", "GTM"]})
-    >>> rows = rows.assign(
-    ...     claim="C-07", verdict=["partly", "confirmed"], close=False, moved=True
-    ... )
-    >>> figure = readings_figure(rows, title="Claims by reading")
-    >>> [label.get_text() for label in figure.axes[0].get_xticklabels()]
-    ['default', '20 steps']
-    """
+def draw_readings(rows: pd.DataFrame, *, title: str) -> Figure:
+    """Draw the verdict on every claim under every reading."""
     readings = list(dict.fromkeys(zip(rows["group"], rows["reading"], strict=True)))
     claims = list(dict.fromkeys(rows["claim"]))
     places = _place_columns([group for group, _ in readings])

@@ -68,10 +68,7 @@ from cgroup.benchmark.paper.verdicts import (
     Outcome,
     Stability,
     Verdict,
-    as_markdown,
     count_tests,
-    count_verdicts,
-    counts_line,
     judge,
     read_explanations,
 )
@@ -90,12 +87,8 @@ __all__ = [
     "Outcome",
     "Stability",
     "Verdict",
-    "as_markdown",
     "bootstrap_verdicts",
     "check_claims",
-    "check_evidence",
-    "count_verdicts",
-    "counts_line",
 ]
 
 RESAMPLES = 200
@@ -404,35 +397,7 @@ def check_claims(
 
 
 def check_evidence(evidence: Evidence, *, resamples: int = 0, seed: int = 0) -> list[Verdict]:
-    """Check all claims of the paper on evidence that is at hand.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Records and times, sorted by experiment and data set.
-    resamples : int
-        Draws of the pairs on which claims are checked again; none by default.
-    seed : int
-        Of the draws.
-
-    Returns
-    -------
-    list of Verdict
-        One per claim, in the paper's order.
-
-    Raises
-    ------
-    InputError
-        If the number of resamples or the seed isn't a whole number from 0.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.claims import check_evidence
-    >>> from cgroup.benchmark.paper.evidence import Evidence
-    >>> len(check_evidence(Evidence(pd.DataFrame(), pd.DataFrame())))
-    68
-    """
+    """Check all claims of the paper on evidence that is at hand."""
     resamples, seed = as_count("resamples", resamples, 0), as_count("seed", seed, 0)
     why = read_explanations()
     verdicts = [decide(claim, evidence, why.get(claim.id, "")) for claim in CLAIMS]

@@ -11,15 +11,13 @@ import pandas as pd
 from cgroup.benchmark.paper.claims import CLAIMS
 from cgroup.benchmark.paper.readings import name_questions, read_questions
 from cgroup.io import write_file
-from cgroup.plots import readings_figure
+from cgroup.plots.readings import draw_readings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from cgroup.benchmark.paper.readings import Question, ReadingOutcome
-
-__all__ = ["write_readings"]
 
 MARKDOWN, CSV, FIGURE = "readings.md", "readings.csv", "readings.png"
 """Names of the files."""
@@ -43,38 +41,10 @@ _COLUMNS = ("question", "reading", "claim", "verdict", "held", "tests", "share",
 
 
 def write_readings(folder: Path, outcomes: Sequence[ReadingOutcome]) -> list[Path]:
-    """Write tables and figure of all readings.
-
-    Parameters
-    ----------
-    folder : path
-        Of the run.
-    outcomes : sequence of ReadingOutcome
-        Of `judge_readings`.
-
-    Returns
-    -------
-    list of path
-        `MARKDOWN`, `CSV` and `FIGURE` in the folder.
-
-    Raises
-    ------
-    InputError
-        If a file can't be written.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.readings import judge_readings
-    >>> from cgroup.benchmark.paper.reading_tables import write_readings
-    >>> outcomes = judge_readings(pd.DataFrame(), pd.DataFrame(), [])  # no records
-    >>> [file.name for file in write_readings(Path(), outcomes)]
-    ['readings.md', 'readings.csv', 'readings.png']
-    """
+    """Write tables and figure of all readings."""
     questions = read_questions()
     picture = io.BytesIO()
-    readings_figure(list_figure_cells(outcomes), title=_TITLE).savefig(picture, format="png")
+    draw_readings(list_figure_cells(outcomes), title=_TITLE).savefig(picture, format="png")
     contents = {
         MARKDOWN: as_markdown(outcomes, questions).encode(),
         CSV: as_csv(outcomes, questions).encode(),

@@ -26,10 +26,10 @@ from cgroup.benchmark.paper.claims import (
     RESAMPLES,
     check_claims,
     check_evidence,
-    count_verdicts,
     resample_outcomes,
 )
 from cgroup.benchmark.paper.evidence import Average, Evidence
+from cgroup.benchmark.paper.verdicts import count_verdicts
 from cgroup.datasets import open_dataset
 from cgroup.errors import InputError
 
@@ -44,16 +44,6 @@ if TYPE_CHECKING:
 
     from cgroup.benchmark.config import ExperimentEntry
     from cgroup.benchmark.paper.claims import Claim, Outcome, Verdict
-
-__all__ = [
-    "Question",
-    "Reading",
-    "ReadingOutcome",
-    "add_readings",
-    "judge_readings",
-    "list_readings",
-    "read_questions",
-]
 
 DEFAULT = "default"
 """Name of the reading that is none."""
@@ -109,18 +99,6 @@ class Reading(Table):
         Names of readings that are combined; all else is theirs then.
     parts : tuple of Reading
         Those readings; `read_questions` finds them.
-
-    Raises
-    ------
-    pydantic.ValidationError
-        For an unknown key, or a value of another type or out of range.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.paper.readings import Reading
-    >>> short = {"gtm": {"iterations": 20}}
-    >>> Reading(name="gtm-20", label="20 steps", methods=short).average
-    'macro'
     """
 
     name: str
@@ -159,18 +137,6 @@ class Question(Table):
         How it is read by default.
     readings : tuple of Reading
         The other ways.
-
-    Raises
-    ------
-    pydantic.ValidationError
-        For an unknown key, or a value of another type.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.paper.readings import read_questions
-    >>> question = read_questions()[0]
-    >>> question.id, [reading.name for reading in question.readings]
-    ('nnsr', ['nnsr-letter'])
     """
 
     id: str
@@ -182,19 +148,7 @@ class Question(Table):
 
 @functools.cache
 def read_questions() -> tuple[Question, ...]:
-    """Read all questions.
-
-    Returns
-    -------
-    tuple of Question
-        In the order of their tables.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.paper.readings import read_questions
-    >>> sum(len(question.readings) for question in read_questions()) > 30
-    True
-    """
+    """Read all questions."""
     text = files("cgroup.benchmark.paper").joinpath("readings.toml").read_text(encoding="utf-8")
     questions = tuple(Question.model_validate(table) for table in tomllib.loads(text)["question"])
     known = {reading.name: reading for question in questions for reading in question.readings}
@@ -205,29 +159,7 @@ def read_questions() -> tuple[Question, ...]:
 
 
 def list_readings(names: Sequence[str] | None = None) -> list[Reading]:
-    """List readings.
-
-    Parameters
-    ----------
-    names : sequence of str, optional
-        Which, by reading or question; all by default.
-
-    Returns
-    -------
-    list of Reading
-        In the order of the questions.
-
-    Raises
-    ------
-    InputError
-        If there is no reading or question of a name.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.paper.readings import list_readings
-    >>> [reading.name for reading in list_readings(["cv", "mutual"])]
-    ['cv-5', 'cv-20', 'mutual']
-    """
+    """List readings."""
     questions = read_questions()
     known = {question.id for question in questions}
     known |= {reading.name for question in questions for reading in question.readings}
@@ -261,40 +193,7 @@ def _changes(reading: Reading) -> tuple[Reading, ...]:
 
 
 def add_readings(config: Config, readings: Iterable[Reading]) -> Config:
-    """Ask for what readings need besides the records of the default.
-
-    Parameters
-    ----------
-    config : Config
-        The default.
-    readings : iterable of Reading
-        What is to be tried.
-
-    Returns
-    -------
-    Config
-        With further experiments, whose ids end in the reading's name, of what that reading can move: the
-        methods whose options it changes, on the same matches; or all methods, on others. What the default
-        runs with the options of a reading under another label has the reading's label.
-
-    Raises
-    ------
-    InputError
-        If the configuration has no experiments, or one whose id looks like that of a reading.
-    pydantic.ValidationError
-        If a reading gives a method an option that it doesn't have.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.config import read_config
-    >>> from cgroup.benchmark.paper.readings import add_readings, list_readings
-    >>> config = add_readings(read_config("smoke"), list_readings(["gtm-20"]))
-    >>> (
-    ...     config.experiment[-1].id,
-    ...     [method.label for method in config.experiment[-1].methods],
-    ... )
-    ('variants / gtm-20', ['gtm+ransac iterations=20'])
-    """
+    """Ask for what readings need besides the records of the default."""
     asked = list(readings)
     _check_experiments(config)
     base = _share_labels(config, asked)
@@ -546,14 +445,6 @@ class ReadingOutcome:
     better, worse : tuple of str
         Claims whose verdict is better than under the default, and worse; without those that are not
         testable under one of both.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.readings import judge_readings
-    >>> (default,) = judge_readings(pd.DataFrame(), pd.DataFrame(), [])  # no records
-    >>> default.name, default.counts["not testable"], default.is_close("C-01")
-    ('default', 68, False)
     """
 
     name: str
@@ -565,36 +456,11 @@ class ReadingOutcome:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many claims have which verdict.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.paper.readings import ReadingOutcome
-        >>> ReadingOutcome("none", "", {}).counts
-        {'confirmed': 0, 'partly': 0, 'not confirmed': 0, 'not testable': 0}
-        """
+        """How many claims have which verdict."""
         return count_verdicts(self.verdicts.values())
 
     def is_close(self, claim: str) -> bool:
-        """Tell whether another draw of the pairs would often give another verdict.
-
-        Parameters
-        ----------
-        claim : str
-            Id of a claim.
-
-        Returns
-        -------
-        bool
-            Also False where the claim is not testable.
-
-        Examples
-        --------
-        >>> import pandas as pd
-        >>> from cgroup.benchmark.paper.readings import judge_readings
-        >>> judge_readings(pd.DataFrame(), pd.DataFrame(), [])[0].is_close("C-01")
-        False
-        """
+        """Tell whether another draw of the pairs would often give another verdict."""
         stability = self.verdicts[claim].stability
         return stability is not None and stability.close
 
@@ -608,44 +474,7 @@ def judge_readings(
     resamples: int = RESAMPLES,
     progress: Callable[[str, int, int], Any] | None = None,
 ) -> list[ReadingOutcome]:
-    """Check the paper's claims on the records of every reading.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Records of a configuration from `add_readings`.
-    timing : DataFrame
-        Times of the timing experiment; may have no rows.
-    readings : sequence of Reading
-        What was tried.
-    root : Path, optional
-        Folder that holds the data sets' folders, by default that in the environment variable ``CGROUP_DATA``;
-        needed where facts about pairs are measured again.
-    resamples : int
-        Draws of the bootstrap, for each reading the same.
-    progress : callable, optional
-        Called with "judge" and how many of how many readings are done.
-
-    Returns
-    -------
-    list of ReadingOutcome
-        The default's first, then in the order of the readings.
-
-    Raises
-    ------
-    InputError
-        If the number of resamples isn't a whole number above 0, or a pair that is to be measured again isn't
-        there any more.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.readings import judge_readings, list_readings
-    >>> none = pd.DataFrame()  # no records
-    >>> outcomes = judge_readings(none, none, list_readings(["gtm-20"]))
-    >>> [outcome.name for outcome in outcomes]
-    ['default', 'gtm-20']
-    """
+    """Check the paper's claims on the records of every reading."""
     tell, resamples = progress or ignore_progress, as_count("resamples", resamples, 1)
     tell("judge", 0, 1 + len(readings))
     default = check_claims(select_default(frame), select_times(timing), resamples=resamples)

@@ -214,49 +214,13 @@ def read_explanations() -> dict[str, str]:
 
 
 def count_verdicts(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Count the claims by verdict, all four kinds named.
-
-    Parameters
-    ----------
-    verdicts : iterable of Verdict
-        Of `check_claims`.
-
-    Returns
-    -------
-    dict of str to int
-        Confirmed, partly, not confirmed, not testable.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.claims import check_claims, count_verdicts
-    >>> count_verdicts(check_claims(pd.DataFrame(), pd.DataFrame()))
-    {'confirmed': 0, 'partly': 0, 'not confirmed': 0, 'not testable': 68}
-    """
+    """Count the claims by verdict, all four kinds named."""
     counts = Counter(verdict.verdict for verdict in verdicts)
     return {outcome: counts[outcome] for outcome in OUTCOMES}
 
 
 def as_markdown(verdicts: Sequence[Verdict]) -> str:
-    """Write the verdicts as Markdown, by section of the paper.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        In the paper's order.
-
-    Returns
-    -------
-    str
-        The criteria, the counts, and one table per section.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.claims import as_markdown, check_claims
-    >>> as_markdown(check_claims(pd.DataFrame(), pd.DataFrame())).splitlines()[0]
-    '# Claims of the paper'
-    """
+    """Write the verdicts as Markdown, by section of the paper."""
     lines = ["# Claims of the paper", "", CRITERIA.strip(), "", f"**{counts_line(verdicts)}**"]
     section = ""
     for verdict in verdicts:
@@ -268,24 +232,7 @@ def as_markdown(verdicts: Sequence[Verdict]) -> str:
 
 
 def counts_line(verdicts: Iterable[Verdict]) -> str:
-    """Say how many claims have which verdict.
-
-    Parameters
-    ----------
-    verdicts : iterable of Verdict
-        Of `check_claims`.
-
-    Returns
-    -------
-    str
-        One line.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.paper.claims import counts_line
-    >>> counts_line([])
-    '0 claims: 0 confirmed, 0 partly, 0 not confirmed, 0 not testable'
-    """
+    """Say how many claims have which verdict."""
     listed = list(verdicts)
     generated = sum(verdict.measured.startswith(ON_GENERATED) for verdict in listed)
     counts = ", ".join(f"{n} {outcome}" for outcome, n in count_verdicts(listed).items())

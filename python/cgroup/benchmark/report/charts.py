@@ -11,7 +11,7 @@ import numpy as np
 
 from cgroup.benchmark.stats import bootstrap, name_units
 from cgroup.evaluation.bins import LEAST_PAIRS
-from cgroup.pages import chart_html
+from cgroup.pages.page import chart_html
 from cgroup.plots.experiments import Estimate
 
 if TYPE_CHECKING:

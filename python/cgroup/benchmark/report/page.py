@@ -13,8 +13,9 @@ import cgroup
 from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import tables
 from cgroup.benchmark.paper import EXPERIMENTS
-from cgroup.benchmark.paper.claims import CRITERIA, RESAMPLES, as_markdown, check_evidence, count_verdicts
+from cgroup.benchmark.paper.claims import CRITERIA, RESAMPLES, check_evidence
 from cgroup.benchmark.paper.evidence import Evidence
+from cgroup.benchmark.paper.verdicts import as_markdown, count_verdicts
 from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.benchmark.report.registration import make_registration_section
 from cgroup.benchmark.report.sections import (
@@ -29,7 +30,7 @@ from cgroup.benchmark.report.tables import dataset_table, failure_table, plain_t
 from cgroup.benchmark.report.trial_tables import overview_table
 from cgroup.benchmark.report.trials import make_trial_sections
 from cgroup.io import write_file
-from cgroup.pages import page_html, write_page
+from cgroup.pages.page import page_html, write_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -15,12 +15,12 @@ from cgroup.benchmark.tables import exponents
 from cgroup.errors import CgroupError
 from cgroup.plots.charts import Chart, sort_methods
 from cgroup.plots.experiments import (
+    draw_times,
     matches_chart,
     pairs_chart,
     rates_chart,
     scores_chart,
     times_chart,
-    timing_figure,
 )
 from cgroup.plots.style import method_style
 
@@ -173,7 +173,7 @@ def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[PageChart,
     fitted = exponents(timing).set_index("method")["exponent"].to_dict()
     sources = ", ".join(timing["dataset"].unique())
     told: dict[str, Any] = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": pictures.styles}
-    file = pictures.save("time", timing_figure(times, **told, title=f"Time per grouping, {sources}"))
+    file = pictures.save("time", draw_times(times, **told, title=f"Time per grouping, {sources}"))
     last = times.iloc[-1].dropna()
     alt = (
         f"Mean time of {len(times.columns)} methods over the number of matches of {sources}, logarithmic "

@@ -364,14 +364,15 @@ def claims_command(
     with show_stages() as begin:
         from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
         from cgroup.benchmark.paper import claims  # noqa: PLC0415
+        from cgroup.benchmark.paper.verdicts import count_verdicts, counts_line  # noqa: PLC0415
 
         begin("reading records")
         frame, timing = tables.load(out), tables.load(out, "timing")
         begin(f"checking claims on {resamples} resamples" if resamples else "checking claims")
         verdicts = claims.check_claims(frame, timing, resamples=resamples)
     results = {
-        "counts": claims.count_verdicts(verdicts),
-        "counted": claims.counts_line(verdicts),
+        "counts": count_verdicts(verdicts),
+        "counted": counts_line(verdicts),
         "claims": [asdict(verdict) for verdict in verdicts],
     }
     return {"options": {"out": out, "resamples": resamples}, "results": results}
@@ -500,8 +501,8 @@ def readings_command(
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
     from cgroup.benchmark.config import read_config  # noqa: PLC0415
     from cgroup.benchmark.paper import readings as reading  # noqa: PLC0415
-    from cgroup.benchmark.paper.claims import counts_line  # noqa: PLC0415
     from cgroup.benchmark.paper.reading_tables import write_readings  # noqa: PLC0415
+    from cgroup.benchmark.paper.verdicts import counts_line  # noqa: PLC0415
     from cgroup.benchmark.run import run  # noqa: PLC0415
 
     readings = reading.list_readings(None if only is None else [name.strip() for name in only.split(",")])
