@@ -55,7 +55,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Matching": "match Matches",
     },
     "cgroup.registration": {
-        "Two clouds": "register Registration",
+        "Two clouds": "register assess Registration",
         "Many clouds": "prepare PreparedScan register_many",
         "Models in scenes": "recognize find_instances Recognized",
         "The dense front": "DenseFront",
@@ -170,9 +170,9 @@ def _drop_pages_of_lost_names(folder: Path, modules: list[str]) -> None:
         for line in (folder / f"{module}.rst").read_text(encoding="utf-8").splitlines()
         if line.startswith("   ")
     }
-    for path in (folder / "api").glob("*.rst"):
-        if path.stem not in wanted:
-            path.unlink()
+    lost = [path for path in (folder / "api").glob("*.rst") if path.stem not in wanted]
+    for path in (*lost, *(path for path in folder.glob("cgroup*.rst") if path.stem not in modules)):
+        path.unlink()
 
 
 def _summary(module: ModuleType) -> str:

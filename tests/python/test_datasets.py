@@ -38,7 +38,7 @@ from cgroup.io import read_cloud, read_transform, write_cloud
 from cgroup.rigid import apply, invert
 from cgroup.types import PointCloud
 
-STANDINS = ["standin-full", "standin-clutter", "standin-views"]
+STANDINS = ["standin-full", "standin-clutter", "standin-views", "worlds", "worlds-repeating"]
 REAL = [name for name in DATASETS if name not in [*STANDINS, "generated-matches"]]
 
 POSE = np.array([[0.0, -1, 0, 30], [1, 0, 0, -20], [0, 0, 1, 200], [0, 0, 0, 1]])

@@ -9,7 +9,20 @@ import pytest
 
 from cgroup.datasets import standin_pair
 from cgroup.registration import prepare
-from cgroup.registration.judge import Found, count_open_motions, differ, judge, misfit, probability, rank
+from cgroup.registration.evidence import Evidence
+from cgroup.registration.judge import (
+    Case,
+    Found,
+    choose_apart,
+    count_open_motions,
+    differ,
+    judge,
+    lead_over_chance,
+    misfit,
+    rank,
+    share_probability,
+    weigh,
+)
 from cgroup.types import Correspondences
 from strategies import rigid
 
@@ -31,20 +44,58 @@ def test_poses_differ_beyond_ten_degrees_or_eight_voxels() -> None:
     assert differ(near_and_far, 0, CENTER, 2.0).tolist() == [False, False, True, False, True, False]
 
 
+def test_poses_apart_are_chosen_from_the_first() -> None:
+    made = poses((0, 0), (9, 0), (90, 0), (95, 0), (180, 0))
+    assert choose_apart(made, CENTER, 1.0) == [0, 2, 4]
+    assert choose_apart(made[:1], CENTER, 1.0) == [0]
+
+
+def case(
+    score: float = 1.0, support: int = 19, misfit: float = 1.0, crossed: float = 0.0, **evidence: float
+) -> Case:
+    told = {"cells": 50.0, "agreeing": 0.7, "planes": 4} | evidence
+    return Case(score, support, misfit, Evidence(**told, crossed=crossed))
+
+
+def test_equal_poses_share_and_none_is_accepted() -> None:
+    one = case()
+    alone, none = share_probability(one, [])
+    assert alone > 0.9
+    assert len(none) == 0
+    for rivals in (1, 2, 5):
+        shared, shares = share_probability(one, [case()] * rivals)
+        assert shared <= 1 / (1 + rivals * np.e)
+        np.testing.assert_allclose(shares, np.e)
+    # A rival without any evidence takes nothing away.
+    far = case(score=1e-9, support=0, misfit=50.0, crossed=0.5)
+    assert share_probability(one, [far])[0] == pytest.approx(alone)
+
+
+def test_probability_is_the_share_of_the_evidence() -> None:
+    best, rival = case(support=9), case(score=0.8, support=4, misfit=1.5, crossed=0.02)
+    shared, (share,) = share_probability(best, [rival])
+    assert share == pytest.approx(np.exp(1 - (weigh(best) - weigh(rival))))
+    assert shared == pytest.approx(1 / (1 + np.exp(-lead_over_chance(best)) + share))
+
+
 @pytest.mark.parametrize(
-    ("values", "changes", "exponent"),
+    ("better", "worse"),
     [
-        ([1.0], [(0, 0)], 2.2 - 1.2 - 2.3 * 3),  # without a rival the lead is the greatest
-        ([1.0, 0.9], [(0, 0), (9, 0)], 2.2 - 1.2 - 2.3 * 3),  # nor is the same pose a rival
-        ([0.5, 1.0, 0.2], [(90, 0), (0, 0), (180, 0)], 2.2 - 1.2 - 2.3 * 0.5),
-        ([-9.0, 2.0], [(90, 0), (0, 0)], 2.2 - 2.4 - 2.3 * 3),
+        ({"cells": 60.0}, {"cells": 20.0}),
+        ({"planes": 5}, {"planes": 4}),
+        ({"misfit": 1.0}, {"misfit": 2.0}),
+        ({"crossed": 0.0}, {"crossed": 0.05}),
     ],
 )
-def test_probability_by_hand(
-    values: list[float], changes: list[tuple[float, float]], exponent: float
-) -> None:
-    found = probability(np.array(values), poses(*changes), CENTER, 1.0)
-    assert found == pytest.approx(1 / (1 + np.exp(exponent)))
+def test_evidence_has_the_sign_that_one_expects(better: dict[str, Any], worse: dict[str, Any]) -> None:
+    assert lead_over_chance(case(**better)) > lead_over_chance(case(**worse))
+
+
+def test_what_tells_nothing_counts_for_nothing() -> None:
+    assert lead_over_chance(case(planes=0)) == lead_over_chance(case(planes=3))  # three fix any pose
+    assert weigh(case(misfit=0.3)) == weigh(case(misfit=1.0))  # noise-free clouds win nothing
+    assert weigh(case(support=20)) == weigh(case(support=999))
+    assert weigh(case(crossed=float("nan"))) == weigh(case(crossed=0.0))
 
 
 def test_misfit_and_rank_by_hand() -> None:
@@ -102,9 +153,7 @@ def found(kind: str = "box", **changes: Any) -> Found:
     )
     scan: Any = SimpleNamespace(voxels=SimpleNamespace(points=points), voxel=1.0)
     matches = Correspondences(points, points + ([[2.0, 0, 0], [2.001, 0, 0], [0, 0, 0]] * 300))
-    made = Found(
-        refined, poses((0, 0), (90, 0), (180, 0)), np.array([2.0, 1.3, 1.2]), 0.95, 0.8, matches, scan, scan
-    )
+    made = Found(refined, poses((90, 0)), 0.95, 0.8, matches, scan, scan)
     return replace(made, **changes)  # fmt: skip
 
 
@@ -113,14 +162,14 @@ def found(kind: str = "box", **changes: Any) -> Found:
 def test_a_pose_that_leaves_two_motions_open_is_not_trusted(kind: str, motions: int, is_object: bool) -> None:
     judgement = judge(found(kind, is_object=is_object), SCAN, SCAN)
     assert judgement.ok == (motions <= 1 or is_object)
-    assert judgement.probability == 0.95
+    assert judgement.probability == (0.95 if motions <= 1 or is_object else 1 / (1 + motions))
     assert (judgement.reason == "") == judgement.ok
     assert (f"leave {motions} of the six motions open" in judgement.notes[0]) == (motions > 1)
 
 
 @pytest.mark.parametrize(("share", "ok"), [(0.5, True), (0.4999, False), (0.0, False), (1.0, True)])
 def test_a_pose_is_accepted_from_one_half(share: float, ok: bool) -> None:
-    judgement = judge(found(probability=share), SCAN, SCAN)
+    judgement = judge(found(probability=share, alternatives=np.empty((0, 4, 4))), SCAN, SCAN)
     assert judgement.ok == ok
     words = (
         f"probability of {share:.2f} only: it lays 80 % of the source on the target and 600 of 900 matches"
@@ -128,10 +177,10 @@ def test_a_pose_is_accepted_from_one_half(share: float, ok: bool) -> None:
     assert (words in judgement.reason) != ok
 
 
-def test_other_poses_of_almost_the_same_value_are_told() -> None:
+def test_places_that_share_the_probability_are_told() -> None:
+    assert "several places look the same: 2 poses" in judge(found(probability=0.4), SCAN, SCAN).reason
     one = found()
-    assert len(one.alternatives) == 1
-    assert "1 other pose lay" in judge(one, SCAN, SCAN).notes[-1]
+    assert "1 other pose shares" in judge(one, SCAN, SCAN).notes[-1]
     assert one.grouping.mask.tolist() == [True, False, True] * 300
 
 

@@ -57,6 +57,9 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.registry.label_of": [given("nonsense")],
     "cgroup.features.iss": [find_open3d_missing],
     "cgroup.registration.register": [given(UNRELATED.source, UNRELATED.target)],
+    "cgroup.registration.assess": [
+        given(PAIR.source, PAIR.target, np.diag([1.0, -1, -1, 1]), axis=(0, 0, 1), effort="low", voxel=9.0),
+    ],
     "cgroup.registration.Registration.plot": [
         lambda plot: plot(registration.register(PAIR.source, PAIR.target), correct=[True]),
     ],

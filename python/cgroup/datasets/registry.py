@@ -11,6 +11,7 @@ from cgroup.datasets.base import Dataset
 from cgroup.datasets.demos import CorrespondenceFiles, LidarScans, OneToThreeFiles
 from cgroup.datasets.fgr import FGR, FGRClouds
 from cgroup.datasets.generated.stones import StandinClutter, StandinFull, StandinViews
+from cgroup.datasets.generated.worlds import RepeatingWorlds, Worlds
 from cgroup.datasets.generated_matches import GeneratedMatches
 from cgroup.datasets.kitti import KITTI
 from cgroup.datasets.stanford import StanfordViews
@@ -46,6 +47,8 @@ DATASETS: dict[str, Callable[[Path | None], Dataset]] = {
         StandinFull,
         StandinClutter,
         StandinViews,
+        Worlds,
+        RepeatingWorlds,
     )
 }
 """Built-in data sets; each is opened with the data root."""

@@ -103,9 +103,9 @@ def voxel_downsample(
 def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = None) -> float:
     """Choose the size of voxels that leaves clouds about so many.
 
-    The smallest 2^(k/4), k a whole number, at which the clouds have at most `voxels` voxels on average and at
-    least two points per voxel. Sizes are steps, so that clouds of one kind mostly get the same. Cost O(N), a
-    few times.
+    The smallest d 2^(k/16), d the longest diagonal and k a whole number, at which the clouds have at most
+    `voxels` voxels on average and at least two points per voxel. It grows with the clouds: it does not depend
+    on their unit. Cost O(N), a few times.
 
     Parameters
     ----------

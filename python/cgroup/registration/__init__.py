@@ -23,7 +23,7 @@ from cgroup.registration.paper_front import (
 )
 from cgroup.registration.prepare import DenseFront, PreparedScan, prepare
 from cgroup.registration.recognition.recognize import Recognized, find_instances, recognize
-from cgroup.registration.register import register, register_many
+from cgroup.registration.register import assess, register, register_many
 from cgroup.registration.result import Registration
 from cgroup.registration.scan import NORMALS, Normals
 from cgroup.registration.search import EFFORTS, Effort
@@ -45,6 +45,7 @@ __all__ = [
     "Recognized",
     "Registration",
     "Viewpoint",
+    "assess",
     "correspond",
     "describe",
     "detect",

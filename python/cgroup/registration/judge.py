@@ -1,6 +1,6 @@
 """Judge poses: which one is best, how likely it is right, whether it can be trusted, and why not.
 
-The coefficients were fitted on half of 1,200 pairs of real scans, right, unrelated and mirrored ones (see
+The coefficients were fitted on generated worlds and half of the pairs of real scans (see
 `docs/registration.md`).
 """
 
@@ -20,6 +20,7 @@ from cgroup.verification.schedule import DIFFERENT_DEGREES, DIFFERENT_UNITS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from cgroup.registration.evidence import Evidence
     from cgroup.registration.prepare import PreparedScan
     from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
     from cgroup.verification import Alignment
@@ -42,11 +43,21 @@ MOST_MATCHES = 20
 LEAST_NOISE = 0.02
 """What a surface's points are from its planes at the least, in voxels."""
 
-MOST_LEAD = 3.0
+CROSSED_BY_CHANCE = 0.02
+"""Share in free space that noise and coarse rings explain."""
+
+PLANES_OF_A_POSE, MOST_FURTHER_PLANES = 3, 3
+"""Planes that any refined pose lays together, and those beyond which more tell nothing."""
+
+LEAD_BY_CHANCE = 1.0
+"""Nats by which the best of equal poses leads."""
+
+AS_GOOD = 0.3
+"""Share of the best pose's probability from which another one counts as an alternative."""
 
 _LEAST_SCORE = 1e-3
 _NOTHING_PAIRED = 100.0
-_AS_GOOD = 0.7
+_MOST_NATS = 30.0
 _SIZES_DIFFER = 1.5
 _OPEN = 0.01  # share of the resistance of all pairs, as for `Alignment.open_motion`
 
@@ -59,10 +70,8 @@ class Found:
     ----------
     refined : Alignment
         The best one, refined on the fine surfaces.
-    poses : (k,4,4) array of float64
-        The finalists, refined too, best first.
-    values : (k,) array of float64
-        What they are ranked by.
+    alternatives : (k,4,4) array of float64
+        Other poses that share the probability.
     probability : float
         That it is right.
     fitness : float
@@ -73,22 +82,19 @@ class Found:
         The scans, at the voxel where it was found.
     is_object : bool
         Whether the source is a model: one that can turn on itself, such as a ball, is still found.
+    cases : tuple of Case
+        What speaks for the pose, and for its rivals.
     """
 
     refined: Alignment
-    poses: FloatArray
-    values: FloatArray
+    alternatives: FloatArray
     probability: float
     fitness: float
     matches: Correspondences
     source: PreparedScan
     target: PreparedScan
     is_object: bool = False
-
-    @cached_property
-    def alternatives(self) -> FloatArray:
-        """Other poses that score almost as well."""
-        return self.poses[1:][self.values[1:] >= self.values[0] - _AS_GOOD]
+    cases: tuple[Case, ...] = ()
 
     @cached_property
     def grouping(self) -> Grouping:
@@ -123,23 +129,18 @@ def judge(
     """Judge what a search in two scans has found, if anything."""
     if found is None:
         reason = "no pose could be proposed" + ("" if axis is None else " that keeps the axis")
-        return Judgement(
-            ok=False, probability=0.0, reason=_with_remedy(reason, source, target, axis), notes=()
-        )
+        reason = f"{reason}; {_remedy(source, target, axis)}"
+        return Judgement(ok=False, probability=0.0, reason=reason, notes=())
     points = apply(found.refined.T_target_source, found.source.voxels.points)
     motions = count_open_motions(found.refined.information, points)
     notes = tuple(_notes(found.refined.open_motion, motions, len(found.alternatives)))
+    notes += tuple(_count_strays(scan) for scan in (source, target) if scan.scan.strays)
+    chance = found.probability if found.is_object else bound_by_motions(found.probability, motions)
     reason = ""
-    if not is_accepted(found.probability):
-        reason = (
-            f"the best pose is right with a probability of {found.probability:.2f} only: it lays "
-            f"{100 * found.fitness:.0f} % of the source on the target and {found.grouping.size} of "
-            f"{len(found.matches)} matches together"
-        )
-        reason = _with_remedy(reason, source, target, axis)
-    elif motions > MOST_OPEN_MOTIONS and not found.is_object:
-        reason = notes[0]
-    return Judgement(not reason, found.probability, reason, notes)
+    if not is_accepted(chance):
+        reason = _explain(found, chance, notes[0] if motions > MOST_OPEN_MOTIONS else "")
+        reason = f"{reason}; {_remedy(source, target, axis)}"
+    return Judgement(not reason, chance, reason, notes)
 
 
 def is_accepted(probability: float) -> bool:
@@ -162,7 +163,12 @@ def rank(
     """
     misfits = np.array([misfit(found, voxel) for found in alignments])
     support = np.log1p(np.minimum(evidence, MOST_MATCHES))
-    return np.log(np.maximum(scores, _LEAST_SCORE)) + 0.75 * support - 3.0 * np.log(misfits + 0.1)
+    known = len(alignments)
+    return (
+        np.log(np.maximum(scores[:known], _LEAST_SCORE))
+        + 0.75 * support[:known]
+        - 3.0 * np.log(misfits + 0.1)
+    )
 
 
 def misfit(found: Alignment, voxel: float) -> float:
@@ -173,12 +179,89 @@ def misfit(found: Alignment, voxel: float) -> float:
     return float(np.quantile(np.abs(found.residuals) / expected, 0.9))
 
 
-def probability(values: FloatArray, poses: FloatArray, center: FloatArray, voxel: float) -> float:
-    """Probability that the pose of the highest value is right: a logistic model of the value and its lead."""
-    best = int(np.argmax(values))
-    rivals = values[differ(poses, best, center, voxel)]
-    lead = min(float(values[best] - rivals.max()), MOST_LEAD) if len(rivals) else MOST_LEAD
-    return float(1.0 / (1.0 + np.exp(2.2 - 1.2 * values[best] - 2.3 * lead)))
+@dataclass(frozen=True)
+class Case:
+    """What speaks for one pose: score of the surfaces, matches laid together, misfit, and other evidence."""
+
+    score: float
+    support: int
+    misfit: float
+    evidence: Evidence
+
+    @property
+    def support_nats(self) -> float:
+        """Logarithm of the matches that the pose lays together; many tell little more than some."""
+        return float(np.log1p(min(self.support, MOST_MATCHES)))
+
+    @property
+    def misfit_nats(self) -> float:
+        """Logarithm of the misfit; surfaces that lie closer than their noise tell nothing."""
+        return float(np.log(max(self.misfit, 1.0)))
+
+    @property
+    def crossed_nats(self) -> float:
+        """Logarithm of the share in free space; 0 where none is, or no viewpoint is known."""
+        return float(np.log1p(np.nan_to_num(self.evidence.crossed) / CROSSED_BY_CHANCE))
+
+    @property
+    def further_planes(self) -> int:
+        """Planes that agree beyond those that any refined pose lays together."""
+        return int(np.clip(self.evidence.planes - PLANES_OF_A_POSE, 0, MOST_FURTHER_PLANES))
+
+    @property
+    def score_nats(self) -> float:
+        """Logarithm of the score."""
+        return float(np.log(max(self.score, _LEAST_SCORE)))
+
+
+def weigh(case: Case) -> float:
+    """Evidence for a pose in nats, to be compared with that for another pose of the same scans."""
+    return (
+        1.8 * case.score_nats
+        + 1.1 * case.support_nats
+        - 2.0 * case.misfit_nats
+        - 1.6 * case.crossed_nats
+        + 0.9 * case.further_planes
+    )
+
+
+def lead_over_chance(case: Case) -> float:
+    """By how many nats the evidence for a pose exceeds what scans of two places have by chance."""
+    evidence = case.evidence
+    could_be_refuted = not np.isnan(evidence.crossed)
+    return (
+        -4.8
+        + 1.3 * float(np.log1p(evidence.cells))
+        + 1.1 * float(np.log(evidence.agreeing / (1.0 - evidence.agreeing)))
+        + 2.7 * case.further_planes
+        - 1.3 * case.misfit_nats
+        - 3.3 * case.crossed_nats
+        + 3.2 * could_be_refuted
+    )
+
+
+def share_probability(best: Case, rivals: Sequence[Case]) -> tuple[float, FloatArray]:
+    """Share probability among the best pose, its rivals, and none of these.
+
+    The best of equal poses leads by chance, so that a rival shares until the lead is above `LEAD_BY_CHANCE`.
+
+    Returns
+    -------
+    probability : float
+        That the best pose is right: ``1 / (1 + e^-E + sum_r e^(1 - L_r))``, E its lead over chance, L_r over
+        a rival.
+    shares : (r,) array of float64
+        Of each rival, as multiples of the best one's probability.
+    """
+    leads = np.array([weigh(best) - weigh(rival) for rival in rivals])
+    shares = np.exp(np.clip(LEAD_BY_CHANCE - leads, -_MOST_NATS, LEAD_BY_CHANCE))
+    none = float(np.exp(np.clip(-lead_over_chance(best), -_MOST_NATS, _MOST_NATS)))
+    return float(1.0 / (1.0 + none + shares.sum())), shares
+
+
+def bound_by_motions(probability: float, motions: int) -> float:
+    """Bound the probability of a pose that leaves motions open: along each lie poses as good."""
+    return probability if motions <= MOST_OPEN_MOTIONS else min(probability, 1.0 / (1 + motions))
 
 
 def differ(poses: FloatArray, best: int, center: FloatArray, voxel: float) -> BoolArray:
@@ -188,6 +271,16 @@ def differ(poses: FloatArray, best: int, center: FloatArray, voxel: float) -> Bo
     centers = rotations @ center + poses[:, :3, 3]
     apart = np.linalg.norm(centers - centers[best], axis=1)
     return (cosines < np.cos(np.radians(DIFFERENT_DEGREES))) | (apart > DIFFERENT_UNITS * UNIT * voxel)
+
+
+def choose_apart(poses: FloatArray, center: FloatArray, voxel: float) -> list[int]:
+    """Choose the poses that differ from all before them."""
+    chosen: list[int] = []
+    left = np.ones(len(poses), dtype=bool)
+    while left.any():
+        chosen.append(int(np.argmax(left)))
+        left &= differ(poses, chosen[-1], center, voxel)
+    return chosen
 
 
 def count_open_motions(information: FloatArray, points: FloatArray) -> int:
@@ -216,9 +309,27 @@ def count_open_motions(information: FloatArray, points: FloatArray) -> int:
     return int((np.linalg.eigvalsh(change.T @ information @ change) <= _OPEN * weight).sum())
 
 
-def _with_remedy(reason: str, source: PreparedScan, target: PreparedScan, axis: FloatArray | None) -> str:
-    """Say what may help."""
-    return f"{reason}; {_remedy(source, target, axis)}"
+def _explain(found: Found, chance: float, open_motions: str) -> str:
+    """Say why a pose is not accepted."""
+    if open_motions:
+        return open_motions
+    if len(found.alternatives):
+        count = 1 + len(found.alternatives)
+        return (
+            f"several places look the same: {count} poses share the probability, and the best has "
+            f"{chance:.2f}"
+        )
+    return (
+        f"the best pose is right with a probability of {chance:.2f} only: it lays "
+        f"{100 * found.fitness:.0f} % of the source on the target and {found.grouping.size} of "
+        f"{len(found.matches)} matches together"
+    )
+
+
+def _count_strays(scan: PreparedScan) -> str:
+    strays = scan.scan.strays
+    counted = "one point" if strays == 1 else f"{strays} single points"
+    return f"{scan.scan.name}: {counted} far from all others set aside"
 
 
 def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None) -> str:
@@ -252,8 +363,6 @@ def _notes(open_motion: FloatArray | None, motions: int, alternatives: int) -> l
             f"({', '.join(f'{x:.3g}' for x in turn)}), translation ({', '.join(f'{x:.3g}' for x in shift)})"
         )
     if alternatives:
-        notes.append(
-            f"{alternatives} other pose{'s' if alternatives > 1 else ''} lay the surfaces together almost as "
-            "well: the shape may be symmetric"
-        )
+        shared = "1 other pose shares" if alternatives == 1 else f"{alternatives} other poses share"
+        notes.append(f"{shared} the probability: something looks the same there")
     return notes

@@ -14,7 +14,16 @@ from cgroup._checks.values import as_choice, as_instance, as_length
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
-from cgroup.registration.scan import NORMALS, Scan, as_model, as_scan, check_sizes, viewpoint_name
+from cgroup.registration.planes import Planes, find_planes
+from cgroup.registration.scan import (
+    NORMALS,
+    Scan,
+    as_model,
+    as_scan,
+    check_sizes,
+    viewpoint_name,
+    without_strays,
+)
 from cgroup.verification import FineSurface, Surface
 
 if TYPE_CHECKING:
@@ -24,7 +33,7 @@ if TYPE_CHECKING:
 
     from cgroup.features import Cloud, Viewpoint, Voxels
     from cgroup.registration.scan import Normals
-    from cgroup.types import FloatArray, PointCloud
+    from cgroup.types import FloatArray, IndexArray, PointCloud
 
 VOXELS = 5000
 """Voxels that a cloud is thinned to, about."""
@@ -38,13 +47,18 @@ MOST_VOXELS = 100_000
 LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 30
 """Share and number of the voxels that have a normal, below which they are too far apart."""
 
+_LEAST_OF_EACH, _SIZES_DIFFER = 1000, 2.0
+"""Voxels that a cloud gets which is smaller than another, and how much smaller it then is."""
+
+_CELL = 4.0  # voxels within which samples go wrong together
+
 UNIT = 0.4
 """Unit of the surfaces and of the matches, in voxels."""
 
 NORMAL_NEIGHBORS, FEATURE_NEIGHBORS = 30, 100
 """Most neighbours of a voxel's plane, and of its descriptor's support."""
 
-_FINE = (1 / 3, 2 / 3, 4 / 3)
+_FINE = (1 / 3, 2 / 3, 4 / 3, 8 / 3)
 """Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes."""
 
 
@@ -186,6 +200,35 @@ class PreparedScan:
         shared = Preparation(self.voxel, self.front, self.threads)
         return shared.prepare(self.scan, self.viewpoint, ignore_progress, by_frames=True)
 
+    @cached_property
+    def planes(self) -> Planes:
+        """Planes of the voxels, the largest first.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+        >>> len(scan.planes.labels) == len(scan)
+        True
+        """
+        return find_planes(self.voxels.points, self.voxel)
+
+    @cached_property
+    def cells(self) -> IndexArray:
+        """Number of the cell of 4 voxels that each voxel lies in.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+        >>> len(scan.cells) == len(scan) > scan.cells.max()
+        True
+        """
+        places = np.floor(self.voxels.points / (_CELL * self.voxel))
+        return np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
+
     def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
         """Make the same scan ready with voxels of another size.
 
@@ -304,7 +347,10 @@ def prepare(
     if normals != "pca" and viewpoint is not None:
         both = "viewpoint, normals"
         raise InputError(both, f"both, but {normals!r} normals are those of whole models", "give one")
-    scan = as_scan("cloud", cloud) if normals == "pca" else as_model("cloud", cloud, normals, voxel)
+    if normals == "pca":
+        scan = without_strays(as_scan("cloud", cloud))
+    else:
+        scan = as_model("cloud", cloud, normals, voxel)
     radii = DenseFront() if front is None else as_instance("front", front, DenseFront)
     shared = Preparation(_choose_voxel([scan], voxel, threads), radii, threads)
     by_frames = viewpoint is None and normals == "pca"
@@ -340,7 +386,7 @@ def as_given(
     viewpoint: ArrayLike | None = None,
 ) -> Given:
     """Check a scan that may be ready."""
-    scan = cloud if isinstance(cloud, PreparedScan) else as_scan(name, cloud)
+    scan = cloud if isinstance(cloud, PreparedScan) else without_strays(as_scan(name, cloud))
     return Given(name, scan, viewpoint)
 
 
@@ -450,10 +496,18 @@ def _shared_voxel(prepared: Sequence[PreparedScan], voxel: float | None) -> floa
 
 
 def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | None) -> float:
-    """Return the voxel given, or one that suits all scans."""
+    """Return the voxel given, or one that suits all scans: the usual one, or what the smallest needs."""
     if voxel is not None:
         return as_length("voxel", voxel)
-    return features.choose_voxel(*(scan.cloud for scan in scans), voxels=VOXELS, threads=threads)
+
+    def leave(count: int, *scans: Scan) -> float:
+        return features.choose_voxel(*(scan.cloud for scan in scans), voxels=count, threads=threads)
+
+    usual = leave(VOXELS, *scans)
+    small, large = (choose(scans, key=lambda scan: scan.cloud.diagonal) for choose in (min, max))
+    if large.cloud.diagonal < _SIZES_DIFFER * small.cloud.diagonal:
+        return usual
+    return min(usual, max(leave(_LEAST_OF_EACH, small), leave(MOST_VOXELS // 2, large)))
 
 
 def _check_voxels(scan: Scan, voxel: float, count: int) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from cgroup._checks.run_options import as_threads
 from cgroup._checks.values import as_choice, as_count, as_instance, as_items, refusal
@@ -10,11 +13,12 @@ from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
-from cgroup.registration.judge import judge
+from cgroup.registration.judge import is_accepted, judge
 from cgroup.registration.paper_front import PaperFront
 from cgroup.registration.prepare import DenseFront, agree, as_given
 from cgroup.registration.result import registration_of
 from cgroup.registration.search import EFFORTS, Search, as_axis
+from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -29,6 +33,9 @@ if TYPE_CHECKING:
     from cgroup.types import PointCloud
 
 FRONTS = ("dense", "paper")
+
+MOVED_BY_REFINING = 0.4
+"""Voxels by which refining may move a right pose: half of its probability is left there."""
 
 
 def register(
@@ -58,7 +65,7 @@ def register(
         once.
     voxel : float, optional
         Edge length of the voxels, in the unit of the points: the one length that all others are multiples
-        of. By default the smallest 2^(k/4) that leaves 5,000 voxels at most, on average of the two.
+        of. By default such that some 4,500 voxels are left, on average of the two, and 1,000 or more of each.
     source_viewpoint, target_viewpoint : (float, float, float), optional
         Where the scanner stood, in the cloud's frame, if the cloud is one single scan. What lies before its
         surface then speaks against a pose; at low overlap nothing helps more. Not for clouds fused from
@@ -112,17 +119,104 @@ def register(
     dense, paper = _fronts_of(front)
     chosen = ("lc" if paper is None else "gtm") if method is None else check_method(method)
     search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
-    clock.start("voxel size")
-    clouds = as_given("source", source, source_viewpoint), as_given("target", target, target_viewpoint)
-    shared = agree(clouds, voxel, dense, threads)
-    by_frames = any(cloud.by_frames for cloud in clouds)
-    scans = [shared.finish(cloud, clock.start, by_frames=by_frames) for cloud in clouds]
+    scans = _prepare_both((source, target), (source_viewpoint, target_viewpoint), voxel, dense, search)
     registration, judgement = _register(search, *scans)
     if registration is not None and judgement.ok:
         return registration
     error = NoConsensusError(f"no pose that can be trusted: {judgement.reason}")
     error.registration = registration
     raise error
+
+
+def assess(
+    source: PreparedScan | PointCloud | Cloud | ArrayLike,
+    target: PreparedScan | PointCloud | Cloud | ArrayLike,
+    T_target_source: ArrayLike,
+    *,
+    voxel: float | None = None,
+    source_viewpoint: Viewpoint | None = None,
+    target_viewpoint: Viewpoint | None = None,
+    axis: ArrayLike | None = None,
+    effort: Effort = "normal",
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> Registration:
+    """Say how likely a pose from elsewhere is right.
+
+    A pose of another library, of a network, or of odometry. It takes part in a search for the best one, and is weighed against all that the search finds, as
+    `register` weighs its own. It is right where the refined pose is, and refining moves the source by little:
+    half of that probability is left at 0.4 voxel.
+
+    Parameters
+    ----------
+    source, target : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+        As for `register`.
+    T_target_source : (4,4) array_like of float
+        Maps source points into the target's frame.
+    voxel : float, optional
+        Edge length of the voxels, as for `register`.
+    source_viewpoint, target_viewpoint : (float, float, float), optional
+        Where the scanner stood, in the cloud's frame, if the cloud is one single scan.
+    axis : (3,) array_like of float, optional
+        A direction that both clouds share.
+    effort : {"low", "normal", "high"}
+        How long to search for a better pose.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    Registration
+        Of the pose as it was given; why it is refused stands first among the `notes`. The best pose that the
+        search found is the first of the `alternatives` where it is another one.
+
+    Raises
+    ------
+    NoConsensusError
+        If no pose keeps the axis.
+    InputError
+        If a cloud, the pose or an option can't be worked with; the message names it.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import assess
+    >>> pair = standin_pair(pixels=60)
+    >>> wrong = pair.T_target_source.copy()
+    >>> wrong[0, 3] += 10  # by about two voxels
+    >>> [assess(pair.source, pair.target, T).ok for T in (pair.T_target_source, wrong)]
+    [True, False]
+    """
+    as_choice("effort", effort, EFFORTS)
+    clock = StageClock(as_stage_function(progress))
+    direction = None if axis is None else as_axis(axis)
+    given = check_rigid(T_target_source, "T_target_source")
+    search = Search("lc", {}, direction, effort, as_threads(threads), clock, proposed=given[None])
+    scans = _prepare_both((source, target), (source_viewpoint, target_viewpoint), voxel, None, search)
+    found = search.run(*scans)
+    if found is None:
+        message = "no pose that keeps the axis, neither that given nor another"
+        raise NoConsensusError(message)
+    points, best = found.source.voxels.points, found.refined.T_target_source
+    moved = float(np.sqrt(((apply(given, points) - apply(best, points)) ** 2).sum(axis=1).mean()))
+    chance = found.probability * 0.5 ** (moved / (MOVED_BY_REFINING * found.source.voxel)) ** 4
+    judgement = judge(replace(found, probability=chance), *scans, direction)
+    notes = judgement.notes
+    others = found.alternatives
+    if is_accepted(found.probability) and not judgement.ok:
+        notes = (
+            f"refining moves the source by {moved:.3g}: the pose may be near, but is not this one",
+            *notes,
+        )
+        others = np.concatenate([best[None], others])
+    elif judgement.reason:
+        notes = (judgement.reason, *notes)
+    done = registration_of(found, judgement, clock.stop())
+    return replace(done, T_target_source=given, notes=notes, alternatives=others)
 
 
 def register_many(
@@ -151,8 +245,8 @@ def register_many(
         Rows of `scans`: which is moved, and which it is moved to. By default each of the others is registered
         to the first.
     voxel : float, optional
-        Edge length of the voxels, in the unit of the points; by default the smallest 2^(k/4) that leaves
-        5,000 voxels at most, on average of all scans.
+        Edge length of the voxels, in the unit of the points; by default such that some 4,500 are
+        left, on average of all scans.
     viewpoints : sequence of (float, float, float) or None, optional
         Where the scanner stood, one per scan, in its frame; None for a cloud that is not one single scan.
     axis : (3,) array_like of float, optional
@@ -223,6 +317,25 @@ def register_many(
 
     prepared = work_side_by_side(rows, make_ready, workers)
     return work_side_by_side(range(len(wanted)), register_one, workers)
+
+
+def _prepare_both(
+    clouds: Sequence[PreparedScan | PointCloud | Cloud | ArrayLike],
+    viewpoints: Sequence[Viewpoint | None],
+    voxel: float | None,
+    front: DenseFront | None,
+    search: Search,
+) -> tuple[PreparedScan, PreparedScan]:
+    """Make source and target ready for a search."""
+    search.clock.start("voxel size")
+    given = [
+        as_given(name, cloud, place)
+        for name, cloud, place in zip(("source", "target"), clouds, viewpoints, strict=True)
+    ]
+    shared = agree(given, voxel, front, search.threads)
+    by_frames = any(cloud.by_frames for cloud in given)
+    source, target = (shared.finish(one, search.clock.start, by_frames=by_frames) for one in given)
+    return source, target
 
 
 def _register(

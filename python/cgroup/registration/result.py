@@ -28,7 +28,7 @@ class Registration:
     ok : bool
         Whether the pose is held to be right.
     probability : float
-        That it is, in [0,1], fitted on half of 1,200 pairs of real scans: right, unrelated and mirrored ones.
+        That it is, in [0,1], beside all other places and "none of these"; places that look the same share it.
     fitness : float
         Share of the source's surface that lies on the target's.
     inlier_rmse : float
@@ -40,7 +40,7 @@ class Registration:
         The motion that the surfaces hardly resist (along a wall, about a pipe), in the same coordinates; None
         where they fix all six.
     alternatives : (k,4,4) array of float64
-        Other poses that score almost as well, best first: a symmetric object has some.
+        Other places that share the probability, the likeliest first: where something repeats there are some.
     grouping : Grouping
         The verified group: matches that the pose lays together.
     correspondences : Correspondences

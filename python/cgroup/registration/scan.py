@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from cgroup import features
-from cgroup._checks.arrays import as_faces, as_place, as_points, real_points
+from cgroup._checks.arrays import as_faces, as_place, as_points, in_double, real_points
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features import Cloud
@@ -36,6 +36,11 @@ MAX_SIZE_RATIO = 100.0
 MAX_RANGE = 1000.0
 """Distance of the viewpoint in diagonals of the cloud, beyond which it can't be meant."""
 
+MOST_STRAYS = 0.05
+"""Share of a cloud's points beyond which points far from the others are no strays."""
+
+_FAR, _ROOM, _ALONE = 3.0, 0.5, 4
+_ENOUGH = 20_000  # points that tell the size of a cloud
 _MOST_POINTS = 20_000_000
 _USUAL_POINTS = 40_000
 _MESH_SPACING = 0.5  # voxels between points on a large face
@@ -67,12 +72,15 @@ class Scan:
         Triangles as rows of the points.
     name : str
         What error messages call it.
+    strays : int
+        Points that were set aside.
     """
 
     cloud: Cloud
     normals: FloatArray | None
     faces: IndexArray | None
     name: str
+    strays: int = 0
 
     def has(self, normals: Normals) -> bool:
         """Whether the cloud has what such normals need."""
@@ -136,6 +144,33 @@ def as_scan(name: str, cloud: Scan | PointCloud | Cloud | ArrayLike) -> Scan:
     if ready.diagonal == 0:
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
     return Scan(ready, normals, faces, name)
+
+
+def without_strays(scan: Scan) -> Scan:
+    """Set aside single points far from all others, unless they are many: they are no part of a surface.
+
+    With r the 9th decile of the distances from the median, a point beyond 3 r is a stray where a cube of side
+    r / 2 around it has fewer than four points.
+    """
+    points = in_double(scan.cloud.points)
+    sample = points[:: len(points) // _ENOUGH + 1]
+    center = np.median(sample, axis=0)
+    size = float(np.quantile(np.linalg.norm(sample - center, axis=1), 0.9))
+    away = [np.abs(points[:, axis] - center[axis]) > _FAR * size for axis in range(3)]
+    far = np.flatnonzero(away[0] | away[1] | away[2])
+    if size == 0 or len(far) == 0 or scan.faces is not None:
+        return scan
+    alone = np.ones(len(far), dtype=bool)
+    for shift in (0.0, 0.5):  # points of a surface may lie on both sides of a wall between two cubes
+        cubes = np.clip(np.floor((points[far] - center) / (_ROOM * size) + shift), -(2.0**60), 2.0**60)
+        _, rows, counts = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
+        alone &= counts[rows.reshape(-1)] < _ALONE
+    strays = far[alone]
+    if len(strays) == 0 or len(strays) > MOST_STRAYS * len(points):
+        return scan
+    kept = np.delete(np.arange(len(points)), strays)
+    normals = None if scan.normals is None else scan.normals[kept]
+    return Scan(Cloud(points[kept], name=scan.name), normals, None, scan.name, len(strays))
 
 
 def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | None, IndexArray | None]:

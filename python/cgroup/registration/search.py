@@ -3,17 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from cgroup._checks.arrays import as_place
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
-from cgroup.registration.judge import Found, is_accepted, is_sure, probability, rank
+from cgroup.registration.evidence import gather
+from cgroup.registration.judge import (
+    AS_GOOD,
+    Case,
+    Found,
+    bound_by_motions,
+    choose_apart,
+    count_open_motions,
+    is_accepted,
+    is_sure,
+    misfit,
+    rank,
+    share_probability,
+    weigh,
+)
 from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
 from cgroup.registration.paper_front import correspond_by
 from cgroup.registration.prepare import fine_surfaces
+from cgroup.registration.rivals import propose_rivals
+from cgroup.rigid import apply
 from cgroup.verification import align, verify
 from cgroup.verification.alignment import align_each
 
@@ -26,13 +42,16 @@ if TYPE_CHECKING:
     from cgroup.registration.paper_front import PaperFront
     from cgroup.registration.prepare import PreparedScan
     from cgroup.types import Correspondences, FloatArray
-    from cgroup.verification import Verification
+    from cgroup.verification import Alignment, Verification
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
 EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
 
 FINALISTS = 8
 """Verified poses that are refined on the fine surfaces."""
+
+RIVALS = 6
+"""Poses elsewhere that the best one is weighed against, and that are sought on purpose."""
 
 FIRST_SAMPLES = 500
 """Samples of either surface that they are refined with; the best one then gets all."""
@@ -42,6 +61,15 @@ MAX_TILT = 10.0
 
 _FINER = 2**-0.5
 _FINER_NEIGHBORS = 3
+
+
+class Finalist(NamedTuple):
+    """A refined pose, its score, the matches that it lays together, and what it is ranked by."""
+
+    found: Alignment
+    score: float
+    support: int
+    value: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +83,7 @@ class Search:
     threads: int | None
     clock: StageClock
     front: PaperFront | None = None
+    proposed: FloatArray | None = None
 
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
@@ -75,23 +104,27 @@ class Search:
         poses = self._propose(matches)
         self.clock.start("matching")
         voxel_matches, is_mutual = match_both_ways(source.described, target.described, 1, self.threads)
-        verified = self._verify(source, target, take_matches(voxel_matches, is_mutual), poses)
-        return self._rank(source, target, matches, verified)
+        mutual = take_matches(voxel_matches, is_mutual)
+        verified = self._verify(source, target, mutual, poses)
+        return self._rank(source, target, matches, mutual, verified)
 
     def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
         self.clock.start("matching")
         matches, is_mutual = match_both_ways(source.described, target.described, k, self.threads)
         mutual = take_matches(matches, is_mutual)
         poses = np.concatenate([self._propose(mutual), frame_poses(mutual)])
+        if self.proposed is not None:
+            poses = np.concatenate([self.proposed, poses])
         verified = self._verify(source, target, mutual, poses)
-        best = self._rank(source, target, matches, verified)
+        best = self._rank(source, target, matches, mutual, verified)
         if self.effort == "low" or (best is not None and is_sure(best.probability)):
             return best
         poses = self._propose(matches)
         if verified is not None:
             poses = np.concatenate([verified.poses, poses])
         # Not the more probable of the two: the second has seen the rivals of the first.
-        return self._rank(source, target, matches, self._verify(source, target, mutual, poses)) or best
+        verified = self._verify(source, target, mutual, poses)
+        return self._rank(source, target, matches, mutual, verified) or best
 
     def _propose(self, matches: Correspondences) -> FloatArray:
         self.clock.start("grouping")
@@ -119,25 +152,69 @@ class Search:
         source: PreparedScan,
         target: PreparedScan,
         matches: Correspondences,
+        mutual: Correspondences,
         verified: Verification | None,
     ) -> Found | None:
         """Refine the finalists on the fine surfaces, choose one, and say how likely it is right."""
+        finalists = self._align(source, target, verified, FINALISTS)
+        if not finalists:
+            return None
+        found = self._weigh(source, target, matches, finalists)
+        if is_accepted(found.probability):
+            best = found.refined
+            poses = propose_rivals(source, target, best.T_target_source, best.information)
+            finalists += self._align(source, target, self._verify(source, target, mutual, poses), RIVALS)
+            found = self._weigh(source, target, matches, finalists)
+        return found
+
+    def _align(
+        self, source: PreparedScan, target: PreparedScan, verified: Verification | None, most: int
+    ) -> list[Finalist]:
+        """Refine the first of the verified poses."""
         if verified is None:
-            return None
+            return []
         self.clock.start("refinement")
-        surfaces, voxel = fine_surfaces(source, target), source.voxel
-        finalists = verified.poses[:FINALISTS]
-        aligned = align_each(*surfaces, finalists, FIRST_SAMPLES, self.threads)
-        kept = [row for row, found in enumerate(aligned) if is_upright(found.T_target_source, self.axis)]
-        if not kept:
-            return None
-        aligned = [aligned[row] for row in kept]
-        poses = np.array([found.T_target_source for found in aligned])
-        values = rank(verified.scores[kept], verified.evidence[kept], aligned, voxel)
-        chance = probability(values, poses, source.described.centroid, voxel)
-        order = np.argsort(-values)
-        best = aligned[order[0]]
-        return Found(best, poses[order], values[order], chance, verified.fitness, matches, source, target)
+        surfaces = fine_surfaces(source, target)
+        aligned = align_each(*surfaces, verified.poses[:most], FIRST_SAMPLES, self.threads)
+        values = rank(verified.scores, verified.evidence, aligned, source.voxel)
+        return [
+            Finalist(found, score, support, value)
+            for found, score, support, value in zip(
+                aligned, verified.scores.tolist(), verified.evidence.tolist(), values.tolist(), strict=False
+            )
+            if is_upright(found.T_target_source, self.axis)
+        ]
+
+    def _weigh(
+        self,
+        source: PreparedScan,
+        target: PreparedScan,
+        matches: Correspondences,
+        finalists: list[Finalist],
+    ) -> Found:
+        """Weigh the best of the finalists against those that lie elsewhere."""
+        ranked = sorted(finalists, key=lambda finalist: -finalist.value)
+        poses = np.array([finalist.found.T_target_source for finalist in ranked])
+        rows = choose_apart(poses, source.described.centroid, source.voxel)[: 1 + RIVALS]
+        cases = [
+            Case(
+                ranked[row].score,
+                ranked[row].support,
+                misfit(ranked[row].found, source.voxel),
+                gather(source, target, poses[row]),
+            )
+            for row in rows
+        ]
+        order = sorted(range(len(cases)), key=lambda place: -weigh(cases[place]))
+        rows, cases = [rows[place] for place in order], [cases[place] for place in order]
+        chance, shares = share_probability(cases[0], cases[1:])
+        best = ranked[rows[0]].found
+        motions = count_open_motions(best.information, apply(best.T_target_source, source.voxels.points))
+        chance = bound_by_motions(chance, motions)
+        # Where none of the places is likely, they are no alternatives to each other.
+        several = is_accepted(chance * (1.0 + float(shares.sum())))
+        alike = [row for row, share in zip(rows[1:], shares, strict=True) if several and share >= AS_GOOD]
+        return Found(best, poses[alike], chance, 0.0, matches, source, target, cases=tuple(cases))
 
     def _refine(self, found: Found | None) -> Found | None:
         """Refine the best pose once more, with all samples of the fine surfaces, and measure its overlap."""

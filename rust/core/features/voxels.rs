@@ -15,9 +15,9 @@ use crate::memory;
 use crate::points::Points;
 
 /// Sizes that are tried per factor of two.
-const STEPS_PER_OCTAVE: f64 = 4.0;
+const STEPS_PER_OCTAVE: f64 = 16.0;
 /// Between the smallest and the largest size that are tried: 2^20 cells along a diagonal.
-const STEPS: i32 = 80;
+const STEPS: i32 = 320;
 /// Points per voxel that are the least worth a voxel.
 const LEAST_POINTS: usize = 2;
 
@@ -62,7 +62,7 @@ pub fn voxel_downsample(
     Ok(Voxels { points, normals: normals.unwrap_or_default(), indices })
 }
 
-/// The smallest size 2^(k/4), k whole, at which clouds have at most `most` voxels each on average, and at least two
+/// The smallest size d 2^(k/16), k whole and d the longest diagonal of the clouds, at which clouds have at most `most` voxels each on average, and at least two
 /// points per voxel. Counts fall with the size but for chance, so it is found by bisection: the next smaller size
 /// has too many.
 ///
@@ -80,14 +80,14 @@ pub fn choose_voxel(clouds: &[&Points], most: usize, execution: &Execution) -> R
     }
     let points: usize = clouds.iter().map(|cloud| cloud.len()).sum();
     let most = most.saturating_mul(clouds.len()).min(points / LEAST_POINTS);
-    let size = |k: i32| (f64::from(k) / STEPS_PER_OCTAVE).exp2();
+    let size = |k: i32| widest * (f64::from(k) / STEPS_PER_OCTAVE).exp2();
     let fits = |k: i32| -> Result<bool> {
         execution.check()?;
         let counts = clouds.par_iter().map(|cloud| Grid::new(cloud, size(k))?.count(cloud, most));
         Ok(counts.collect::<Result<Vec<usize>>>()?.iter().sum::<usize>() <= most)
     };
     // At the highest k each cloud lies in one cell.
-    let mut high = (widest.log2() * STEPS_PER_OCTAVE).ceil() as i32 + 2 * STEPS_PER_OCTAVE as i32;
+    let mut high = 2 * STEPS_PER_OCTAVE as i32;
     let mut low = high - STEPS;
     while high - low > 1 {
         let middle = i32::midpoint(low, high);
@@ -165,7 +165,7 @@ mod tests {
         let points = wave(3000)?;
         let size = choose_voxel(&[&points], 500, &Execution::default())?;
         assert!(count_voxels(&points, size)? <= 500);
-        assert!(count_voxels(&points, size / 2.0_f64.powf(0.25))? > 500);
+        assert!(count_voxels(&points, size / 2.0_f64.powf(1.0 / 16.0))? > 500);
         Ok(())
     }
 

@@ -35,13 +35,15 @@ class RegistrationSection:
     ----------
     chart : PageChart
         Shares of right poses.
-    answers, trust, details : Table
-        How many poses are right; which are trusted, and how long they take; errors and times by stage.
+    answers, trust, calibration, details : Table
+        How many poses are right; which are trusted, and how long they take; how well probabilities fit;
+        errors and times by stage.
     """
 
     chart: PageChart
     answers: Table
     trust: Table
+    calibration: Table
     details: Table
 
 
@@ -61,7 +63,11 @@ def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> Reg
     )
     file = pictures.save("registration", chart.draw(f"Registered pairs: {title}"))
     return RegistrationSection(
-        PageChart(file, alt, chart, (file,)), answer_table(related), trust_table(good), detail_table(related)
+        PageChart(file, alt, chart, (file,)),
+        answer_table(related),
+        trust_table(good),
+        calibration_table(good),
+        detail_table(related),
     )
 
 
@@ -103,6 +109,32 @@ def trust_table(frame: pd.DataFrame) -> Table:
         *("right refused", "wrong accepted", "mirrored accepted", "unrelated accepted"),
     )
     return Table("Median seconds per pair, and what is trusted", headers, rows)
+
+
+def calibration_table(frame: pd.DataFrame) -> Table:
+    """List by set what is accepted, and how well the probabilities fit.
+
+    The calibration error is the distance between the mean probability and the share that is right, on average
+    over ten classes of probability, weighted by their pairs.
+    """
+    rows: list[tuple[Cell, ...]] = []
+    told = frame[frame["probability"].notna()]
+    for (name, pipeline), chosen in told.groupby(["set", "pipeline"], sort=False):
+        right, chance = chosen["right"].astype(float), chosen["probability"]
+        classes = (right - chance).groupby((10 * chance).clip(0, 9).astype(int))
+        error = float(classes.sum().abs().sum()) / len(chosen)
+        rows.append(
+            (
+                words(name),
+                words(pipeline),
+                _share(chosen[chosen["right"]]["ok"]),
+                _share(chosen[~chosen["right"]]["ok"]),
+                number(float(((right - chance) ** 2).mean()), "{:.3f}"),
+                number(error, "{:.3f}"),
+            )
+        )
+    headers = ("set", "pipeline", "right accepted", "wrong accepted", "Brier score", "calibration error")
+    return Table("How far probabilities can be trusted, unrelated and mirrored pairs included", headers, rows)
 
 
 def detail_table(related: pd.DataFrame) -> Table:

@@ -1,4 +1,4 @@
-"""``cgroup register``: find the pose of one cloud on another."""
+"""``cgroup register`` and ``assess``: find the pose of one cloud on another, or judge one."""
 
 from __future__ import annotations
 
@@ -28,11 +28,34 @@ from cgroup.cli.wording import is_given, reword
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
 from cgroup.io._results import make_folder
-from cgroup.registration import DenseFront, Effort, PaperFront, Registration, register
+from cgroup.registration import DenseFront, Effort, PaperFront, Registration, assess, register
 from cgroup.registration.prepare import VOXELS
 from cgroup.types import PointCloud
 
 Front = Literal["dense", "paper"]
+
+_VOXEL = option(
+    None,
+    "LENGTH",
+    "Edge length of the voxels, in the files' unit; all radii are multiples of it.",
+    options.CLOUDS,
+    "leaves about 5,000 voxels",
+)
+_VIEWPOINT = option(
+    None,
+    "X Y Z",
+    "Where the scanner stood in both files, if each is one single scan: tells far more.",
+    options.CLOUDS,
+)
+_SOURCE_VIEWPOINT = option(None, "X Y Z", "The same of the source alone.", options.CLOUDS)
+_TARGET_VIEWPOINT = option(None, "X Y Z", "The same of the target alone.", options.CLOUDS)
+_AXIS = option(
+    None,
+    "X Y Z",
+    "Direction that both clouds share, such as gravity; the pose may tilt it by 10 degrees.",
+    options.CLOUDS,
+)
+_EFFORT = choice("normal", Effort, "How long to search where the pose is not sure.", options.SEARCH)
 
 app = make_app()
 
@@ -41,7 +64,7 @@ def print_registration(document: Document) -> None:
     """Print a registration from its document."""
     done = document["results"]
     is_chosen = document["options"]["voxel"] is None
-    why = f", the smallest step of 2^(1/4) that leaves {VOXELS} of a cloud at most" if is_chosen else ""
+    why = f", chosen to leave about {VOXELS} of a cloud" if is_chosen else ""
     print_clouds(document["inputs"])
     print_facts(
         ("voxel", f"{done['voxel']:.4g} (in the files' unit{why})"),
@@ -75,30 +98,12 @@ def register_command(
     source: Path = options.SOURCE,
     target: Path = options.TARGET,
     *,
-    voxel: float | None = option(
-        None,
-        "LENGTH",
-        "Edge length of the voxels, in the files' unit; all radii are multiples of it.",
-        options.CLOUDS,
-        "leaves about 5,000 voxels",
-    ),
-    viewpoint: Point | None = option(
-        None,
-        "X Y Z",
-        "Where the scanner stood in both files, if each is one single scan: tells far more.",
-        options.CLOUDS,
-    ),
-    source_viewpoint: Point | None = option(None, "X Y Z", "The same of the source alone.", options.CLOUDS),
-    target_viewpoint: Point | None = option(None, "X Y Z", "The same of the target alone.", options.CLOUDS),
-    axis: Point | None = option(
-        None,
-        "X Y Z",
-        "Direction that both clouds share, such as gravity; the pose may tilt it by 10 degrees.",
-        options.CLOUDS,
-    ),
-    effort: Effort = choice(
-        "normal", Effort, "How long to search where the pose is not sure.", options.SEARCH
-    ),
+    voxel: float | None = _VOXEL,
+    viewpoint: Point | None = _VIEWPOINT,
+    source_viewpoint: Point | None = _SOURCE_VIEWPOINT,
+    target_viewpoint: Point | None = _TARGET_VIEWPOINT,
+    axis: Point | None = _AXIS,
+    effort: Effort = _EFFORT,
     front: Front = choice(
         "dense",
         Front,
@@ -159,6 +164,50 @@ def register_command(
         "inputs": describe_pair((source, target), clouds),
         "results": registration_results(done),
         "files": files,
+    }
+
+
+@command(
+    app,
+    "assess",
+    "cgroup assess source.ply target.ply pose.txt",
+    "cgroup assess a.pcd b.pcd odometry.txt --viewpoint 0 0 0 --json",
+    show=print_registration,
+)
+def assess_command(
+    source: Path = options.SOURCE,
+    target: Path = options.TARGET,
+    pose: Path = options.argument("POSE", "File of the pose that maps the source into the target's frame."),
+    *,
+    voxel: float | None = _VOXEL,
+    viewpoint: Point | None = _VIEWPOINT,
+    source_viewpoint: Point | None = _SOURCE_VIEWPOINT,
+    target_viewpoint: Point | None = _TARGET_VIEWPOINT,
+    axis: Point | None = _AXIS,
+    effort: Effort = _EFFORT,
+) -> Document:
+    """Say how likely a pose from elsewhere is right; exit status 3 where it can't be trusted."""
+    given = io.read_transform(pose)
+    clouds = read_both(source, target)
+    with show_stages() as begin:
+        done = assess(
+            *clouds,
+            given,
+            voxel=voxel,
+            source_viewpoint=source_viewpoint or viewpoint,
+            target_viewpoint=target_viewpoint or viewpoint,
+            axis=axis,
+            effort=effort,
+            progress=begin,
+        )
+    if not done.ok:
+        error = NoConsensusError(f"the pose can't be trusted: {done.notes[0]}")
+        error.registration = done
+        raise error
+    return {
+        "inputs": describe_pair((source, target), clouds),
+        "results": registration_results(done),
+        "files": [],
     }
 
 

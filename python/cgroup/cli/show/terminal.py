@@ -84,7 +84,8 @@ def print_clouds(inputs: Iterable[Mapping[str, Any]]) -> None:
 def print_files(document: Mapping[str, Any]) -> None:
     """Print which files a command has written, all in one folder."""
     files = [Path(file) for file in document["files"]]
-    print_prose(f"wrote {', '.join(file.name for file in files)} to {files[0].parent}/", "  ")
+    if files:
+        print_prose(f"wrote {', '.join(file.name for file in files)} to {files[0].parent}/", "  ")
 
 
 def terminal_width() -> int:

@@ -53,8 +53,7 @@ class Proposal:
         sighting = self.sighting
         found = Found(
             sighting.refined,
-            np.concatenate([sighting.refined.T_target_source[None], self.others]),
-            np.zeros(1 + len(self.others)),
+            self.others,
             probability,
             sighting.visible,
             self.matches,

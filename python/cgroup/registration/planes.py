@@ -1,0 +1,107 @@
+"""Planes of a scan, and how many of them a pose lays on another's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.rigid import apply
+
+if TYPE_CHECKING:
+    from cgroup.types import FloatArray, IndexArray
+
+MOST_PLANES = 12
+"""Planes of a scan, the largest first."""
+
+_HYPOTHESES, _TRIED, _SAMPLES = 100, 40, 1000  # triples of points; places tried for each; points that vote
+_REACH, _THICK, _LEAST, _LEAST_SHARE = 20.0, 0.3, 40, 0.008  # voxels; voxels; points; share of the points
+_ALIKE, _SAME, _OFFSET, _BESIDE, _SHARED = np.cos(np.radians(4)), np.cos(np.radians(8)), 0.8, 5.0, 0.1
+_APART = 1.2  # voxels between two parallel planes
+_SIDE = 200  # points of a plane that are looked for beside another's
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """Planes of a scan: normals and centres (k,3), some points of each, and each voxel's plane or -1."""
+
+    normals: FloatArray
+    centers: FloatArray
+    members: list[FloatArray]
+    labels: IndexArray
+
+
+def find_planes(points: FloatArray, voxel: float) -> Planes:
+    """Find planes one after the other, by random triples of points that lie near each other."""
+    rng = np.random.default_rng(0)
+    labels = np.full(len(points), -1)
+    left = np.arange(len(points))
+    normals, centers, members = [], [], []
+    least = max(_LEAST, _LEAST_SHARE * len(points))
+    while len(normals) < MOST_PLANES and len(left) >= least:
+        rows = left[_fit_plane(points[left], voxel, rng)]
+        if len(rows) < least:
+            break
+        normal, center = _fit(points[rows])
+        away = np.abs((points[left] - center) @ normal)
+        rows = left[away < _THICK * voxel]
+        if len(rows) < least:
+            break
+        normal, center = _fit(points[rows])
+        labels[rows] = len(normals)
+        normals.append(normal)
+        centers.append(center)
+        members.append(points[rows[:: len(rows) // _SIDE + 1]])
+        left = left[np.abs((points[left] - center) @ normal) >= 2 * _THICK * voxel]
+    return Planes(np.reshape(normals, (-1, 3)), np.reshape(centers, (-1, 3)), members, labels)
+
+
+def _fit_plane(points: FloatArray, voxel: float, rng: np.random.Generator) -> IndexArray:
+    """Rows of the points on the best of some hypotheses; few where there is no plane."""
+    voters = points[rng.permutation(len(points))[:_SAMPLES]]
+    starts = voters[rng.integers(len(voters), size=_HYPOTHESES)]
+    others = voters[rng.integers(len(voters), size=(_HYPOTHESES, _TRIED))]
+    near = ((others - starts[:, None]) ** 2).sum(axis=2) < (_REACH * voxel) ** 2
+    pick = np.argsort(~near, axis=1, kind="stable")[:, :2]  # near ones first
+    second, third = (others[np.arange(_HYPOTHESES), pick[:, k]] for k in (0, 1))
+    normals = np.cross(second - starts, third - starts)
+    sizes = np.linalg.norm(normals, axis=1)
+    wide = (sizes > (3 * voxel) ** 2) & (near.sum(axis=1) >= 2)
+    if not wide.any():
+        return np.empty(0, dtype=np.int64)
+    normals, starts = normals[wide] / sizes[wide, None], starts[wide]
+    offsets = (normals * starts).sum(axis=1)
+    counts = (np.abs(voters @ normals.T - offsets) < _THICK * voxel).sum(axis=0)
+    best = int(np.argmax(counts))
+    return np.flatnonzero(np.abs(points @ normals[best] - offsets[best]) < _THICK * voxel)
+
+
+def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Fit the least-squares plane: normal and centre."""
+    center = points.mean(axis=0)
+    return np.linalg.eigh(np.cov((points - center).T))[1][:, 0], center
+
+
+def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: float) -> int:
+    """Count the planes that a pose lays on planes: each normal and offset once."""
+    counted: list[tuple[FloatArray, float]] = []
+    for normal, members in zip(source.normals @ pose[:3, :3].T, source.members, strict=True):
+        moved = apply(pose, members)
+        for row in np.flatnonzero(np.abs(target.normals @ normal) > _ALIKE):
+            other, center = target.normals[row], target.centers[row]
+            if np.median(np.abs((moved - center) @ other)) > _OFFSET * voxel:
+                continue
+            apart = ((moved[:, None] - target.members[row]) ** 2).sum(axis=2).min(axis=1)
+            if (apart < (_BESIDE * voxel) ** 2).mean() < _SHARED:
+                continue
+            height = float((moved @ other).mean())
+            if not any(_is_same(other, height, *known, voxel) for known in counted):
+                counted.append((other, height))
+            break
+    return len(counted)
+
+
+def _is_same(normal: FloatArray, height: float, other: FloatArray, level: float, voxel: float) -> bool:
+    cosine = float(normal @ other)
+    return abs(cosine) > _SAME and abs(height * np.sign(cosine) - level) < _APART * voxel

@@ -1,0 +1,53 @@
+"""Rivals of a pose, sought on purpose: slides along what resists least, turns about the normals' axes."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.rigid import apply
+
+if TYPE_CHECKING:
+    from cgroup.registration.prepare import PreparedScan
+    from cgroup.types import FloatArray
+
+_STEP, _FIRST, _LAST = 4.0, 10.0, 62.0  # of slides, in voxels
+_DIRECTIONS = 2
+_QUARTERS = (90.0, 180.0, 270.0)
+
+
+def propose_rivals(
+    source: PreparedScan, target: PreparedScan, pose: FloatArray, information: FloatArray
+) -> FloatArray:
+    """Propose where else the source may lie, (m,4,4): slides and turns of a pose, to be verified.
+
+    Slides go along the two directions in which the surfaces resist least, by 10 to 62 voxels; turns by
+    quarters about the axes of the target's normals, through the middle of the source.
+    """
+    points = apply(pose, source.voxels.points)
+    slides = np.arange(_FIRST, _LAST, _STEP) * target.voxel
+    directions = np.linalg.eigh(information[3:, 3:])[1][:, :_DIRECTIONS].T
+    shifts = [sign * slide * u for u, slide, sign in itertools.product(directions, slides, (-1.0, 1.0))]
+    slid = np.tile(pose, (len(shifts), 1, 1))
+    slid[:, :3, 3] += np.reshape(shifts, (-1, 3))
+    normals = target.normals[np.isfinite(target.normals).all(axis=1)]
+    axes = np.linalg.eigh(normals.T @ normals)[1].T
+    local = points @ axes.T
+    middles = (points.mean(axis=0), axes.T @ (np.quantile(local, [0.02, 0.98], axis=0).mean(axis=0)))
+    turned = [
+        _turn(axis, degrees, middle) @ pose for axis in axes for degrees in _QUARTERS for middle in middles
+    ]
+    return np.concatenate([slid, turned])
+
+
+def _turn(axis: FloatArray, degrees: float, middle: FloatArray) -> FloatArray:
+    """Rotation about an axis through a point."""
+    angle = np.radians(degrees)
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turn = np.eye(4)
+    turn[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+    turn[:3, 3] = middle - turn[:3, :3] @ middle
+    return turn

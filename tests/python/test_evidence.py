@@ -1,0 +1,124 @@
+"""Planes, cells, free space and rivals, on shapes made by hand."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cgroup.datasets import standin_pair
+from cgroup.errors import InputError
+from cgroup.registration import assess, prepare, register
+from cgroup.registration.evidence import gather
+from cgroup.registration.planes import MOST_PLANES, count_agreeing, find_planes
+from cgroup.registration.rivals import propose_rivals
+from cgroup.rigid import apply, invert
+from strategies import rigid
+
+PAIR = standin_pair(pixels=80)
+EYES = {"source_viewpoint": PAIR.source_viewpoint, "target_viewpoint": PAIR.target_viewpoint}
+
+
+def walls(count: int, seed: int = 0) -> np.ndarray:
+    """Points on so many walls of a room of 40 x 30 x 20, some noise on them."""
+    rng = np.random.default_rng(seed)
+    sides = [(axis, side) for axis in range(3) for side in (0, 1)][:count]
+    points = rng.uniform(0, 1, (count, 400, 3))
+    for wall, (axis, side) in zip(points, sides, strict=True):
+        wall[:, axis] = side
+    return (points * (40, 30, 20)).reshape(-1, 3) + rng.normal(0, 0.02, (400 * count, 3))
+
+
+@pytest.mark.parametrize("count", [1, 3, 5, 6])
+def test_walls_are_found_and_agree_once_each(count: int) -> None:
+    points, turn = walls(count), rigid((1, 2, 3), 40)
+    turn[:3, 3] = 5, -7, 9
+    one, other = find_planes(points, 1.0), find_planes(apply(turn, walls(count, seed=1)), 1.0)
+    assert len(one.normals) == count
+    assert (one.labels >= 0).mean() > 0.97
+    assert count_agreeing(one, other, turn, 1.0) == count
+    away = turn.copy()
+    away[:3, 3] += turn[:3, 0] * 6  # along x: the walls across it lie on nothing
+    assert count_agreeing(one, other, away, 1.0) == count - min(count, 2)
+
+
+def test_where_nothing_is_flat_there_are_no_planes() -> None:
+    ball = np.random.default_rng(0).normal(size=(3000, 3))
+    ball *= 30 / np.linalg.norm(ball, axis=1)[:, None]
+    assert len(find_planes(ball, 1.0).normals) <= MOST_PLANES
+    assert (find_planes(ball, 1.0).labels < 0).mean() > 0.5
+    assert len(find_planes(np.arange(30.0)[:, None] * (1, 2, 3), 1.0).normals) == 0
+
+
+def test_evidence_speaks_for_the_true_pose() -> None:
+    source, target = (
+        prepare(cloud, voxel=3.0, viewpoint=eye)
+        for cloud, eye in ((PAIR.source, PAIR.source_viewpoint), (PAIR.target, PAIR.target_viewpoint))
+    )
+    wrong = PAIR.T_target_source @ rigid((0, 0, 1), 30)
+    right, other = (gather(source, target, pose) for pose in (PAIR.T_target_source, wrong))
+    assert right.agreeing > 0.9 > other.agreeing
+    assert right.cells > other.cells
+    assert right.crossed < 0.01 < other.crossed
+    back = gather(target, source, invert(PAIR.T_target_source))
+    np.testing.assert_allclose(back, right, rtol=0.02, atol=0.02)
+    blind = prepare(PAIR.target, voxel=3.0)
+    assert np.isnan(gather(source.turned_by_frames, blind, PAIR.T_target_source).crossed)
+
+
+def test_rivals_slide_and_turn() -> None:
+    points = walls(4)
+    scan: Any = SimpleNamespace(
+        voxels=SimpleNamespace(points=points), voxel=0.5, normals=np.repeat(np.eye(3), 100, axis=0)
+    )
+    pose, weak = rigid((0, 0, 1), 20), np.diag([1.0, 1, 1, 9, 1e-3, 9])
+    rivals = propose_rivals(scan, scan, pose, weak)
+    shifts = rivals[:, :3, 3] - pose[:3, 3]
+    slid = np.abs(rivals[:, :3, :3] - pose[:3, :3]).max(axis=(1, 2)) < 1e-12
+    assert np.abs(np.diff(np.sort(shifts[slid][:, 1]))).max() <= 10  # both ways along y
+    lengths = np.linalg.norm(shifts[slid], axis=1) / scan.voxel
+    assert lengths.min() == pytest.approx(10)
+    assert lengths.max() == pytest.approx(58)
+    turns = rivals[~slid][:, :3, :3] @ pose[:3, :3].T
+    assert {int(np.rint(np.trace(turn))) for turn in turns} == {1, -1}  # quarters and halves
+    np.testing.assert_allclose(
+        turns @ turns.transpose(0, 2, 1), np.tile(np.eye(3), (len(turns), 1, 1)), atol=1e-12
+    )
+
+
+def displaced(voxels: float, degrees: float, voxel: float, seed: int) -> np.ndarray:
+    """The true pose, moved about the middle of the source."""
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=3)
+    change = rigid(tuple(rng.normal(size=3)), degrees)
+    middle = apply(PAIR.T_target_source, PAIR.source.points).mean(axis=0)
+    change[:3, 3] = middle - change[:3, :3] @ middle + voxels * voxel * direction / np.linalg.norm(direction)
+    return change @ PAIR.T_target_source
+
+
+def test_a_pose_that_is_a_little_off_is_told_from_the_right_one() -> None:
+    found = register(PAIR.source, PAIR.target, **EYES)
+    right = assess(PAIR.source, PAIR.target, PAIR.T_target_source, **EYES)
+    assert right.ok
+    np.testing.assert_array_equal(right.T_target_source, PAIR.T_target_source)
+    assert right.probability == pytest.approx(found.probability, abs=0.1)
+    for seed, (voxels, degrees) in enumerate([(0.6, 0), (1, 1), (4, 0), (0, 5), (2, 3)]):
+        told = assess(PAIR.source, PAIR.target, displaced(voxels, degrees, found.voxel, seed), **EYES)
+        assert not told.ok
+        assert "refining moves the source by" in told.notes[0]
+        np.testing.assert_allclose(told.alternatives[0], found.T_target_source, atol=0.05 * found.voxel)
+
+
+def test_a_pose_of_other_clouds_is_refused_with_a_reason() -> None:
+    other = standin_pair(seed=3, pixels=80)
+    told = assess(PAIR.source, other.target, np.eye(4))
+    assert not told.ok
+    assert told.notes[0].startswith(("the best pose is right with", "several places", "the surfaces leave"))
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"), [(np.eye(3), "T_target_source"), (2 * np.eye(4), "T_target_source"), ("x", "T_target")]
+)
+def test_what_is_no_pose_is_refused(pose: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        assess(PAIR.source, PAIR.target, pose)

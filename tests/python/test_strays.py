@@ -1,0 +1,78 @@
+"""Clouds as scanners leave them: strays, points far away, and any unit."""
+
+import numpy as np
+import pytest
+
+from cgroup.datasets import standin_pair
+from cgroup.registration import PreparedScan, prepare, register
+from cgroup.registration.scan import MOST_STRAYS, as_scan, without_strays
+from cgroup.rigid import apply
+
+PAIR = standin_pair(pixels=80)
+SOURCE, TARGET = PAIR.source.points, PAIR.target.points
+
+
+def scattered(points: np.ndarray, share: float, size: float, seed: int = 0) -> np.ndarray:
+    """Points with so many more, relative to them, spread over so many times their extent."""
+    count = round(share * len(points))
+    extent = np.ptp(points, axis=0).max()
+    strays = size * extent * (np.random.default_rng(seed).random((count, 3)) - 0.5)
+    return np.concatenate([points, points.mean(axis=0) + strays])
+
+
+def far(points: np.ndarray) -> np.ndarray:
+    return np.concatenate([points, [[1e6 * np.ptp(points), 0, 0]]])
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "told"),
+    [
+        (scattered(SOURCE, 0.01, 10), TARGET, "source: "),
+        (SOURCE, scattered(TARGET, 0.03, 10), "target: "),
+        (far(SOURCE), far(TARGET), "one point far from all others set aside"),
+        (far(scattered(SOURCE, 0.02, 30)), TARGET, "source: "),
+    ],
+)
+def test_strays_are_set_aside_and_counted(source: np.ndarray, target: np.ndarray, told: str) -> None:
+    found = register(source, target)
+    moved = apply(found.T_target_source, SOURCE) - apply(PAIR.T_target_source, SOURCE)
+    assert np.abs(moved).max() < found.voxel
+    assert any(told in note and "set aside" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("count", [1, 7, 40])
+def test_strays_are_counted_exactly(count: int) -> None:
+    rng = np.random.default_rng(count)
+    directions = rng.normal(size=(count, 3))
+    away = directions / np.linalg.norm(directions, axis=1)[:, None] * 1e4 * rng.uniform(1, 9, (count, 1))
+    rows = rng.permutation(len(SOURCE) + count)
+    found = without_strays(as_scan("source", np.concatenate([SOURCE, away])[rows]))
+    assert found.strays == count
+    assert {tuple(row) for row in np.asarray(found.cloud.points)} == {tuple(row) for row in SOURCE}
+
+
+def test_a_surface_far_away_is_no_stray() -> None:
+    two = np.concatenate([SOURCE, SOURCE[::3] + np.array([5000.0, 0, 0])])
+    assert without_strays(as_scan("source", two)).strays == 0
+    many = scattered(SOURCE, 2 * MOST_STRAYS, 1000)
+    assert without_strays(as_scan("source", many)).strays == 0
+    assert without_strays(as_scan("source", SOURCE)).strays == 0
+
+
+def test_the_unit_changes_nothing() -> None:
+    metres, millimetres = (register(scale * SOURCE, scale * TARGET) for scale in (1e-3, 1.0))
+    assert metres.voxel == pytest.approx(1e-3 * millimetres.voxel)
+    assert metres.probability == pytest.approx(millimetres.probability, abs=0.02)
+    np.testing.assert_allclose(
+        metres.T_target_source[:3, 3], 1e-3 * millimetres.T_target_source[:3, 3], atol=1e-4 * metres.voxel
+    )
+
+
+def test_a_small_cloud_gets_enough_voxels_beside_a_huge_one() -> None:
+    rng = np.random.default_rng(0)
+    floor = np.c_[rng.uniform(-500, 500, (200_000, 2)), rng.normal(0, 0.1, 200_000)] + TARGET.mean(axis=0)
+    found = register(SOURCE, np.concatenate([TARGET, floor]))
+    assert found.ok
+    source = prepare(SOURCE, voxel=found.voxel)
+    assert isinstance(source, PreparedScan)
+    assert len(source) >= 500

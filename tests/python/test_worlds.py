@@ -1,0 +1,66 @@
+"""Generated worlds: rays by hand, exact poses, and what `register` says where places repeat."""
+
+import numpy as np
+import pytest
+
+from cgroup.datasets import open_dataset
+from cgroup.datasets.generated.worlds import World, make_world_pair
+from cgroup.errors import NoConsensusError
+from cgroup.registration import register
+from cgroup.rigid import apply
+
+REPEATING = ("facade", "racks", "corridor", "gear")
+WORLDS = {
+    kind: open_dataset(name) for name in ("worlds", "worlds-repeating") for kind in open_dataset(name).kinds
+}
+
+
+def ranges(directions: list[tuple[float, float, float]], **things: list[list[float]]) -> list[float]:
+    shapes = {"boxes": 7, "cylinders": 5, "balls": 4}
+    world = World(**{name: np.reshape(things.get(name, []), (-1, width)) for name, width in shapes.items()})
+    return world.cast(np.zeros(3), np.array(directions, float)).tolist()
+
+
+def test_rays_end_on_the_nearest_thing() -> None:
+    x, y, z = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)
+    assert ranges([x, y, (-1, 0, 0)], boxes=[[5, 0, 0, 1, 2, 3, 0]]) == [4, np.inf, np.inf]
+    assert ranges([x], boxes=[[5, 0, 0, 1, 2, 3, np.pi / 2]]) == pytest.approx([3])
+    assert ranges([x, z], cylinders=[[4, 0, -1, 1, 0.5]]) == [3.5, np.inf]
+    assert ranges([z, (0.6, 0, 0.8)], cylinders=[[0, 0, -9, -1, 2], [0, 0, 2, 3, 1]]) == [2, np.inf]
+    assert ranges([y, x], balls=[[0, 9, 0, 2]]) == [7, np.inf]
+    assert ranges([x], boxes=[[5, 0, 0, 1, 2, 3, 0]], balls=[[3, 0, 0, 1]]) == [2]
+
+
+@pytest.mark.parametrize("kind", WORLDS)
+def test_two_scans_of_a_world_lie_on_each_other(kind: str) -> None:
+    pair = WORLDS[kind].load(f"{kind}0")
+    again = WORLDS[kind].load(f"{kind}0")
+    np.testing.assert_array_equal(pair.source.points, again.source.points)
+    span = np.ptp(pair.target.points, axis=0).max()
+    made = [make_world_pair(np.random.default_rng(seed), kind) for seed in range(6)]
+    assert max(one.facts["overlap"] for one in made) > 0.5
+    best = max(made, key=lambda one: one.facts["overlap"])
+    moved = apply(best.T_target_source, best.source.points[::50])
+    nearest = np.linalg.norm(moved[:, None] - best.target.points[::7], axis=2).min(axis=1)
+    assert np.median(nearest) < 0.05 * span
+
+
+@pytest.mark.parametrize("kind", REPEATING)
+def test_where_places_repeat_the_answer_is_no(kind: str) -> None:
+    for number in range(2):
+        pair = WORLDS[kind].load(f"{kind}{number}")
+        eyes = {"source_viewpoint": pair.source_viewpoint, "target_viewpoint": pair.target_viewpoint}
+        with pytest.raises(NoConsensusError) as refused:
+            register(pair.source, pair.target, **eyes)
+        assert refused.value.registration is not None
+        assert refused.value.registration.probability < 0.5
+
+
+def test_where_they_do_not_the_answer_is_yes() -> None:
+    for name in ("heap0", "wood2", "wood4"):
+        pair = WORLDS[name[:-1]].load(name)
+        found = register(pair.source, pair.target, source_viewpoint=(0, 0, 0), target_viewpoint=(0, 0, 0))
+        moved = apply(found.T_target_source, pair.source.points) - apply(
+            pair.T_target_source, pair.source.points
+        )
+        assert np.linalg.norm(moved, axis=1).mean() < found.voxel
