@@ -364,5 +364,5 @@ def _notes(open_motion: FloatArray | None, motions: int, alternatives: int) -> l
         )
     if alternatives:
         shared = "1 other pose shares" if alternatives == 1 else f"{alternatives} other poses share"
-        notes.append(f"{shared} the probability: something looks the same there")
+        notes.append(f"{shared} the probability: the shape may be symmetric, or repeat")
     return notes

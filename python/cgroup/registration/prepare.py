@@ -58,7 +58,7 @@ UNIT = 0.4
 NORMAL_NEIGHBORS, FEATURE_NEIGHBORS = 30, 100
 """Most neighbours of a voxel's plane, and of its descriptor's support."""
 
-_FINE = (1 / 3, 2 / 3, 4 / 3, 8 / 3)
+_FINE = (1 / 3, 2 / 3, 4 / 3, 8 / 3, 16 / 3)
 """Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes."""
 
 

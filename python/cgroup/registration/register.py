@@ -143,9 +143,9 @@ def assess(
 ) -> Registration:
     """Say how likely a pose from elsewhere is right.
 
-    A pose of another library, of a network, or of odometry. It takes part in a search for the best one, and is weighed against all that the search finds, as
-    `register` weighs its own. It is right where the refined pose is, and refining moves the source by little:
-    half of that probability is left at 0.4 voxel.
+    A pose of another library, of a network, or of odometry. It takes part in a search for the best one, and
+    is weighed against all that the search finds, as `register` weighs its own. It is right where the refined
+    pose is, and refining moves the source by little: half of that probability is left at 0.4 voxel.
 
     Parameters
     ----------

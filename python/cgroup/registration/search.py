@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -63,13 +64,22 @@ _FINER = 2**-0.5
 _FINER_NEIGHBORS = 3
 
 
-class Finalist(NamedTuple):
-    """A refined pose, its score, the matches that it lays together, and what it is ranked by."""
+@dataclass(frozen=True, eq=False)
+class Finalist:
+    """A refined pose of two scans, its score, the matches that it lays together, and what it is ranked by."""
 
+    source: PreparedScan
+    target: PreparedScan
     found: Alignment
     score: float
     support: int
     value: float
+
+    @cached_property
+    def case(self) -> Case:
+        """What speaks for the pose."""
+        evidence = gather(self.source, self.target, self.found.T_target_source)
+        return Case(self.score, self.support, misfit(self.found, self.source.voxel), evidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +188,7 @@ class Search:
         aligned = align_each(*surfaces, verified.poses[:most], FIRST_SAMPLES, self.threads)
         values = rank(verified.scores, verified.evidence, aligned, source.voxel)
         return [
-            Finalist(found, score, support, value)
+            Finalist(source, target, found, score, support, value)
             for found, score, support, value in zip(
                 aligned, verified.scores.tolist(), verified.evidence.tolist(), values.tolist(), strict=False
             )
@@ -196,17 +206,8 @@ class Search:
         ranked = sorted(finalists, key=lambda finalist: -finalist.value)
         poses = np.array([finalist.found.T_target_source for finalist in ranked])
         rows = choose_apart(poses, source.described.centroid, source.voxel)[: 1 + RIVALS]
-        cases = [
-            Case(
-                ranked[row].score,
-                ranked[row].support,
-                misfit(ranked[row].found, source.voxel),
-                gather(source, target, poses[row]),
-            )
-            for row in rows
-        ]
-        order = sorted(range(len(cases)), key=lambda place: -weigh(cases[place]))
-        rows, cases = [rows[place] for place in order], [cases[place] for place in order]
+        rows.sort(key=lambda row: -weigh(ranked[row].case))
+        cases = [ranked[row].case for row in rows]
         chance, shares = share_probability(cases[0], cases[1:])
         best = ranked[rows[0]].found
         motions = count_open_motions(best.information, apply(best.T_target_source, source.voxels.points))

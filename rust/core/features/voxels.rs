@@ -62,9 +62,9 @@ pub fn voxel_downsample(
     Ok(Voxels { points, normals: normals.unwrap_or_default(), indices })
 }
 
-/// The smallest size d 2^(k/16), k whole and d the longest diagonal of the clouds, at which clouds have at most `most` voxels each on average, and at least two
-/// points per voxel. Counts fall with the size but for chance, so it is found by bisection: the next smaller size
-/// has too many.
+/// The smallest size d 2^(k/16), k whole and d the longest diagonal of the clouds, at which clouds have at most `most`
+/// voxels each on average, and at least two points per voxel. Counts fall with the size but for chance, so it is
+/// found by bisection: the next smaller size has too many.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] for `most` of 0, or clouds without extent; [`Error::Interrupted`].
