@@ -57,7 +57,6 @@ def test_evidence_speaks_for_the_true_pose() -> None:
     )
     wrong = PAIR.T_target_source @ rigid((0, 0, 1), 30)
     right, other = (gather(source, target, pose) for pose in (PAIR.T_target_source, wrong))
-    assert right.agreeing > 0.9 > other.agreeing
     assert right.cells > other.cells
     assert right.crossed < 0.01 < other.crossed
     back = gather(target, source, invert(PAIR.T_target_source))

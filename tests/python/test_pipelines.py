@@ -57,7 +57,9 @@ def test_our_own_find_the_pose(problem: Clouds, name: str, options: dict[str, An
 
 @pytest.mark.parametrize("told", [True, False])
 def test_viewpoints_are_told_or_not(problem: Clouds, monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
-    register = Mock(return_value=SimpleNamespace(T_target_source=POSE, ok=True, probability=0.9))
+    register = Mock(
+        return_value=SimpleNamespace(T_target_source=POSE, ok=True, probability=0.9, covariance=None)
+    )
     monkeypatch.setattr(own, "register", register)
     answer, _ = make_pipeline("", "cgroup", {"viewpoints": told, "effort": "low"}).register(problem)
     assert answer.T_target_source is POSE
@@ -71,7 +73,7 @@ def test_the_best_guess_of_a_refusal_is_an_answer(problem: Clouds, monkeypatch: 
     refusal = NoConsensusError("nothing fits")
     monkeypatch.setattr(own, "register", Mock(side_effect=refusal))
     for guess in (POSE, None):
-        found = SimpleNamespace(T_target_source=POSE, ok=False, probability=0.1)
+        found = SimpleNamespace(T_target_source=POSE, ok=False, probability=0.1, covariance=None)
         refusal.registration = None if guess is None else found  # pyright: ignore[reportAttributeAccessIssue]
         answer, _ = make_pipeline("", "cgroup", {}).register(problem)
         assert answer.T_target_source is guess

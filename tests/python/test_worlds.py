@@ -47,7 +47,7 @@ def test_two_scans_of_a_world_lie_on_each_other(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", REPEATING)
 def test_where_places_repeat_the_answer_is_no(kind: str) -> None:
-    for number in range(2):
+    for number in (0, 2):
         pair = WORLDS[kind].load(f"{kind}{number}")
         eyes = {"source_viewpoint": pair.source_viewpoint, "target_viewpoint": pair.target_viewpoint}
         with pytest.raises(NoConsensusError) as refused:

@@ -63,6 +63,9 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.registration.Registration.plot": [
         lambda plot: plot(registration.register(PAIR.source, PAIR.target), correct=[True]),
     ],
+    "cgroup.registration.Registration.covariance_in": [
+        lambda covariance_in: covariance_in(registration.register(PAIR.source, PAIR.target), "ceres"),
+    ],
     "cgroup.registration.PreparedScan.resized": [given(registration.prepare(PAIR.source, voxel=6.0), 100)],
     **{
         f"cgroup.datasets.Dataset.{name}": [lambda _, name=name: getattr(STONES, name)("nonsense")]

@@ -35,8 +35,9 @@ from cgroup.errors import NoConsensusError
 from cgroup.evaluation import match_errors, rotation_error, score_group, translation_error
 from cgroup.evaluation.protocols import PROTOCOLS
 from cgroup.registration.matching import group_poses
+from cgroup.registration.motions import vector_of
 from cgroup.registry import METHOD_INFO
-from cgroup.rigid import apply
+from cgroup.rigid import apply, invert
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -199,6 +200,9 @@ def register_pair(
         numbers: dict[str, Any] = known | _name_errors(pose, loaded.truth, sample, pr)
         numbers["ok"] = bool(answer.ok) and pose is not None
         numbers["probability"] = none_unless_finite(answer.probability)
+        if pose is not None and answer.covariance is not None and loaded.truth is not None:
+            error = vector_of(loaded.truth @ invert(pose), np.zeros(3))
+            numbers["nees"] = none_unless_finite(float(error @ np.linalg.solve(answer.covariance, error)))
         numbers["stages"] = stages
         results.append(
             result(

@@ -80,6 +80,7 @@ _NUMBERS: dict[str, dict[str, Any]] = {
         **dict.fromkeys(("voxel", "pr", "overlap"), math.nan),
         "ok": False,
         "probability": math.nan,
+        "nees": math.nan,
         **dict.fromkeys(_ERRORS, math.nan),
     },
     "matches": {
@@ -129,8 +130,9 @@ def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
         "registration", one row per pair and pipeline: `set`; `kind`: "related", "mirrored" (its target is),
         or "mixed" (with the target of the pair `other`); `column`: the set, with the side of `split_overlap`
         that the pair is on; `pipeline, name, refined, threads`; `voxel, pr, overlap`: of the pair;
-        `ok, probability`: the pipeline's trust in its pose; errors and limits; `stages`: dict of seconds, of
-        which `seconds` is the sum.
+        `ok, probability`: the pipeline's trust in its pose; `nees`: normalized estimation error squared, by
+        the pipeline's covariance, 6 on average where that holds; errors and limits; `stages`: dict of
+        seconds, of which `seconds` is the sum.
 
         "matches", one row per problem, method and number of threads: `set, kind, other, matches, voxel,
         epsilon, case`: the problem; `loose, strict, preset, whole`: of its set, as configured; `scene, size,

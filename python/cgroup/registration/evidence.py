@@ -27,8 +27,6 @@ class Evidence(NamedTuple):
     ----------
     cells : float
         Cells off all planes where one surface lies on the other.
-    agreeing : float
-        Share of these among the cells off all planes where one is near the other.
     planes : int
         Independent planes that the pose lays on planes.
     crossed : float
@@ -37,7 +35,6 @@ class Evidence(NamedTuple):
     """
 
     cells: float
-    agreeing: float
     planes: int
     crossed: float
 
@@ -47,24 +44,19 @@ def gather(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Evid
     found = [
         _look(one, other, way) for one, other, way in ((source, target, pose), (target, source, invert(pose)))
     ]
-    on, near, crossed, seen = (sum(values) for values in zip(*found, strict=True))
+    on, crossed, seen = (sum(values) for values in zip(*found, strict=True))
     planes = max(
         count_agreeing(source.planes, target.planes, pose, source.voxel),
         count_agreeing(target.planes, source.planes, invert(pose), source.voxel),
     )
     known = source.viewpoint is not None and target.viewpoint is not None
-    return Evidence(on / 2, (on + 2) / (near + 4), planes, crossed / max(seen, 1) if known else np.nan)
+    return Evidence(on / 2, planes, crossed / max(seen, 1) if known else np.nan)
 
 
-def _look(one: PreparedScan, other: PreparedScan, pose: FloatArray) -> tuple[int, int, int, int]:
-    """Count cells on and near the other surface, and voxels in its free space and seen at all."""
+def _look(one: PreparedScan, other: PreparedScan, pose: FloatArray) -> tuple[int, int, int]:
+    """Count cells on the other surface, and voxels in its free space and seen at all."""
     where = places(one.surface, other.surface, pose, threads=one.threads)
-    off_planes = one.planes.labels < 0
-    on, near = where == Place.ON, (where == Place.ON) | (where == Place.OFF)
+    on = where == Place.ON
     crossed = int((where == Place.IN_FRONT).sum())
-    return (
-        len(np.unique(one.cells[on & off_planes])),
-        len(np.unique(one.cells[near & off_planes])),
-        crossed,
-        crossed + int(near.sum()),
-    )
+    seen = crossed + int((on | (where == Place.OFF)).sum())
+    return len(np.unique(one.cells[on & (one.planes.labels < 0)])), crossed, seen

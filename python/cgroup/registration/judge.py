@@ -6,14 +6,16 @@ The coefficients were fitted on generated worlds and half of the pairs of real s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.registration.matching import turn_matches
+from cgroup.registration.motions import adjoint
 from cgroup.registration.prepare import UNIT
-from cgroup.rigid import apply
+from cgroup.rigid import apply, invert
 from cgroup.types import Agreement, Grouping, Rule
 from cgroup.verification.schedule import DIFFERENT_DEGREES, DIFFERENT_UNITS
 
@@ -52,6 +54,9 @@ PLANES_OF_A_POSE, MOST_FURTHER_PLANES = 3, 3
 LEAD_BY_CHANCE = 1.0
 """Nats by which the best of equal poses leads."""
 
+OPEN = 0.01
+"""Share of the resistance of all pairs below which a motion is open, as for `Alignment.open_motion`."""
+
 AS_GOOD = 0.3
 """Share of the best pose's probability from which another one counts as an alternative."""
 
@@ -59,7 +64,6 @@ _LEAST_SCORE = 1e-3
 _NOTHING_PAIRED = 100.0
 _MOST_NATS = 30.0
 _SIZES_DIFFER = 1.5
-_OPEN = 0.01  # share of the resistance of all pairs, as for `Alignment.open_motion`
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +84,8 @@ class Found:
         Every match of the search.
     source, target : PreparedScan
         The scans, at the voxel where it was found.
-    is_object : bool
-        Whether the source is a model: one that can turn on itself, such as a ball, is still found.
+    motions : int
+        That the surfaces leave open.
     cases : tuple of Case
         What speaks for the pose, and for its rivals.
     """
@@ -93,8 +97,28 @@ class Found:
     matches: Correspondences
     source: PreparedScan
     target: PreparedScan
-    is_object: bool = False
+    motions: int = 0
     cases: tuple[Case, ...] = ()
+
+    def turned(self) -> Found:
+        """Return the same with source and target in each other's place."""
+        pose = self.refined.T_target_source
+        back, change = invert(pose), adjoint(pose)  # T^-1 = Exp(-Ad(T^-1) x) T_found^-1
+        open_motion = self.refined.open_motion
+        refined = replace(
+            self.refined,
+            T_target_source=back,
+            information=change.T @ self.refined.information @ change,
+            open_motion=None if open_motion is None else -adjoint(back) @ open_motion,
+        )
+        return replace(
+            self,
+            refined=refined,
+            alternatives=np.linalg.inv(self.alternatives),
+            matches=turn_matches(self.matches, self.target.described.centroid),
+            source=self.target,
+            target=self.source,
+        )
 
     @cached_property
     def grouping(self) -> Grouping:
@@ -131,16 +155,13 @@ def judge(
         reason = "no pose could be proposed" + ("" if axis is None else " that keeps the axis")
         reason = f"{reason}; {_remedy(source, target, axis)}"
         return Judgement(ok=False, probability=0.0, reason=reason, notes=())
-    points = apply(found.refined.T_target_source, found.source.voxels.points)
-    motions = count_open_motions(found.refined.information, points)
-    notes = tuple(_notes(found.refined.open_motion, motions, len(found.alternatives)))
+    notes = tuple(_notes(found.refined.open_motion, found.motions, len(found.alternatives)))
     notes += tuple(_count_strays(scan) for scan in (source, target) if scan.scan.strays)
-    chance = found.probability if found.is_object else bound_by_motions(found.probability, motions)
     reason = ""
-    if not is_accepted(chance):
-        reason = _explain(found, chance, notes[0] if motions > MOST_OPEN_MOTIONS else "")
+    if not is_accepted(found.probability):
+        reason = _explain(found, notes[0] if found.motions > MOST_OPEN_MOTIONS else "")
         reason = f"{reason}; {_remedy(source, target, axis)}"
-    return Judgement(not reason, chance, reason, notes)
+    return Judgement(not reason, found.probability, reason, notes)
 
 
 def is_accepted(probability: float) -> bool:
@@ -217,11 +238,11 @@ class Case:
 def weigh(case: Case) -> float:
     """Evidence for a pose in nats, to be compared with that for another pose of the same scans."""
     return (
-        1.8 * case.score_nats
-        + 1.1 * case.support_nats
-        - 2.0 * case.misfit_nats
-        - 1.6 * case.crossed_nats
-        + 0.9 * case.further_planes
+        2.5 * case.score_nats
+        + 0.6 * case.support_nats
+        - 2.2 * case.misfit_nats
+        - 1.3 * case.crossed_nats
+        + 1.3 * case.further_planes
     )
 
 
@@ -230,13 +251,13 @@ def lead_over_chance(case: Case) -> float:
     evidence = case.evidence
     could_be_refuted = not np.isnan(evidence.crossed)
     return (
-        -4.8
-        + 1.3 * float(np.log1p(evidence.cells))
-        + 1.1 * float(np.log(evidence.agreeing / (1.0 - evidence.agreeing)))
-        + 2.7 * case.further_planes
-        - 1.3 * case.misfit_nats
-        - 3.3 * case.crossed_nats
-        + 3.2 * could_be_refuted
+        -3.7
+        + 0.8 * case.score_nats
+        + 1.9 * float(np.log1p(evidence.cells))
+        + 1.3 * case.further_planes
+        - 2.1 * case.misfit_nats
+        - 3.0 * case.crossed_nats
+        + 2.8 * could_be_refuted
     )
 
 
@@ -306,10 +327,10 @@ def count_open_motions(information: FloatArray, points: FloatArray) -> int:
     change[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
     change[:, :3] /= radius
     weight = np.trace(information[3:, 3:])  # normals are of unit length
-    return int((np.linalg.eigvalsh(change.T @ information @ change) <= _OPEN * weight).sum())
+    return int((np.linalg.eigvalsh(change.T @ information @ change) <= OPEN * weight).sum())
 
 
-def _explain(found: Found, chance: float, open_motions: str) -> str:
+def _explain(found: Found, open_motions: str) -> str:
     """Say why a pose is not accepted."""
     if open_motions:
         return open_motions
@@ -317,10 +338,10 @@ def _explain(found: Found, chance: float, open_motions: str) -> str:
         count = 1 + len(found.alternatives)
         return (
             f"several places look the same: {count} poses share the probability, and the best has "
-            f"{chance:.2f}"
+            f"{found.probability:.2f}"
         )
     return (
-        f"the best pose is right with a probability of {chance:.2f} only: it lays "
+        f"the best pose is right with a probability of {found.probability:.2f} only: it lays "
         f"{100 * found.fitness:.0f} % of the source on the target and {found.grouping.size} of "
         f"{len(found.matches)} matches together"
     )

@@ -98,6 +98,21 @@ def take_matches(matches: Correspondences, chosen: BoolArray) -> Correspondences
     return own_correspondences(Fields(**rows))
 
 
+def turn_matches(matches: Correspondences, centroid: FloatArray) -> Correspondences:
+    """Return the matches with source and target in each other's place, and the new source's centroid."""
+    turned = Fields(
+        matches.target,
+        matches.source,
+        similarity=matches.similarity,
+        ratio=matches.ratio,
+        source_lrf=matches.target_lrf,
+        target_lrf=matches.source_lrf,
+        resolution=matches.resolution,
+        source_centroid=np.array(centroid),
+    )
+    return own_correspondences(turned)
+
+
 def propose_poses(
     matches: Correspondences,
     method: str,

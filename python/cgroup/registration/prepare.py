@@ -15,6 +15,7 @@ from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.registration.planes import Planes, find_planes
+from cgroup.registration.rings import fill_between_rings
 from cgroup.registration.scan import (
     NORMALS,
     Scan,
@@ -348,7 +349,7 @@ def prepare(
         both = "viewpoint, normals"
         raise InputError(both, f"both, but {normals!r} normals are those of whole models", "give one")
     if normals == "pca":
-        scan = without_strays(as_scan("cloud", cloud))
+        scan = _complete(as_scan("cloud", cloud), viewpoint)
     else:
         scan = as_model("cloud", cloud, normals, voxel)
     radii = DenseFront() if front is None else as_instance("front", front, DenseFront)
@@ -386,8 +387,14 @@ def as_given(
     viewpoint: ArrayLike | None = None,
 ) -> Given:
     """Check a scan that may be ready."""
-    scan = cloud if isinstance(cloud, PreparedScan) else without_strays(as_scan(name, cloud))
+    scan = cloud if isinstance(cloud, PreparedScan) else _complete(as_scan(name, cloud), viewpoint)
     return Given(name, scan, viewpoint)
+
+
+def _complete(scan: Scan, viewpoint: ArrayLike | None) -> Scan:
+    """Set strays aside, and fill in the surface between the rings of few beams."""
+    eye = features.ORIGIN if viewpoint is None else scan.viewpoint(viewpoint)
+    return fill_between_rings(without_strays(scan), eye)
 
 
 class Preparation(NamedTuple):

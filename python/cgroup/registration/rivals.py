@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.registration.motions import motion
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
@@ -37,17 +38,9 @@ def propose_rivals(
     local = points @ axes.T
     middles = (points.mean(axis=0), axes.T @ (np.quantile(local, [0.02, 0.98], axis=0).mean(axis=0)))
     turned = [
-        _turn(axis, degrees, middle) @ pose for axis in axes for degrees in _QUARTERS for middle in middles
+        motion(np.concatenate([np.radians(degrees) * axis, np.zeros(3)]), middle) @ pose
+        for axis in axes
+        for degrees in _QUARTERS
+        for middle in middles
     ]
     return np.concatenate([slid, turned])
-
-
-def _turn(axis: FloatArray, degrees: float, middle: FloatArray) -> FloatArray:
-    """Rotation about an axis through a point."""
-    angle = np.radians(degrees)
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turn = np.eye(4)
-    turn[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
-    turn[:3, 3] = middle - turn[:3, :3] @ middle
-    return turn

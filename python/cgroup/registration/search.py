@@ -30,7 +30,7 @@ from cgroup.registration.matching import frame_poses, match_both_ways, propose_p
 from cgroup.registration.paper_front import correspond_by
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.rivals import propose_rivals
-from cgroup.rigid import apply
+from cgroup.rigid import apply, invert
 from cgroup.verification import align, verify
 from cgroup.verification.alignment import align_each
 
@@ -96,14 +96,24 @@ class Search:
     proposed: FloatArray | None = None
 
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
+        """Search for the pose, in the same way whichever of the two is the source."""
+        if _order(source) <= _order(target):
+            return self._refine(self._search(source, target, self.proposed))
+        proposed = None if self.proposed is None else np.array([invert(pose) for pose in self.proposed])
+        found = self._search(target, source, proposed)
+        return self._refine(None if found is None else found.turned())
+
+    def _search(
+        self, source: PreparedScan, target: PreparedScan, proposed: FloatArray | None
+    ) -> Found | None:
         """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
         if self.front is not None:
-            return self._refine(self._search_keypoints(source, target, self.front))
-        best = self._search_voxels(source, target, 1)
+            return self._search_keypoints(source, target, self.front)
+        best = self._search_voxels(source, target, 1, proposed)
         if self.effort == "high" and (best is None or not is_accepted(best.probability)):
             finer = source.resized(_FINER, self.clock.start), target.resized(_FINER, self.clock.start)
-            best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
-        return self._refine(best)
+            best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS, proposed))
+        return best
 
     def _search_keypoints(
         self, source: PreparedScan, target: PreparedScan, front: PaperFront
@@ -118,13 +128,16 @@ class Search:
         verified = self._verify(source, target, mutual, poses)
         return self._rank(source, target, matches, mutual, verified)
 
-    def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
+    def _search_voxels(
+        self, source: PreparedScan, target: PreparedScan, k: int, proposed: FloatArray | None
+    ) -> Found | None:
+        """Search among the poses of matches of voxels, and those proposed from elsewhere."""
         self.clock.start("matching")
         matches, is_mutual = match_both_ways(source.described, target.described, k, self.threads)
         mutual = take_matches(matches, is_mutual)
         poses = np.concatenate([self._propose(mutual), frame_poses(mutual)])
-        if self.proposed is not None:
-            poses = np.concatenate([self.proposed, poses])
+        if proposed is not None:
+            poses = np.concatenate([proposed, poses])
         verified = self._verify(source, target, mutual, poses)
         best = self._rank(source, target, matches, mutual, verified)
         if self.effort == "low" or (best is not None and is_sure(best.probability)):
@@ -215,7 +228,9 @@ class Search:
         # Where none of the places is likely, they are no alternatives to each other.
         several = is_accepted(chance * (1.0 + float(shares.sum())))
         alike = [row for row, share in zip(rows[1:], shares, strict=True) if several and share >= AS_GOOD]
-        return Found(best, poses[alike], chance, 0.0, matches, source, target, cases=tuple(cases))
+        return Found(
+            best, poses[alike], chance, 0.0, matches, source, target, motions=motions, cases=tuple(cases)
+        )
 
     def _refine(self, found: Found | None) -> Found | None:
         """Refine the best pose once more, with all samples of the fine surfaces, and measure its overlap."""
@@ -228,6 +243,11 @@ class Search:
         pose = refined.T_target_source
         shared = verify(found.source.surface, found.target.surface, pose, threads=self.threads)
         return replace(found, refined=refined, fitness=shared.fitness)
+
+
+def _order(scan: PreparedScan) -> tuple[float, ...]:
+    """Return what scans are ordered by: their size, then anything that tells them apart."""
+    return len(scan), *scan.voxels.points[0]
 
 
 def _better(one: Found | None, other: Found | None) -> Found | None:

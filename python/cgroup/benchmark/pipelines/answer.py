@@ -62,6 +62,8 @@ class Answer:
         Whether it holds the pose to be right; pipelines without a rule for that always do.
     probability : float
         That the pose is right, NaN where a pipeline doesn't say.
+    covariance : (6,6) array of float64 or None
+        Of the pose, as `cgroup.registration.Registration.covariance`.
 
     Examples
     --------
@@ -77,3 +79,4 @@ class Answer:
     T_target_source: FloatArray | None
     ok: bool
     probability: float = np.nan
+    covariance: FloatArray | None = None

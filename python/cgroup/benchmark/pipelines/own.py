@@ -51,7 +51,7 @@ def _register(
         if error.registration is None:
             return Answer(None, ok=False)
         found = error.registration
-    return Answer(found.T_target_source, found.ok, found.probability)
+    return Answer(found.T_target_source, found.ok, found.probability, found.covariance)
 
 
 def matches(

@@ -273,7 +273,7 @@ def registration_results(done: Registration) -> Document:
         "selected": done.grouping.size,
         "voxel": done.voxel,
         "resolution": done.resolution,
-        "information": done.information,
+        "covariance": done.covariance,
         "open_motion": done.open_motion,
         "alternatives": done.alternatives,
         "notes": done.notes,

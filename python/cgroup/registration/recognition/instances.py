@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup.features import DescribedCloud
-from cgroup.registration.judge import Found, is_accepted, judge
+from cgroup.registration.judge import Found, count_open_motions, is_accepted, judge
 from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
 from cgroup.registration.prepare import LEAST_VOXELS
 from cgroup.registration.recognition.sighting import Sighting, look_at
 from cgroup.registration.result import registration_of
+from cgroup.rigid import apply
 from cgroup.verification import verify
 
 if TYPE_CHECKING:
@@ -59,7 +60,10 @@ class Proposal:
             self.matches,
             sighting.model,
             sighting.scene,
-            is_object=True,
+            motions=count_open_motions(
+                sighting.refined.information,
+                apply(sighting.refined.T_target_source, sighting.model.voxels.points),
+            ),
         )
         return registration_of(found, judge(found, sighting.model, sighting.scene), seconds)
 
