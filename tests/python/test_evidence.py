@@ -78,11 +78,27 @@ def test_rivals_slide_and_turn() -> None:
     lengths = np.linalg.norm(shifts[slid], axis=1) / scan.voxel
     assert lengths.min() == pytest.approx(10)
     assert lengths.max() == pytest.approx(58)
-    turns = rivals[~slid][:, :3, :3] @ pose[:3, :3].T
+    turns = rivals[-18:, :3, :3] @ pose[:3, :3].T
     assert {int(np.rint(np.trace(turn))) for turn in turns} == {1, -1}  # quarters and halves
     np.testing.assert_allclose(
         turns @ turns.transpose(0, 2, 1), np.tile(np.eye(3), (len(turns), 1, 1)), atol=1e-12
     )
+
+
+def test_rivals_turn_about_the_axis_that_resists_least() -> None:
+    """A wheel: turned about its axis by as much as moves its rim by 10 to 58 voxels."""
+    around = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    rim = np.stack([np.cos(around), np.sin(around), np.linspace(-0.1, 0.1, 400)], axis=1)
+    points, middle = 20 * rim + (100, 50, 0), np.array([100.0, 50, 0])
+    normals = np.where(np.arange(400)[:, None] % 2, rim * (1, 1, 0), (0, 0, 1))
+    scan: Any = SimpleNamespace(voxels=SimpleNamespace(points=points), voxel=0.5, normals=normals)
+    rows = np.hstack([np.cross(points, normals), normals])
+    rivals = propose_rivals(scan, scan, np.eye(4), rows.T @ rows)
+    about_the_axis = np.abs(rivals @ [*middle, 1] - [*middle, 1]).max(axis=1) < 0.01
+    turned = rivals[about_the_axis & (rivals[:, 2, 2] > 0.9999)]
+    angles = np.degrees(np.arctan2(turned[:, 1, 0], turned[:, 0, 0]))
+    assert len(turned) >= 26
+    assert np.abs(angles).min() == pytest.approx(np.degrees(10 * 0.5 / 20), rel=0.05)
 
 
 def displaced(voxels: float, degrees: float, voxel: float, seed: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from cgroup.registration.judge import OPEN
-from cgroup.registration.motions import about, adjoint, motion, vector_of
+from cgroup.registration.motions import about, adjoint, motion, resistance, vector_of
 from cgroup.registration.prepare import UNIT, fine_surfaces
 from cgroup.rigid import apply, invert
 from cgroup.verification.alignment import align_each
@@ -30,7 +30,7 @@ INDEPENDENT, ALIKE = 1500.0, 2.5
 LEAST_DEVIATION = 0.01
 """Standard deviation of the residuals at the least, in voxels."""
 
-DISPLACED, SAMPLES = 1.0, 500
+DISPLACED, SAMPLES = 1.0, 300
 """Voxels by which the pose is displaced, and samples of either surface that then pull it back."""
 
 LEFT = 0.1
@@ -52,27 +52,20 @@ def covariance_of(found: Alignment, source: PreparedScan, target: PreparedScan) 
     an open motion the pose may lie anywhere within 8 voxels: farther ones are weighed as its rivals.
     """
     pose, voxel = found.T_target_source, source.voxel
-    points = apply(pose, source.voxels.points)
-    center = np.median(points, axis=0)
-    radius = float(np.median(np.linalg.norm(points - center, axis=1)))
-    # Of motions about the centre, with rotations scaled such that they move the points by as much.
-    scale = np.array([1 / radius] * 3 + [1.0] * 3)
-    change = np.linalg.inv(about(center)) * scale
-    weight = float(np.trace(found.information[3:, 3:]))  # normals are of unit length
-    values, vectors = np.linalg.eigh(change.T @ found.information @ change)
+    values, motions, middle, scale, weight = resistance(found.information, apply(pose, source.voxels.points))
     deviation = found.rmse if len(found.residuals) else voxel
-    noise = (deviation**2 + (LEAST_DEVIATION * voxel) ** 2) * (weight / INDEPENDENT + ALIKE)
-    covariance = (vectors * (noise / np.maximum(values, _LEAST_RESISTANCE * max(weight, 1.0)))) @ vectors.T
-    displaced = DISPLACED * voxel * scale * np.concatenate([vectors.T, -vectors.T])
-    starts = np.array([motion(vector, center) @ pose for vector in displaced])
+    noise = (deviation**2 + (LEAST_DEVIATION * voxel) ** 2) * (1 / INDEPENDENT + ALIKE / max(weight, 1.0))
+    displaced = DISPLACED * voxel * np.concatenate([motions, -motions])
+    starts = np.array([motion(vector, middle) @ pose for vector in displaced])
     back = align_each(*fine_surfaces(source, target), starts, SAMPLES, source.threads)
     inverse = invert(pose)
-    left = np.array([vector_of(one.T_target_source @ inverse, center) for one in back]) / scale
-    covariance += LEFT * left.T @ left
-    kept = np.linalg.norm(left, axis=1).reshape(2, 6).mean(axis=0) / (DISPLACED * voxel)
-    is_open = (values <= OPEN * weight) & (kept >= NOT_PULLED_BACK)
-    covariance += (vectors * is_open) @ vectors.T * (DIFFERENT_UNITS * UNIT * voxel) ** 2 / 3
-    return change @ covariance @ change.T
+    left = np.array([vector_of(one.T_target_source @ inverse, middle) for one in back])
+    kept = np.linalg.norm(left / scale, axis=1).reshape(2, 6).mean(axis=0) / (DISPLACED * voxel)
+    is_open = (values <= OPEN) & (kept >= NOT_PULLED_BACK)
+    variances = noise / np.maximum(values, _LEAST_RESISTANCE)
+    variances += is_open * (DIFFERENT_UNITS * UNIT * voxel) ** 2 / 3
+    change = np.linalg.inv(about(middle))
+    return change @ ((motions.T * variances) @ motions + LEFT * left.T @ left) @ change.T
 
 
 def covariance_in(convention: Convention, covariance: FloatArray, pose: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.registration.matching import turn_matches
-from cgroup.registration.motions import adjoint
+from cgroup.registration.motions import adjoint, resistance
 from cgroup.registration.prepare import UNIT
 from cgroup.rigid import apply, invert
 from cgroup.types import Agreement, Grouping, Rule
@@ -305,29 +305,8 @@ def choose_apart(poses: FloatArray, center: FloatArray, voxel: float) -> list[in
 
 
 def count_open_motions(information: FloatArray, points: FloatArray) -> int:
-    """Count the motions that surfaces hardly resist.
-
-    Parameters
-    ----------
-    information : (6,6) array of float64
-        ``sum w J^T J`` for a rotation vector about the origin and a translation.
-    points : (N,3) array of float64
-        Of the surfaces, in the same frame.
-
-    Returns
-    -------
-    int
-        Eigenvalues below 0.01 of the sum of weights, with rotations about the median of the points and scaled
-        by their median distance from it: 3 for a plane or a ball, 2 for a pipe, 1 for a corridor.
-    """
-    center = np.median(points, axis=0)  # a few stray points don't move it
-    radius = np.median(np.linalg.norm(points - center, axis=1))
-    x, y, z = center
-    change = np.eye(6)
-    change[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-    change[:, :3] /= radius
-    weight = np.trace(information[3:, 3:])  # normals are of unit length
-    return int((np.linalg.eigvalsh(change.T @ information @ change) <= OPEN * weight).sum())
+    """Count the motions that surfaces hardly resist: 3 for a plane, 2 for a pipe, 1 for a corridor."""
+    return int((resistance(information, points).values <= OPEN).sum())
 
 
 def _explain(found: Found, open_motions: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -51,3 +51,39 @@ def adjoint(pose: FloatArray) -> FloatArray:
     change[:3, :3] = change[3:, 3:] = pose[:3, :3]
     change[3:, :3] = cross(pose[:3, 3]) @ pose[:3, :3]
     return change
+
+
+class Resistance(NamedTuple):
+    """How much the surfaces resist motions about their middle.
+
+    Attributes
+    ----------
+    values : (6,) array of float64
+        Of the motions, from the one that they resist least, as shares of the resistance of all pairs.
+    motions : (6,6) array of float64
+        One per row: a rotation vector and the translation of the middle, of a size that moves the points by
+        about one unit.
+    middle : (3,) array of float64
+        Median of the points.
+    scale : (6,) array of float64
+        Rotations by the inverse of the points' median distance from the middle.
+    weight : float
+        Sum of the pairs' weights.
+    """
+
+    values: FloatArray
+    motions: FloatArray
+    middle: FloatArray
+    scale: FloatArray
+    weight: float
+
+
+def resistance(information: FloatArray, points: FloatArray) -> Resistance:
+    """Take the matrix of a point-to-plane step apart into motions about the points' middle."""
+    middle = np.median(points, axis=0)  # a few stray points don't move it
+    radius = float(np.median(np.linalg.norm(points - middle, axis=1)))
+    scale = np.array([1 / radius] * 3 + [1.0] * 3)
+    change = np.linalg.inv(about(middle)) * scale
+    weight = float(np.trace(information[3:, 3:]))  # normals are of unit length
+    values, vectors = np.linalg.eigh(change.T @ information @ change)
+    return Resistance(values / max(weight, 1e-300), vectors.T * scale, middle, scale, weight)

@@ -92,14 +92,19 @@ def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: floa
             other, center = target.normals[row], target.centers[row]
             if np.median(np.abs((moved - center) @ other)) > _OFFSET * voxel:
                 continue
-            apart = ((moved[:, None] - target.members[row]) ** 2).sum(axis=2).min(axis=1)
-            if (apart < (_BESIDE * voxel) ** 2).mean() < _SHARED:
+            apart = _squared_distances(moved - center, target.members[row] - center).min(axis=1)
+            if np.count_nonzero(apart < (_BESIDE * voxel) ** 2) < _SHARED * len(moved):
                 continue
             height = float((moved @ other).mean())
             if not any(_is_same(other, height, *known, voxel) for known in counted):
                 counted.append((other, height))
             break
     return len(counted)
+
+
+def _squared_distances(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Squared distances between points, (n,m)."""
+    return (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * (one @ other.T)
 
 
 def _is_same(normal: FloatArray, height: float, other: FloatArray, level: float, voxel: float) -> bool:

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 _LEAST_RINGS, _MOST_RINGS = 8, 40
 _MOST_POINTS = 200_000  # of so few rings
-_DIRECTIONS, _ROUNDS = 100, 5
+_DIRECTIONS, _ROUNDS = 40, 5
+_ENOUGH = 5000  # points that tell the rings
 _APART = 3.0  # gaps between rings over those within them, and over the spacing along them
 _STEP = 1.5  # between points that are filled in, in spacings along the ring
 _MOST_STEPS = 12
@@ -75,7 +76,7 @@ def find_rings(rays: FloatArray) -> Rings | None:
     directions = rays / np.maximum(ranges, np.finfo(float).tiny)[:, None]
     axis = _axis_of(directions[:: len(rays) // _DIRECTIONS + 1], directions)
     upwards = np.arcsin(np.clip(directions @ axis, -1, 1))
-    ordered = np.sort(upwards)
+    ordered = np.sort(upwards[:: len(rays) // _ENOUGH + 1])
     gaps = np.diff(ordered)
     largest = np.sort(gaps)[::-1][: _MOST_RINGS + 1]
     if len(largest) <= _LEAST_RINGS:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.registration.motions import motion
+from cgroup.registration.motions import motion, resistance
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
@@ -24,15 +24,19 @@ def propose_rivals(
 ) -> FloatArray:
     """Propose where else the source may lie, (m,4,4): slides and turns of a pose, to be verified.
 
-    Slides go along the two directions in which the surfaces resist least, by 10 to 62 voxels; turns by
-    quarters about the axes of the target's normals, through the middle of the source.
+    Slides go along the two directions, and the motion of any kind, that the surfaces resist least (along a
+    wall, about the axis of a gear), by 10 to 62 voxels; turns by quarters about the axes of the target's
+    normals, through the middle of the source.
     """
     points = apply(pose, source.voxels.points)
     slides = np.arange(_FIRST, _LAST, _STEP) * target.voxel
     directions = np.linalg.eigh(information[3:, 3:])[1][:, :_DIRECTIONS].T
-    shifts = [sign * slide * u for u, slide, sign in itertools.product(directions, slides, (-1.0, 1.0))]
-    slid = np.tile(pose, (len(shifts), 1, 1))
-    slid[:, :3, 3] += np.reshape(shifts, (-1, 3))
+    resisted = resistance(information, points)
+    weakest = np.concatenate([np.pad(directions, ((0, 0), (3, 0))), resisted.motions[:1]])
+    slid = [
+        motion(sign * slide * vector, resisted.middle) @ pose
+        for vector, slide, sign in itertools.product(weakest, slides, (-1.0, 1.0))
+    ]
     normals = target.normals[np.isfinite(target.normals).all(axis=1)]
     axes = np.linalg.eigh(normals.T @ normals)[1].T
     local = points @ axes.T
