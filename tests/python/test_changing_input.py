@@ -113,7 +113,7 @@ def ends_in_a_result(call: Callable[[], object]) -> bool:
 
 
 def main(seconds: float) -> None:
-    """Call everything again and again for so long."""
+    """Call everything again and again for so long, and on until both a result and an error came of it."""
     outcomes: list[bool] = []
     with tempfile.TemporaryDirectory() as folder:
         shared = Shared(folder)
@@ -123,7 +123,7 @@ def main(seconds: float) -> None:
             assert writer.stdout is not None
             writer.stdout.readline()
             end = time.monotonic() + seconds
-            while time.monotonic() < end:
+            while time.monotonic() < end or len(set(outcomes)) < 2:
                 outcomes += map(ends_in_a_result, todo)
             writer.kill()
     sys.stdout.write(f"{outcomes.count(True)} {outcomes.count(False)}\n")
@@ -140,9 +140,7 @@ def test_every_call_ends():
     command = [sys.executable, "-W", "ignore", __file__, str(SECONDS)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0, done.stderr
-    results, errors = map(int, done.stdout.split())
-    assert results > 0, "no call got through"
-    assert errors > 0, "nothing was spoilt: the test is void"
+    assert all(map(int, done.stdout.split()))
 
 
 if __name__ == "__main__":
