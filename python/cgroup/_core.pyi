@@ -77,6 +77,7 @@ __all__ = [
     "parse_cloud",
     "parse_table",
     "places",
+    "plane_distances",
     "rcs",
     "resolution",
     "rigid_fit",
@@ -215,8 +216,12 @@ def verify(
 class FineSurface:
     def __new__(cls, cloud: Cloud, run_options: RunOptions, spacing: float) -> FineSurface: ...
     def __len__(self) -> int: ...
+    def places(self) -> FloatArray: ...
 
 def align(
     source: FineSurface, target: FineSurface, poses: FloatArray, run_options: RunOptions, samples: int
 ) -> list[_Alignment]: ...
+def plane_distances(
+    source: FineSurface, target: FineSurface, pose: FloatArray, run_options: RunOptions
+) -> FloatArray: ...
 def within(points: RealArray, others: RealArray, run_options: RunOptions, radius: float) -> BoolArray: ...

@@ -37,7 +37,7 @@ mod _core {
     #[pymodule_export]
     use super::proximity::within;
     #[pymodule_export]
-    use super::verification::{FineSurface, Surface, align, places, score_poses, verify};
+    use super::verification::{FineSurface, Surface, align, places, plane_distances, score_poses, verify};
 
     use numpy::PyArray1;
     use pyo3::prelude::*;

@@ -173,6 +173,35 @@ impl FineSurface {
     fn __len__(&self) -> usize {
         self.core.len()
     }
+
+    /// Places of the samples.
+    fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let places = self.core.places();
+        let count = places.len();
+        array(py, places.flatten())?.reshape([count, 3])
+    }
+}
+
+/// Distances between the planes of one surface's samples and the points of another under one pose.
+#[pyfunction]
+pub fn plane_distances<'py>(
+    py: Python<'py>,
+    source: &FineSurface,
+    target: &FineSurface,
+    pose: PyReadonlyArray3<'py, f64>,
+    run_options: RunOptions,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&pose)?);
+    let found = run(py, &run_options, move |execution| {
+        let mut all = Vec::new();
+        for pose in &poses {
+            let distances = core::plane_distances(&source, &target, pose, execution)?;
+            memory::reserve(&mut all, distances.len())?;
+            all.extend(distances);
+        }
+        Ok(all)
+    })?;
+    Ok(PyArray1::from_vec(py, found))
 }
 
 /// What Python gets: pose; residuals, deviations, number of samples; information, open motion.

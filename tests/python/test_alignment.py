@@ -11,6 +11,7 @@ from cgroup import InputError, features
 from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Alignment, FineSurface, align
+from cgroup.verification.alignment import plane_distances, sample_places
 from reference import alignment as reference
 from strategies import FloatArray, random_motion
 
@@ -83,6 +84,28 @@ def test_equals_the_reference(seed: int, unit: float, offset: float, away: float
     np.testing.assert_allclose(found.information, expected.information, atol=1e-6 * scale)
     if abs(expected.resistance - reference.OPEN) > 1e-6:
         assert (found.open_motion is not None) == (expected.resistance < reference.OPEN)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    unit=st.sampled_from([1e-3, 1.0, 250.0]),
+    away=st.sampled_from([0.0, 0.4, 4.0, 100.0]),
+)
+def test_distances_from_planes_equal_the_reference(seed: int, unit: float, away: float) -> None:
+    rng = np.random.default_rng(seed)
+    source, target = (bumpy(rng, int(rng.integers(300, 600))) * unit for _ in range(2))
+    pose = small_motion(rng, 0.03, away * unit)
+    ours = surfaces(source, target, unit)
+    one, other = (reference.fine_surface(cloud, unit) for cloud in (source, target))
+    shift = (pose[:3, :3] @ one.center + pose[:3, 3] - other.center) / unit
+    expected = reference.plane_distances(one, other, pose[:3, :3], shift) * unit
+    found, places = plane_distances(*ours, pose, None), sample_places(ours[0])
+    feet = one.feet * unit + one.center
+    # Samples stand in the order drawn; places tell which is which.
+    rows = np.linalg.norm(places[:, None] - feet, axis=2).argmin(axis=1)
+    np.testing.assert_allclose(places, feet[rows], atol=1e-6 * unit)
+    assert len(set(rows.tolist())) == len(feet)
+    np.testing.assert_allclose(found, expected[rows], rtol=1e-6, atol=1e-7 * unit * (1 + away))
 
 
 def test_the_reference_mostly_comes_to_rest() -> None:

@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError
 from cgroup.registration import assess, prepare, register
 from cgroup.registration.evidence import gather
-from cgroup.registration.planes import MOST_PLANES, count_agreeing, find_planes
+from cgroup.registration.planes import MOST_PLANES, Planes, count_agreeing, find_planes, number_cells
 from cgroup.registration.rivals import propose_rivals
 from cgroup.rigid import apply, invert
 from strategies import rigid
@@ -48,6 +50,30 @@ def test_where_nothing_is_flat_there_are_no_planes() -> None:
     assert len(find_planes(ball, 1.0).normals) <= MOST_PLANES
     assert (find_planes(ball, 1.0).labels < 0).mean() > 0.5
     assert len(find_planes(np.arange(30.0)[:, None] * (1, 2, 3), 1.0).normals) == 0
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_cells_off_planes_equal_those_by_brute_force(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    voxels = rng.uniform(0, 20, size=(80, 3))
+    labels = rng.integers(-1, 2, size=80)
+    normals = rng.normal(size=(2, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    planes = Planes(normals, rng.uniform(0, 20, size=(2, 3)), [voxels[:5], voxels[5:9]], labels)
+    points = rng.uniform(0, 20, size=(60, 3))
+    cells = number_cells(points, planes, voxels, 1.0)
+    for point, cell in zip(points, cells, strict=True):
+        beside = [
+            abs((point - planes.centers[k]) @ normals[k]) < 1.0
+            and (np.linalg.norm(voxels[labels == k] - point, axis=1) <= 2.0).any()
+            for k in range(2)
+        ]
+        assert (cell < 0) == any(beside)
+    cubes = np.floor(points / 4.0)
+    for one, other in rng.integers(60, size=(100, 2)):
+        if min(cells[one], cells[other]) >= 0:
+            assert (cells[one] == cells[other]) == np.array_equal(cubes[one], cubes[other])
 
 
 def test_evidence_speaks_for_the_true_pose() -> None:

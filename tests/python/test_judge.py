@@ -93,7 +93,7 @@ def test_evidence_has_the_sign_that_one_expects(better: dict[str, Any], worse: d
 
 
 def test_what_tells_nothing_counts_for_nothing() -> None:
-    assert lead_over_chance(case(planes=0)) == lead_over_chance(case(planes=3))  # three fix any pose
+    assert lead_over_chance(case(planes=0)) == lead_over_chance(case(planes=4))
     assert weigh(case(misfit=0.3)) == weigh(case(misfit=1.0))  # noise-free clouds win nothing
     assert weigh(case(support=20)) == weigh(case(support=999))
     assert weigh(case(crossed=float("nan"))) == weigh(case(crossed=0.0))

@@ -1,8 +1,8 @@
 """What speaks for a pose beside its score: shape that agrees, planes that agree, free space that is crossed.
 
 A floor and two walls lie on any other corner. So planes count once each, however large they are, and only
-from the fourth on, as three fix a pose; what lies on no plane counts by cells of four voxels, whose
-samples go wrong together.
+from the fifth on: three fix a pose, and where all is boxes a fourth is soon found. What lies by no plane
+counts by cells of four voxels, whose samples go wrong together.
 """
 
 from __future__ import annotations
@@ -12,12 +12,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cgroup.registration.planes import count_agreeing
+from cgroup.registration.prepare import fine_surfaces
 from cgroup.rigid import invert
 from cgroup.verification import Place, places
+from cgroup.verification.alignment import plane_distances
 
 if TYPE_CHECKING:
     from cgroup.registration.prepare import PreparedScan
     from cgroup.types import FloatArray
+    from cgroup.verification import FineSurface
+
+_ON = 0.75  # spacings of the fine surfaces between a sample's plane and a surface that it lies on
 
 
 class Evidence(NamedTuple):
@@ -26,7 +31,7 @@ class Evidence(NamedTuple):
     Attributes
     ----------
     cells : float
-        Cells off all planes where one surface lies on the other.
+        Cells off all planes where most of one fine surface lies on the other.
     planes : int
         Independent planes that the pose lays on planes.
     crossed : float
@@ -41,22 +46,37 @@ class Evidence(NamedTuple):
 
 def gather(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Evidence:
     """Gather the evidence for a pose."""
-    found = [
-        _look(one, other, way) for one, other, way in ((source, target, pose), (target, source, invert(pose)))
+    back = invert(pose)
+    surfaces = fine_surfaces(source, target)
+    cells = [
+        _count_cells(one, surface, plane_distances(surface, other, way, one.threads))
+        for one, surface, other, way in (
+            (source, *surfaces, pose),
+            (target, *surfaces[::-1], back),
+        )
     ]
-    on, crossed, seen = (sum(values) for values in zip(*found, strict=True))
     planes = max(
         count_agreeing(source.planes, target.planes, pose, source.voxel),
-        count_agreeing(target.planes, source.planes, invert(pose), source.voxel),
+        count_agreeing(target.planes, source.planes, back, source.voxel),
     )
-    known = source.viewpoint is not None and target.viewpoint is not None
-    return Evidence(on / 2, planes, crossed / max(seen, 1) if known else np.nan)
+    crossed = np.nan
+    if source.viewpoint is not None and target.viewpoint is not None:
+        looks = [_look(source, target, pose), _look(target, source, back)]
+        crossed = sum(look[0] for look in looks) / max(sum(look[1] for look in looks), 1)
+    return Evidence(sum(cells) / 2, planes, crossed)
 
 
-def _look(one: PreparedScan, other: PreparedScan, pose: FloatArray) -> tuple[int, int, int]:
-    """Count cells on the other surface, and voxels in its free space and seen at all."""
+def _count_cells(scan: PreparedScan, surface: FineSurface, distances: FloatArray) -> int:
+    """Count cells most of whose samples lie on the other surface, of those near it."""
+    cells = scan.cells(surface)
+    near = np.isfinite(distances) & (cells >= 0)
+    on = near & (distances < _ON * surface.spacing)
+    counts = [np.bincount(cells[some], minlength=cells.max(initial=0) + 1) for some in (on, near)]
+    return int((2 * counts[0] > counts[1]).sum())
+
+
+def _look(one: PreparedScan, other: PreparedScan, pose: FloatArray) -> tuple[int, int]:
+    """Count voxels in the other's free space, and those seen at all."""
     where = places(one.surface, other.surface, pose, threads=one.threads)
-    on = where == Place.ON
     crossed = int((where == Place.IN_FRONT).sum())
-    seen = crossed + int((on | (where == Place.OFF)).sum())
-    return len(np.unique(one.cells[on & (one.planes.labels < 0)])), crossed, seen
+    return crossed, crossed + int(((where == Place.ON) | (where == Place.OFF)).sum())

@@ -48,8 +48,8 @@ LEAST_NOISE = 0.02
 CROSSED_BY_CHANCE = 0.02
 """Share in free space that noise and coarse rings explain."""
 
-PLANES_OF_A_POSE, MOST_FURTHER_PLANES = 3, 3
-"""Planes that any refined pose lays together, and those beyond which more tell nothing."""
+PLANES_OF_A_POSE, MOST_FURTHER_PLANES = 4, 3
+"""Planes that wrong poses too lay together, and how many further ones count at most."""
 
 LEAD_BY_CHANCE = 1.0
 """Nats by which the best of equal poses leads."""
@@ -215,6 +215,11 @@ class Case:
         return float(np.log1p(min(self.support, MOST_MATCHES)))
 
     @property
+    def shape_nats(self) -> float:
+        """Logarithm of the cells off all planes where the surfaces agree."""
+        return float(np.log1p(self.evidence.cells))
+
+    @property
     def misfit_nats(self) -> float:
         """Logarithm of the misfit; surfaces that lie closer than their noise tell nothing."""
         return float(np.log(max(self.misfit, 1.0)))
@@ -238,25 +243,24 @@ class Case:
 def weigh(case: Case) -> float:
     """Evidence for a pose in nats, to be compared with that for another pose of the same scans."""
     return (
-        2.5 * case.score_nats
-        + 0.6 * case.support_nats
-        - 2.2 * case.misfit_nats
-        - 1.3 * case.crossed_nats
-        + 1.3 * case.further_planes
+        4.0 * case.score_nats
+        + 0.5 * case.support_nats
+        + 0.8 * case.shape_nats
+        + 0.6 * case.further_planes
+        - 1.5 * case.misfit_nats
+        - 1.5 * case.crossed_nats
     )
 
 
 def lead_over_chance(case: Case) -> float:
     """By how many nats the evidence for a pose exceeds what scans of two places have by chance."""
-    evidence = case.evidence
-    could_be_refuted = not np.isnan(evidence.crossed)
+    could_be_refuted = not np.isnan(case.evidence.crossed)
     return (
-        -3.7
-        + 0.8 * case.score_nats
-        + 1.9 * float(np.log1p(evidence.cells))
-        + 1.3 * case.further_planes
-        - 2.1 * case.misfit_nats
-        - 3.0 * case.crossed_nats
+        2.0 * case.score_nats
+        + 2.1 * case.shape_nats
+        + 3.0 * case.further_planes
+        - 2.8 * case.misfit_nats
+        - 5.0 * case.crossed_nats
         + 2.8 * could_be_refuted
     )
 

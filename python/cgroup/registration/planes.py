@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.evaluation import within
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ _HYPOTHESES, _TRIED, _SAMPLES = 100, 40, 1000  # triples of points; places tried
 _REACH, _THICK, _LEAST, _LEAST_SHARE = 20.0, 0.3, 40, 0.008  # voxels; voxels; points; share of the points
 _ALIKE, _SAME, _OFFSET, _BESIDE, _SHARED = np.cos(np.radians(4)), np.cos(np.radians(8)), 0.8, 5.0, 0.1
 _APART = 1.2  # voxels between two parallel planes
+_EDGE = 1.0  # voxels above a plane, and half of those beside it, that are part of it: where planes meet
+_CELL = 4.0  # voxels within which samples go wrong together
 _SIDE = 200  # points of a plane that are looked for beside another's
 
 
@@ -81,6 +84,16 @@ def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Fit the least-squares plane: normal and centre."""
     center = points.mean(axis=0)
     return np.linalg.eigh(np.cov((points - center).T))[1][:, 0], center
+
+
+def number_cells(points: FloatArray, planes: Planes, voxels: FloatArray, voxel: float) -> IndexArray:
+    """Return the cell of 4 voxels that each point lies in; -1 for points by a plane of the voxels."""
+    by_a_plane = np.zeros(len(points), dtype=bool)
+    for label, (normal, center) in enumerate(zip(planes.normals, planes.centers, strict=True)):
+        rows = np.flatnonzero(np.abs((points - center) @ normal) < _EDGE * voxel)
+        by_a_plane[rows] |= within(points[rows], voxels[planes.labels == label], 2 * _EDGE * voxel)
+    cells = np.unique(np.floor(points / (_CELL * voxel)), axis=0, return_inverse=True)[1].reshape(-1)
+    return np.where(by_a_plane, -1, cells)
 
 
 def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: float) -> int:

@@ -14,7 +14,7 @@ from cgroup._checks.values import as_choice, as_instance, as_length
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
-from cgroup.registration.planes import Planes, find_planes
+from cgroup.registration.planes import Planes, find_planes, number_cells
 from cgroup.registration.rings import fill_between_rings
 from cgroup.registration.scan import (
     NORMALS,
@@ -26,6 +26,7 @@ from cgroup.registration.scan import (
     without_strays,
 )
 from cgroup.verification import FineSurface, Surface
+from cgroup.verification.alignment import sample_places
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -50,8 +51,6 @@ LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 30
 
 _LEAST_OF_EACH, _SIZES_DIFFER = 1000, 2.0
 """Voxels that a cloud gets which is smaller than another, and how much smaller it then is."""
-
-_CELL = 4.0  # voxels within which samples go wrong together
 
 UNIT = 0.4
 """Unit of the surfaces and of the matches, in voxels."""
@@ -150,6 +149,7 @@ class PreparedScan:
     by_frames: bool
     threads: int | None
     _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
+    _cells: dict[float, IndexArray] = field(default_factory=dict)
 
     def fine_surface(self, share: float) -> FineSurface | None:
         """Return the cloud in more detail, at a share of the voxel.
@@ -215,20 +215,31 @@ class PreparedScan:
         """
         return find_planes(self.voxels.points, self.voxel)
 
-    @cached_property
-    def cells(self) -> IndexArray:
-        """Number of the cell of 4 voxels that each voxel lies in.
+    def cells(self, surface: FineSurface) -> IndexArray:
+        """Return the cell of 4 voxels of each sample of a fine surface; -1 for samples by a plane.
+
+        Parameters
+        ----------
+        surface : FineSurface
+            One of this scan.
+
+        Returns
+        -------
+        (n,) array of int
+            Made once for each surface.
 
         Examples
         --------
         >>> from cgroup.datasets import standin_pair
         >>> from cgroup.registration import prepare
         >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-        >>> len(scan.cells) == len(scan) > scan.cells.max()
+        >>> bool(scan.cells(scan.fine_surface(2 / 3)).max() < len(scan))
         True
         """
-        places = np.floor(self.voxels.points / (_CELL * self.voxel))
-        return np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
+        if surface.spacing not in self._cells:
+            places = sample_places(surface)
+            self._cells[surface.spacing] = number_cells(places, self.planes, self.voxels.points, self.voxel)
+        return self._cells[surface.spacing]
 
     def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
         """Make the same scan ready with voxels of another size.

@@ -204,3 +204,16 @@ def align_each(
         Alignment(pose, residuals, deviations, len(residuals) / count, *resistance)
         for pose, residuals, deviations, count, resistance in aligned
     ]
+
+
+def sample_places(surface: FineSurface) -> FloatArray:
+    """Where the samples of a surface lie, (n,3)."""
+    return surface._core.places()  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
+
+
+def plane_distances(
+    source: FineSurface, target: FineSurface, pose: FloatArray, threads: int | None
+) -> FloatArray:
+    """Distance of the target's nearest point from each sample's own plane; NaN for none within 3 spacings."""
+    surfaces = source._core, target._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
+    return _core.plane_distances(*surfaces, as_pose(pose), run_options(threads))

@@ -66,11 +66,8 @@ pub fn align(
     samples: usize,
     execution: &Execution,
 ) -> Result<Alignment> {
-    let (a, b) = (source.spacing(), target.spacing());
-    if (a - b).abs() > 1e-9 * a.max(b) {
-        let remedy = "make both surfaces with the same spacing";
-        return Err(Error::invalid("source, target", format!("surfaces of spacing {a} and {b}"), remedy));
-    }
+    check_spacings(source, target)?;
+    let a = target.spacing();
     let radius = source.radius().max(target.radius()) / a;
     let mut pose = between(source, target, pose);
     for step in 0..FIRST_STEPS + LAST_STEPS {
@@ -95,6 +92,37 @@ pub fn align(
         samples: source.samples(samples).len() + target.samples(samples).len(),
         resistance: Resistance::new(&sums.matrix, sums.weight, radius, a, &target.center()),
     })
+}
+
+/// Distance of the nearest point of the target from the plane of each sample of the source, which a pose moves; NaN where
+/// there is none within [`REACH`].
+///
+/// # Errors
+/// As for [`align`].
+pub fn plane_distances(
+    source: &FineSurface,
+    target: &FineSurface,
+    pose: &Rigid,
+    execution: &Execution,
+) -> Result<Vec<f64>> {
+    check_spacings(source, target)?;
+    let (pose, search) = (between(source, target, pose), target.search(REACH));
+    let distances = source.samples(usize::MAX).par_iter().map(|sample| {
+        execution.check()?;
+        let normal = pose.rotation * sample.normal;
+        let nearest = search.nearest(&pose.apply(&sample.point));
+        Ok(nearest.map_or(f64::NAN, |offset| offset.dot(&normal).abs()))
+    });
+    memory::par_try_collect(distances)
+}
+
+fn check_spacings(source: &FineSurface, target: &FineSurface) -> Result<()> {
+    let (a, b) = (source.spacing(), target.spacing());
+    if (a - b).abs() > 1e-9 * a.max(b) {
+        let remedy = "make both surfaces with the same spacing";
+        return Err(Error::invalid("source, target", format!("surfaces of spacing {a} and {b}"), remedy));
+    }
+    Ok(())
 }
 
 /// A pose followed by a small motion: a rotation vector and a translation.
@@ -266,6 +294,19 @@ mod tests {
         assert!((found.pose.rotation - Matrix3::identity()).amax() < 1e-3);
         assert_eq!(found.residuals.len(), found.samples);
         assert_eq!(found.residuals.len(), found.deviations.len());
+        Ok(())
+    }
+
+    #[test]
+    fn distances_are_from_the_planes_of_the_samples() -> Result<()> {
+        let surface = surface(&waves())?;
+        let away = |shift: f64| {
+            let pose = motion(Vector3::zeros(), Vector3::new(0.0, 0.0, shift));
+            plane_distances(&surface, &surface, &pose, &Execution::default())
+        };
+        assert!(away(0.0)?.iter().all(|&distance| distance < 0.2));
+        assert!(away(1.0)?.iter().sum::<f64>() > 0.7 * away(0.0)?.len() as f64);
+        assert!(away(20.0)?.iter().all(|distance| distance.is_nan()));
         Ok(())
     }
 

@@ -83,6 +83,11 @@ impl FineSurface {
         self.points.center()
     }
 
+    /// Where the samples lie, in the coordinates of the data.
+    pub fn places(&self) -> impl ExactSizeIterator<Item = [f64; 3]> {
+        self.samples.iter().map(|sample| (sample.point.coords + self.center()).into())
+    }
+
     /// The first samples drawn, at most `count`.
     pub(super) fn samples(&self, count: usize) -> &[Sample] {
         &self.samples[..count.min(self.samples.len())]

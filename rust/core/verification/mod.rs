@@ -25,7 +25,7 @@ mod refine;
 mod sampling;
 mod score;
 
-pub use alignment::{Alignment, align};
+pub use alignment::{Alignment, align, plane_distances};
 pub use fine_surface::FineSurface;
 pub use overlap::{Overlap, Resistance, overlap};
 pub use places::{Place, places};

@@ -124,6 +124,16 @@ def pair(
     return Pairs(places[kept], normals[kept], residuals[kept], distances[kept], deviations[kept])
 
 
+def plane_distances(
+    source: FineSurface, target: FineSurface, rotation: FloatArray, shift: FloatArray
+) -> FloatArray:
+    """Distances of the nearest points from the planes of the source's samples; NaN beyond the first reach."""
+    feet = source.feet @ rotation.T + shift
+    offsets = _nearest(feet, target.points) - feet
+    distances = np.abs((offsets * (source.normals @ rotation.T)).sum(axis=1))
+    return np.where(np.linalg.norm(offsets, axis=1) < FIRST_REACH, distances, np.nan)
+
+
 def _nearest(places: FloatArray, points: FloatArray) -> FloatArray:
     return points[np.linalg.norm(places[:, None] - points, axis=2).argmin(axis=1)]
 
