@@ -178,11 +178,28 @@ def test_own_pipelines_are_colored_too() -> None:
     table = pd.DataFrame(
         [
             {"pipeline": name, "name": name, "refined": False, "set": "a", "overlap": 0.5, "right": True}
-            | {"seconds": 1.0}
+            | {"seconds": 1.0, "kind": "related", "probability": 0.95}
             for name in names
             for _ in range(4)
         ]
     )
     figure = pipelines_chart(table).draw("t")
-    colors = dict.fromkeys(line.get_color() for line in figure.axes[0].lines)
-    assert list(colors)[1:] == list(OWN_COLORS[:2])
+    for axes in figure.axes[:2]:  # by overlap, by probability
+        colors = dict.fromkeys(line.get_color() for line in axes.lines)
+        assert list(colors)[1:] == list(OWN_COLORS[:2])
+
+
+def test_reliability_counts_unrelated_pairs_too() -> None:
+    rows = [("related", True, 0.95)] * 3 + [("mirrored", False, 0.95), ("mixed", False, 0.2)]
+    table = pd.DataFrame(
+        [
+            {"pipeline": "cgroup", "name": "cgroup", "refined": False, "set": "a", "overlap": 0.5}
+            | {"seconds": 1.0, "kind": kind, "right": right, "probability": chance}
+            for kind, right, chance in rows
+        ]
+    )
+    reliability = pipelines_chart(table).panels[1]
+    assert reliability.at == pytest.approx([0.05, 0.2, 0.4, 0.6, 0.8, 0.95])
+    (series,) = reliability.series
+    np.testing.assert_allclose(series.y, [np.nan, 0, np.nan, np.nan, np.nan, 0.75])
+    assert pipelines_chart(table.assign(probability=np.nan)).panels[1].title == "a"  # nobody tells any

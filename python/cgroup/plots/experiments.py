@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 OVERLAP_EDGES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
 """Pairs are sorted into these classes of overlap."""
 
+PROBABILITY_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
+"""Poses are sorted into these classes of probability."""
+
 _SCORES = {"f_score": "F", "precision": "precision", "recall": "recall"}
 _MATCHES = {
     "all": MethodStyle("all", style.QUIET_TEXT, "s", "square"),
@@ -279,11 +282,14 @@ def trials_chart(
     return Chart(panels, looks)
 
 
-def pipelines_chart(related: pd.DataFrame, estimate: Estimator = estimate_means) -> Chart:
-    """Chart how many pairs pipelines register: by overlap over all sets, and over time for each set."""
-    rows = related.assign(method=related["pipeline"])
-    looks = _style_pipelines(related)
+def pipelines_chart(frame: pd.DataFrame, estimate: Estimator = estimate_means) -> Chart:
+    """Chart how many pairs pipelines register, by overlap and over time, and how well probabilities fit."""
+    every = frame.assign(method=frame["pipeline"])
+    rows = every[every["kind"] == "related"]
+    looks = _style_pipelines(rows)
     panels = [_by_overlap(rows, looks, estimate)] if rows["overlap"].notna().any() else []
+    if every["probability"].notna().any():
+        panels.append(_by_probability(every, looks, estimate))
     for name, of_set in rows.groupby("set", sort=False):
         found = estimate(of_set, ("right",))
         seconds = of_set.groupby("method")["seconds"].median()
@@ -300,13 +306,27 @@ def pipelines_chart(related: pd.DataFrame, estimate: Estimator = estimate_means)
 
 
 def _by_overlap(rows: pd.DataFrame, looks: Iterable[str], estimate: Estimator) -> Panel:
-    places = np.digitize(rows["overlap"].to_numpy(), OVERLAP_EDGES[1:-1])
-    known = rows["overlap"].notna().to_numpy()
-    chosen = [rows[known & (places == number)] for number in range(len(OVERLAP_EDGES) - 1)]
+    series, at = _share_right(rows, "overlap", OVERLAP_EDGES, looks, estimate)
+    return Panel("by overlap", "overlap (share), all sets", "share of right poses", series, at=at)
+
+
+def _by_probability(rows: pd.DataFrame, looks: Iterable[str], estimate: Estimator) -> Panel:
+    told = rows[rows["probability"].notna()]
+    named = [name for name in looks if (told["method"] == name).any()]
+    series, at = _share_right(told, "probability", PROBABILITY_EDGES, named, estimate)
+    return Panel("reliability", "probability told, all pairs", "share of right poses", series, at=at)
+
+
+def _share_right(
+    rows: pd.DataFrame, column: str, edges: Sequence[float], looks: Iterable[str], estimate: Estimator
+) -> tuple[list[Series], list[float]]:
+    """Find the share of right poses in classes of a number, and the middles of the classes."""
+    places = np.digitize(rows[column].to_numpy(), edges[1:-1])
+    known = rows[column].notna().to_numpy()
+    chosen = [rows[known & (places == number)] for number in range(len(edges) - 1)]
     found = [estimate(each, ("right",)) if len(each) else {} for each in chosen]
-    middles = [(low + high) / 2 for low, high in itertools.pairwise(OVERLAP_EDGES)]
-    series = [_series(name, name, "right", found) for name in looks]
-    return Panel("by overlap", "overlap (share), all sets", "share of right poses", series, at=middles)
+    middles = [(low + high) / 2 for low, high in itertools.pairwise(edges)]
+    return [_series(name, name, "right", found) for name in looks], middles
 
 
 def _style_pipelines(frame: pd.DataFrame) -> dict[str, MethodStyle]:

@@ -216,7 +216,7 @@ class PreparedScan:
         return find_planes(self.voxels.points, self.voxel)
 
     def cells(self, surface: FineSurface) -> IndexArray:
-        """Return the cell of 4 voxels of each sample of a fine surface; -1 for samples by a plane.
+        """Return the cell of 4 voxels of each sample of a fine surface.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class PreparedScan:
         Returns
         -------
         (n,) array of int
-            Made once for each surface.
+            Made once for each surface; -1 for samples by a plane.
 
         Examples
         --------

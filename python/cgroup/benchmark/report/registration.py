@@ -58,11 +58,11 @@ def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> Reg
     related = good[good["kind"] == "related"]
     counts = related.drop_duplicates(["set", "dataset", "pair"]).groupby("set", sort=False).size()
     title = ", ".join(f"{name} ({count})" for name, count in counts.items())
-    chart = pipelines_chart(related, estimate_with_intervals)
+    chart = pipelines_chart(good, estimate_with_intervals)
     shares = related.groupby("pipeline")["right"].mean()
     alt = (
-        f"Share of right poses of {len(shares)} pipelines by overlap, and over the time they take; over all "
-        f"pairs {shares.idxmax()} has the most, {shares.max():.2f}."
+        f"Share of right poses of {len(shares)} pipelines by overlap, by the probability that they tell, and "
+        f"over the time they take; over all pairs {shares.idxmax()} has the most, {shares.max():.2f}."
     )
     file = pictures.save("registration", chart.draw(f"Registered pairs: {title}"))
     return RegistrationSection(
