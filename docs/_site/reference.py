@@ -40,7 +40,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Names": "METHODS PAPER_METHODS PRESETS",
     },
     "cgroup.types": {
-        "Clouds": "PointCloud",
+        "Clouds": "PointCloud AnyCloud",
         "Matches and groups": "Correspondences Grouping Rule Agreement OPTIONAL_FIELDS",
         "Arrays": "BoolArray FloatArray IndexArray RealArray",
     },

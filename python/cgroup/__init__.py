@@ -13,6 +13,8 @@
 
 from __future__ import annotations
 
+import importlib as _importlib
+import sys as _sys
 import warnings as _warnings
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
@@ -22,8 +24,8 @@ from cgroup._runtime import interrupts
 interrupts.watch_for_interrupts()  # before anything that takes time
 
 from cgroup import _core
+from cgroup._checks.hooks import fill_hooks as _fill_hooks
 from cgroup._core import __version__
-from cgroup._show.hooks import fill_hooks as _fill_hooks
 from cgroup.errors import CgroupError, InputError, NoConsensusError, OutOfMemoryError
 from cgroup.explanation import Explanation
 from cgroup.group import group, group_many
@@ -34,7 +36,20 @@ from . import methods
 from .methods import *  # noqa: F403 - the methods, as they list themselves
 
 if _TYPE_CHECKING:
+    from os import PathLike as _PathLike
+
+    from cgroup import datasets as datasets
+    from cgroup import evaluation as evaluation
+    from cgroup import features as features
+    from cgroup import io as io
+    from cgroup import plots as plots
+    from cgroup import registration as registration
+    from cgroup import verification as verification
     from cgroup._show.drawing import Drawing as _Drawing
+    from cgroup.io import read_cloud as read_cloud
+    from cgroup.io import write_cloud as write_cloud
+    from cgroup.registration import register as register
+    from cgroup.types import PointCloud as _PointCloud
 
 __all__ = [
     "METHODS",
@@ -52,6 +67,24 @@ __all__ = [
     "group_many",
 ]
 __all__ += methods.__all__
+
+
+_ROOMS = ("datasets", "evaluation", "features", "io", "plots", "registration", "verification")
+_FROM_ROOMS = {"read_cloud": "io", "register": "registration", "write_cloud": "io"}
+
+
+def __getattr__(name: str) -> _Any:  # noqa: ANN401 - a module or a function
+    """Load what `import cgroup` leaves out, so that it stays fast."""
+    if name in _ROOMS:
+        return _importlib.import_module(f"cgroup.{name}")
+    if name in _FROM_ROOMS:
+        return getattr(_importlib.import_module(f"cgroup.{_FROM_ROOMS[name]}"), name)
+    message = f"module 'cgroup' has no attribute {name!r}"
+    raise AttributeError(message, name=name, obj=_sys.modules[__name__])
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *_ROOMS, *_FROM_ROOMS, "methods"})
 
 
 def _explain(grouping: Grouping, index: int) -> Explanation:
@@ -72,7 +105,13 @@ def _draw_interactive(drawing: _Drawing) -> _Any:  # noqa: ANN401 - plotly's Fig
     return figure_of(drawing)
 
 
-_fill_hooks(explanation=_explain, figure=_draw, chart=_draw_interactive)
+def _read_cloud(path: str | _PathLike[str]) -> _PointCloud:
+    from cgroup.io import read_cloud  # noqa: PLC0415 - as above
+
+    return read_cloud(path)
+
+
+_fill_hooks(cloud=_read_cloud, explanation=_explain, figure=_draw, chart=_draw_interactive)
 
 if _core.DEBUG_BUILD:
     _warnings.warn(

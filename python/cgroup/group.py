@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from cgroup._checks.fields import FIELDS, Fields
-from cgroup._checks.values import as_choice, as_instance, as_items
+from cgroup._checks.values import as_choice, as_instance, as_items, guess_option
 from cgroup._runtime.memory import default_max_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
@@ -16,7 +16,7 @@ from cgroup.registry import METHOD_INFO, PRESETS, MethodInfo, find_method
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from cgroup.types import Grouping
 
@@ -160,9 +160,17 @@ def group_many(
     return work_side_by_side(given, group_one, workers)
 
 
-def check_method(method: str) -> str:
-    """Return the public name of a method; raise `InputError` where there is none."""
-    return find_method(method).name
+def check_method(
+    method: str, options: Mapping[str, Any] | None = None, called: Callable[..., Any] | None = None
+) -> str:
+    """Return the public name of a method; raise `InputError` where there is none, or an option it lacks.
+
+    The function that was called and passes the options on may have meant one of its own.
+    """
+    info = find_method(method)
+    own = [] if called is None else list(inspect.signature(called).parameters)
+    _refuse_unknown(info.name, options or {}, _defaults(info.function), own)
+    return info.name
 
 
 @cache
@@ -172,10 +180,15 @@ def _defaults(function: Callable[..., Grouping]) -> Mapping[str, Any]:
     return {name: parameter.default for name, parameter in parameters.items() if name not in FIELDS}
 
 
-def _refuse_unknown(method: str, options: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+def _refuse_unknown(
+    method: str, options: Mapping[str, Any], known: Mapping[str, Any], own: Sequence[str] = ()
+) -> None:
     unknown = [name for name in options if name not in known]
     if unknown:
-        raise InputError("option", remedy=f"{method} has no {unknown[0]!r}; it takes {', '.join(known)}")
+        meant = guess_option(unknown[0], [*own, *known])
+        guess = f" (did you mean {meant!r}?)" if meant else ""
+        remedy = f"{method} has no {unknown[0]!r}{guess}; it takes {', '.join(known)}"
+        raise InputError("option", remedy=remedy)
 
 
 def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:

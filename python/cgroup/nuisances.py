@@ -26,9 +26,7 @@ from cgroup.types import PointCloud, as_cloud
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
     Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
 
@@ -53,7 +51,7 @@ LEAST_POINTS = 100
 _STONE_GAP = 1.3  # diameters between the centres of what clutter puts beside the model
 
 
-def add_noise(cloud: PointCloud | ArrayLike, sigma: float, rng: np.random.Generator) -> PointCloud:
+def add_noise(cloud: AnyCloud, sigma: float, rng: np.random.Generator) -> PointCloud:
     """Move every point by Gaussian noise along x, y and z.
 
     Parameters
@@ -91,7 +89,7 @@ def add_noise(cloud: PointCloud | ArrayLike, sigma: float, rng: np.random.Genera
 
 
 def decimate(
-    cloud: PointCloud | ArrayLike,
+    cloud: AnyCloud,
     share: float,
     rng: np.random.Generator,
     *,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -12,13 +12,14 @@ from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealAr
 from cgroup._checks.arrays import as_faces, as_points
 from cgroup._checks.fields import OPTIONAL_FIELDS, Fields, check_fields
 from cgroup._checks.foreign import cloud_parts
+from cgroup._checks.hooks import call_hook
 from cgroup._show.drawing import plot
-from cgroup._show.hooks import call_hook
 from cgroup._show.notebook import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
+    import os
     from typing import Any
 
     from numpy.typing import ArrayLike, NDArray
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = [
     "OPTIONAL_FIELDS",
     "Agreement",
+    "AnyCloud",
     "BoolArray",
     "Correspondences",
     "FloatArray",
@@ -138,8 +140,8 @@ class Correspondences:
 
     def plot(
         self,
-        source: PointCloud | ArrayLike | None = None,
-        target: PointCloud | ArrayLike | None = None,
+        source: AnyCloud | None = None,
+        target: AnyCloud | None = None,
         *,
         T_target_source: ArrayLike | None = None,
         correct: ArrayLike | None = None,
@@ -481,8 +483,8 @@ class Grouping:
 
     def plot(
         self,
-        source: PointCloud | ArrayLike | None = None,
-        target: PointCloud | ArrayLike | None = None,
+        source: AnyCloud | None = None,
+        target: AnyCloud | None = None,
         *,
         T_target_source: ArrayLike | None = None,
         correct: ArrayLike | None = None,
@@ -631,6 +633,10 @@ class PointCloud:
         return PointCloud(apply(matrix, self.points), normals, self.faces, self.colors, self.dropped)
 
 
+AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str]"
+"""Points in any form: a cloud, that of another library, an array, or the path of a file."""
+
+
 def find_cloud(name: str, cloud: object) -> PointCloud | None:
     """Return a `PointCloud`, or one made of a cloud of another library; None for arrays.
 
@@ -649,7 +655,7 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
     return PointCloud(as_points(name, parts.points), normals, faces)
 
 
-def as_cloud(name: str, cloud: PointCloud | ArrayLike) -> PointCloud:
+def as_cloud(name: str, cloud: AnyCloud) -> PointCloud:
     """Return a `PointCloud` of points in any form.
 
     Raises

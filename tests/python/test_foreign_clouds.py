@@ -336,7 +336,7 @@ def test_files_nuisances_and_figures_take_them(tmp_path) -> None:
         (SimpleNamespace(points=Vector(np.zeros((3, 4)))), r"got shape \(3,4\); give \(n,3\)"),
         (np.zeros((3, 4)), r"got shape \(3,4\); give \(n,3\)"),
         (SimpleNamespace(points=None), "got namespace.*; give .*Open3D, small_gicp"),
-        ("cloud.ply", "got 'cloud.ply'; give .*a data frame with columns x, y, z"),
+        ("cloud.ply", "cloud.ply: no such file"),
         (Mock(), "got a Mock on"),
         (MagicMock(), "cloud"),
     ],

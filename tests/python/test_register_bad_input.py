@@ -42,7 +42,7 @@ def with_row(row: Any, at: int = 5) -> FloatArray:
         (SOURCE[:, :2], "source: got shape"),
         (3.0, "source: got shape"),
         (None, "source: got None; give .* an array"),
-        ("scan.ply", "source: got 'scan.ply'; give .* an array"),
+        ("scan.ply", "source: scan.ply: no such file"),
         (SOURCE.astype(complex), "source: got an array of complex128"),
         (np.ma.masked_less(SOURCE, 0), "source: got a masked array; drop its masked rows first"),
         (with_row(np.nan), r"source: got \[NaN, NaN, NaN\] in row 5"),

@@ -33,7 +33,7 @@ def as_floats(name: str, value: ArrayLike) -> FloatArray:
     return in_double(as_reals(name, value))
 
 
-def as_points(name: str, value: ArrayLike) -> FloatArray:
+def as_points(name: str, value: object) -> FloatArray:
     """Return `value` as (n,3) float64."""
     return in_double(real_points(name, value))
 
@@ -94,10 +94,11 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
     return np.require(array, None, ["C_CONTIGUOUS", "ALIGNED"])
 
 
-def real_points(name: str, value: ArrayLike) -> RealArray:
+def real_points(name: str, value: object) -> RealArray:
     """Return `value` as (n,3) float32 or float64: an array, or the points of a cloud of another library."""
     parts = None if type(value) is np.ndarray and value.dtype.names is None else cloud_parts(name, value)
-    array = as_reals(name, value if parts is None else parts.points, ACCEPTED)
+    given: Any = value if parts is None else parts.points
+    array = as_reals(name, given, ACCEPTED)
     if array.shape == (0,):
         return array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:

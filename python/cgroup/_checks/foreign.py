@@ -1,4 +1,4 @@
-"""Recognise other libraries' clouds and arrays by duck typing, without importing them.
+"""Recognise other libraries' clouds and arrays by duck typing, without importing them, and paths of files.
 
 Each reader looks for the attributes of one kind of object and returns its parts unchanged; the caller checks
 them like any other array. NumPy gets an object that no reader knows.
@@ -6,18 +6,21 @@ them like any other array. NumPy gets an object that no reader knows.
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from cgroup._checks.hooks import call_hook
+from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 ACCEPTED = (
-    "give (n,3) real numbers: an array, a tensor, a data frame with columns x, y, z, or a cloud or mesh of "
-    "Open3D, small_gicp, trimesh, PyVista, laspy or ROS"
+    "give (n,3) real numbers: an array, a tensor, a data frame with columns x, y, z, a cloud or mesh of "
+    "Open3D, small_gicp, trimesh, PyVista, laspy or ROS, or the path of a file"
 )
 
 
@@ -30,18 +33,24 @@ class CloudParts(NamedTuple):
 
 
 def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - whatever is passed
-    """Return the parts of a cloud of another library; None for arrays, lists and objects that aren't clouds.
+    """Return the parts of another library's cloud, or of a file; None for arrays, lists and other objects.
 
     Raises
     ------
     InputError
-        For a table that doesn't say which of its columns are x, y and z.
+        For a table that doesn't say which of its columns are x, y and z, and a file that is no cloud.
     """
     if isinstance(value, np.ndarray):
         fields = value.dtype.names
         return None if fields is None else _parts_of_columns(name, fields, value.__getitem__)
-    if isinstance(value, list | tuple | str | bytes | int | float | type):
+    if isinstance(value, list | tuple | bytes | int | float | type):
         return None
+    if isinstance(value, str | os.PathLike):
+        try:
+            cloud = call_hook("cloud", value)
+        except InputError as error:
+            raise InputError(name, remedy=escape(str(error))) from error
+        return CloudParts(cloud.points, cloud.normals, cloud.faces)
     for read in _READERS:
         try:
             parts = read(name, value)

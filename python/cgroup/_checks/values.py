@@ -101,12 +101,38 @@ def refuse_word(
     raise refusal(name, value, f"choose one of {', '.join(choices)}{otherwise}{guess}")
 
 
-def guess_word(value: object, choices: Collection[str]) -> str | None:
+def guess_word(value: object, choices: Collection[str], likeness: float = 0.6) -> str | None:
     """Return the choice that a wrong word resembles, or None."""
     import difflib  # noqa: PLC0415 - errors only
 
-    close = difflib.get_close_matches(value[:_LONGEST_WORD], choices, n=1) if isinstance(value, str) else []
-    return close[0] if close else None
+    word = value[:_LONGEST_WORD] if isinstance(value, str) else ""
+    return next(iter(difflib.get_close_matches(word, choices, n=1, cutoff=likeness)), None)
+
+
+_OTHER_WORDS = {
+    "distance_threshold": "tolerance",
+    "down_sampling_resolution": "voxel",
+    "downsampling_resolution": "voxel",
+    "inlier_threshold": "tolerance",
+    "leaf_size": "voxel",
+    "max_correspondence_distance": "tolerance",
+    "max_iteration": "iterations",
+    "max_iterations": "iterations",
+    "n_jobs": "threads",
+    "noise_bound": "tolerance",
+    "num_iterations": "iterations",
+    "num_threads": "threads",
+    "random_state": "seed",
+    "resolution": "voxel",
+    "voxel_size": "voxel",
+}
+"""Names of options elsewhere (Open3D, PCL, small_gicp, KISS-Matcher, TEASER++, scikit-learn), and ours."""
+
+
+def guess_option(name: str, choices: Collection[str]) -> str | None:
+    """Return the option that is called so elsewhere, or resembles a wrong name; None for none."""
+    elsewhere = _OTHER_WORDS.get(name)
+    return elsewhere if elsewhere in choices else guess_word(name, choices, 0.7)
 
 
 def as_word(name: str, value: object) -> str:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup._checks.arrays import real_points
+from cgroup._checks.hooks import call_hook
 from cgroup._checks.values import as_flag, refusal
-from cgroup._show.hooks import call_hook
 from cgroup.errors import InputError
 from cgroup.rigid import check_rigid
 

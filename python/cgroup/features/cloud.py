@@ -12,7 +12,7 @@ from cgroup._checks.values import as_flag, as_word
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup.types import RealArray
+    from cgroup.types import AnyCloud, RealArray
 
 
 class Cloud:
@@ -95,7 +95,7 @@ class Cloud:
         return f"Cloud(n={len(self)})"
 
 
-CloudLike: TypeAlias = "Cloud | ArrayLike"
+CloudLike: TypeAlias = "Cloud | AnyCloud"
 
 
 def core_cloud(points: CloudLike, name: str = "points") -> _core.Cloud:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
@@ -98,7 +98,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     return _finite_cloud(path, parse_file(path, reader))
 
 
-def write_cloud(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike) -> None:
+def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud) -> None:
     """Write a point cloud as binary PLY, coordinates in double precision.
 
     Parameters
@@ -147,7 +147,7 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike) -> 
     write_file(path, text.encode() + vertices.tobytes() + triangles)
 
 
-def write_keypoints(path: str | os.PathLike[str], cloud: PointCloud | ArrayLike, indices: ArrayLike) -> None:
+def write_keypoints(path: str | os.PathLike[str], cloud: AnyCloud, indices: ArrayLike) -> None:
     """Write the keypoints of a cloud.
 
     Parameters

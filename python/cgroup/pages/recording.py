@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.pages.scene import Kind
-    from cgroup.types import FloatArray, PointCloud
+    from cgroup.types import AnyCloud, FloatArray
 
 _STEPS = 21
 """From where the source is given to where the pose lays it."""
 
 
 def log_to_rerun(
-    source: PointCloud | ArrayLike,
-    target: PointCloud | ArrayLike,
+    source: AnyCloud,
+    target: AnyCloud,
     correspondences: Correspondences,
     grouping: Grouping,
     *,

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from cgroup.types import FloatArray, PointCloud
+    from cgroup.types import AnyCloud, FloatArray
 
 
 def registration_page(
-    source: PointCloud | ArrayLike,
-    target: PointCloud | ArrayLike,
+    source: AnyCloud,
+    target: AnyCloud,
     registration: Registration,
     *,
     correct: ArrayLike | None = None,
@@ -121,8 +121,8 @@ def _facts(registration: Registration, truth: FloatArray | None) -> list[tuple[s
 
 
 def comparison_page(
-    source: PointCloud | ArrayLike,
-    target: PointCloud | ArrayLike,
+    source: AnyCloud,
+    target: AnyCloud,
     correspondences: Correspondences,
     results: Iterable[MethodResult],
     T_target_source: ArrayLike,

@@ -19,11 +19,11 @@ from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, as_s
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from cgroup.features import Cloud, Viewpoint
     from cgroup.registration.scan import Normals, Scan
-    from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
+    from cgroup.types import AnyCloud, Correspondences, FloatArray, IndexArray
 
 Detector: TypeAlias = Literal["h3d", "iss"]
 Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]
@@ -124,8 +124,8 @@ class PaperFront:
 
 
 def correspond(
-    source: PointCloud | Cloud | ArrayLike,
-    target: PointCloud | Cloud | ArrayLike,
+    source: Cloud | AnyCloud,
+    target: Cloud | AnyCloud,
     *,
     detector: Detector = "h3d",
     descriptor: Descriptor = "shot",
@@ -197,8 +197,8 @@ def correspond(
 
 def correspond_by(
     front: PaperFront,
-    source: Scan | PointCloud | Cloud | ArrayLike,
-    target: Scan | PointCloud | Cloud | ArrayLike,
+    source: Scan | Cloud | AnyCloud,
+    target: Scan | Cloud | AnyCloud,
     viewpoints: tuple[Viewpoint, Viewpoint] = (ORIGIN, ORIGIN),
     threads: int | None = None,
     begin: Callable[[str], Any] = ignore_progress,
@@ -241,7 +241,7 @@ def common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
 
 
 def detect(
-    cloud: PointCloud | Cloud | ArrayLike,
+    cloud: Cloud | AnyCloud,
     *,
     resolution: float | None = None,
     detector: Detector = "h3d",
@@ -291,7 +291,7 @@ def detect(
 
 
 def surface_normals(
-    cloud: PointCloud | Cloud | ArrayLike,
+    cloud: Cloud | AnyCloud,
     *,
     normals: Normals = "pca",
     viewpoint: Viewpoint = ORIGIN,
@@ -339,7 +339,7 @@ def surface_normals(
 
 
 def describe(
-    cloud: PointCloud | Cloud | ArrayLike,
+    cloud: Cloud | AnyCloud,
     *,
     resolution: float | None = None,
     detector: Detector = "h3d",

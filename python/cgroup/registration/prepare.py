@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from cgroup.features import Cloud, Viewpoint, Voxels
     from cgroup.registration.scan import Normals
-    from cgroup.types import FloatArray, IndexArray, PointCloud
+    from cgroup.types import AnyCloud, FloatArray, IndexArray
 
 VOXELS = 5000
 """Voxels that a cloud is thinned to, about."""
@@ -300,7 +300,7 @@ def fine_surfaces(
 
 
 def prepare(
-    cloud: PointCloud | Cloud | ArrayLike,
+    cloud: Cloud | AnyCloud,
     *,
     voxel: float | None = None,
     viewpoint: ArrayLike | None = None,
@@ -394,7 +394,7 @@ class Given(NamedTuple):
 
 def as_given(
     name: str,
-    cloud: PreparedScan | Scan | PointCloud | Cloud | ArrayLike,
+    cloud: PreparedScan | Scan | Cloud | AnyCloud,
     viewpoint: ArrayLike | None = None,
 ) -> Given:
     """Check a scan that may be ready."""

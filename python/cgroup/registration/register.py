@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from cgroup.features import Cloud, Viewpoint
+    from cgroup.features import Cloud
     from cgroup.registration.judge import Judgement
     from cgroup.registration.prepare import PreparedScan
     from cgroup.registration.result import Registration
     from cgroup.registration.search import Effort
-    from cgroup.types import PointCloud
+    from cgroup.types import AnyCloud
 
 FRONTS = ("dense", "paper")
 
@@ -39,12 +39,13 @@ MOVED_BY_REFINING = 0.4
 
 
 def register(
-    source: PreparedScan | PointCloud | Cloud | ArrayLike,
-    target: PreparedScan | PointCloud | Cloud | ArrayLike,
+    source: PreparedScan | Cloud | AnyCloud,
+    target: PreparedScan | Cloud | AnyCloud,
     *,
     voxel: float | None = None,
-    source_viewpoint: Viewpoint | None = None,
-    target_viewpoint: Viewpoint | None = None,
+    viewpoint: ArrayLike | None = None,
+    source_viewpoint: ArrayLike | None = None,
+    target_viewpoint: ArrayLike | None = None,
     axis: ArrayLike | None = None,
     effort: Effort = "normal",
     front: Literal["dense", "paper"] | DenseFront | PaperFront = "dense",
@@ -66,10 +67,12 @@ def register(
     voxel : float, optional
         Edge length of the voxels, in the unit of the points: the one length that all others are multiples
         of. By default such that some 4,500 voxels are left, on average of the two, and 1,000 or more of each.
-    source_viewpoint, target_viewpoint : (float, float, float), optional
-        Where the scanner stood, in the cloud's frame, if the cloud is one single scan. What lies before its
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, in the frame of each cloud, if each is one single scan. What lies before its
         surface then speaks against a pose; at low overlap nothing helps more. Not for clouds fused from
         several.
+    source_viewpoint, target_viewpoint : (3,) array_like of float, optional
+        The same of one of them, where they differ.
     axis : (3,) array_like of float, optional
         A direction that both clouds share, such as that of gravity; the pose may tilt it by 10 degrees.
     effort : {"low", "normal", "high"}
@@ -117,9 +120,10 @@ def register(
     clock = StageClock(as_stage_function(progress))
     direction = None if axis is None else as_axis(axis)
     dense, paper = _fronts_of(front)
-    chosen = ("lc" if paper is None else "gtm") if method is None else check_method(method)
+    chosen = check_method(("lc" if paper is None else "gtm") if method is None else method, options, register)
     search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
-    scans = _prepare_both((source, target), (source_viewpoint, target_viewpoint), voxel, dense, search)
+    places = [viewpoint if own is None else own for own in (source_viewpoint, target_viewpoint)]
+    scans = _prepare_both((source, target), places, voxel, dense, search)
     registration, judgement = _register(search, *scans)
     if registration is not None and judgement.ok:
         return registration
@@ -129,13 +133,14 @@ def register(
 
 
 def assess(
-    source: PreparedScan | PointCloud | Cloud | ArrayLike,
-    target: PreparedScan | PointCloud | Cloud | ArrayLike,
+    source: PreparedScan | Cloud | AnyCloud,
+    target: PreparedScan | Cloud | AnyCloud,
     T_target_source: ArrayLike,
     *,
     voxel: float | None = None,
-    source_viewpoint: Viewpoint | None = None,
-    target_viewpoint: Viewpoint | None = None,
+    viewpoint: ArrayLike | None = None,
+    source_viewpoint: ArrayLike | None = None,
+    target_viewpoint: ArrayLike | None = None,
     axis: ArrayLike | None = None,
     effort: Effort = "normal",
     threads: int | None = None,
@@ -155,8 +160,10 @@ def assess(
         Maps source points into the target's frame.
     voxel : float, optional
         Edge length of the voxels, as for `register`.
-    source_viewpoint, target_viewpoint : (float, float, float), optional
-        Where the scanner stood, in the cloud's frame, if the cloud is one single scan.
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, in the frame of each cloud, if each is one single scan.
+    source_viewpoint, target_viewpoint : (3,) array_like of float, optional
+        The same of one of them, where they differ.
     axis : (3,) array_like of float, optional
         A direction that both clouds share.
     effort : {"low", "normal", "high"}
@@ -196,7 +203,8 @@ def assess(
     direction = None if axis is None else as_axis(axis)
     given = check_rigid(T_target_source, "T_target_source")
     search = Search("lc", {}, direction, effort, as_threads(threads), clock, proposed=given[None])
-    scans = _prepare_both((source, target), (source_viewpoint, target_viewpoint), voxel, None, search)
+    places = [viewpoint if own is None else own for own in (source_viewpoint, target_viewpoint)]
+    scans = _prepare_both((source, target), places, voxel, None, search)
     found = search.run(*scans)
     if found is None:
         message = "no pose that keeps the axis, neither that given nor another"
@@ -220,11 +228,11 @@ def assess(
 
 
 def register_many(
-    scans: Sequence[PreparedScan | PointCloud | Cloud | ArrayLike],
+    scans: Sequence[PreparedScan | Cloud | AnyCloud],
     pairs: Iterable[tuple[int, int]] | None = None,
     *,
     voxel: float | None = None,
-    viewpoints: Sequence[Viewpoint | None] | None = None,
+    viewpoints: Sequence[ArrayLike | None] | None = None,
     axis: ArrayLike | None = None,
     effort: Effort = "normal",
     front: DenseFront | None = None,
@@ -297,7 +305,7 @@ def register_many(
     wanted = _as_pairs(pairs, len(given))
     places = _as_viewpoints(viewpoints, len(given))
     direction = None if axis is None else as_axis(axis)
-    begin, proposer = as_stage_function(progress), check_method(method)
+    begin, proposer = as_stage_function(progress), check_method(method, options, register_many)
     rows = range(len(given))
     clouds = [as_given(f"scans[{row}]", given[row], places[row]) for row in rows]
     shared = agree(clouds, voxel, front, threads)._replace(threads=1)
@@ -320,8 +328,8 @@ def register_many(
 
 
 def _prepare_both(
-    clouds: Sequence[PreparedScan | PointCloud | Cloud | ArrayLike],
-    viewpoints: Sequence[Viewpoint | None],
+    clouds: Sequence[PreparedScan | Cloud | AnyCloud],
+    viewpoints: Sequence[ArrayLike | None],
     voxel: float | None,
     front: DenseFront | None,
     search: Search,
@@ -375,7 +383,7 @@ def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple
     return checked
 
 
-def _as_viewpoints(viewpoints: Sequence[Viewpoint | None] | None, scans: int) -> Sequence[Viewpoint | None]:
+def _as_viewpoints(viewpoints: Sequence[ArrayLike | None] | None, scans: int) -> Sequence[ArrayLike | None]:
     """Check that there is one per scan."""
     if viewpoints is None:
         return [None] * scans

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from cgroup.registration.covariance import Convention
     from cgroup.registration.judge import Found, Judgement
-    from cgroup.types import Correspondences, FloatArray, Grouping, PointCloud
+    from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +135,8 @@ class Registration:
 
     def plot(
         self,
-        source: PointCloud | ArrayLike | None = None,
-        target: PointCloud | ArrayLike | None = None,
+        source: AnyCloud | None = None,
+        target: AnyCloud | None = None,
         *,
         correct: ArrayLike | None = None,
         interactive: bool = False,

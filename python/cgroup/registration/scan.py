@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Viewpoint
-    from cgroup.types import FloatArray, IndexArray
+    from cgroup.types import AnyCloud, FloatArray, IndexArray
 
 Normals: TypeAlias = Literal["pca", "mesh", "given"]
 NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")
@@ -121,13 +121,13 @@ class Scan:
         return x, y, z
 
 
-def as_point_cloud(name: str, cloud: PointCloud | Cloud | ArrayLike) -> PointCloud | Cloud | ArrayLike:
+def as_point_cloud(name: str, cloud: Cloud | AnyCloud) -> Cloud | AnyCloud:
     """Return a cloud of another library as `PointCloud`, with its normals and faces; others as they are."""
     found = None if isinstance(cloud, Cloud) else find_cloud(name, cloud)
     return cloud if found is None else found
 
 
-def as_scan(name: str, cloud: Scan | PointCloud | Cloud | ArrayLike) -> Scan:
+def as_scan(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
     """Check a cloud and index it, unless that is done."""
     if isinstance(cloud, Scan):
         return replace(cloud, name=name)
@@ -201,7 +201,7 @@ def check_sizes(scans: Sequence[Scan]) -> None:
         )
 
 
-def as_model(name: str, cloud: PointCloud | Cloud | ArrayLike, normals: Normals, voxel: float | None) -> Scan:
+def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals, voxel: float | None) -> Scan:
     """Check a whole model, whose normals or faces tell its outside."""
     cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:

@@ -19,11 +19,10 @@ from cgroup.types import PointCloud
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import ArrayLike
-
     from cgroup.features import Cloud, Viewpoint
     from cgroup.registration.prepare import Given
     from cgroup.registration.result import Registration
+    from cgroup.types import AnyCloud
 
 _MODEL_VOXELS = 5_000
 _SCENE_VOXELS = 10_000
@@ -55,8 +54,8 @@ class Recognized(NamedTuple):
 
 
 def recognize(
-    models: Mapping[str, PreparedScan | PointCloud | Cloud | ArrayLike],
-    scene: PreparedScan | PointCloud | Cloud | ArrayLike,
+    models: Mapping[str, PreparedScan | Cloud | AnyCloud],
+    scene: PreparedScan | Cloud | AnyCloud,
     *,
     voxel: float | None = None,
     viewpoint: Viewpoint | None = None,
@@ -122,8 +121,8 @@ def recognize(
 
 
 def find_instances(
-    model: PreparedScan | PointCloud | Cloud | ArrayLike,
-    scene: PreparedScan | PointCloud | Cloud | ArrayLike,
+    model: PreparedScan | Cloud | AnyCloud,
+    scene: PreparedScan | Cloud | AnyCloud,
     *,
     voxel: float | None = None,
     viewpoint: Viewpoint | None = None,
@@ -186,8 +185,8 @@ def find_instances(
 
 
 def _prepare_all(
-    models: Mapping[str, PreparedScan | PointCloud | Cloud | ArrayLike],
-    scene: PreparedScan | PointCloud | Cloud | ArrayLike,
+    models: Mapping[str, PreparedScan | Cloud | AnyCloud],
+    scene: PreparedScan | Cloud | AnyCloud,
     voxel: float | None,
     viewpoint: Viewpoint | None,
     threads: int | None,
@@ -216,7 +215,7 @@ def _prepare_all(
 
 def _as_model(
     name: str,
-    model: PreparedScan | PointCloud | Cloud | ArrayLike,
+    model: PreparedScan | Cloud | AnyCloud,
     voxel: float | None,
     *,
     by_frames: bool,

@@ -1,7 +1,7 @@
-"""Hooks through which results explain and draw themselves.
+"""Hooks through which results explain and draw themselves, and paths become clouds.
 
-Results lie in low rooms, explanations and figures in higher ones. `cgroup` itself knows all rooms and fills
-the hooks in, with functions that load a room when they are called.
+Results and checks lie in low rooms, explanations, figures and readers in higher ones. `cgroup` itself knows
+all rooms and fills the hooks in, with functions that load a room when they are called.
 """
 
 from __future__ import annotations
