@@ -15,6 +15,7 @@ from cgroup.cli.saved_runs import save_run
 from cgroup.cli.show.json import make_document, print_document
 from cgroup.cli.show.terminal import paint, print_line
 from cgroup.cli.wording import reworded_errors
+from cgroup.io._files import keeping_inputs
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -68,7 +69,7 @@ class _Command(_Help, TyperCommand):
     """A command whose errors speak of its options."""
 
     def invoke(self, ctx: Any) -> Any:
-        with reworded_errors(ctx):
+        with reworded_errors(ctx), keeping_inputs():
             return super().invoke(ctx)
 
 

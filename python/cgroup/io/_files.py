@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
+import secrets
 import stat
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from cgroup import _core
@@ -14,8 +17,7 @@ from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator
-    from pathlib import Path
+    from collections.abc import Callable, Generator, Iterable
 
     from cgroup.types import FloatArray
 
@@ -27,12 +29,12 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write the bytes of a file.
+    """Write the bytes of a file: all of them, or none.
 
     Parameters
     ----------
     path : path-like
-        Where to; a file that is there is replaced.
+        Where to; a file that is there is replaced once the new one is complete.
     content : bytes
         All that it is to hold.
 
@@ -50,12 +52,68 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
     'scan 3 is upside down'
     """
     path, content = as_path("path", path), as_instance("content", content, bytes)
+    check_outputs([path])
     try:
-        path.write_bytes(content)
+        _replace(path, content)
     except (OSError, UnicodeEncodeError) as error:
         reason = error.strerror or error if isinstance(error, OSError) else "no such file name"
         message = f"{path}: can't be written ({reason})"
         raise InputError(message) from error
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write beside a file, then put it in that one's place; write to what is no regular file as it is."""
+    target = Path(os.path.realpath(path))
+    try:
+        status = target.stat()
+    except FileNotFoundError:
+        status = None
+    if status is not None and not stat.S_ISREG(status.st_mode):
+        target.write_bytes(content)
+        return
+    if status is not None and not os.access(target, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    beside = target.with_name(f".cgroup-{secrets.token_hex(4)}.part")
+    try:
+        with beside.open("xb") as file:
+            if status is not None:
+                beside.chmod(stat.S_IMODE(status.st_mode))
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(target)
+    except BaseException:
+        with suppress(OSError):
+            beside.unlink()
+        raise
+
+
+_inputs: set[tuple[int, int]] | None = None
+"""Device and number of the files that a command has read; None where they may be replaced."""
+
+
+@contextmanager
+def keeping_inputs() -> Generator[None]:
+    """Refuse to replace a file that has been read meanwhile, by whatever name."""
+    global _inputs  # noqa: PLW0603 - of a command, which has the process for itself
+    before, _inputs = _inputs, set()
+    try:
+        yield
+    finally:
+        _inputs = before
+
+
+def check_outputs(paths: Iterable[Path]) -> None:
+    """See that no output would replace an input, before anything is written."""
+    inputs = _inputs or set()
+    for path in paths:
+        try:
+            status = path.stat()
+        except (OSError, ValueError):
+            continue
+        if (status.st_dev, status.st_ino) in inputs:
+            message = f"{path}: is one of the inputs, and would be replaced; write elsewhere"
+            raise InputError(message)
 
 
 def written_path(path: str | os.PathLike[str], suffix: str, what: str) -> Path:
@@ -101,6 +159,8 @@ def _open_and_read(path: Path) -> bytes | str:
         status = os.fstat(file.fileno())
         if else_there := _what_else(status):
             return else_there
+        if _inputs is not None:
+            _inputs.add((status.st_dev, status.st_ino))
         content = io.BytesIO()  # gives its bytes away without a copy
         while chunk := file.read(min(_CHUNK, status.st_size - content.tell())):
             content.write(chunk)

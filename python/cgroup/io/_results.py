@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
+    from collections.abc import Generator, Iterable
     from pathlib import Path
 
 _NO_FOLDER = "can't be made a folder for the results"
@@ -37,6 +37,13 @@ def check_file(path: Path) -> None:
             path.open("ab").close()
         else:
             TemporaryFile(dir=path.parent).close()
+
+
+def remove_files(paths: Iterable[Path]) -> None:
+    """Remove what an earlier run has left, so that it isn't taken for what this one found."""
+    for path in paths:
+        with _refusing(path, "can't be removed"):
+            path.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -14,7 +14,8 @@ from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
 from cgroup.errors import InputError, NoConsensusError
-from cgroup.io._results import make_folder
+from cgroup.io._files import check_outputs
+from cgroup.io._results import make_folder, remove_files
 from cgroup.registration import recognize
 
 _COLUMNS = (
@@ -98,6 +99,7 @@ def recognize_command(
     with show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
+        check_outputs(out / f"{name}{suffix}" for name in files for suffix in (".txt", ".ply"))
         found = recognize(clouds, target, voxel=voxel, viewpoint=viewpoint, most=most, progress=begin)
     copies: Counter[str] = Counter()
     poses: list[Document] = []
@@ -119,6 +121,9 @@ def recognize_command(
                 "inlier_rmse": one.inlier_rmse,
             }
         )
+    remove_files(
+        out / f"{name}{suffix}" for name in files if name not in copies for suffix in (".txt", ".ply")
+    )
     said: Document = {
         "inputs": [
             describe_cloud("scene", scene, target),

@@ -27,7 +27,8 @@ from cgroup.cli.streams import write_error
 from cgroup.cli.wording import is_given, reword
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
-from cgroup.io._results import make_folder
+from cgroup.io._files import check_outputs
+from cgroup.io._results import make_folder, remove_files
 from cgroup.registration import DenseFront, Effort, PaperFront, Registration, assess, register
 from cgroup.registration.prepare import VOXELS
 from cgroup.types import PointCloud
@@ -56,6 +57,9 @@ _AXIS = option(
     options.CLOUDS,
 )
 _EFFORT = choice("normal", Effort, "How long to search where the pose is not sure.", options.SEARCH)
+
+_FILES = ("transform.txt", "aligned.ply", "correspondences.npz", "registration.png")
+_PAGE = "registration.html"
 
 app = make_app()
 
@@ -134,6 +138,8 @@ def register_command(
         method = check_method(method)
     _refuse_options_of_the_other_front(context, front)
     clouds = read_both(source, target)
+    files = [out / name for name in _FILES]
+    check_outputs(files)
     title = f"{source.name} on {target.name}"
     try:
         with show_stages() as begin:
@@ -150,10 +156,12 @@ def register_command(
             )
             begin("figures")
             names = f"{shown_name(source)} on {shown_name(target)}"
-            files = _write_files(make_folder(out), clouds, done, names)
+            make_folder(out)
+            _write_files(files, clouds, done, names)
             if html:
                 files.append(_write_page(out, clouds, done, title))
     except NoConsensusError as error:
+        remove_files([*files, out / _PAGE])
         if html and error.registration is not None:
             page = _write_page(
                 make_folder(out), clouds, error.registration, title, str(reword(error, context))
@@ -222,12 +230,11 @@ def _refuse_options_of_the_other_front(context: typer.Context, front: Front) -> 
 
 
 def _write_files(
-    folder: Path, clouds: tuple[PointCloud, PointCloud], done: Registration, title: str
-) -> list[Path]:
+    files: list[Path], clouds: tuple[PointCloud, PointCloud], done: Registration, title: str
+) -> None:
     from cgroup.plots import registration_figure  # noqa: PLC0415 - slow to load
 
-    names = ("transform.txt", "aligned.ply", "correspondences.npz", "registration.png")
-    transform, aligned, matches, picture = files = [folder / name for name in names]
+    transform, aligned, matches, picture = files
     figure = registration_figure(
         clouds[0].points,
         clouds[1].points,
@@ -240,7 +247,6 @@ def _write_files(
     io.write_cloud(aligned, clouds[0].transformed(done.T_target_source))
     io.write_correspondences(matches, done.correspondences)
     write_figure(picture, figure)
-    return files
 
 
 def _write_page(
@@ -252,7 +258,7 @@ def _write_page(
 ) -> Path:
     from cgroup.pages import registration_page, write_page  # noqa: PLC0415 - slow to load
 
-    file = folder / "registration.html"
+    file = folder / _PAGE
     write_page(file, registration_page(*clouds, done, title=title, refusal=refusal))
     return file
 

@@ -1,0 +1,106 @@
+"""No output replaces an input, no older result stays behind a refusal, and a file is written whole or not at all."""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_lines import fail, run, succeed, write_inputs
+
+from cgroup import InputError
+from cgroup.datasets import standin_pair
+from cgroup.io import read_cloud, write_cloud, write_file
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="modes and links are Unix's")
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(name="folder")
+def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    write_inputs(tmp_path)
+    return tmp_path
+
+
+def test_the_second_step_of_a_chain_keeps_its_input(folder: Path, capsys: Capture) -> None:
+    succeed(capsys, "register", "source.ply", "target.ply")
+    aligned = folder / "out" / "aligned.ply"
+    before = {file.name: file.read_bytes() for file in aligned.parent.iterdir()}
+    assert "aligned.ply: is one of the inputs" in fail(capsys, "register", aligned, "target.ply")
+    assert {file.name: file.read_bytes() for file in aligned.parent.iterdir()} == before
+    succeed(capsys, "register", aligned, "target.ply", "--out", "next")
+
+
+@POSIX
+@pytest.mark.parametrize("link", [os.link, os.symlink])
+def test_inputs_are_known_by_other_names_too(folder: Path, capsys: Capture, link) -> None:
+    (folder / "out").mkdir()
+    link(folder / "source.ply", folder / "out" / "aligned.ply")
+    before = (folder / "source.ply").read_bytes()
+    assert "is one of the inputs" in fail(capsys, "register", "source.ply", "target.ply")
+    assert (folder / "source.ply").read_bytes() == before
+
+
+def test_models_are_not_replaced_by_their_posed_copies(folder: Path, capsys: Capture) -> None:
+    before = (folder / "source.ply").read_bytes()
+    said = fail(capsys, "recognize", "source.ply", "--scene", "target.ply", "--out", ".")
+    assert "source.ply: is one of the inputs" in said
+    assert (folder / "source.ply").read_bytes() == before
+
+
+def test_matches_are_not_replaced_by_their_mask(folder: Path, capsys: Capture) -> None:
+    rows = np.random.default_rng(0).uniform(size=(60, 6))
+    np.save(folder / "matches.npy", rows)
+    assert "is one of the inputs" in fail(capsys, "group", "matches.npy", "--out", "matches.npy")
+    np.testing.assert_array_equal(np.load(folder / "matches.npy"), rows)
+
+
+def test_a_refusal_leaves_no_older_pose_behind(folder: Path, capsys: Capture) -> None:
+    succeed(capsys, "register", "source.ply", "target.ply", "--html")
+    (folder / "out" / "notes.txt").write_text("mine")
+    other = np.random.default_rng(0).normal(size=(3000, 3)) * 50
+    write_cloud("other.ply", other)
+    status, _, _ = run(capsys, "register", "source.ply", "other.ply")
+    assert status == 3
+    assert [file.name for file in (folder / "out").iterdir()] == ["notes.txt"]
+
+
+def test_a_library_call_may_replace_what_it_has_read(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", standin_pair(pixels=60).source)
+    write_cloud(tmp_path / "a.ply", read_cloud(tmp_path / "a.ply").points[:50])
+    assert len(read_cloud(tmp_path / "a.ply").points) == 50
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "pose.txt"
+    write_file(file, b"old")
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(InputError, match="pose.txt: can't be written \\(No space left on device\\)"):
+            write_file(file, b"new")
+    assert file.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [file]
+    write_file(file, b"new")
+    assert file.read_bytes() == b"new"
+
+
+@POSIX
+def test_modes_and_links_stay(tmp_path: Path) -> None:
+    file, link = tmp_path / "a.txt", tmp_path / "link.txt"
+    write_file(file, b"1")
+    file.chmod(0o640)
+    link.symlink_to(file)
+    write_file(link, b"2")
+    assert link.is_symlink()
+    assert (file.read_bytes(), file.stat().st_mode & 0o777) == (b"2", 0o640)
+    fresh = tmp_path / "b.txt"
+    write_file(fresh, b"")
+    plain = tmp_path / "c.txt"
+    plain.touch()
+    assert fresh.stat().st_mode == plain.stat().st_mode
+    write_file("/dev/null", b"nothing")
