@@ -95,7 +95,7 @@ pub fn align(
 }
 
 /// Distance of the nearest point of the target from the plane of each sample of the source, which a pose moves; NaN where
-/// there is none within [`REACH`].
+/// there is none within 3 spacings.
 ///
 /// # Errors
 /// As for [`align`].
