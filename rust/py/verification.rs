@@ -81,15 +81,9 @@ pub fn places<'py>(
 ) -> PyResult<Bound<'py, PyArray1<u8>>> {
     let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&pose)?);
     let found = run(py, &run_options, move |execution| {
-        let mut all = Vec::new();
-        for pose in &poses {
-            let places = core::places(&source, &target, pose, execution)?;
-            memory::reserve(&mut all, places.len())?;
-            all.extend(places.into_iter().map(|place| place as u8));
-        }
-        Ok(all)
+        under_all(&poses, |pose| core::places(&source, &target, pose, execution))
     })?;
-    array(py, found)
+    array(py, found.into_iter().map(|place| place as u8))
 }
 
 /// Matched points, and the distance within which a match speaks for a pose.
@@ -174,11 +168,11 @@ impl FineSurface {
         self.core.len()
     }
 
-    /// Places of the samples.
-    fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let places = self.core.places();
-        let count = places.len();
-        array(py, places.flatten())?.reshape([count, 3])
+    /// Where the samples lie.
+    fn sample_points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let points = self.core.sample_points();
+        let count = points.len();
+        array(py, points.flatten())?.reshape([count, 3])
     }
 }
 
@@ -193,13 +187,7 @@ pub fn plane_distances<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let (source, target, poses) = (Arc::clone(&source.core), Arc::clone(&target.core), transforms(&pose)?);
     let found = run(py, &run_options, move |execution| {
-        let mut all = Vec::new();
-        for pose in &poses {
-            let distances = core::plane_distances(&source, &target, pose, execution)?;
-            memory::reserve(&mut all, distances.len())?;
-            all.extend(distances);
-        }
-        Ok(all)
+        under_all(&poses, |pose| core::plane_distances(&source, &target, pose, execution))
     })?;
     Ok(PyArray1::from_vec(py, found))
 }
@@ -246,6 +234,17 @@ fn evidence((source, target, tolerance): Matches<'_>) -> PyResult<Evidence> {
         target: target.points("matches.target")?,
         tolerance,
     })
+}
+
+/// What is found under each of the poses, one after the other.
+fn under_all<T>(poses: &[Rigid], find: impl Fn(&Rigid) -> Result<Vec<T>, Error>) -> Result<Vec<T>, Error> {
+    let mut all = Vec::new();
+    for pose in poses {
+        let found = find(pose)?;
+        memory::reserve(&mut all, found.len())?;
+        all.extend(found);
+    }
+    Ok(all)
 }
 
 /// Poses. The caller has checked them; that they are still numbers is checked in the copy.

@@ -11,7 +11,7 @@ from cgroup import InputError, features
 from cgroup.datasets import standin_pair
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.verification import Alignment, FineSurface, align
-from cgroup.verification.alignment import plane_distances, sample_places
+from cgroup.verification.alignment import plane_distances, sample_points
 from reference import alignment as reference
 from strategies import FloatArray, random_motion
 
@@ -99,7 +99,7 @@ def test_distances_from_planes_equal_the_reference(seed: int, unit: float, away:
     one, other = (reference.fine_surface(cloud, unit) for cloud in (source, target))
     shift = (pose[:3, :3] @ one.center + pose[:3, 3] - other.center) / unit
     expected = reference.plane_distances(one, other, pose[:3, :3], shift) * unit
-    found, places = plane_distances(*ours, pose, None), sample_places(ours[0])
+    found, places = plane_distances(*ours, pose, None), sample_points(ours[0])
     feet = one.feet * unit + one.center
     # Samples stand in the order drawn; places tell which is which.
     rows = np.linalg.norm(places[:, None] - feet, axis=2).argmin(axis=1)

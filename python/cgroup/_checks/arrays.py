@@ -95,7 +95,7 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
 
 
 def real_points(name: str, value: object) -> RealArray:
-    """Return `value` as (n,3) float32 or float64: an array, or the points of a cloud of another library."""
+    """Return `value` as (n,3) float32 or float64: an array, or the points of another's cloud or of a file."""
     parts = None if type(value) is np.ndarray and value.dtype.names is None else cloud_parts(name, value)
     given: Any = value if parts is None else parts.points
     array = as_reals(name, given, ACCEPTED)

@@ -50,10 +50,7 @@ def gather(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Evid
     surfaces = fine_surfaces(source, target)
     cells = [
         _count_cells(one, surface, plane_distances(surface, other, way, one.threads))
-        for one, surface, other, way in (
-            (source, *surfaces, pose),
-            (target, *surfaces[::-1], back),
-        )
+        for one, surface, other, way in ((source, *surfaces, pose), (target, *surfaces[::-1], back))
     ]
     planes = max(
         count_agreeing(source.planes, target.planes, pose, source.voxel),

@@ -48,7 +48,7 @@ LEAST_NOISE = 0.02
 CROSSED_BY_CHANCE = 0.02
 """Share in free space that noise and coarse rings explain."""
 
-PLANES_OF_A_POSE, MOST_FURTHER_PLANES = 4, 3
+PLANES_BY_CHANCE, MOST_FURTHER_PLANES = 4, 3
 """Planes that wrong poses too lay together, and how many further ones count at most."""
 
 LEAD_BY_CHANCE = 1.0
@@ -232,7 +232,7 @@ class Case:
     @property
     def further_planes(self) -> int:
         """Planes that agree beyond those that any refined pose lays together."""
-        return int(np.clip(self.evidence.planes - PLANES_OF_A_POSE, 0, MOST_FURTHER_PLANES))
+        return int(np.clip(self.evidence.planes - PLANES_BY_CHANCE, 0, MOST_FURTHER_PLANES))
 
     @property
     def score_nats(self) -> float:

@@ -146,7 +146,7 @@ def correspond(
 
     Parameters
     ----------
-    source, target : PointCloud, Cloud or (N,3) array_like of float
+    source, target : PointCloud, Cloud, path or (N,3) array_like of float
         Whole clouds, in the same unit.
     detector : {"h3d", "iss"}
         Keypoint detector: Harris 3D or intrinsic shape signatures.
@@ -253,7 +253,7 @@ def detect(
 
     Parameters
     ----------
-    cloud : PointCloud, Cloud or (N,3) array_like of float
+    cloud : PointCloud, Cloud, path or (N,3) array_like of float
         Whole cloud.
     resolution : float, optional
         The unit pr; that of the cloud by default. Clouds to be matched need the same.
@@ -301,7 +301,7 @@ def surface_normals(
 
     Parameters
     ----------
-    cloud : PointCloud, Cloud or (N,3) array_like of float
+    cloud : PointCloud, Cloud, path or (N,3) array_like of float
         Whole cloud.
     normals : {"pca", "mesh", "given"}
         Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
@@ -355,7 +355,7 @@ def describe(
 
     Parameters
     ----------
-    cloud : PointCloud, Cloud or (N,3) array_like of float
+    cloud : PointCloud, Cloud, path or (N,3) array_like of float
         Whole cloud.
     resolution : float, optional
         The unit pr, a length; that of the cloud by default. Clouds to be matched need the same.

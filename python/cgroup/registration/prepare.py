@@ -26,7 +26,7 @@ from cgroup.registration.scan import (
     without_strays,
 )
 from cgroup.verification import FineSurface, Surface
-from cgroup.verification.alignment import sample_places
+from cgroup.verification.alignment import sample_points
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -237,8 +237,8 @@ class PreparedScan:
         True
         """
         if surface.spacing not in self._cells:
-            places = sample_places(surface)
-            self._cells[surface.spacing] = number_cells(places, self.planes, self.voxels.points, self.voxel)
+            points = sample_points(surface)
+            self._cells[surface.spacing] = number_cells(points, self.planes, self.voxels.points, self.voxel)
         return self._cells[surface.spacing]
 
     def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
@@ -313,7 +313,7 @@ def prepare(
 
     Parameters
     ----------
-    cloud : PointCloud, Cloud or (N,3) array_like of float
+    cloud : PointCloud, Cloud, path or (N,3) array_like of float
         Whole cloud.
     voxel : float, optional
         Edge length of the voxels, in the unit of the points; by default about 5,000 of them (see

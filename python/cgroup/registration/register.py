@@ -61,7 +61,7 @@ def register(
 
     Parameters
     ----------
-    source, target : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+    source, target : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         Whole clouds, in the same unit; scale is not estimated. To register one cloud with many, `prepare` it
         once.
     voxel : float, optional
@@ -154,7 +154,7 @@ def assess(
 
     Parameters
     ----------
-    source, target : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+    source, target : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         As for `register`.
     T_target_source : (4,4) array_like of float
         Maps source points into the target's frame.
@@ -247,7 +247,7 @@ def register_many(
 
     Parameters
     ----------
-    scans : sequence of PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+    scans : sequence of PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         Two or more, in the same unit.
     pairs : iterable of (int, int), optional
         Rows of `scans`: which is moved, and which it is moved to. By default each of the others is registered

@@ -206,9 +206,9 @@ def align_each(
     ]
 
 
-def sample_places(surface: FineSurface) -> FloatArray:
+def sample_points(surface: FineSurface) -> FloatArray:
     """Where the samples of a surface lie, (n,3)."""
-    return surface._core.places()  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
+    return surface._core.sample_points()  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
 
 
 def plane_distances(

@@ -84,7 +84,7 @@ impl FineSurface {
     }
 
     /// Where the samples lie, in the coordinates of the data.
-    pub fn places(&self) -> impl ExactSizeIterator<Item = [f64; 3]> {
+    pub fn sample_points(&self) -> impl ExactSizeIterator<Item = [f64; 3]> {
         self.samples.iter().map(|sample| (sample.point.coords + self.center()).into())
     }
 

@@ -71,10 +71,10 @@ def recognize(
 
     Parameters
     ----------
-    models : mapping of str to PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+    models : mapping of str to PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         Whole models by name, in the scene's unit. With a viewpoint each needs faces or normals that tell its
         outside.
-    scene : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+    scene : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         What they are looked for in.
     voxel : float, optional
         Edge length of the voxels, in the unit of the points. By default one that leaves the scene some 10,000
@@ -134,9 +134,9 @@ def find_instances(
 
     Parameters
     ----------
-    model : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+    model : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         Whole model, in the scene's unit. With a viewpoint it needs faces or normals that tell its outside.
-    scene : PreparedScan, PointCloud, Cloud or (N,3) array_like of float
+    scene : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         What it is looked for in.
     voxel : float, optional
         Edge length of the voxels, in the unit of the points. By default one that leaves the scene some 10,000
