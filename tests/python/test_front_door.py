@@ -92,3 +92,15 @@ def test_one_viewpoint_serves_both_clouds(place: Any) -> None:
     assert one.probability == other.probability
     mixed = cgroup.register(PAIR.source, PAIR.target, viewpoint=(1e3, 0, 0), source_viewpoint=place)
     assert mixed.probability != one.probability
+
+
+def test_the_direction_of_view_stands_for_a_place_far_away() -> None:
+    towards = PAIR.source.points.mean(axis=0) - PAIR.source_viewpoint
+    done = cgroup.register(PAIR.source, PAIR.target, view_direction=towards)
+    assert done.ok
+    assert done.probability > cgroup.register(PAIR.source, PAIR.target, view_direction=-towards).probability
+    source = cgroup.registration.prepare(PAIR.source, view_direction=towards)
+    center = PAIR.source.points.mean(axis=0)
+    np.testing.assert_allclose(
+        np.cross(center - source.viewpoint, towards) / np.linalg.norm(towards), 0, atol=1e-6 * np.ptp(center)
+    )

@@ -80,7 +80,10 @@ def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
         ({"target_viewpoint": (0, 0, np.nan)}, "target_viewpoint: got .*nan"),
         ({"target_viewpoint": (0, 0, 1e6)}, "target_viewpoint: got .* across; give the scanner's place"),
         ({"source_viewpoint": "here"}, "source_viewpoint: got 'here'; give an array"),
-        ({"axis": (0, 0, 0)}, "axis: got a zero vector"),
+        ({"view_direction": (0, 0, 0)}, r"view_direction: got a zero vector; give .* such as \(0, 0, -1\)"),
+        ({"view_direction": (0, 1)}, r"view_direction: got \(0, 1\); give three finite numbers"),
+        ({"view_direction": (0, 0, 1), "viewpoint": (0, 0, 0)}, "viewpoint, view_direction: give one"),
+        ({"axis": (0, 0, 0)}, r"axis: got a zero vector; give .* such as \(0, 0, 1\)"),
         ({"axis": (0, 1)}, r"axis: got \(0, 1\)"),
         ({"axis": (0, 0, np.nan)}, "axis: got"),
         ({"axis": "z"}, "axis: got"),
@@ -137,7 +140,11 @@ def test_prepare_names_its_own_arguments() -> None:
             (scale, NoConsensusError, "if both show the same, scale one, as scale is not estimated")
             for scale in (2.54, 10, 1 / 12)
         ),
-        (25.4, InputError, "target: .* leave .* voxels .*, or both clouds in the same unit"),
+        (
+            25.4,
+            InputError,
+            "target, source: .* across, no voxel suits both; give the same unit, or cut the larger",
+        ),
     ],
 )
 def test_clouds_in_different_units_are_refused(scale: float, error: type[Exception], words: str) -> None:
@@ -216,6 +223,18 @@ def test_a_wrong_viewpoint_never_makes_a_wrong_pose_right(share: float, aside: f
     except NoConsensusError:
         return
     assert np.abs(apply(found.T_target_source, SOURCE) - apply(TRUTH, SOURCE)).max() < found.voxel
+
+
+def test_advice_names_a_viewpoint_from_which_the_points_hide_each_other() -> None:
+    other = standin_pair(seed=1, pixels=80)
+    aside = [cloud.mean(axis=0) + np.array([0, np.ptp(cloud), 0]) for cloud in (SOURCE, other.target.points)]
+    eyes = {"source_viewpoint": PAIR.source_viewpoint, "target_viewpoint": other.target_viewpoint}
+    with pytest.raises(NoConsensusError, match="a viewpoint may be wrong"):
+        register(SOURCE, other.target, **eyes)
+    for name, place in zip(eyes, aside, strict=True):
+        words = f"seen from {name}, points lie behind each other: give .* `view_direction`"
+        with pytest.raises(NoConsensusError, match=words):
+            register(SOURCE, other.target, **{**eyes, name: place})
 
 
 @pytest.mark.parametrize("normals", [-features.normals(SOURCE), np.full_like(SOURCE, np.nan), 0 * SOURCE])

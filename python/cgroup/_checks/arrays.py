@@ -157,6 +157,16 @@ def as_place(name: str, value: ArrayLike) -> list[float]:
     return place.tolist()
 
 
+def as_direction(name: str, value: ArrayLike, example: str) -> FloatArray:
+    """Return a direction as a unit vector."""
+    direction = np.array(as_place(name, value))
+    largest = float(np.abs(direction).max())
+    if largest == 0:
+        raise InputError(name, "a zero vector", f"give a direction such as {example}")
+    direction /= largest  # squares of the largest numbers are infinite, of the least zero
+    return direction / np.linalg.norm(direction)
+
+
 def as_rows(name: str, value: ArrayLike) -> IndexArray:
     """Return `value` as (m,) int64, rows of a cloud."""
     array = as_array(name, value)

@@ -343,6 +343,12 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None)
             f"the clouds are {sizes[0]:.3g} and {sizes[1]:.3g} across: if both show the same, scale one, as "
             "scale is not estimated"
         )
+    for scan in (source, target):
+        if scan.shows_layers:
+            return (
+                f"seen from {scan.scan.name}_viewpoint, points lie behind each other: give the place where "
+                "the scanner stood, or `view_direction`, or neither for a cloud fused from several scans"
+            )
     if axis is not None:
         return "the clouds may share too little, or not the axis"
     if source.viewpoint is None or target.viewpoint is None:

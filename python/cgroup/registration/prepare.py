@@ -21,7 +21,9 @@ from cgroup.registration.scan import (
     Scan,
     as_model,
     as_scan,
+    as_viewpoint,
     check_sizes,
+    shows_layers,
     viewpoint_name,
     without_strays,
 )
@@ -202,6 +204,22 @@ class PreparedScan:
         return shared.prepare(self.scan, self.viewpoint, ignore_progress, by_frames=True)
 
     @cached_property
+    def shows_layers(self) -> bool:
+        """Whether points lie behind each other as seen from the viewpoint.
+
+        In a single scan none do, but at edges.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> pair = standin_pair(pixels=60)
+        >>> prepare(pair.source, viewpoint=pair.source_viewpoint).shows_layers
+        False
+        """
+        return self.viewpoint is not None and shows_layers(self.scan, self.viewpoint, self.voxel)
+
+    @cached_property
     def planes(self) -> Planes:
         """Planes of the voxels, the largest first.
 
@@ -304,6 +322,7 @@ def prepare(
     *,
     voxel: float | None = None,
     viewpoint: ArrayLike | None = None,
+    view_direction: ArrayLike | None = None,
     normals: Normals = "pca",
     front: DenseFront | None = None,
     threads: int | None = None,
@@ -321,6 +340,8 @@ def prepare(
     viewpoint : (3,) array_like of float, optional
         Where the scanner stood, in the cloud's frame, if the cloud is one single scan: what lies before
         the scanned surface then speaks against a pose.
+    view_direction : (3,) array_like of float, optional
+        Where the scanner looked, where its place is not known or its rays are parallel.
     normals : {"pca", "mesh", "given"}
         What tells the outside of a whole model: nothing, its faces (which are then sampled too), or
         `PointCloud.normals`. A model that is looked for in a scan with a viewpoint needs it. The planes
@@ -356,6 +377,7 @@ def prepare(
     (True, True)
     """
     as_choice("normals", normals, NORMALS)
+    viewpoint = as_viewpoint(viewpoint, view_direction)
     if normals != "pca" and viewpoint is not None:
         both = "viewpoint, normals"
         raise InputError(both, f"both, but {normals!r} normals are those of whole models", "give one")
@@ -525,7 +547,21 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
     small, large = (choose(scans, key=lambda scan: scan.cloud.diagonal) for choose in (min, max))
     if large.cloud.diagonal < _SIZES_DIFFER * small.cloud.diagonal:
         return usual
-    return min(usual, max(leave(_LEAST_OF_EACH, small), leave(MOST_VOXELS // 2, large)))
+    needed = leave(_LEAST_OF_EACH, small)
+    for most in (MOST_VOXELS // 2, MOST_VOXELS):
+        size = min(usual, max(needed, leave(most, large)))
+        if len(features.voxel_downsample(small.cloud, size, threads=threads)) >= LEAST_VOXELS:
+            return size
+    if len(features.voxel_downsample(small.cloud, needed, threads=threads)) < LEAST_VOXELS:
+        return size  # too few whatever the other
+    parameters = f"{small.name}, {large.name}"
+    raise InputError(
+        parameters,
+        remedy=(
+            f"{small.cloud.diagonal:.4g} and {large.cloud.diagonal:.4g} across, no voxel suits both; give "
+            "the same unit, or cut the larger down to where the smaller may lie"
+        ),
+    )
 
 
 def _check_voxels(scan: Scan, voxel: float, count: int) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from cgroup._checks.arrays import as_direction
 from cgroup._checks.run_options import as_threads
 from cgroup._checks.values import as_choice, as_count, as_instance, as_items, refusal
 from cgroup._runtime.progress import StageClock, as_stage_function
@@ -17,7 +18,8 @@ from cgroup.registration.judge import is_accepted, judge
 from cgroup.registration.paper_front import PaperFront
 from cgroup.registration.prepare import DenseFront, agree, as_given
 from cgroup.registration.result import registration_of
-from cgroup.registration.search import EFFORTS, Search, as_axis
+from cgroup.registration.scan import as_viewpoint
+from cgroup.registration.search import EFFORTS, Search
 from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ def register(
     viewpoint: ArrayLike | None = None,
     source_viewpoint: ArrayLike | None = None,
     target_viewpoint: ArrayLike | None = None,
+    view_direction: ArrayLike | None = None,
     axis: ArrayLike | None = None,
     effort: Effort = "normal",
     front: Literal["dense", "paper"] | DenseFront | PaperFront = "dense",
@@ -73,6 +76,9 @@ def register(
         several.
     source_viewpoint, target_viewpoint : (3,) array_like of float, optional
         The same of one of them, where they differ.
+    view_direction : (3,) array_like of float, optional
+        Where the scanner looked, in the frame of each cloud, where its place is not known or its rays are
+        parallel: (0, 0, -1) for most scanners of objects on a turntable.
     axis : (3,) array_like of float, optional
         A direction that both clouds share, such as that of gravity; the pose may tilt it by 10 degrees.
     effort : {"low", "normal", "high"}
@@ -118,11 +124,12 @@ def register(
     """
     as_choice("effort", effort, EFFORTS)
     clock = StageClock(as_stage_function(progress))
-    direction = None if axis is None else as_axis(axis)
+    direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     dense, paper = _fronts_of(front)
     chosen = check_method(("lc" if paper is None else "gtm") if method is None else method, options, register)
     search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
-    places = [viewpoint if own is None else own for own in (source_viewpoint, target_viewpoint)]
+    both = as_viewpoint(viewpoint, view_direction)
+    places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
     scans = _prepare_both((source, target), places, voxel, dense, search)
     registration, judgement = _register(search, *scans)
     if registration is not None and judgement.ok:
@@ -141,6 +148,7 @@ def assess(
     viewpoint: ArrayLike | None = None,
     source_viewpoint: ArrayLike | None = None,
     target_viewpoint: ArrayLike | None = None,
+    view_direction: ArrayLike | None = None,
     axis: ArrayLike | None = None,
     effort: Effort = "normal",
     threads: int | None = None,
@@ -164,6 +172,9 @@ def assess(
         Where the scanner stood, in the frame of each cloud, if each is one single scan.
     source_viewpoint, target_viewpoint : (3,) array_like of float, optional
         The same of one of them, where they differ.
+    view_direction : (3,) array_like of float, optional
+        Where the scanner looked, in the frame of each cloud, where its place is not known or its rays are
+        parallel: (0, 0, -1) for most scanners of objects on a turntable.
     axis : (3,) array_like of float, optional
         A direction that both clouds share.
     effort : {"low", "normal", "high"}
@@ -200,10 +211,11 @@ def assess(
     """
     as_choice("effort", effort, EFFORTS)
     clock = StageClock(as_stage_function(progress))
-    direction = None if axis is None else as_axis(axis)
+    direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     given = check_rigid(T_target_source, "T_target_source")
     search = Search("lc", {}, direction, effort, as_threads(threads), clock, proposed=given[None])
-    places = [viewpoint if own is None else own for own in (source_viewpoint, target_viewpoint)]
+    both = as_viewpoint(viewpoint, view_direction)
+    places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
     scans = _prepare_both((source, target), places, voxel, None, search)
     found = search.run(*scans)
     if found is None:
@@ -304,7 +316,7 @@ def register_many(
         raise InputError("scans", "none", "give two or more")
     wanted = _as_pairs(pairs, len(given))
     places = _as_viewpoints(viewpoints, len(given))
-    direction = None if axis is None else as_axis(axis)
+    direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     begin, proposer = as_stage_function(progress), check_method(method, options, register_many)
     rows = range(len(given))
     clouds = [as_given(f"scans[{row}]", given[row], places[row]) for row in rows]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from cgroup import features
-from cgroup._checks.arrays import as_faces, as_place, as_points, in_double, real_points
+from cgroup._checks.arrays import as_direction, as_faces, as_place, as_points, in_double, real_points
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features import Cloud
@@ -36,14 +36,42 @@ MAX_SIZE_RATIO = 100.0
 MAX_RANGE = 1000.0
 """Distance of the viewpoint in diagonals of the cloud, beyond which it can't be meant."""
 
+FAR_AWAY = 50.0
+"""Distance of a viewpoint of which the direction is known alone, in diagonals of the cloud."""
+
+MOST_LAYERED, LEAST_DISTANCE = 0.015, 0.045
+"""Share of directions with several depths that edges explain, and how near (of the cloud's diagonal) surfaces
+begin around a scanner that they surround: its rings and plants explain more."""
+
 MOST_STRAYS = 0.05
 """Share of a cloud's points beyond which points far from the others are no strays."""
 
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud
+_DIRECTIONS, _NEARBY, _LAYERS_APART = 1000, 5, 3.0  # looked at, nearest ones of each, voxels
 _MOST_POINTS = 20_000_000
 _USUAL_POINTS = 40_000
 _MESH_SPACING = 0.5  # voxels between points on a large face
+
+
+class ViewDirection(NamedTuple):
+    """Where a scanner looks, in place of where it stood."""
+
+    x: float
+    y: float
+    z: float
+
+
+def as_viewpoint(
+    viewpoint: ArrayLike | None, view_direction: ArrayLike | None
+) -> ArrayLike | ViewDirection | None:
+    """Return what is given of a scanner: its place, or its direction."""
+    if view_direction is None:
+        return viewpoint
+    if viewpoint is not None:
+        both = "viewpoint, view_direction"
+        raise InputError(both, remedy="give one: the scanner's place, or its direction")
+    return ViewDirection(*as_direction("view_direction", view_direction, "(0, 0, -1)").tolist())
 
 
 def viewpoint_name(scan: str) -> str:
@@ -106,7 +134,11 @@ class Scan:
         return given
 
     def viewpoint(self, place: ArrayLike) -> Viewpoint:
-        """Return the scanner's place, if it can be meant."""
+        """Return the scanner's place, if it can be meant; far away where its direction is given."""
+        if isinstance(place, ViewDirection):
+            center = in_double(self.cloud.points).mean(axis=0)
+            x, y, z = (center - FAR_AWAY * self.cloud.diagonal * np.array(place)).tolist()
+            return x, y, z
         name = viewpoint_name(self.name)
         x, y, z = as_place(name, place)
         with np.errstate(over="ignore"):  # to infinity, which is too far
@@ -119,6 +151,26 @@ class Scan:
                 "give the scanner's place in the cloud's frame and unit",
             )
         return x, y, z
+
+
+def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
+    """Whether points lie behind each other as seen from a viewpoint: it is wrong, or the cloud not one scan.
+
+    Of a single scan, the points nearest in direction lie at nearly the same depth, but for edges.
+    """
+    points = in_double(scan.cloud.points)
+    rays = points[:: len(points) // _ENOUGH + 1] - np.array(viewpoint)
+    depths = np.linalg.norm(rays, axis=1)
+    rays, depths = rays[depths > 0] / depths[depths > 0, None], depths[depths > 0]
+    if np.quantile(depths, 0.01) < LEAST_DISTANCE * scan.cloud.diagonal:
+        return False
+    some = np.arange(0, len(rays), len(rays) // _DIRECTIONS + 1)
+    found = features.match(rays[some], rays, k=_NEARBY)
+    apart = np.abs(depths[found.target_indices] - depths[some[found.source_indices]])
+    apart[found.target_indices == some[found.source_indices]] = np.inf
+    nearest = np.full(len(some), np.inf)
+    np.minimum.at(nearest, found.source_indices, apart)
+    return float((nearest > _LAYERS_APART * voxel).mean()) > MOST_LAYERED
 
 
 def as_point_cloud(name: str, cloud: Cloud | AnyCloud) -> Cloud | AnyCloud:

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from cgroup._checks.arrays import as_place
-from cgroup.errors import InputError
 from cgroup.features import ORIGIN
 from cgroup.registration.evidence import gather
 from cgroup.registration.judge import (
@@ -36,8 +34,6 @@ from cgroup.verification.alignment import align_each
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from numpy.typing import ArrayLike
 
     from cgroup._runtime.progress import StageClock
     from cgroup.registration.paper_front import PaperFront
@@ -255,20 +251,6 @@ def _better(one: Found | None, other: Found | None) -> Found | None:
     if one is None or other is None:
         return other if one is None else one
     return other if other.probability > one.probability else one
-
-
-def as_axis(axis: ArrayLike) -> FloatArray:
-    """Return an axis as a unit vector."""
-    direction = np.array(as_place("axis", axis))
-    largest = float(np.abs(direction).max())
-    if largest == 0:
-        raise InputError(
-            "axis",
-            "a zero vector",
-            "give the direction that both clouds share, such as (0, 0, 1)",
-        )
-    direction /= largest  # squares of the largest numbers are infinite, of the least zero
-    return direction / np.linalg.norm(direction)
 
 
 def keep_upright(poses: FloatArray, axis: FloatArray | None) -> FloatArray:
