@@ -35,6 +35,8 @@ PACKAGES = {
 BUILT = {"_teaserpp": "TEASER++", "clipperpy": "CLIPPER"}
 """What has to be built, with its Python bindings."""
 
+TITLES = {**PACKAGES, **BUILT}
+
 PCL_PACKAGES = "apt-get install libpcl-dev cmake"
 WITHOUT_PCL = 'Could not find a package configuration file provided by "PCL"'
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -93,7 +95,7 @@ def prepare(peers: Iterable[Peer], *, venv: Path, build: Path, say: Callable[[st
 
 def _add(environment: Environment, name: str, venv: Path, build: Path, say: Callable[[str], object]) -> None:
     """Set up PCL or a library, or note why it can't be had."""
-    title = {**PACKAGES, **BUILT}.get(name, "PCL")
+    title = TITLES.get(name, "PCL")
     try:
         if name == "pcl":
             program = build_pcl(build, say)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from peers.catalogue import OURS, PEERS, Peer
-from peers.environment import PACKAGES, needs
+from peers.environment import TITLES, needs
 from peers.figures import is_ours, scaling_figure
 from peers.records import Figures, Journal, Run, summaries
 from peers.scaling import LEAST_MIB, Quantity, common_share, curves
@@ -87,7 +87,7 @@ def machine(journal: Journal) -> Iterator[str]:
     listed = ", ".join(f"{name} {version}" for name, version in sorted(versions.items()))
     yield f"- {listed} (build {identity['build']})"
     for name, why in session["missing"].items():
-        yield f"- not available: {PACKAGES.get(name, 'PCL')}: {why}"
+        yield f"- not available: {TITLES.get(name, 'PCL')}: {why}"
     yield ""
 
 

@@ -303,7 +303,7 @@ def test_command_line(tmp_path, monkeypatch):
 @pytest.fixture
 def journal(tmp_path):
     journal = Journal(tmp_path / "results.jsonl")
-    missing = {"pcl": "cmake is missing; apt-get install libpcl-dev cmake"}
+    missing = {"pcl": "cmake is missing; apt-get install libpcl-dev cmake", "_teaserpp": "build it"}
     journal.add_session(describe(local_environment(missing)))
     for n in (500, 2000, 5000, 10_000):
         for threads in (1, 2):
@@ -321,6 +321,7 @@ def test_the_report_says_what_is_there_and_what_is_not(journal):
     assert "| NumPy GC, n x n | 0.90 | 3 | 250 | 10.0 x | 833.3 | 250 | 20.0 x | 833.3 |" in text
     assert "| cgroup GC | 2.00 | 2.00 | 0.00 | 0.00 |" in text
     assert "- not available: PCL: cmake is missing; apt-get install libpcl-dev cmake" in text
+    assert "- not available: TEASER++: build it" in text
     assert "- PCL Hough: not available: cmake is missing" in text
     assert "| NumPy GC, n x n | in 0 of 4 cases |  |" in text
     assert "- NumPy GTM, n = 20,000, 10% inliers, 1 thread: not run: would take 16 GiB" in text
