@@ -206,10 +206,10 @@ def test_what_is_trusted_is_counted(frame: pd.DataFrame) -> None:
     assert table.headers[1:4] == ("s, views", "right refused", "wrong accepted")
     rows = {row[0].text: [cell.text for cell in row[2:]] for row in table.rows}
     # right refused, wrong accepted, mirrored accepted, unrelated accepted
-    assert rows["right"] == ["0 / 3", "-", "2 / 2", "4 / 4"]
-    assert rows["rough"] == ["3 / 3", "-", "0 / 2", "0 / 4"]
-    assert rows["wrong"] == ["-", "3 / 3", "2 / 2", "4 / 4"]
-    assert rows["none"] == ["-", "0 / 3", "0 / 2", "0 / 4"]
+    assert rows["right"] == ["0 of 3", "-", "2 of 2", "4 of 4"]
+    assert rows["rough"] == ["3 of 3", "-", "0 of 2", "0 of 4"]
+    assert rows["wrong"] == ["-", "3 of 3", "2 of 2", "4 of 4"]
+    assert rows["none"] == ["-", "0 of 3", "0 of 2", "0 of 4"]
 
 
 def test_times_of_both_clouds_are_summed(frame: pd.DataFrame) -> None:

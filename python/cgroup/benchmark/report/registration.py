@@ -190,7 +190,7 @@ def _share(flags: pd.Series) -> Cell:
     """Cell of how many of how many."""
     if flags.empty:
         return Cell(MISSING, -1.0)
-    return Cell(f"{int(flags.sum())} / {len(flags)}", float(flags.mean()))
+    return Cell(f"{int(flags.sum())} of {len(flags)}", float(flags.mean()))
 
 
 def _mark_best(rows: list[tuple[Cell, ...]]) -> list[tuple[Cell, ...]]:
