@@ -1,84 +1,193 @@
-"""Measure what the methods' pages and the chooser tell, and write it into them.
+"""Measure what README and pages tell, and write it into them.
 
-``python docs/figures/choose.py measure`` runs all methods on generated matches (choose.toml, some minutes on
-one core) and all options of `method_figures.sweeps` (half a minute), and rewrites ``measured/*.csv``.
-``python docs/figures/choose.py write`` makes the tables of the pages from these files.
+Each command rewrites files of ``measured/``, and the tables of the pages that are made from them:
+
+``measure``               all methods on generated matches (choose.toml, some minutes), and options
+                          (`method_figures.sweeps`, half a minute);
+``order``                 which methods depend on the order of the matches (a minute);
+``clouds``                how long `register` takes on clouds of millions of points (half a minute);
+``registration FOLDER``   takes the records of ``cgroup benchmark run registration``;
+``trust FOLDER``          takes the records of ``cgroup benchmark run trust``;
+``peers FOLDER``          takes the records of ``make bench-peers``.
+
+``write`` only writes the tables. ``check`` names the files whose code has changed since they were measured.
 """
 
 from __future__ import annotations
 
-import csv
+import subprocess
 import sys
 import tempfile
-from datetime import datetime, timezone
 from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING
 
-import cgroup
+import pandas as pd
+
 from cgroup.benchmark.config import read_config
+from cgroup.benchmark.report.registration import answer_table, calibration_table, trust_table
 from cgroup.benchmark.run import run
 from cgroup.benchmark.tables import load
+from method_figures.measure_clouds import measure_clouds
 from method_figures.measure_options import COLUMNS, measure_all
-from method_figures.measured import METHODS_CSV, OPTIONS_CSV
+from method_figures.measure_order import measure_order
+from method_figures.measured import FOLDER, METHODS_CSV, OPTIONS_CSV, ROOT, load_origin, save
 from method_figures.tables import write_tables
 
+sys.path.insert(0, str(ROOT / "benches"))
+
+from peers.records import Journal, summaries
+from peers.report import NOTHING, case_table, growth
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from cgroup.benchmark.report.cells import Table
+
 CONFIG = Path(__file__).with_suffix(".toml")
+GROUPING = ("rust/core/grouping", "python/cgroup/methods")
+REGISTRATION = (
+    "rust/core",
+    "python/cgroup/registration",
+    "python/cgroup/verification",
+    "python/cgroup/features",
+)
+PEERS_CASES = {"peers-5000": (5000, (0.03, 0.1)), "peers-100000": (100_000, (0.1,))}
+_MEASURE = "python docs/figures/choose.py measure"
 _KIND = ["set", "scene", "n", "inliers", "noise", "frames", "method"]
 
 
 def measure_methods(folder: Path | None = None) -> None:
-    """Run the configuration, unless a folder holds its records, and write means by kind of problem."""
-    with tempfile.TemporaryDirectory() as made:
-        where = folder or Path(made)
-        if folder is None:
-            run(read_config(CONFIG), where, workers=1)
-        trials = load(where, "matches")
-    # As they were asked for; views have as many as they have.
-    for column, asked in (("n", "size"), ("inliers", "inliers"), ("noise", "noise")):
-        trials[column] = trials[asked].fillna(0)
-    trials["n"] = trials["n"].astype(int)
-    for column in ("scene", "frames"):
-        trials[column] = trials[column].fillna("")
-    trials["milliseconds"] = 1000 * trials["seconds"]
-    trials = trials[trials["skipped"] == ""]
-    groups = trials.groupby(_KIND, sort=True)
+    """Run all methods on generated matches and keep the means of each kind of problem.
+
+    Records are kept in `folder`, if one is given: a run that was ended goes on there.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        run(read_config(CONFIG), folder or Path(scratch))
+        frame = load(folder or Path(scratch), "trials")
+    frame["set"] = frame["set"].str.removesuffix(" (synthetic)")
+    frame["right"] = frame["verdicts"].map(lambda verdicts: float(bool(verdicts.get("6deg+6pr", False))))
+    frame["milliseconds"] = 1e3 * frame["seconds"]
+    frame["mebibytes"] = frame["peak_bytes"] / 2**20
+    for column in ("precision", "recall", "f_score"):
+        frame[column] = frame[column].fillna(0.0)
+    groups = frame.groupby(_KIND, sort=True, dropna=False)
     table = groups[["precision", "recall", "f_score", "right"]].mean().round(4)
     table["problems"] = groups.size()
     table["milliseconds"] = groups["milliseconds"].median().round(4)
     table["mebibytes"] = groups["mebibytes"].median().round(3)
-    _write(METHODS_CSV, table.reset_index().to_csv(index=False))
+    code = (*GROUPING, "python/cgroup/datasets/generated_matches.py")
+    save(METHODS_CSV, _MEASURE, code, table.reset_index(), "one thread")
 
 
 def measure_options() -> None:
     """Measure all options."""
-    with OPTIONS_CSV.open("w", encoding="utf-8", newline="") as file:
-        file.write(_heading())
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(measure_all())
+    table = pd.DataFrame(measure_all(), columns=list(COLUMNS))
+    save(OPTIONS_CSV, _MEASURE, GROUPING, table, "one thread")
 
 
-def _heading() -> str:
-    day = datetime.now(tz=timezone.utc).date().isoformat()
-    return f"# Measured by docs/figures/choose.py with cgroup {cgroup.__version__} on {day}, one thread.\n"
+def record_registration(folder: Path) -> None:
+    """Write what a run of the preset `registration` found."""
+    frame = _load_registrations(folder)
+    _save_shown("registration-answers", answer_table(frame[frame["kind"] == "related"]), "registration")
+    _save_shown("registration-trust", trust_table(frame), "registration")
 
 
-def _write(path: Path, text: str) -> None:
-    path.write_text(_heading() + text, encoding="utf-8")
+def record_trust(folder: Path) -> None:
+    """Write what a run of the preset `trust` found."""
+    _save_shown("trust", calibration_table(_load_registrations(folder)), "trust")
+
+
+def _load_registrations(folder: Path) -> pd.DataFrame:
+    frame = load(folder, "registration")
+    return frame[frame["error"] == ""]
+
+
+def _save_shown(name: str, table: Table, preset: str) -> None:
+    rows = [[f"**{cell.text}**" if cell.best else cell.text for cell in row] for row in table.rows]
+    shown = pd.DataFrame(rows, columns=list(table.headers))
+    save(FOLDER / f"{name}.csv", f"cgroup benchmark run {preset}", REGISTRATION, shown, "two threads")
+
+
+def record_peers(folder: Path) -> None:
+    """Write what a run of ``make bench-peers`` found, as far as it went."""
+    journal = Journal(folder / "results.jsonl")
+    works = summaries(journal)
+    others = median(record.get("others") or 0.0 for record in journal.runs.values())
+    tables = {"growth": _table_of(growth(works))}
+    for name, (n, shares) in PEERS_CASES.items():
+        cases = [_table_of(case_table(works, n, share)) for share in shares]
+        for case, share in zip(cases, shares, strict=True):
+            case.insert(0, "right", f"{100 * share:g} %")
+        tables[name] = pd.concat(cases)
+    for name, table in tables.items():
+        numbers = table.columns[table.columns.str.contains("thread")]
+        measured = table[(table[numbers] != NOTHING).any(axis="columns")]
+        if not measured.empty:
+            code = (*GROUPING, "benches/peers")
+            save(
+                FOLDER / f"{name}.csv",
+                "make bench-peers",
+                code,
+                measured,
+                f"{others:.1f} of them at work for others",
+            )
+
+
+def _table_of(lines: Iterable[str]) -> pd.DataFrame:
+    """Take a table of the report apart."""
+    shown = [line.split("|")[1:-1] for line in "\n".join(lines).splitlines() if line[:1] == "|"]
+    header, _, *rows = [[cell.strip() for cell in line] for line in shown]
+    return pd.DataFrame(rows, columns=["program", *header[1:]])
+
+
+def list_outdated() -> list[str]:
+    """Return a line for each file of measurements whose code has changed since."""
+    lines: list[str] = []
+    for path in sorted(FOLDER.glob("*.csv")):
+        origin = load_origin(path)
+        try:
+            changes = origin.changes()
+        except subprocess.CalledProcessError:
+            lines.append(f"{path.stem}: this copy lacks its commit, {origin.commit}")
+            continue
+        if changes:
+            lines.append(
+                f"{path.stem}: {len(changes)} files changed since {origin.commit}, such as {changes[0]}; "
+                f"measured by: {origin.command}"
+            )
+    return lines
 
 
 def main(arguments: list[str]) -> int:
     """Do what is asked for."""
-    if arguments[:1] == ["measure"] and len(arguments) <= 2:
-        measure_methods(Path(arguments[1]) if arguments[1:] else None)
-        measure_options()
-        write_tables()
-    elif arguments == ["write"]:
-        write_tables()
-    else:
-        sys.stderr.write(__doc__ or "")
-        return 2
+    match arguments:
+        case ["measure", *folder] if len(folder) <= 1:
+            measure_methods(Path(folder[0]) if folder else None)
+            measure_options()
+        case ["order"]:
+            command = "python docs/figures/choose.py order"
+            save(FOLDER / "order.csv", command, GROUPING, measure_order(), "any number of threads")
+        case ["clouds"]:
+            command = "python docs/figures/choose.py clouds"
+            save(FOLDER / "large-clouds.csv", command, REGISTRATION, measure_clouds(), "two threads")
+        case ["registration", folder]:
+            record_registration(Path(folder))
+        case ["trust", folder]:
+            record_trust(Path(folder))
+        case ["peers", folder]:
+            record_peers(Path(folder))
+        case ["write"]:
+            pass
+        case ["check"]:
+            sys.stdout.writelines(f"{line}\n" for line in list_outdated())
+            return 0
+        case _:
+            sys.stderr.write(__doc__ or "")
+            return 2
+    write_tables()
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    raise SystemExit(main(sys.argv[1:]))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cgroup.registry import METHOD_INFO, MethodInfo
-from method_figures.measured import METHODS_CSV, heading
+from method_figures.measured import METHODS_CSV, load_origin
 from method_figures.tables import SHARES, SIZES, function_of, sized
 
 _TEMPLATE = Path(__file__).with_suffix(".html")
@@ -45,7 +45,7 @@ def chooser_data() -> dict[str, Any]:
         "shares": list(SHARES),
         "methods": [_method(info) for info in METHOD_INFO.values()],
         "rows": rows,
-        "source": heading(METHODS_CSV),
+        "source": str(load_origin(METHODS_CSV)),
     }
 
 

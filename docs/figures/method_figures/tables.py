@@ -1,13 +1,12 @@
-"""Tables of the methods' pages that are made from the measured figures and docstrings, between two marks."""
+"""Tables of README and pages that are made from measured figures and docstrings, between two marks."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cgroup.registry import METHOD_INFO, find_method
-from method_figures.measured import METHODS_CSV, heading, load_methods
+from method_figures.measured import FOLDER, METHODS_CSV, ROOT, load_methods, load_origin, load_table
 from method_figures.option_table import option_table
 
 if TYPE_CHECKING:
@@ -17,11 +16,22 @@ if TYPE_CHECKING:
 
     from cgroup.registry import MethodInfo
 
-PAGES = Path(__file__).parents[2] / "methods"
+PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("docs/[hms]*/*.md"))]
+"""README, and the pages written by hand: those of docs, how-tos, methods, and the start."""
+
 SIZES = (200, 1000, 5000, 20_000)
 SHARES = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
 CLOSE = 0.02
 """Methods whose F is less than this below the best are as good."""
+
+VERDICTS = (
+    "cgroup",
+    "cgroup, viewpoint not told",
+    "Open3D RANSAC",
+    "KISS-Matcher",
+    "KISS-Matcher + small_gicp",
+)
+SPEED_PEERS = ("cgroup", "PCL", "NumPy")
 
 _OPENING = re.compile(r"<!-- (made|measured): ([^\n]+?) -->\n.*?<!-- end of \1 -->", re.DOTALL)
 
@@ -35,12 +45,15 @@ GROUPS = {
 
 _CAPTIONS = {"individual": "Individual", "group": "Group-based", "modern": "Modern"}
 
+_NUMERIC = "0123456789.,-+e/*% of°"
+"""What cells of numbers, of shares, and of counts such as 3 of 7 consist of."""
+
 _NEEDS = {"source": "points", "similarity": "similarities", "ratio": "ratios", "source_lrf": "frames"}
 
 
 def write_tables() -> None:
     """Write the tables into all pages."""
-    for page in sorted(PAGES.glob("*.md")):
+    for page in PAGES:
         text = page.read_text(encoding="utf-8")
         page.write_text(fill(text), encoding="utf-8")
 
@@ -63,6 +76,9 @@ def _render(what: str) -> str:
         "best": best_table,
         "needs": needs_table,
         "options": option_table,
+        "table": measured_table,
+        "verdicts": verdict_table,
+        "speed": speed_table,
         "toctree": toctree,
     }
     return tables[kind](name)
@@ -88,9 +104,7 @@ def cost_table(function: str) -> str:
         at = rows[rows["n"] == n].set_index("inliers")
         times = [time(at["milliseconds"].get(share)) for share in (0.5, 0.1, 0.02)]
         lines.append(f"| {n:,} | {' | '.join(times)} | {memory(at['mebibytes'].get(0.1))} |")
-    return _captioned(
-        lines, "Medians of 8, 8, 3 and 1 problems, one thread of a machine that had other work too."
-    )
+    return _captioned(lines, f"Medians of 8, 8, 3 and 1 problems. {_source()}")
 
 
 def all_table(_: str) -> str:
@@ -219,8 +233,71 @@ def _short(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
+def measured_table(name: str) -> str:
+    """Show a file of measurements as it is; columns of numbers are set flush right."""
+    path = FOLDER / f"{name}.csv"
+    table = load_table(path)
+    right = [all(not cell.strip(_NUMERIC) for cell in table[column]) for column in table]
+    rows = [list(table), ["---:" if flush else "---" for flush in right], *table.to_numpy().tolist()]
+    return _captioned(("| " + " | ".join(row) + " |" for row in rows), str(load_origin(path)))
+
+
+def verdict_table(_: str) -> str:
+    """List how many poses some pipelines find, and how many right and wrong ones they accept, in all."""
+    path = FOLDER / "registration-trust.csv"
+    rows = [row for row in load_table(path).to_dict("records") if row["pipeline"] in VERDICTS]
+    lines: list[str] = []
+    for row in rows:
+        refused, found = _counts(row["right refused"])
+        wrong, missed = _counts(row["wrong accepted"])
+        others = [_counts(row[f"{kind} accepted"]) for kind in ("mirrored", "unrelated")]
+        wrong += sum(accepted for accepted, _ in others)
+        without = sum(of for _, of in others)
+        seconds = "; ".join(row[f"s, {name}"] for name in ("range views", "rooms", "LiDAR"))
+        cells = [row["pipeline"], f"{found} of {found + missed}", str(found - refused)]
+        cells += [f"{wrong} of {found + missed + without}", seconds]
+        lines.append(f"| {' | '.join(cells)} |")
+    header = [
+        "| | finds the right pose | accepts a right pose | accepts a wrong pose | s: views; rooms; LiDAR |",
+        "|---|---:|---:|---:|---:|",
+    ]
+    return _captioned([*header, *lines], str(load_origin(path)))
+
+
+def _counts(cell: str) -> tuple[int, int]:
+    """Take "3 of 7" apart; where there are none, the cell is "-"."""
+    some, _, of = cell.partition(" of ")
+    return (int(some), int(of)) if of else (0, 0)
+
+
+def speed_table(_: str) -> str:
+    """List time and F of methods beside PCL and NumPy: 5,000 matches, 3 % right, one thread."""
+    path = FOLDER / "peers-5000.csv"
+    shown: dict[str, dict[str, str]] = {}
+    method = ""
+    for row in load_table(path).to_dict("records"):
+        library, _, rest = row["program"].strip("*").partition(" ")
+        if library == "cgroup":
+            method = rest
+        if library in SPEED_PEERS and row["right"] == "3 %":
+            cell = f"{_milliseconds(row['ms, 1 thread'])}, F {two(float(row['F']))}"
+            shown.setdefault(method, {}).setdefault(library, cell)
+    lines = ["| method | " + " | ".join(SPEED_PEERS) + " |", "|---|" + "---:|" * len(SPEED_PEERS)]
+    lines += [
+        f"| {method} | " + " | ".join(cells.get(library, "") for library in SPEED_PEERS) + " |"
+        for method, cells in shown.items()
+        if len(cells) > 1
+    ]
+    return _captioned(lines, str(load_origin(path)))
+
+
+def _milliseconds(text: str) -> str:
+    value = float(text.replace(",", ""))
+    return f"{value / 1000:.2g} s" if value >= 1000 else f"{_short(value)} ms"
+
+
 def _source() -> str:
-    return heading(METHODS_CSV)
+    return str(load_origin(METHODS_CSV))
 
 
 def _captioned(lines: Iterable[str], caption: str) -> str:
