@@ -17,7 +17,7 @@ OWN = 5
 CORES_LIST = "rust/core/grouping/mod.rs"
 """It names the methods by their modules, not by the functions of Python."""
 
-MOST_FILES = 12
+MOST_FILES = 11
 MOST_FILES_OF_AN_OPTION = 4
 MOST_LINES_OF_AN_OPTION = 7
 

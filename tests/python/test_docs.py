@@ -12,8 +12,6 @@ pytest.importorskip("typer", reason="commands are parsed by typer: pip install '
 
 from command_lines import parse_command
 
-from cgroup.registry import METHOD_INFO
-
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 
@@ -84,7 +82,7 @@ def python_blocks(page: Path) -> list[str]:
 
 def test_the_readme_shows_what_is_there(capsys: pytest.CaptureFixture[str]):
     blocks, namespace = python_blocks(ROOT / "README.md"), {}
-    assert len(blocks) >= 3
+    assert len(blocks) >= 2
     for block in blocks:
         exec(compile(block, "README.md", "exec"), namespace)
     assert "ransac Grouping(200 of 1000 selected)" in capsys.readouterr().out
@@ -93,8 +91,7 @@ def test_the_readme_shows_what_is_there(capsys: pytest.CaptureFixture[str]):
     targets = set(re.findall(r"^([a-z-]+):", makefile, flags=re.MULTILINE))
     named = set(re.findall(r"^ +make ([a-z]+)", text, flags=re.MULTILINE))
     assert {"demo", "test"} <= named <= targets
-    rows = re.findall(r"^\| \[?`(\w+)`(?:\]\(\S+\))? \|.*\| ([^|]+) \|$", text, flags=re.MULTILINE)
-    assert rows == [(info.function.__name__, info.complexity) for info in METHOD_INFO.values()]
+    assert len(text.splitlines()) <= 120
 
 
 def commands(page: Path) -> list[str]:

@@ -3,6 +3,7 @@
 import inspect
 import json
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -15,12 +16,16 @@ sys.path.insert(0, str(ROOT / "docs" / "figures"))
 
 pytest.importorskip("matplotlib", reason="figures of the pages are drawn by matplotlib")
 
+pd = pytest.importorskip("pandas", reason="measurements are read by pandas")
+
+import choose  # noqa: E402 - the script of the measurements
 import methods as figures  # noqa: E402 - the script of the figures
 
-from method_figures import chooser, ideas, tables  # noqa: E402
+from method_figures import chooser, ideas, measured, tables  # noqa: E402
 from method_figures.measure_options import measure_value  # noqa: E402
-from method_figures.measured import load_methods, load_options  # noqa: E402
+from method_figures.measured import FOLDER, load_methods, load_options, load_origin, load_table  # noqa: E402
 from method_figures.sweeps import SWEEPS, VIEWS  # noqa: E402
+from peers.records import Journal, Run  # noqa: E402 - found by `choose`
 
 PAGES = ROOT / "docs" / "methods"
 HEADINGS = (
@@ -80,10 +85,128 @@ def test_all_methods_are_listed_once():
     assert set(ideas.IDEAS) == set(FUNCTIONS) == {s.method for s in SWEEPS}
 
 
-@pytest.mark.parametrize("page", sorted(PAGES.glob("*.md")), ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", tables.PAGES, ids=lambda page: page.stem)
 def test_tables_are_those_of_the_measured_figures_and_docstrings(page: Path):
     text = page.read_text(encoding="utf-8")
     assert tables.fill(text) == text, "run: python docs/figures/choose.py write"
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.csv")), ids=lambda path: path.stem)
+def test_a_file_of_measurements_says_where_it_comes_from(path: Path):
+    origin = load_origin(path)
+    assert re.fullmatch(r"[0-9a-f]{7,}", origin.commit)
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d", origin.date)
+    assert all((ROOT / code).exists() for code in origin.code.split())
+
+
+def test_what_has_changed_since_it_was_measured_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def git(*arguments: str) -> None:
+        names = ["-c", "user.name=A", "-c", "user.email=a@example.org"]
+        subprocess.run(["git", "-C", str(tmp_path), *names, *arguments], check=True, capture_output=True)
+
+    monkeypatch.setattr(measured, "ROOT", tmp_path)
+    monkeypatch.setattr(choose, "FOLDER", tmp_path)
+    table = pd.DataFrame({"method": ["GC"], "ms": ["9"]})
+    git("init")
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "code").write_text("old", encoding="utf-8")
+    git("add", ".")
+    git("commit", "-m", "code")
+    measured.save(tmp_path / "a.csv", "make it", ["first"], table, "one thread")
+    measured.save(tmp_path / "b.csv", "make it", ["second"], table, "one thread")
+    assert choose.list_outdated() == []
+
+    (tmp_path / "first" / "code").write_text("new", encoding="utf-8")
+    [line] = choose.list_outdated()
+    assert line.startswith("a: 1 files changed since")
+    assert "first/code" in line
+    with pytest.raises(SystemExit, match="commit first"):
+        measured.save(tmp_path / "a.csv", "make it", ["first"], table, "one thread")
+
+    text = (tmp_path / "b.csv").read_text(encoding="utf-8")
+    (tmp_path / "b.csv").write_text(re.sub("commit: .*", "commit: abcdef0", text), encoding="utf-8")
+    assert choose.list_outdated()[1] == "b: this copy lacks its commit, abcdef0"
+
+
+def test_records_of_peers_become_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    saved: list[tuple[str, pd.DataFrame, str]] = []
+    monkeypatch.setattr(
+        choose, "save", lambda path, _command, _code, table, how: saved.append((path.stem, table, how))
+    )
+    records = Journal(tmp_path / "results.jsonl")
+    common = {"differs": 3, "base_mib": 1.0, "peak_mib": 2.0, "others": 0.5}
+    for peer, seconds, f in (("cgroup_gc", 0.01, 0.25), ("pcl_gc", 0.08, 1.0)):
+        record = common | {"median_s": seconds, "times_s": [seconds], "f": f}
+        records.add(Run(peer, 5000, 0.03, 1, 0), record)
+    choose.record_peers(tmp_path)
+    [(name, table, how)] = saved
+    assert (name, how) == ("peers-5000", "0.5 of them at work for others")
+    assert table[["right", "program", "F", "ms, 1 thread"]].to_numpy().tolist() == [
+        ["3 %", "**cgroup GC**", "0.25", "10.0"],
+        ["3 %", "PCL GC, threshold 3", "1.00", "80.0"],
+    ]
+
+
+MEASURED = re.compile(r"\d (ms|MiB)\b|\d of (the |its )?\d|^\|.*[\d*] / [\d*]")
+"""What measured numbers look like: units, counts of counts, columns of one number beside another."""
+
+CHOSEN = (
+    *("calls under 20 ms", "beyond 64 MiB", "other matches and 10 of the group's"),
+    *("| a tenth or more", "| several motions", "| a first guess", "| overlap below 0.3"),
+)
+"""Parts of lines that look so and are parameters, an output, or words about the tables of their page."""
+
+REPORTS = {"readings", "reproduction"}
+"""Pages on one run each, which their tables name."""
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in tables.PAGES if page.stem not in REPORTS], ids=lambda page: page.stem
+)
+def test_measured_numbers_come_from_their_files(page: Path):
+    text = without_marked(page.read_text(encoding="utf-8"))
+    lines = [line for line in text.splitlines() if MEASURED.search(line)]
+    assert not [line for line in lines if not any(part in line for part in CHOSEN)], (
+        "move it to docs/figures/measured, or quote it"
+    )
+
+
+def without_marked(text: str) -> str:
+    """Leave out what is made from measurements or quotes them, and code."""
+    marked = r"<!-- (\w+): [^\n]+ -->\n.*?<!-- end of \1 -->|^(`{3,})[^\n]*\n.*?^\2"
+    return re.sub(marked, "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", tables.PAGES, ids=lambda page: page.stem)
+def test_quoted_numbers_stand_in_their_files(page: Path):
+    text = page.read_text(encoding="utf-8")
+    for names, prose in re.findall(
+        r"<!-- quoted: ([^\n]+) -->\n(.*?)<!-- end of quoted -->", text, flags=re.DOTALL
+    ):
+        there = set().union(*(numbers_of_file(name) for name in names.split()))
+        assert numbers(re.sub(r"\]\([^)]*\)", "", prose)) <= there, f"not in {names}"
+
+
+def numbers(text: str) -> set[float]:
+    found = re.findall(r"(?<![\w.])(?:\d{1,3}(?:,\d{3})+|\d+)?(?:\.\d+)?", text)
+    return {float(number.replace(",", "")) for number in found if number}
+
+
+def numbers_of_file(name: str) -> set[float]:
+    table = load_table(FOLDER / f"{name}.csv")
+    return numbers(" ".join([name.replace("-", " "), *table.columns, *table.to_numpy().ravel()]))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_scores_on_a_methods_page_were_measured_for_it(name: str):
+    text = without_marked((PAGES / f"{name}.md").read_text(encoding="utf-8"))
+    scores: set[str] = set()
+    for table in (load_methods(), load_options()):
+        rows = table[table["method"] == find_method(name).name]
+        scores |= {tables.two(value) for value in rows[["precision", "recall", "f_score"]].to_numpy().ravel()}
+    scores |= {score.removesuffix("0") for score in scores}
+    assert set(re.findall(r"(?<![\w.])\.\d\d?\b", text)) <= scores
 
 
 def test_every_method_is_measured_at_every_size_and_share():
