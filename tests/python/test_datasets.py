@@ -1,5 +1,6 @@
 """Data sets: small folders in their owners' layouts, and the real ones where they are."""
 
+import io
 import json
 import shutil
 import sys
@@ -144,25 +145,84 @@ def test_cache_folder_is_where_caches_are(
     assert str(cache_folder()) == platformdirs.user_cache_dir("cgroup", appauthor=False, opinion=False)
 
 
-def test_cache_makes_once_and_outlives_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CGROUP_CACHE", str(tmp_path / "here"))
-    calls: list[int] = []
+class Cached:
+    """Arrays in a cache of its own, and how often they were made."""
 
-    def make() -> dict[str, np.ndarray]:
-        calls.append(1)
-        return {"a": np.arange(3)}
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("CGROUP_CACHE", str(folder))
+        self.folder, self.made = folder / "kind", 0
+        self._arrays = {
+            "a": np.arange(300.0).reshape(-1, 3),
+            "empty": np.empty(0, int),
+            "long name": np.eye(3) > 0,
+        }
 
+    def get(self, key: str = "key") -> None:
+        """Fetch the arrays, which are right."""
+        found = cached("kind", [key, b"1"], self._make)
+        assert list(found) == list(self._arrays)
+        for name, array in self._arrays.items():
+            assert found[name].dtype == array.dtype
+            np.testing.assert_array_equal(found[name], array)
+
+    def _make(self) -> dict[str, np.ndarray]:
+        self.made += 1
+        return self._arrays
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cached:
+    return Cached(tmp_path / "here", monkeypatch)
+
+
+def test_cache_makes_once(kept: Cached) -> None:
     for _ in range(2):
-        np.testing.assert_array_equal(cached("kind", ["key", b"1"], make)["a"], [0, 1, 2])
-    assert len(calls) == 1
-    cached("kind", ["other"], make)
-    assert len(calls) == 2
-    files = list((tmp_path / "here" / "kind").iterdir())
-    assert sorted(path.suffix for path in files) == [".npz", ".npz"]
-    for path in files:
-        path.write_bytes(path.read_bytes()[:50])
-    np.testing.assert_array_equal(cached("kind", ["other"], make)["a"], [0, 1, 2])
-    assert len(calls) == 3
+        kept.get()
+    assert kept.made == 1
+    kept.get("other")
+    assert kept.made == 2
+    assert [path.suffix for path in kept.folder.iterdir()] == [".npz", ".npz"]
+
+
+def mutated(content: bytes, rng: np.random.Generator) -> bytes:
+    """A file with one kind of damage or another."""
+    damaged, at = bytearray(content), int(rng.integers(len(content)))
+    match rng.integers(6):
+        case 0:
+            damaged[at] ^= 1 << rng.integers(8)
+        case 1:
+            del damaged[at:]
+        case 2:
+            damaged[at : at + 9] = rng.bytes(9)
+        case 3:
+            damaged[at:at] = rng.bytes(int(rng.integers(1, 30)))
+        case 4:
+            damaged[: len(damaged) // 2] = bytes(len(damaged) // 2)
+        case _:
+            damaged[at : at + 100] = b""
+    return bytes(damaged)
+
+
+def test_cache_outlives_damage(kept: Cached) -> None:
+    kept.get("other")
+    [other] = kept.folder.iterdir()
+    kept.get()
+    [file] = set(kept.folder.iterdir()) - {other}
+    whole = file.read_bytes()
+    unlike, plain = io.BytesIO(), io.BytesIO()
+    np.savez_compressed(unlike, a=np.zeros(3))
+    np.savez_compressed(plain, **np.load(file))
+    rng = np.random.default_rng(0)
+    damaged = {
+        *(content for content in (mutated(whole, rng) for _ in range(300)) if content != whole),
+        *(b"", b"PK", b"garbage", other.read_bytes(), unlike.getvalue(), plain.getvalue(), whole[:-16]),
+    }
+    for content in damaged:
+        file.write_bytes(content)
+        made = kept.made
+        kept.get()
+        assert kept.made == made + 1
+        assert file.read_bytes() == whole
 
 
 # --- owners' layouts -------------------------------------------------------------------------

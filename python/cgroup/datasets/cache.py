@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
+import io
 import os
 import sys
-import tempfile
-import zipfile
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from cgroup.errors import InputError
+from cgroup.io._files import read_content, write_file
+from cgroup.io._results import make_folder, remove_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 # The variable that names the folder for caches, and that folder in the home otherwise; by platform.
 _CACHES = {"darwin": ("XDG_CACHE_HOME", "Library/Caches"), "win32": ("LOCALAPPDATA", "AppData/Local")}
+
+_DIGEST_SIZE = 16
 
 
 def cache_folder() -> Path:
@@ -33,34 +38,35 @@ def cache_folder() -> Path:
 def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Arrays of a kind from the cache, or made and put there; the key is all that they depend on.
 
-    A cache that can't be read or written is no error: the arrays are then made each time.
+    A cache that can't be read or written is no error: the arrays are then made each time. A file that isn't
+    as it was written is removed, and made anew.
     """
-    path = cache_folder() / kind / f"{_digest(key)}.npz"
-    unreadable = contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile)
-    with unreadable, path.open("rb") as file, np.load(file) as archive:
-        return dict(archive)
+    name = _digest(key)
+    path = cache_folder() / kind / f"{name}.npz"
+    with suppress(InputError):
+        content = read_content(path)
+        content, seal = content[:-_DIGEST_SIZE], content[-_DIGEST_SIZE:]
+        if seal == _seal(name, content):
+            with np.load(io.BytesIO(content)) as archive:
+                return dict(archive)
+        remove_files([path])
     arrays = make()
-    with contextlib.suppress(OSError):
-        _write(path, arrays)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    with suppress(InputError):
+        make_folder(path.parent)
+        write_file(path, buffer.getvalue() + _seal(name, buffer.getvalue()))
     return arrays
 
 
+def _seal(name: str, content: bytes) -> bytes:
+    """Hash of a file's name and content, which stands behind it: damage may leave arrays that can be read."""
+    return bytes.fromhex(_digest([name, content]))
+
+
 def _digest(key: Iterable[str | bytes]) -> str:
-    digest = hashlib.blake2b(digest_size=16)
+    digest = hashlib.blake2b(digest_size=_DIGEST_SIZE)
     for part in key:
         content = part.encode() if isinstance(part, str) else part
         digest.update(len(content).to_bytes(8, "little") + content)
     return digest.hexdigest()
-
-
-def _write(path: Path, arrays: dict[str, Any]) -> None:
-    """Write all or nothing: another process may be reading or writing the same file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, unfinished = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, **arrays)
-        Path(unfinished).replace(path)
-    except BaseException:
-        Path(unfinished).unlink(missing_ok=True)
-        raise
