@@ -26,6 +26,7 @@ interrupts.watch_for_interrupts()  # before anything that takes time
 from cgroup import _core
 from cgroup._checks.hooks import fill_hooks as _fill_hooks
 from cgroup._core import __version__
+from cgroup._runtime.memory import reserve_linear_algebra as _reserve_linear_algebra
 from cgroup.errors import CgroupError, InputError, NoConsensusError, OutOfMemoryError
 from cgroup.explanation import Explanation
 from cgroup.group import group, group_many
@@ -111,6 +112,7 @@ def _read_cloud(path: str | _PathLike[str]) -> _PointCloud:
     return read_cloud(path)
 
 
+_reserve_linear_algebra()
 _fill_hooks(cloud=_read_cloud, explanation=_explain, figure=_draw, chart=_draw_interactive)
 
 if _core.DEBUG_BUILD:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cgroup._checks.fields import FIELDS, Fields
 from cgroup._checks.values import as_choice, as_instance, as_items, guess_option
-from cgroup._runtime.memory import default_max_memory
+from cgroup._runtime.memory import default_max_memory, report_refused_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.methods._call import compute
@@ -27,6 +27,7 @@ __all__ = [
 ]
 
 
+@report_refused_memory()
 def group(
     correspondences: Correspondences,
     method: str,
@@ -90,6 +91,7 @@ def group(
     return compute(info.name, fields, chosen, positions, correspondences.resolution)
 
 
+@report_refused_memory()
 def group_many(
     problems: Iterable[Correspondences],
     method: str,

@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use cgroup::{Error, Execution};
 use pyo3::prelude::*;
+use rayon::ThreadPoolBuildError;
 
 use crate::background::{Failure, compute, give_back, take_pool};
-use crate::error::{CgroupError, to_python};
+use crate::error::{CgroupError, OutOfMemoryError, to_python};
 
 /// How the caller wants a computation to run; read from a `cgroup._checks.run_options.RunOptions`.
 #[derive(FromPyObject)]
@@ -37,8 +38,7 @@ pub fn run<T: Send + 'static>(
     work: impl FnOnce(&Execution) -> Result<T, Error> + Send + 'static,
 ) -> PyResult<T> {
     let threads = options.threads();
-    let failed = |error| CgroupError::new_err(format!("threads: could not start {threads} threads: {error}"));
-    let pool = take_pool(threads).map_err(failed)?;
+    let pool = take_pool(threads).map_err(|error| too_few_threads(threads, &error))?;
     let execution = Arc::new(Execution::new(options.max_memory));
     let look_around = || Python::attach(|py| look_around(py, options, &execution));
     match py.detach(|| compute(&pool, &execution, options.deadline(), work, look_around)) {
@@ -62,6 +62,14 @@ pub fn run_inline<T: Send>(
 ) -> PyResult<T> {
     let outcome = py.detach(|| catch_unwind(AssertUnwindSafe(|| work(&Execution::default()))));
     outcome.map_err(|_| internal_error())?.map_err(|error| to_python(&error))
+}
+
+fn too_few_threads(threads: usize, error: &ThreadPoolBuildError) -> PyErr {
+    let instead = if threads > 1 { "give threads=1, or " } else { "" };
+    OutOfMemoryError::new_err(format!(
+        "the system does not start {threads} thread{} ({error}); {instead}allow the process more threads or more memory",
+        if threads > 1 { "s" } else { "" }
+    ))
 }
 
 fn internal_error() -> PyErr {

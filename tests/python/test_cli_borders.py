@@ -279,6 +279,7 @@ cli.main(["group", "matches.npz"])
             "unforeseen ZeroDivisionError (a b); this is an error of cgroup: please ",
         ),
         ("MemoryError()", 2, "not enough memory"),
+        ("ImportError('x.so: failed to map segment')", 2, "not enough memory (x.so: failed"),
         ("OSError(5, 'Input/output error', 'disk')", 2, "disk: Input/output error"),
         ("KeyboardInterrupt()", 130, "interrupted"),
         ("exec('raise KeyboardInterrupt')", 130, "interrupted"),  # as in the making of a named tuple

@@ -1,7 +1,7 @@
 """Steps and methods in a process that may take hardly more memory: an error or the result, and the process lives on.
 
 ``python test_little_memory.py steps`` (or ``methods``) runs each in a few MiB of room after the other, and prints what came
-of it. What ends the process, or is an exception other than of memory, fails.
+of it; ``register 5`` registers in 5 MiB; ``threads`` asks for too many. What ends the process, or is an exception other than of memory, fails.
 """
 
 import inspect
@@ -103,8 +103,7 @@ def outcome(step: Callable[[], object], room: int) -> str:
 
 
 def main(which: str) -> None:
-    # Threads are started while there is room for them; so is NumPy's linear algebra, which ends the process without.
-    np.linalg.det(np.eye(500) @ np.eye(500))
+    # Threads are started while there is room for them.
     features.match(np.eye(300), np.eye(300), threads=THREADS)
     features.mesh_normals(np.eye(3), [[0, 1, 2]])
     for name, step in {"steps": steps, "methods": methods}[which]().items():
@@ -115,27 +114,103 @@ def main(which: str) -> None:
             sys.stdout.flush()
 
 
+LIMITS = 8
+MANY = 64
+"""Threads, whose stacks take more than there is."""
+
+
+def register_within(room: int | None) -> str:
+    """What comes of `register` as the first thing after the import; without a limit, the MiB that it takes."""
+    points = surface()[0][::20]
+
+    def register() -> object:
+        return registration.register(points, points, threads=THREADS)
+
+    if room is not None:
+        return outcome(register, room)
+    used = memory_of_process()["VmSize"]
+    register()
+    return str((memory_of_process()["VmPeak"] - used) >> 10)
+
+
+def memory_of_process() -> dict[str, int]:
+    """What the system says of this process's memory, in KiB."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return {
+        name: int(rest.split()[0])
+        for name, _, rest in (line.partition(":") for line in lines)
+        if "kB" in rest
+    }
+
+
+def start_many_threads() -> None:
+    """Ask for more threads than there is room for."""
+    matches = make_problem(np.random.default_rng(0), 100).correspondences()
+    for name, step in {
+        "the core": lambda: cgroup.group(matches, "gc", threads=MANY),
+        "Python": lambda: cgroup.group_many([matches] * MANY, "gc", threads=MANY),
+    }.items():
+        sys.stdout.write(f"{name}: {outcome(step, 40)}\n")
+
+
 AT_ONCE = {"MALLOC_MMAP_THRESHOLD_": "65536", "MALLOC_ARENA_MAX": "1"}
 """Has glibc give blocks back to the system at once, so that what one step had is no room for the next."""
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="address space is limited and told so on Linux only")
-@pytest.mark.parametrize("which", ["steps", "methods"])
-def test_too_little_memory_is_an_error(which: str):
+linux_only = pytest.mark.skipif(
+    sys.platform != "linux", reason="address space is limited and told so on Linux only"
+)
+
+
+def outcomes_of(*which: str) -> list[str]:
+    """What the program prints, without the names of the steps."""
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", __file__, which],
+        [sys.executable, "-W", "ignore", __file__, *which],
         capture_output=True,
         text=True,
         check=False,
         timeout=300,
-        env={**os.environ, **AT_ONCE},
+        env={**os.environ, **AT_ONCE, "OPENBLAS_NUM_THREADS": "2"},  # with one it takes its buffer early
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    outcomes = [line.partition(": ")[2] for line in done.stdout.splitlines()]
+    return [line.partition(": ")[2] for line in done.stdout.splitlines()]
+
+
+@linux_only
+@pytest.mark.parametrize("which", ["steps", "methods"])
+def test_too_little_memory_is_an_error(which: str):
+    outcomes = outcomes_of(which)
     refused = [outcome for outcome in outcomes if outcome.startswith("OutOfMemoryError")]
-    assert 0 < len(refused) < len(outcomes), done.stdout
-    assert all("no memory for a block of" in outcome for outcome in refused), refused
+    assert 0 < len(refused) < len(outcomes), outcomes
+    assert all("no memory" in outcome for outcome in refused), refused
+
+
+@linux_only
+def test_registering_in_too_little_memory_is_an_error_or_succeeds():
+    [needed] = outcomes_of("register")
+    rooms = [int(needed) * part // LIMITS for part in range(LIMITS)]
+    refused = [
+        outcome for room in rooms for outcome in outcomes_of("register", str(room)) if outcome != "result"
+    ]
+    assert refused
+    assert all(outcome.startswith("OutOfMemoryError ") for outcome in refused), refused
+    assert all("allow the process more" in outcome for outcome in refused), refused
+
+
+@linux_only
+def test_too_few_threads_are_an_error_that_says_what_to_do():
+    core, python = outcomes_of("threads")
+    assert core.startswith(f"OutOfMemoryError the system does not start {MANY} threads ("), core
+    assert core.endswith("; give threads=1, or allow the process more threads or more memory")
+    assert python.startswith(f"OutOfMemoryError the system does not start {MANY} threads ("), python
+    assert python.endswith("; give fewer threads, or allow the process more threads or more memory")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    match sys.argv[1:]:
+        case ["register", *room]:
+            sys.stdout.write(f"register: {register_within(int(room[0]) if room else None)}\n")
+        case ["threads"]:
+            start_many_threads()
+        case [which]:
+            main(which)

@@ -1,13 +1,22 @@
-"""Default memory limit of pairwise matrices."""
+"""Default memory limit of pairwise matrices, and errors where the system refuses memory."""
 
 from __future__ import annotations
 
+import mmap
 import os
 import re
 import sys
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.errors import OutOfMemoryError
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
 
 if sys.platform == "win32":
     resource = None
@@ -29,9 +38,46 @@ SMALL = 32 << 20
 _LARGEST_PAIR = 40
 """Bytes per pair of correspondences that suffice for the most demanding method."""
 
+_LINEAR_ALGEBRA = 128 << 20
+"""Bytes of address space that suffice for the buffer of any build of OpenBLAS."""
+
 PROC = Path("/proc")
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
 """Where control groups are mounted unless the system says otherwise."""
+
+
+def reserve_linear_algebra() -> None:
+    """Have OpenBLAS take its buffer now: where it gets none later, it ends the process.
+
+    Raises
+    ------
+    OutOfMemoryError
+        If there is no room for it.
+    """
+    try:
+        mmap.mmap(-1, _LINEAR_ALGEBRA).close()
+    except (OSError, MemoryError) as error:
+        message = (
+            f"no memory for NumPy's linear algebra, which takes up to {_LINEAR_ALGEBRA >> 20} MiB of address "
+            "space; allow the process more memory"
+        )
+        raise OutOfMemoryError(message) from error
+    _ = np.eye(64) @ np.eye(64)  # too large for code that does without
+
+
+@contextmanager
+def report_refused_memory() -> Generator[None, None, None]:
+    """Raise `OutOfMemoryError` in place of NumPy's and Python's own errors of memory."""
+    try:
+        yield
+    except OutOfMemoryError:
+        raise
+    except MemoryError as error:
+        reason = str(error) or "the system says no more"
+        message = (
+            f"no memory ({reason}); give fewer points or fewer threads, or allow the process more memory"
+        )
+        raise OutOfMemoryError(message) from error
 
 
 def max_memory_for(correspondences: int) -> int:

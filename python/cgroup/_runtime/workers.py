@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, TypeVar
 
 from cgroup._checks.values import as_count
+from cgroup.errors import OutOfMemoryError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -28,6 +29,11 @@ def work_side_by_side(
 
     `work` takes an item, and a function to be called every now and then: it raises `InterruptedError` once
     another item has failed, or the user has interrupted.
+
+    Raises
+    ------
+    OutOfMemoryError
+        If the system starts no thread.
     """
     stopped = threading.Event()
 
@@ -37,7 +43,15 @@ def work_side_by_side(
 
     pool = ThreadPoolExecutor(max_workers=workers)
     try:
-        return list(pool.map(lambda item: work(item, stop_with_the_others), items))
+        try:
+            results = pool.map(lambda item: work(item, stop_with_the_others), items)
+        except RuntimeError as error:  # of the pool, which starts its threads here
+            message = (
+                f"the system does not start {workers} threads ({error}); give fewer threads, or allow the "
+                "process more threads or more memory"
+            )
+            raise OutOfMemoryError(message) from error
+        return list(results)
     finally:
         stopped.set()
         pool.shutdown(cancel_futures=True)

@@ -39,6 +39,8 @@ def explain(error: Exception) -> tuple[int, str]:
             pass
         case MemoryError():
             message = f"not enough memory ({message or 'the system says no more'}); give less data"
+        case ImportError() if "failed to map" in message:  # of a library that is loaded late
+            message = f"not enough memory ({message}); allow the process more"
         case OSError():
             message = f"{error.filename or 'the system'}: {error.strerror or message}"
         case _:

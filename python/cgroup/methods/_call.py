@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from cgroup import _core
 from cgroup._checks.fields import FIELDS, check_fields, check_scores
 from cgroup._checks.run_options import run_options
-from cgroup._runtime.memory import max_memory_for
+from cgroup._runtime.memory import max_memory_for, report_refused_memory
 from cgroup.types import Agreement, Grouping, Rule
 
 if TYPE_CHECKING:
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cgroup._checks.fields import Fields
 
 
+@report_refused_memory()
 def call(method: str, arguments: dict[str, Any]) -> Grouping:
     """Group what the function of a method was called with.
 

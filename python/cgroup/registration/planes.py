@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.random import default_rng  # NumPy loads it late, and there may be no memory for it by then
 
 from cgroup.evaluation import within
 from cgroup.rigid import apply
@@ -37,7 +38,7 @@ class Planes:
 
 def find_planes(points: FloatArray, voxel: float) -> Planes:
     """Find planes one after the other, by random triples of points that lie near each other."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     labels = np.full(len(points), -1)
     left = np.arange(len(points))
     normals, centers, members = [], [], []

@@ -11,6 +11,7 @@ import numpy as np
 from cgroup import features
 from cgroup._checks.arrays import in_double
 from cgroup._checks.values import as_choice, as_instance, as_length
+from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
@@ -317,6 +318,7 @@ def fine_surfaces(
     )
 
 
+@report_refused_memory()
 def prepare(
     cloud: Cloud | AnyCloud,
     *,

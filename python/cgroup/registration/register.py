@@ -10,6 +10,7 @@ import numpy as np
 from cgroup._checks.arrays import as_direction
 from cgroup._checks.run_options import as_threads
 from cgroup._checks.values import as_choice, as_count, as_instance, as_items, refusal
+from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError, NoConsensusError
@@ -40,6 +41,7 @@ MOVED_BY_REFINING = 0.4
 """Voxels by which refining may move a right pose: half of its probability is left there."""
 
 
+@report_refused_memory()
 def register(
     source: PreparedScan | Cloud | AnyCloud,
     target: PreparedScan | Cloud | AnyCloud,
@@ -139,6 +141,7 @@ def register(
     raise error
 
 
+@report_refused_memory()
 def assess(
     source: PreparedScan | Cloud | AnyCloud,
     target: PreparedScan | Cloud | AnyCloud,
@@ -239,6 +242,7 @@ def assess(
     return replace(done, T_target_source=given, notes=notes, alternatives=others)
 
 
+@report_refused_memory()
 def register_many(
     scans: Sequence[PreparedScan | Cloud | AnyCloud],
     pairs: Iterable[tuple[int, int]] | None = None,
