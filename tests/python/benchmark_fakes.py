@@ -252,6 +252,12 @@ def lethal(clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
     return Answer(np.eye(4), ok=False)
 
 
+def stuck(_clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
+    """Never return."""
+    threading.Event().wait()
+    raise AssertionError
+
+
 NOT_A_FUNCTION = 3
 
 

@@ -126,17 +126,38 @@ def test_failures_are_tried_again_on_demand_only(tmp_path: Path, log: Path) -> N
     assert summary.failed == 2
 
 
-def test_a_worker_that_dies_costs_its_task_only(tmp_path: Path) -> None:
-    text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:deadly"')
-    run(parse_config(text), tmp_path, workers=2)
-    frame = tables.load(tmp_path).set_index("pair")
+def test_a_method_that_kills_its_process_costs_only_itself(tmp_path: Path, log: Path) -> None:
+    text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:first", "benchmark_fakes:deadly", "gtm"')
+    summary = run(parse_config(text), tmp_path, workers=2)
     corners = {
         f"m{i}": benchmark_fakes.Matches().load(f"m{i}").correspondences.source[0, 0] for i in range(8)
     }
-    deadly = {name for name, corner in corners.items() if corner > 90}
+    deadly = {("benchmark_fakes:deadly", name) for name, corner in corners.items() if corner > 90}
     assert 0 < len(deadly) < 8
-    assert set(frame[frame["error"] != ""].index) == deadly
-    assert set(frame.loc[sorted(deadly)]["error"]) == {KILLED}
+    errors = tables.load(tmp_path).set_index(["method", "pair"])["error"]
+    assert errors[errors != ""].to_dict() == dict.fromkeys(deadly, KILLED)
+    assert summary.counts["group"] == (24 - len(deadly), len(deadly), 24)
+    log.write_text("")
+    run(parse_config(text), tmp_path, workers=2, retry_failed=True)
+    assert "first 20" not in lines(log), "only what failed is tried again"
+
+
+def test_a_method_that_hangs_is_ended_and_costs_only_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = MATCHES.replace('"ransac", "gtm"', '"gtm", "benchmark_fakes:endless"') + "pairs = 3\nlimit = 2"
+    summary = run(parse_config(text), tmp_path, workers=1)
+    assert summary.counts["group"] == (3, 3, 6)
+    frame = tables.load(tmp_path).set_index("method")
+    assert set(frame.loc["gtm"]["error"]) == {""}
+    assert sorted(frame.loc["benchmark_fakes:endless"]["error"]) == [
+        "OutOfTime: not run: took longer than 2 s on 60 matches",
+        *["OutOfTime: took longer than 2 s"] * 2,
+    ]
+    monkeypatch.setenv("FAKES_END", "1")
+    more = text.replace("limit = 2", "limit = 60")
+    assert run(parse_config(more), tmp_path, workers=1).failed == 3, "nothing is tried again unasked"
+    assert run(parse_config(more), tmp_path, workers=1, retry_failed=True).failed == 0
 
 
 def test_two_runs_keep_out_of_each_others_way(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import benchmark_fakes
-from benchmark_runs import MATCHES, serial
+from benchmark_runs import MATCHES, contents, serial
 from cgroup import METHODS, PAPER_METHODS, group
 from cgroup.benchmark import config, tables
 from cgroup.benchmark.config import parse_config, preset_names, read_config, replace_methods
@@ -75,6 +75,7 @@ WRONG = [
     (TWO_FRONTS, "experiment: 'x' is there with two fronts; give each an id"),
     ('experiment = [{id = "x"}]', "experiment[0].dataset: Field required"),
     (f'seed = "much"\n{BARE}', "seed: Input should be a valid integer"),
+    (f"seed = {2**64}\n{BARE}", f"seed: Input should be less than or equal to {2**64 - 1}"),
     ("", "experiment, registration, trials: none is there"),
     ("experiment = [", "not TOML"),
 ]
@@ -91,6 +92,21 @@ def test_wrong_configuration_is_one_line_with_the_keys_path(text: str, says: str
 def test_defaults_of_a_configuration() -> None:
     read = parse_config(MATCHES)
     assert (read.seed, read.timing, read.experiment[0].epsilons) == (0, None, (5.0,))
+
+
+@pytest.mark.parametrize("seed", [2**63 - 1, 2**63, 2**64 - 1])
+def test_seeds_are_as_large_as_methods_take_them(seed: int, tmp_path: Path) -> None:
+    text = f"seed = {seed}\n{MATCHES}pairs = 2"
+    assert serial(text, tmp_path).counts["score"] == (4, 0, 4)
+    frame = tables.load(tmp_path)
+    assert [int(each) for each in frame["seed"]] == [seed] * 4
+    assert tables.load_config(tmp_path)["seed"] == seed
+    with closing(sqlite3.connect(tmp_path / RECORDS)) as connection:
+        numbers = connection.execute("select numbers from results").fetchall()
+    assert seed in {json.loads(each)["parameters"]["options"].get("seed") for (each,) in numbers}
+    known = contents(tmp_path)
+    assert serial(text, tmp_path).failed == 0
+    assert contents(tmp_path) == known
 
 
 def test_sets_of_methods(monkeypatch: pytest.MonkeyPatch) -> None:

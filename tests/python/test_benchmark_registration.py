@@ -137,6 +137,13 @@ def test_what_fails_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
     store.close()
 
 
+def test_a_pipeline_that_hangs_is_ended(tmp_path: Path) -> None:
+    hanging = '{ name = "benchmark_fakes:stuck", label = "stuck" },'
+    text = f"{BROKEN[: BROKEN.index('pipelines')]}limit = 1\npipelines = [{hanging}]\n{BROKEN[BROKEN.index('[[') :]}"
+    serial(text.replace('["a", "broken"]', '["a"]').replace("mirrored = 1", ""), tmp_path)
+    assert tables.load(tmp_path, "registration")["error"].tolist() == ["OutOfTime: took longer than 1 s"]
+
+
 def test_a_missing_library_leaves_its_pipelines_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(PIPELINES, "open3d-fgr", PIPELINES["open3d-fgr"]._replace(needs="no_such_library"))
     text = SETS.replace('{ name = "benchmark_fakes:poseless", label = "none" }', '"open3d-fgr"')

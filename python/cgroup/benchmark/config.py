@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from cgroup._checks.values import LARGEST_COUNT
 from cgroup.benchmark.problem import COMBINATIONS, DENSE_MATCHES, Task
 from cgroup.benchmark.solver import Solver, candidate, make_pipeline
 from cgroup.datasets.generated_matches import Recipe, read_recipe
@@ -88,6 +89,7 @@ Item = TypeVar("Item")
 Several: TypeAlias = Annotated[tuple[Item, ...], BeforeValidator(as_list), Field(min_length=1)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
+Seed = Annotated[int, Field(ge=0, le=LARGEST_COUNT)]
 AtLeastOne = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
 _ROTATING = [name for name, each in PROTOCOLS.items() if each.max_rotation is not None]
@@ -172,6 +174,7 @@ class ExperimentEntry(SetEntry):
     combinations: Several[Annotated[str, _one_of(COMBINATIONS)]] = ("C1",)
     front: FrontEntry = FrontEntry()
     epsilons: Several[Positive] = (5.0,)
+    limit: Positive = 600.0
     methods: Methods | None = None
 
     @model_validator(mode="after")
@@ -272,6 +275,7 @@ class RegistrationEntry(Table):
     """Ways to register two clouds, each run alone on every pair."""
 
     threads: AtLeastOne = 2
+    limit: Positive = 600.0
     pipelines: Several[PipelineEntry]
     sets: Several[PairSetEntry]
 
@@ -340,7 +344,7 @@ class Config(Table):
 
     name: str
     title: str = ""
-    seed: Count = 0
+    seed: Seed = 0
     methods: Methods = tuple(MethodEntry(name=name) for name in METHODS)
     experiment: tuple[ExperimentEntry, ...] = ()
     timing: TimingEntry | None = None

@@ -17,7 +17,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPo
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from cgroup.benchmark.worker import ALL_CORES, START, end_group, read_message, write_message
+from cgroup.benchmark.worker import ALL_CORES, START, end_group, make_ready, read_message, write_message
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,12 +30,12 @@ SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 
 TaskArguments: TypeAlias = tuple[Any, ...]
 CallUnordered: TypeAlias = Callable[
-    [Callable[..., Any], Iterable[TaskArguments]], Iterator[tuple[TaskArguments, Any]]
+    [Callable[..., Any], Iterable[TaskArguments], float | None], Iterator[tuple[TaskArguments, Any]]
 ]
 """Calls a function with each of many tuples of arguments, and yields tuple and result as they are ready.
 
-Tuples are drawn as workers become free, so that they needn't all be in memory. The result of a task that
-killed its workers is None.
+Tuples are drawn as workers become free, so that they needn't all be in memory. Each call has a limit in
+seconds, if there is one. The result of a call that killed its workers or took longer is the `WorkerError`.
 """
 
 _TRIES = 3  # so that a process ended from outside isn't blamed on the call
@@ -47,11 +47,15 @@ _THREAD_VARIABLES = (
 )
 
 
-class ProcessDiedError(Exception):
+class WorkerError(Exception):
+    """The call has no result."""
+
+
+class ProcessDiedError(WorkerError):
     """The process died of the call."""
 
 
-class OutOfTimeError(Exception):
+class OutOfTimeError(WorkerError):
     """The call took longer than its limit, and the process was ended."""
 
 
@@ -85,6 +89,8 @@ class Worker:
         """
         for _ in range(_TRIES):
             with suppress(EOFError, OSError):
+                if limit is not None:  # which a process that starts would use up
+                    self._call_once(make_ready, (function,), None)
                 return self._call_once(function, arguments, limit)
         raise ProcessDiedError
 
@@ -188,7 +194,7 @@ def open_workers(
     elif backend == "processes":
         opened = _open_processes(count)
     else:
-        opened = _open_threads(count, lambda function, *arguments: function(*arguments))
+        opened = _open_threads(count, lambda function, _limit, *arguments: function(*arguments))
     with opened as call:
         yield call
 
@@ -200,12 +206,10 @@ def _open_processes(count: int) -> Generator[CallUnordered, None, None]:
     for worker in workers:
         idle.put(worker)
 
-    def call(function: Callable[..., Any], *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
+    def call(function: Callable[..., Any], limit: float | None, *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
         worker = idle.get()
         try:
-            return worker.call(function, *arguments)
-        except ProcessDiedError:
-            return None
+            return _call_or_tell(worker, function, limit, *arguments)
         finally:
             idle.put(worker)
 
@@ -217,19 +221,29 @@ def _open_processes(count: int) -> Generator[CallUnordered, None, None]:
                 worker.close()
 
 
+def _call_or_tell(
+    worker: Worker, function: Callable[..., Any], limit: float | None, *arguments: object
+) -> Any:  # noqa: ANN401 - whatever it returns
+    """Call a function in a worker's process; return its result, or why there is none."""
+    try:
+        return worker.call(function, *arguments, limit=limit)
+    except WorkerError as error:
+        return error
+
+
 @contextmanager
 def _open_threads(count: int, call: Callable[..., Any]) -> Generator[CallUnordered, None, None]:
     pool = ThreadPoolExecutor(count)
 
     def call_unordered(
-        function: Callable[..., Any], tasks: Iterable[TaskArguments]
+        function: Callable[..., Any], tasks: Iterable[TaskArguments], limit: float | None
     ) -> Iterator[tuple[TaskArguments, Any]]:
         waiting = iter(tasks)
         under_way: dict[Future[Any], TaskArguments] = {}
         while True:
             # One more is under way than there are threads, so that none waits for the next.
             for task in itertools.islice(waiting, count + 1 - len(under_way)):
-                under_way[pool.submit(call, function, *task)] = task
+                under_way[pool.submit(call, function, limit, *task)] = task
             if not under_way:
                 return
             done, _ = wait(under_way, return_when=FIRST_COMPLETED)
@@ -290,6 +304,7 @@ def _call_on_cluster(
     client: Any,  # noqa: ANN401 - of Dask, which may not be installed
     function: Callable[..., Any],
     tasks: Iterable[TaskArguments],
+    limit: float | None,
 ) -> Iterator[tuple[TaskArguments, Any]]:
     from distributed import KilledWorker, as_completed  # noqa: PLC0415 - optional
 
@@ -302,7 +317,7 @@ def _call_on_cluster(
                 # As many tasks as the workers that are there now can take.
                 threads = max(sum(client.nthreads().values()), 1)
                 for task in itertools.islice(waiting, max(0, _PER_THREAD * threads - len(under_way))):
-                    future = client.submit(function, *task, pure=False)
+                    future = client.submit(_call_in_process, function, limit, *task, pure=False)
                     under_way[future.key] = future, task
                     done.add(future)
                 if not under_way:
@@ -311,11 +326,21 @@ def _call_on_cluster(
                 try:
                     result = future.result()
                 except KilledWorker:  # one worker after the other
-                    result = None
+                    result = ProcessDiedError()
             yield task, result
     finally:
         with suppress(OSError, CancelledError):
             client.cancel([future for future, _ in under_way.values()])
+
+
+_of_thread = threading.local()
+
+
+def _call_in_process(function: Callable[..., Any], limit: float | None, *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
+    """Call a function in a process beside this worker of a cluster, one for each of its threads."""
+    if not hasattr(_of_thread, "worker"):
+        _of_thread.worker = Worker(threads=1)
+    return _call_or_tell(_of_thread.worker, function, limit, *arguments)
 
 
 @contextmanager

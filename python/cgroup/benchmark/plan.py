@@ -150,13 +150,13 @@ def _plan_sets(config: Config, opened: _OpenDatasets) -> Iterator[PlannedSet]:
 
     for entry in config.experiment:
         methods = entry.methods or config.methods
-        yield plan(entry, (each.solver() for each in methods), epsilons=entry.epsilons)
+        yield plan(entry, (each.solver() for each in methods), epsilons=entry.epsilons, limit=entry.limit)
     if (registration := config.registration) is not None:
         for entry in registration.sets:
             wanted = (each.solver() for each in registration.pipelines)
             reasons = {each: each.why_missing() for each in wanted if each.label not in entry.without}
             at_hand = (each for each, why in reasons.items() if not why)
-            yield plan(entry, at_hand, threads=(registration.threads,))
+            yield plan(entry, at_hand, threads=(registration.threads,), limit=registration.limit)
             opened.missing |= {each.label: why for each, why in reasons.items() if why}
     if (trials := config.trials) is not None:
         for entry in trials.sets:

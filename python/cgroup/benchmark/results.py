@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 KILLED = "WorkerKilled: the process that worked on it died, perhaps for want of memory"
 """Error of a task that took its worker with it."""
 
+OUT_OF_TIME = "OutOfTime"
+"""What the error of a solver that took too long begins with."""
+
 
 def _now() -> str:
     return datetime.now(timezone.utc).isoformat(timespec="seconds")

@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections import defaultdict, deque
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from cgroup._checks.values import as_count
 from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import solving
-from cgroup.benchmark.engine import OutOfTimeError, ProcessDiedError, Worker, open_workers
+from cgroup.benchmark.engine import OutOfTimeError, ProcessDiedError, Worker, WorkerError, open_workers
 from cgroup.benchmark.matching import PreparedMatches, forget_pairs, match_problems, try_to_prepare
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.results import KILLED, Matched, Result
+from cgroup.benchmark.results import KILLED, OUT_OF_TIME, Matched, Result
 from cgroup.benchmark.store import RECORDS, DamagedError, Store, only_writer, report_failures, set_aside
 from cgroup.benchmark.timing import take_times
 from cgroup.benchmark.worker import ALL_CORES
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
 __all__ = ["Summary", "run"]
 
 GIVEN_UP = 2
-"""Calls of a method that ran out of time in a set; on problems of no fewer matches it isn't tried again."""
+"""Calls of a method that ran out of time; on problems of no fewer matches it isn't tried again."""
 
 # Of one pair to a worker, which then loads it once; they are lost if the run is killed meanwhile.
 _PROBLEMS_AT_ONCE = 4
@@ -215,32 +217,67 @@ class _Runner:
     def _match(self, call_unordered: CallUnordered) -> None:
         tasks = [(problems, self._root) for problems in self._store.unmatched(_PROBLEMS_AT_ONCE)]
         self._begin("correspond")
-        for (problems, _), matched in call_unordered(match_problems, tasks) if tasks else ():
-            records = matched or [Matched(problem.key, error=KILLED) for problem in problems]
+        for (problems, _), records in call_unordered(match_problems, tasks, None) if tasks else ():
+            if isinstance(records, WorkerError):
+                records = [Matched(problem.key, error=KILLED) for problem in problems]  # noqa: PLW2901
             self._store.add_matched(records)
             self._tell(len(records))
 
     def _group(self, call_unordered: CallUnordered) -> list[str]:
         """Group all matches but those that can't be read, which are returned."""
         unreadable: list[str] = []
-        pending = self._store.pending("experiment")
+        slow: defaultdict[str, list[int]] = defaultdict(list)
         self._begin("group")
+        pending = sorted(self._store.pending("experiment"), key=attrgetter("limit"))
+        for limit, cases in itertools.groupby(pending, key=attrgetter("limit")):
+            waiting = deque(cases)
+            while waiting:  # cases that were put back at the very end
+                unreadable += self._group_within(limit, waiting, call_unordered, slow)
+        return unreadable
+
+    def _group_within(
+        self,
+        limit: float,
+        waiting: deque[Pending],
+        call_unordered: CallUnordered,
+        slow: defaultdict[str, list[int]],
+    ) -> Iterator[str]:
+        """Group by all methods of a case together, within so many seconds; where that fails, by each alone.
+
+        Yield problems that can't be read. `slow` has numbers of matches on which methods ran out of time.
+        """
+        cases: dict[str, Pending] = {}
 
         def tasks() -> Iterator[tuple[object, ...]]:
             # Drawn one by one: all the correspondences together may not fit into memory.
-            for each in pending:
-                key = each.problem.key
-                yield key, each.problem.seed, self._store.content(key), each.solvers
+            while waiting:
+                case = waiting.popleft()
+                key = case.problem.key
+                cases[key] = case
+                if methods := self._drop_slow(case, slow):
+                    yield key, case.problem.seed, self._store.content(key), methods
 
-        results = call_unordered(solving.group_problem, tasks()) if pending else ()
-        for (key, *_, methods), grouped in results:
-            if grouped is None:
-                self._add([Result(key, method.key, error=KILLED) for method in methods])
-            elif grouped:
+        for (key, *_, methods), grouped in call_unordered(solving.group_problem, tasks(), limit):
+            if not isinstance(grouped, WorkerError):
+                if not grouped:
+                    yield key
                 self._add(grouped)
+            elif len(methods) > 1:  # one of them did it; each alone shows which
+                waiting.extendleft(cases[key]._replace(solvers=(method,)) for method in methods)
             else:
-                unreadable.append(key)
-        return unreadable
+                if isinstance(grouped, OutOfTimeError):
+                    slow[methods[0].key].append(cases[key].n or 0)
+                self._add([Result(key, methods[0].key, error=_describe(grouped, limit))])
+
+    def _drop_slow(self, case: Pending, slow: defaultdict[str, list[int]]) -> list[Solver]:
+        """Return methods of a case without those that are given up, which is recorded."""
+        left: list[Solver] = []
+        for method in case.solvers:
+            if why := _why_not_run(slow[method.key], case.n or 0, case.limit):
+                self._add([Result(case.problem.key, method.key, error=f"{OUT_OF_TIME}: {why}")])
+            else:
+                left.append(method)
+        return left
 
     def _score(self) -> list[str]:
         """Score all groups but those of problems that can't be read, which are returned."""
@@ -294,11 +331,13 @@ class _Runner:
     def _register(self, pending: Pending, worker: Worker) -> list[Result]:
         """Register a pair by all pipelines that lack a result."""
         problem, threads, pipelines = pending.problem, pending.threads, pending.solvers
+        work = solving.register_pair, problem, threads, pipelines, self._root
         try:
-            return worker.call(solving.register_pair, problem, threads, pipelines, self._root)
-        except ProcessDiedError:
+            return worker.call(*work, limit=pending.limit)
+        except WorkerError as error:
             if len(pipelines) == 1:
-                return [Result(problem.key, pipelines[0].key, threads, error=KILLED)]
+                why = _describe(error, pending.limit)
+                return [Result(problem.key, pipelines[0].key, threads, error=why)]
         # One of them did it; each alone shows which.
         alone = (self._register(pending._replace(solvers=(each,)), worker) for each in pipelines)
         return list(itertools.chain.from_iterable(alone))
@@ -320,6 +359,19 @@ class _Runner:
             yield _try_method(pending, problem, method, worker, slow)
 
 
+def _why_not_run(slow: list[int], n: int, limit: float) -> str:
+    """Say why a method isn't tried on n matches, if it isn't; on those of `slow` it ran out of time."""
+    if sum(fewer <= n for fewer in slow) < GIVEN_UP:
+        return ""
+    return f"not run: took longer than {limit:g} s on {min(slow):,} matches"
+
+
+def _describe(error: WorkerError, limit: float) -> str:
+    if isinstance(error, OutOfTimeError):
+        return f"{OUT_OF_TIME}: took longer than {limit:g} s"
+    return KILLED
+
+
 def _try_method(
     pending: Pending, problem: PreparedMatches | str, method: Solver, worker: Worker, slow: list[int]
 ) -> Result:
@@ -330,10 +382,9 @@ def _try_method(
         return result(error=problem)
     known = solving.describe_matches(problem)
     n, result = known["n"], partial(result, numbers=json.dumps(known))
-    if sum(fewer <= n for fewer in slow) >= GIVEN_UP:
-        return result(skipped=f"not run: took longer than {limit:g} s on {min(slow):,} matches")
+    if why := _why_not_run(slow, n, limit):
+        return result(skipped=why)
     try:
-        worker.call(solving.make_ready)
         return worker.call(solving.try_method, result, method, seed, threads, problem, limit=limit)
     except OutOfTimeError:
         slow.append(n)

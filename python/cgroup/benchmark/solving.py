@@ -217,10 +217,6 @@ def register_pair(
 # --- matches, each method alone --------------------------------------------------------------------
 
 
-def make_ready() -> None:
-    """Do nothing: once it is called, the process runs and has imported what methods need."""
-
-
 def try_method(
     result: Callable[..., Result], method: Solver, seed: int, threads: int, problem: PreparedMatches
 ) -> Result:

@@ -10,7 +10,7 @@ import itertools
 import json
 import sqlite3
 from contextlib import closing, contextmanager, suppress
-from dataclasses import astuple, fields
+from dataclasses import astuple, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup.benchmark.problem import Problem
@@ -29,6 +29,8 @@ RECORDS = "records.sqlite"
 
 LAYOUT, _APPLICATION = 1, 0x63677270
 """Number of the file's layout, which is its `user_version`; its `application_id` is "cgrp"."""
+
+_LARGEST_INTEGER = 2**63 - 1
 
 _FIELDS = [field.name for field in fields(Problem)]
 _PROBLEM = ", ".join(f"p.{name}" for name in _FIELDS)
@@ -93,7 +95,7 @@ _ORDERS = {
 }
 
 _PENDING = f"""
-select {_PROBLEM}, w.threads, w.entry, w.time_limit, w.solver
+select {_PROBLEM}, w.threads, w.entry, w.time_limit, p.n, w.solver
 from wanted w join problems p on p.key = w.problem
 where w.task = ? and (w.task <> 'experiment' or p.error = '') and not exists (
     select 1 from results r
@@ -130,12 +132,16 @@ class Counts(NamedTuple):
 
 
 class Pending(NamedTuple):
-    """A problem that solvers are still to be run on; `entry` numbers the set that wants it."""
+    """A problem that solvers are still to be run on; `entry` numbers the set that wants it.
+
+    `limit` are seconds after which a solver is given up; `n` counts the matches, if they are stored.
+    """
 
     problem: Problem
     threads: int
     entry: int
-    limit: float | None
+    limit: float
+    n: int | None
     solvers: tuple[Solver, ...] = ()
 
 
@@ -283,7 +289,7 @@ class Store:
         self._insert("plan_sets", entry, planned.task, name, definition, *lists, planned.limit)
         for place, problem in enumerate(planned.problems):
             origin, protocols = pairs.get(problem.dataset, {}).get(problem.pair, ("", ()))
-            row = (problem.key, *astuple(problem), origin, json.dumps(protocols))
+            row = (problem.key, *map(_stored, astuple(problem)), origin, json.dumps(protocols))
             self.connection.execute(
                 f"insert into problems (key, {', '.join(_FIELDS)}, origin, protocols) values ({_marks(row)}) "
                 "on conflict (key) do update set origin = excluded.origin, protocols = excluded.protocols",
@@ -316,7 +322,7 @@ class Store:
             f"where p.error is null and w.task = 'experiment' order by {_CASE_ORDER}"
         )
         parts: list[tuple[Problem, ...]] = []
-        for _, same_pair in itertools.groupby((Problem(*row) for row in rows), lambda p: (p.dataset, p.pair)):
+        for _, same_pair in itertools.groupby(map(_problem, rows), lambda p: (p.dataset, p.pair)):
             problems = iter(same_pair)
             while part := tuple(itertools.islice(problems, at_most)):
                 parts.append(part)
@@ -331,8 +337,8 @@ class Store:
         }
         rows = self.connection.execute(_PENDING + _ORDERS[task], (task,))
         found: dict[Pending, list[Solver]] = {}
-        for *problem, threads, entry, limit, key in rows:
-            by = Pending(Problem(*problem), threads, 0 if task == "experiment" else entry, limit)
+        for *problem, threads, entry, limit, n, key in rows:
+            by = Pending(_problem(problem), threads, 0 if task == "experiment" else entry, limit, n)
             found.setdefault(by, []).append(solvers[key])
         return [each._replace(solvers=tuple(missing)) for each, missing in found.items()]
 
@@ -417,6 +423,16 @@ class Store:
     def _insert(self, table: str, *row: object, known: str = "abort") -> None:
         """Add a row; `known` says what to do where its key is taken: abort, ignore or replace."""
         self.connection.execute(f"insert or {known} into {table} values ({_marks(row)})", row)
+
+
+def _stored(value: Any) -> Any:  # noqa: ANN401 - of any field
+    """Return a value as SQLite keeps it, whose integers end before seeds do: larger ones become text."""
+    return str(value) if isinstance(value, int) and value > _LARGEST_INTEGER else value
+
+
+def _problem(row: Sequence[Any]) -> Problem:
+    problem = Problem(*row)
+    return replace(problem, seed=int(problem.seed))
 
 
 def _marks(row: Sequence[object]) -> str:

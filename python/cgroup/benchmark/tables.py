@@ -285,6 +285,7 @@ def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dic
 
 def _make_experiments(path: Path) -> pd.DataFrame:
     frame = _query(path, _EXPERIMENTS)
+    frame["seed"] = [int(seed) for seed in frame["seed"]]  # text, if too large for SQLite
     combinations = [COMBINATIONS.get(name, ("", "")) for name in frame["combination"]]
     frame["detector"] = [detector for detector, _ in combinations]
     frame["descriptor"] = [descriptor for _, descriptor in combinations]

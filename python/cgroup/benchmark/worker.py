@@ -45,6 +45,10 @@ def work(cores: int) -> None:
             write_message(lambda part: os.write(results, part), function(*arguments))
 
 
+def make_ready(_function: Callable[..., Any]) -> None:
+    """Do nothing: once it is called, the process runs, and has imported what the function needs."""
+
+
 def write_message(write: Callable[[memoryview], int | None], value: object) -> None:
     """Pickle a value, and write it part by part."""
     content = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
