@@ -212,7 +212,34 @@ def test_documents_are_plain() -> None:
     assert parse(as_text(document)) == document
     plain = {"a": None, "b": [[1, 0], [0, 1]], "c": [1, True], "d": {"e": None}}
     assert document == {**make_document("x"), **plain}
-    assert as_text({"é\udcff": "日"}).isascii()
+    assert as_text({"é": "日"}).isascii()
+
+
+def test_documents_are_unicode() -> None:
+    """As many readers of JSON want it: `\\udcff` by itself is no character."""
+    text = as_text(
+        {"a\udcff": "b\ud800\n", "c": ["d\udcff", "\\udcff", "😀"], "e": {"f": ["\udc80"], "g": [{}]}}
+    )
+    assert json.loads(text) == {
+        "a\\udcff": "b\\ud800\n", "c": ["d\\udcff", "\\udcff", "😀"], "e": {"f": ["\\udc80"], "g": [{}]},
+    }  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes on Linux only")
+def test_names_that_are_no_utf8(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, target = (
+        Path(os.fsdecode(os.fsencode(tmp_path) + name)) for name in (b"/s\xff.ply", b"/t\xfe.ply")
+    )
+    source.write_bytes((folder / "source.ply").read_bytes())
+    target.write_bytes((folder / "target.ply").read_bytes())
+    done = parse(succeed(capsys, "recognize", source, "--scene", target, "--out", tmp_path / "out", "--json"))
+    names = [one["model"] for one in done["results"]["found"]] + [
+        Path(one["file"]).name for one in done["inputs"]
+    ]
+    assert names == ["s\\udcff", "t\\udcfe.ply", "s\\udcff.ply"]
+    "".join(names).encode()
+    out = succeed(capsys, "recognize", source, "--scene", target, "--out", tmp_path / "out")
+    assert "\ns\\udcff  yes" in out
 
 
 def test_register_as_json(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -34,20 +34,30 @@ def print_document(document: Document) -> None:
 
 
 def as_text(document: Mapping[str, Any]) -> str:
-    """Return a document as JSON, in ASCII: short lists on one line, all else indented."""
+    """Return a document as JSON, in ASCII: short lists on one line, all else indented.
+
+    Lone surrogates, which names of files have that are no UTF-8, become text as a terminal shows them.
+    """
     return _layout(document, "")
 
 
 def _layout(value: Any, indent: str) -> str:
     inner = indent + "  "
     if isinstance(value, dict) and value:
-        items = [f"{json.dumps(key)}: {_layout(item, inner)}" for key, item in value.items()]
+        items = [f"{json.dumps(_in_unicode(key))}: {_layout(item, inner)}" for key, item in value.items()]
     elif isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
         items = [_layout(item, inner) for item in value]
     else:
-        return json.dumps(value, allow_nan=False)
+        return json.dumps(_in_unicode(value), allow_nan=False)
     opening, closing = "{}" if isinstance(value, dict) else "[]"
     return f"{opening}\n{inner}" + f",\n{inner}".join(items) + f"\n{indent}{closing}"
+
+
+def _in_unicode(value: Any) -> Any:
+    """Return a text, or a list, without lone surrogates: many readers of JSON refuse them."""
+    if isinstance(value, list):
+        return [_in_unicode(item) for item in value]
+    return value.encode("utf-8", "backslashreplace").decode("utf-8") if isinstance(value, str) else value
 
 
 def _plain(value: Any) -> Any:
