@@ -2,6 +2,7 @@
 
 import contextlib
 import inspect
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -13,7 +14,8 @@ from public_calls import MATCHES, PAIR, PROBLEM, Call, called_names, public_call
 from wrong_values import HUGE, WRONG, FloatLike
 
 import cgroup
-from cgroup import features, registration
+from cgroup import features, plots, registration
+from cgroup.benchmark.solver import candidate, make_pipeline
 from cgroup.errors import CgroupError, InputError
 from cgroup.io import PointCloud
 
@@ -47,6 +49,34 @@ def run(call: Call, parameter: inspect.Parameter, value: Any) -> str | None:
     except CgroupError as error:
         return str(error)
     return None
+
+
+@pytest.mark.parametrize(
+    ("parameter", "call"),
+    [
+        ("models", lambda: registration.recognize({1: PAIR.source}, PAIR.target)),  # pyright: ignore[reportArgumentType]
+        (
+            "masks",
+            lambda: plots.comparison_figure(
+                *(PROBLEM.source, PROBLEM.target, MATCHES),
+                correct=PROBLEM.inlier_mask,
+                masks={None: PROBLEM.inlier_mask},  # pyright: ignore[reportArgumentType]
+                T_target_source=np.eye(4),
+                title="",
+            ),
+        ),
+        ("keypoints", lambda: plots.keypoints_figure(PROBLEM.source, {b"iss": [0]}, title="")),  # pyright: ignore[reportArgumentType]
+        ("scores", lambda: plots.precision_recall_figure({("gc",): None}, title="")),  # pyright: ignore[reportArgumentType]
+        ("styles", lambda: plots.precision_recall_figure({}, styles={1: None}, title="")),  # pyright: ignore[reportArgumentType]
+        ("options", lambda: candidate("", "gc", {1: 2})),  # pyright: ignore[reportArgumentType]
+        ("options", lambda: make_pipeline("", "cgroup", {1: 2})),  # pyright: ignore[reportArgumentType]
+    ],
+)
+def test_names_that_are_no_text_are_refused(parameter: str, call: Callable[[], object]) -> None:
+    with pytest.raises(
+        InputError, match=f"^{parameter}: got the key .*, which is no text; give a dict of .* by "
+    ):
+        call()
 
 
 def test_every_public_function_is_called(calls: dict[str, Call]) -> None:

@@ -84,7 +84,11 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.comparison.find_correct": [given(BARE, np.eye(4))],
     "cgroup.comparison.write_table": [given("table.csv", [])],
     "cgroup.plots.comparison_figure": [drawn(pose=np.eye(3), compared=True), drawn(rows=3, compared=True)],
-    "cgroup.plots.keypoints_figure": [given(PROBLEM.source, {"h3d": np.array([12])}, title="")],
+    "cgroup.plots.keypoints_figure": [
+        given(PROBLEM.source, {"h3d": np.array([12])}, title=""),
+        given(PROBLEM.source, {1: [0]}, title=""),
+    ],
+    "cgroup.plots.precision_recall_figure": [given({1: None}, title="")],
     "cgroup.plots.registration_figure": [drawn(pose=np.eye(3)), drawn(rows=13)],
     "cgroup.pages.comparison_page": [given(CLOUD, CLOUD, BARE, [], np.eye(4))],
     "cgroup.pages.log_to_rerun": [given(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5]))],

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import operator
 import os
+from collections.abc import Mapping
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
@@ -163,6 +164,16 @@ def as_items(name: str, value: Any, remedy: str) -> list[Any]:  # noqa: ANN401 -
         return list(value)
     except Exception as error:
         raise refusal(name, value, remedy) from error
+
+
+def as_named(name: str, value: object, remedy: str) -> Mapping[str, Any]:
+    """Return a mapping whose keys are names."""
+    if not isinstance(value, Mapping):
+        raise refusal(name, value, remedy)
+    for key in value:
+        if not isinstance(key, str):
+            raise InputError(name, f"the key {show(key)}, which is no text", remedy)
+    return value
 
 
 def as_path(name: str, value: object) -> Path:

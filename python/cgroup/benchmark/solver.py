@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._checks.values import guess_word, refuse_word
+from cgroup._checks.values import as_named, guess_word, refuse_word
 from cgroup._runtime.plugins import load_plugin
 from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.pipelines import PIPELINES
@@ -250,7 +250,7 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Solver:
     Raises
     ------
     InputError
-        For an unknown method or option, or a function that can't be imported.
+        For an unknown method or option, options that aren't by name, or a function that can't be imported.
 
     Examples
     --------
@@ -258,6 +258,7 @@ def candidate(label: str, name: str, options: Mapping[str, Any]) -> Solver:
     >>> candidate("GTM, longer", "GTM", {"iterations": 500}).name
     'gtm'
     """
+    as_named("options", options, "give a dict of values by the name of the option")
     name = name if ":" in name else find_method(name, _OTHERWISE).name
     known = [option for option in _method_options(name) if option not in _FIELDS]
     given = [each.removesuffix(IN_RESOLUTIONS) for each in options]
@@ -287,7 +288,7 @@ def make_pipeline(label: str, name: str, options: Mapping[str, Any], *, refined:
     Raises
     ------
     InputError
-        For an unknown pipeline or option, or a function that can't be imported.
+        For an unknown pipeline or option, options that aren't by name, or a function that can't be imported.
 
     Examples
     --------
@@ -295,6 +296,7 @@ def make_pipeline(label: str, name: str, options: Mapping[str, Any], *, refined:
     >>> make_pipeline("ours, quick", "cgroup", {"effort": "low"}).label
     'ours, quick'
     """
+    as_named("options", options, "give a dict of values by the name of the option")
     known = list(inspect.signature(_find("pipeline", name)).parameters)[2:]
     return _make("pipeline", known, options, Solver(label or name, name, _as_json(options), refined))
 

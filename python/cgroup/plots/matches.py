@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cgroup._checks.arrays import as_points, as_rows
+from cgroup._checks.values import as_named
 from cgroup.evaluation import score_group
 from cgroup.plots import style
 from cgroup.plots.scene import Scene, caption, show
@@ -131,7 +132,7 @@ def comparison_figure(
     Raises
     ------
     InputError
-        For points that aren't (N,3), or a pose that isn't (4,4).
+        For points that aren't (N,3), a pose that isn't (4,4), or masks that aren't by name.
     ValueError
         For masks that aren't aligned with the matches.
 
@@ -155,6 +156,7 @@ def comparison_figure(
     ... )
     >>> figure.savefig("methods.png")
     """
+    as_named("masks", masks, "give a dict of masks by the name of the method")
     rows = -(-len(masks) // _COLUMNS)
     scene = Scene(source, target, T_target_source)
     height = float(np.clip(0.97 * _WIDTH / _COLUMNS * scene.height / scene.widths[0], 1.2, 6)) + 0.3
@@ -268,6 +270,8 @@ def keypoints_figure(
 
     Raises
     ------
+    InputError
+        For points that aren't (N,3), or keypoints that aren't by name.
     IndexError
         For keypoints that are no rows of the points.
 
@@ -284,6 +288,7 @@ def keypoints_figure(
     >>> figure.savefig("keypoints.png")
     """
     cloud = as_points("points", points)
+    as_named("keypoints", keypoints, "give a dict of rows by the name of the detector")
     projected = face_broadside(cloud, viewpoint).project(cloud)
     picture, visible = shade(projected, style.TARGET_TINT), find_front(projected)
     left, right, bottom, top = picture.extent

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from cgroup._checks.values import as_named
 from cgroup.plots import style
 from cgroup.plots.charts import marker_size
 
@@ -42,6 +43,11 @@ def precision_recall_figure(
     Figure
         Up and to the right is better.
 
+    Raises
+    ------
+    InputError
+        For scores or styles that aren't by name.
+
     Examples
     --------
     >>> from cgroup.evaluation import GroupScore
@@ -51,6 +57,8 @@ def precision_recall_figure(
     >>> figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()
     ('recall', 'precision')
     """
+    as_named("scores", scores, "give a dict of GroupScore by the name of the method")
+    as_named("styles", styles or {}, "give a dict of MethodStyle by the name of the method")
     figure = Figure(figsize=(6.4, 4.8), dpi=style.DOTS_PER_INCH, layout="constrained")
     axes = figure.subplots()
     for level in _F_LEVELS:

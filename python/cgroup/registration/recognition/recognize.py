@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup import features
 from cgroup._checks.arrays import as_place
 from cgroup._checks.quoting import show
-from cgroup._checks.values import as_count, refusal
+from cgroup._checks.values import as_count, as_named
+from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup.errors import InputError
 from cgroup.registration.prepare import PreparedScan, agree, as_given
@@ -17,7 +17,7 @@ from cgroup.registration.scan import as_model, as_point_cloud
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from cgroup.features import Cloud, Viewpoint
     from cgroup.registration.prepare import Given
@@ -53,6 +53,7 @@ class Recognized(NamedTuple):
     registration: Registration
 
 
+@report_refused_memory()
 def recognize(
     models: Mapping[str, PreparedScan | Cloud | AnyCloud],
     scene: PreparedScan | Cloud | AnyCloud,
@@ -194,8 +195,7 @@ def _prepare_all(
 ) -> tuple[dict[str, PreparedScan], PreparedScan]:
     """Make models and scene ready with one voxel, and normals on the same side."""
     clock.start("voxel size")
-    if not isinstance(models, Mapping):
-        raise refusal("models", models, "give a dict of clouds by name")
+    as_named("models", models, "give a dict of clouds by name")
     if viewpoint is not None:
         as_place("viewpoint", viewpoint)
     if not models:
