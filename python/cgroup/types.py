@@ -9,7 +9,7 @@ import numpy as np
 
 from cgroup import _core
 from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
-from cgroup._checks.arrays import as_faces, as_points
+from cgroup._checks.arrays import as_faces, as_points, in_double, real_normals
 from cgroup._checks.fields import OPTIONAL_FIELDS, Fields, check_fields
 from cgroup._checks.foreign import cloud_parts
 from cgroup._checks.hooks import call_hook
@@ -650,7 +650,7 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
     parts = cloud_parts(name, cloud)
     if parts is None:
         return None
-    normals = None if parts.normals is None else as_points(f"{name}.normals", parts.normals)
+    normals = None if parts.normals is None else in_double(real_normals(f"{name}.normals", parts.normals))
     faces = None if parts.faces is None else as_faces(f"{name}.faces", parts.faces)
     return PointCloud(as_points(name, parts.points), normals, faces)
 

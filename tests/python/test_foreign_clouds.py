@@ -302,7 +302,7 @@ def test_matches_groups_and_judgements_take_them() -> None:
     )
     assert evaluation.overlap(SOURCE, SOURCE, np.eye(4), tolerance=1.0) == 1
     normals = features.normals(SOURCE)
-    assert Surface(SOURCE, SimpleNamespace(points=normals), unit=VOXEL)
+    assert Surface(SOURCE, Tensor(normals), unit=VOXEL)
 
 
 def test_files_nuisances_and_figures_take_them(tmp_path) -> None:

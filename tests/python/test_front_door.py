@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 import cgroup
 from cgroup import InputError
 from cgroup.datasets import standin_pair
-from cgroup.io import write_cloud
+from cgroup.io import read_cloud, write_cloud
 
 PAIR = standin_pair(pixels=80)
 LAZY = """
@@ -63,6 +64,25 @@ def test_paths_are_clouds(files: tuple[Path, Path], kind: type) -> None:
 def test_paths_that_are_no_clouds(cloud: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         cgroup.register(cloud, PAIR.target)
+
+
+@pytest.mark.parametrize("kind", [str, Path, read_cloud])
+def test_a_cloud_in_place_of_normals_is_refused(
+    files: tuple[Path, Path], kind: Callable[[Path], Any]
+) -> None:
+    points, normals, features = PAIR.source.points, kind(files[0]), cgroup.features
+    calls: list[Callable[[], object]] = [
+        lambda: features.fpfh(points, normals, radius=5),
+        lambda: features.voxel_downsample(points, 5, normals=normals),
+        lambda: features.harris3d(points, radius=5, normals=normals),
+        lambda: cgroup.verification.Surface(points, normals, unit=5),
+        lambda: cgroup.register(cgroup.types.PointCloud(points, normals), PAIR.target),
+    ]
+    for call in calls:
+        with pytest.raises(
+            InputError, match="normals: got .*; give \\(n,3\\) real numbers, one normal per point"
+        ):
+            call()
 
 
 @pytest.mark.parametrize(

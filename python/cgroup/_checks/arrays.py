@@ -98,7 +98,15 @@ def real_points(name: str, value: object) -> RealArray:
     """Return `value` as (n,3) float32 or float64: an array, or the points of another's cloud or of a file."""
     parts = None if type(value) is np.ndarray and value.dtype.names is None else cloud_parts(name, value)
     given: Any = value if parts is None else parts.points
-    array = as_reals(name, given, ACCEPTED)
+    return _with_three_columns(name, as_reals(name, given, ACCEPTED))
+
+
+def real_normals(name: str, value: ArrayLike) -> RealArray:
+    """Return `value` as (n,3) float32 or float64; not the points of a cloud or of a file."""
+    return _with_three_columns(name, as_reals(name, value, "give (n,3) real numbers, one normal per point"))
+
+
+def _with_three_columns(name: str, array: RealArray) -> RealArray:
     if array.shape == (0,):
         return array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from cgroup import _core
-from cgroup._checks.arrays import as_rows, real_frames, real_points
+from cgroup._checks.arrays import as_rows, real_frames, real_normals
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_flag, as_number
 from cgroup.features.cloud import core_cloud
@@ -79,7 +79,7 @@ def shot(
     frames = None if lrf is None else real_frames("lrf", lrf, len(rows))
     return _core.shot(
         core_cloud(points),
-        real_points("normals", normals),
+        real_normals("normals", normals),
         rows,
         run_options(threads),
         radius=as_number("radius", radius),
@@ -142,7 +142,7 @@ def lfsh(
     """
     return _core.lfsh(
         core_cloud(points),
-        real_points("normals", normals),
+        real_normals("normals", normals),
         as_rows("keypoints", keypoints),
         run_options(threads),
         as_number("radius", radius),
@@ -261,7 +261,7 @@ def fpfh(
     """
     return _core.fpfh(
         core_cloud(points),
-        real_points("normals", normals),
+        real_normals("normals", normals),
         None if keypoints is None else as_rows("keypoints", keypoints),
         run_options(threads),
         radius=as_number("radius", radius),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.arrays import as_rows, real_points
+from cgroup._checks.arrays import as_rows, real_normals
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_choice, as_count, as_flag, as_number
 from cgroup.features import _open3d
@@ -102,7 +102,7 @@ def harris3d(
     size = length_or_multiple("radius", radius, HARRIS_RADIUS, cloud, resolution, threads)
     return _core.harris3d(
         cloud,
-        None if normals is None else real_points("normals", normals),
+        None if normals is None else real_normals("normals", normals),
         run_options(threads),
         radius=size,
         response=response,

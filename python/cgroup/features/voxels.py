@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._checks.arrays import real_points
+from cgroup._checks.arrays import real_normals
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_length
 from cgroup.errors import InputError
@@ -95,7 +95,7 @@ def voxel_downsample(
     >>> voxels.points.round(3).tolist(), voxels.indices.tolist()
     ([[0.1, 0.0, 0.0], [5.0, 0.0, 0.0]], [0, 0, 1])
     """
-    directions = None if normals is None else real_points("normals", normals)
+    directions = None if normals is None else real_normals("normals", normals)
     size = as_length("voxel", voxel)
     return Voxels(*_core.voxel_downsample(core_cloud(points), directions, run_options(threads), size))
 

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from cgroup import features
-from cgroup._checks.arrays import as_direction, as_faces, as_place, as_points, in_double, real_points
+from cgroup._checks.arrays import (
+    as_direction,
+    as_faces,
+    as_place,
+    as_points,
+    in_double,
+    real_normals,
+    real_points,
+)
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features import Cloud
@@ -227,7 +235,7 @@ def without_strays(scan: Scan) -> Scan:
 
 def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | None, IndexArray | None]:
     """Check the normals and faces of a cloud of so many points."""
-    normals = None if cloud.normals is None else as_points(f"{name}.normals", cloud.normals)
+    normals = None if cloud.normals is None else in_double(real_normals(f"{name}.normals", cloud.normals))
     faces = None if cloud.faces is None else as_faces(f"{name}.faces", cloud.faces)
     if normals is not None and len(normals) != count:
         parameter = f"{name}.normals"

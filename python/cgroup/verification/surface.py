@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._checks.arrays import as_place, real_points
+from cgroup._checks.arrays import as_place, real_normals, real_points
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_flag, as_instance, as_number
 from cgroup.errors import InputError
@@ -70,7 +70,7 @@ class Surface:
         oriented: bool | None = None,
         threads: int | None = None,
     ) -> None:
-        rows, directions = real_points("points", points), real_points("normals", normals)
+        rows, directions = real_points("points", points), real_normals("normals", normals)
         if len(rows) != len(directions):
             raise InputError(
                 "normals",
