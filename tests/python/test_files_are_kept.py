@@ -1,5 +1,6 @@
 """No output replaces an input, no older result stays behind a refusal, and a file is written whole or not at all."""
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -64,6 +65,43 @@ def test_a_refusal_leaves_no_older_pose_behind(folder: Path, capsys: Capture) ->
     status, _, _ = run(capsys, "register", "source.ply", "other.ply")
     assert status == 3
     assert [file.name for file in (folder / "out").iterdir()] == ["notes.txt"]
+
+
+def test_models_that_are_not_found_leave_no_older_pose_behind(folder: Path, capsys: Capture) -> None:
+    out = folder / "out"
+    succeed(capsys, "recognize", "source.ply", "--scene", "target.ply")
+    assert sorted(file.name for file in out.iterdir()) == ["source.ply", "source.txt"]
+    mine = {
+        "source-1.txt",
+        "source-4.ply",
+        "source-5.txt",
+        "source-5.ply",
+        "source-b.txt",
+        "source.npy",
+        "notes.txt",
+    }
+    for name in (*mine, "source-2.txt", "source-2.ply", "source-3.txt", "source-3.ply"):
+        (out / name).write_text("of another run, or of somebody else")
+    succeed(capsys, "recognize", "source.ply", "--scene", "target.ply")
+    assert {file.name for file in out.iterdir()} == {*mine, "source.txt", "source.ply"}
+    write_cloud("other.ply", standin_pair(seed=5, pixels=60).target)
+    assert run(capsys, "recognize", "source.ply", "--scene", "other.ply")[0] == 3
+    assert {file.name for file in out.iterdir()} == mine
+
+
+def test_a_copy_is_not_called_as_another_model(folder: Path, capsys: Capture) -> None:
+    """Nor is what was found of one removed as an older copy of the other."""
+    (folder / "source-2.ply").write_bytes((folder / "source.ply").read_bytes())
+    source, target = read_cloud("source.ply").points, read_cloud("target.ply").points
+    write_cloud("twice.ply", np.concatenate([target, target + np.array([3 * np.ptp(source[:, 0]), 0, 0])]))
+    said = json.loads(
+        succeed(capsys, "recognize", "source.ply", "source-2.ply", "--scene", "twice.ply", "--json")
+    )
+    files = [one["file"] for one in said["results"]["found"]]
+    assert len(files) == len(set(files)) == 2
+    assert {file.name for file in (folder / "out").iterdir()} == {
+        *files, *(file.replace(".txt", ".ply") for file in files),
+    }  # fmt: skip
 
 
 def test_a_library_call_may_replace_what_it_has_read(tmp_path: Path) -> None:

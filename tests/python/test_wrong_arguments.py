@@ -201,7 +201,7 @@ def test_missing_and_unknown_names_are_errors_of_python() -> None:
     [
         ({"points": None}, "cloud: got None"),
         ({"normals": [[0, 0, 1]]}, r"cloud\.normals: got 1 for 643 points"),
-        ({"normals": "up"}, r"cloud\.normals: up: unknown"),
+        ({"normals": "up"}, r"cloud\.normals: got .up.; give"),
         ({"faces": [[0, 1]]}, r"cloud\.faces: got shape \(1,2\)"),
         ({"faces": [[0, 1, 643]]}, r"cloud\.faces: got row 643, but there are 643 points"),
         ({"faces": [[0, 1, -1]]}, r"cloud\.faces: got index -1"),

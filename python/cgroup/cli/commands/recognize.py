@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection, Iterator
+from itertools import count
 from pathlib import Path
 
 from cgroup import io
@@ -49,6 +51,24 @@ def _print_models(document: Document, *, wide: bool) -> None:
             ("time", f"{results['seconds']:.2f} s"),
         )
         print_files(document)
+
+
+def _name_copies(name: str, models: Collection[str]) -> Iterator[str]:
+    """Yield what the files of a model's copies are called, none as another model."""
+    yield name
+    yield from (stem for stem in (f"{name}-{place}" for place in count(2)) if stem not in models)
+
+
+def _find_results(folder: Path, models: Collection[str]) -> list[Path]:
+    """List the files that an earlier run has left: of further copies both, numbered without a gap."""
+    found: list[Path] = []
+    for name in models:
+        for stem in _name_copies(name, models):
+            there = [file for suffix in (".txt", ".ply") if (file := folder / f"{stem}{suffix}").exists()]
+            if stem != name and len(there) < 2:
+                break
+            found += there
+    return found
 
 
 @command(
@@ -99,14 +119,14 @@ def recognize_command(
     with show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
-        check_outputs(out / f"{name}{suffix}" for name in files for suffix in (".txt", ".ply"))
+        older = _find_results(out, files)
+        check_outputs(older)
         found = recognize(clouds, target, voxel=voxel, viewpoint=viewpoint, most=most, progress=begin)
-    copies: Counter[str] = Counter()
+    stems = {name: _name_copies(name, files) for name in files}
     poses: list[Document] = []
     written: list[Path] = []
     for name, one in found:
-        copies[name] += 1
-        stem = name if copies[name] == 1 else f"{name}-{copies[name]}"
+        stem = next(stems[name])
         pose, posed = make_folder(out) / f"{stem}.txt", out / f"{stem}.ply"
         io.write_transform(pose, one.T_target_source)
         io.write_cloud(posed, clouds[name].transformed(one.T_target_source))
@@ -121,9 +141,7 @@ def recognize_command(
                 "inlier_rmse": one.inlier_rmse,
             }
         )
-    remove_files(
-        out / f"{name}{suffix}" for name in files if name not in copies for suffix in (".txt", ".ply")
-    )
+    remove_files(file for file in older if file not in written)
     said: Document = {
         "inputs": [
             describe_cloud("scene", scene, target),
@@ -131,7 +149,7 @@ def recognize_command(
         ],
         "results": {
             "found": poses,
-            "not_found": [name for name in clouds if name not in copies],
+            "not_found": [name for name in clouds if name not in {one.name for one in found}],
             "voxel": found[0][1].voxel if found else None,
             "seconds": sum(found[0][1].seconds.values()) if found else None,
         },
