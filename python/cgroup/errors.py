@@ -76,9 +76,9 @@ class InputError(CgroupError, ValueError):
 
 
 class OutOfMemoryError(CgroupError, MemoryError):
-    """The system gave no memory for a block that the computation needs.
+    """The system gave no memory for a block that the computation needs, or no threads.
 
-    Also a `MemoryError`. The process goes on: free memory, or give fewer points, and call again.
+    Also a `MemoryError`. The process goes on: free memory, or give fewer points or threads, and call again.
 
     Examples
     --------

@@ -193,6 +193,11 @@ def deadly(correspondences: Correspondences) -> np.ndarray:
     return np.ones(len(correspondences), dtype=bool)
 
 
+def fatal(_correspondences: Correspondences) -> np.ndarray:
+    """Kill the process."""
+    os._exit(9)
+
+
 def endless(correspondences: Correspondences) -> np.ndarray:
     """Never return, unless FAKES_END is set."""
     if not os.environ.get("FAKES_END"):

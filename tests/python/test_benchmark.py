@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +20,8 @@ from cgroup.benchmark.store import only_writer
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from cgroup.benchmark.results import Score
 
 from benchmark_runs import CLOUDS, MATCHES, contents, count, serial, start_benchmark, wait_until
@@ -264,7 +266,22 @@ methods = ["gc", "benchmark_fakes:first", "benchmark_fakes:wrong_length"]
 """
 
 
+class Here:
+    """A worker whose process is this one, where it can be watched."""
+
+    def __init__(self, _threads: int) -> None:
+        pass
+
+    def call(self, function: Callable[..., Any], *arguments: object, limit: float) -> Any:
+        assert limit > 0
+        return function(*arguments)
+
+    def close(self) -> None:
+        pass
+
+
 def test_times_are_taken_once(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timing, "Worker", Here)
     monkeypatch.setattr(timing, "SHORTEST", 1e-9)
     text = MATCHES + "pairs = 1" + TIMING
     serial(text, tmp_path / "out")
@@ -287,6 +304,7 @@ def test_times_are_taken_once(tmp_path: Path, log: Path, monkeypatch: pytest.Mon
 def test_what_would_take_too_long_is_skipped_with_a_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(timing, "Worker", Here)
     monkeypatch.setattr(timing, "measure", lambda _call, repeats: [6.0] * repeats)
     serial(MATCHES + "pairs = 1" + TIMING + "budget = 7", tmp_path)
     times = tables.load(tmp_path, "timing")
@@ -295,6 +313,16 @@ def test_what_would_take_too_long_is_skipped_with_a_reason(
     reasons = skips[skips["method"] == "gc"]["reason"].tolist()
     assert len(reasons) == 1
     assert "s per call, more than 7 s" in reasons[0]
+
+
+def test_what_kills_or_hangs_its_process_has_no_times(tmp_path: Path) -> None:
+    text = TIMING.replace("[30, 60]", "[30]").replace('"benchmark_fakes:first", ', "")
+    text = text.replace("wrong_length", 'fatal", "benchmark_fakes:endless", "benchmark_fakes:failing')
+    serial(MATCHES + "pairs = 1" + text + "budget = 1", tmp_path)
+    assert set(tables.load(tmp_path, "timing")["method"]) >= {"gc"}
+    reasons = tables.load_skips(tmp_path).set_index("method")["reason"].to_dict()
+    assert reasons["benchmark_fakes:fatal"] == KILLED
+    assert reasons["benchmark_fakes:endless"] == "took longer than 1 s per call"
 
 
 def test_exponents_are_fitted_to_the_large_sets() -> None:

@@ -10,13 +10,16 @@ import itertools
 import json
 import math
 import time
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.benchmark.engine import OutOfTimeError, ProcessDiedError, Worker
 from cgroup.benchmark.machine import this_machine
 from cgroup.benchmark.matching import match_problems
-from cgroup.benchmark.results import Result, unpack
+from cgroup.benchmark.results import KILLED, Result, describe_error, unpack
+from cgroup.benchmark.worker import ALL_CORES
 from cgroup.errors import CgroupError, InputError
 
 if TYPE_CHECKING:
@@ -46,20 +49,36 @@ def take_times(
     progress("time", done, wanted)
     machine = this_machine().id
     medians: dict[tuple[str, int], list[tuple[int, float]]] = {}
-    for problem in planned.problems:
-        matches = _prepare(problem, store, root)
-        for method, threads in solvers:
-            so_far = medians.setdefault((method.key, threads), [])
-            seconds, reason = store.times(problem.key, method.key, threads, machine), ""
-            if len(seconds) != timing.repeats:
-                seconds, reason = _try(problem, matches, method, threads, timing, so_far)
-                numbers = json.dumps({"repeats": seconds})
-                result = Result(problem.key, method.key, threads, machine, numbers=numbers, skipped=reason)
-                store.add_results([result])
-            if not reason:
-                so_far.append((len(matches), float(np.median(seconds))))
-            done += 1
-            progress("time", done, wanted)
+    with closing(Worker(ALL_CORES)) as worker:
+        for problem in planned.problems:
+            matches = _prepare(problem, store, root)
+            for method, threads in solvers:
+                so_far = medians.setdefault((method.key, threads), [])
+                seconds, reason = store.times(problem.key, method.key, threads, machine), ""
+                if len(seconds) != timing.repeats:
+                    seconds, reason = _try(worker, problem, matches, method, threads, timing, so_far)
+                    numbers = json.dumps({"repeats": seconds})
+                    result = Result(
+                        problem.key, method.key, threads, machine, numbers=numbers, skipped=reason
+                    )
+                    store.add_results([result])
+                if not reason:
+                    so_far.append((len(matches), float(np.median(seconds))))
+                done += 1
+                progress("time", done, wanted)
+
+
+def time_method(
+    method: Solver, given: Correspondences, seed: int, threads: int, repeats: int
+) -> tuple[list[float], str]:
+    """Return the times of a method, or why there are none; called in another process."""
+    cores = None if threads == 0 else threads
+    try:
+        return measure(lambda: method.group(given, seed=seed, threads=cores), repeats), ""
+    except CgroupError as error:
+        return [], str(error)
+    except Exception as error:  # noqa: BLE001 - of a method from outside
+        return [], describe_error(error)
 
 
 def measure(call: Callable[[], object], repeats: int) -> list[float]:
@@ -80,6 +99,7 @@ def fit_exponent(n: Sequence[float], seconds: Sequence[float]) -> float:
 
 
 def _try(
+    worker: Worker,
     problem: Problem,
     given: Correspondences,
     method: Solver,
@@ -91,11 +111,13 @@ def _try(
     expected = _expect(so_far[-2:], len(given))
     if expected > timing.budget:
         return [], f"expected to take {expected:.0f} s per call, more than {timing.budget:g} s"
-    cores = None if threads == 0 else threads
+    limit = (timing.repeats + 1) * (timing.budget + SHORTEST)
     try:
-        return measure(lambda: method.group(given, seed=problem.seed, threads=cores), timing.repeats), ""
-    except CgroupError as error:
-        return [], str(error)
+        return worker.call(time_method, method, given, problem.seed, threads, timing.repeats, limit=limit)
+    except OutOfTimeError:
+        return [], f"took longer than {timing.budget:g} s per call"
+    except ProcessDiedError:
+        return [], KILLED
 
 
 def _expect(known: Sequence[tuple[int, float]], n: int) -> float:
