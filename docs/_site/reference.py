@@ -114,7 +114,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.registry": {
         "What is known of each method": "METHOD_INFO MethodInfo MethodOption label_of",
-        "Names": "METHODS PAPER_METHODS PRESETS",
+        "Names": "METHODS MethodName PAPER_METHODS PRESETS",
     },
     "cgroup.benchmark.config": {
         "Reading": "read_config parse_config preset_names METHOD_SETS",

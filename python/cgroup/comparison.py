@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.evaluation import GroupScore
+    from cgroup.registry import MethodName
     from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
 
 
@@ -105,7 +106,7 @@ def compare(
     correspondences: Correspondences,
     T_target_source: ArrayLike,
     *,
-    methods: Iterable[str] = tuple(METHODS),
+    methods: Iterable[MethodName | str] = tuple(METHODS),
     tolerance: float | None = None,
     correct: ArrayLike | None = None,
     max_rotation: float = MAX_ROTATION,

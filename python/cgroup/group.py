@@ -6,8 +6,9 @@ import inspect
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from cgroup._checks.calls import explain_wrong_calls, refuse_too_many, unknown_option
 from cgroup._checks.fields import FIELDS, Fields
-from cgroup._checks.values import as_choice, as_instance, as_items, guess_option
+from cgroup._checks.values import as_choice, as_instance, as_items, guess_option, refusal
 from cgroup._runtime.memory import default_max_memory, report_refused_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
@@ -16,8 +17,9 @@ from cgroup.registry import METHOD_INFO, PRESETS, MethodInfo, find_method
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
+    from cgroup.registry import MethodName
     from cgroup.types import Grouping
 
 
@@ -27,10 +29,14 @@ __all__ = [
 ]
 
 
+_MEANT = 'give group(Correspondences(source, target), "gtm"), or call gtm(source, target)'
+
+
+@refuse_too_many(_MEANT)
 @report_refused_memory()
 def group(
     correspondences: Correspondences,
-    method: str,
+    method: MethodName | str = "lc",
     *,
     preset: str = "paper",
     **options: Any,  # noqa: ANN401 - those of the method
@@ -43,7 +49,7 @@ def group(
         The method takes the fields that it is defined on.
     method : str
         Name of the method, one of `cgroup.METHODS`, in any case; labels and names of functions mean the same:
-        "3dhv", "Hough3D".
+        "3dhv", "Hough3D". The default says by `Grouping.ok` whether chance could have made the group.
     preset : str
         Where the method's options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
         formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
@@ -74,15 +80,16 @@ def group(
     >>> from cgroup import group
     >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.2)
-    >>> found = group(problem.correspondences(), "sc2pcr")
-    >>> bool((found.mask == problem.inlier_mask).mean() > 0.95)
-    True
+    >>> found = group(problem.correspondences())
+    >>> found.ok, bool((found.mask == problem.inlier_mask).mean() > 0.95)
+    (True, True)
     >>> group(problem.correspondences(), "gc", tolerance=0.1).size < found.size
     True
     """
+    if not isinstance(correspondences, Correspondences):
+        raise refusal("correspondences", correspondences, _MEANT)
     info = find_method(method)
     as_choice("preset", preset, PRESETS)
-    as_instance("correspondences", correspondences, Correspondences)
     defaults = _defaults(info.function)
     _refuse_unknown(info.name, options, defaults)
     fields = _fields_for(info, correspondences)
@@ -91,10 +98,11 @@ def group(
     return compute(info.name, fields, chosen, positions, correspondences.resolution)
 
 
+@explain_wrong_calls
 @report_refused_memory()
 def group_many(
     problems: Iterable[Correspondences],
-    method: str,
+    method: MethodName | str = "lc",
     *,
     preset: str = "paper",
     threads: int | None = None,
@@ -183,14 +191,17 @@ def _defaults(function: Callable[..., Grouping]) -> Mapping[str, Any]:
 
 
 def _refuse_unknown(
-    method: str, options: Mapping[str, Any], known: Mapping[str, Any], own: Sequence[str] = ()
+    method: str, options: Mapping[str, Any], known: Mapping[str, Any], own: Collection[str] = ()
 ) -> None:
-    unknown = [name for name in options if name not in known]
-    if unknown:
-        meant = guess_option(unknown[0], [*own, *known])
-        guess = f" (did you mean {meant!r}?)" if meant else ""
-        remedy = f"{method} has no {unknown[0]!r}{guess}; it takes {', '.join(known)}"
-        raise InputError("option", remedy=remedy)
+    unknown = next((name for name in options if name not in known), None)
+    if unknown is None:
+        return
+    if not own and unknown in FIELDS:
+        raise InputError(
+            "option",
+            remedy=f"{unknown!r} belongs to the matches: Correspondences(source, target, {unknown}=...)",
+        )
+    raise unknown_option(method, unknown, known, own)
 
 
 def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import unicodedata
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from cgroup import _core
 from cgroup._checks.values import guess_word, refuse_word
@@ -42,9 +42,30 @@ __all__ = [
     "PAPER_METHODS",
     "PRESETS",
     "MethodInfo",
+    "MethodName",
     "MethodOption",
     "label_of",
 ]
+
+
+MethodName: TypeAlias = Literal[
+    "ss",
+    "nnsr",
+    "si",
+    "cv",
+    "ransac",
+    "st",
+    "gc",
+    "3dhv",
+    "gtm",
+    "lc",
+    "mac",
+    "sc2pcr",
+    "turboreg",
+    "teaser",
+    "clipper",
+]
+"""The keys of `METHODS`. Functions take ``MethodName | str``: editors complete the names, labels pass too."""
 
 
 class MethodOption(NamedTuple):

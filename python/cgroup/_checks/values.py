@@ -110,32 +110,6 @@ def guess_word(value: object, choices: Collection[str], likeness: float = 0.6) -
     return next(iter(difflib.get_close_matches(word, choices, n=1, cutoff=likeness)), None)
 
 
-_OTHER_WORDS = {
-    "distance_threshold": "tolerance",
-    "down_sampling_resolution": "voxel",
-    "downsampling_resolution": "voxel",
-    "inlier_threshold": "tolerance",
-    "leaf_size": "voxel",
-    "max_correspondence_distance": "tolerance",
-    "max_iteration": "iterations",
-    "max_iterations": "iterations",
-    "n_jobs": "threads",
-    "noise_bound": "tolerance",
-    "num_iterations": "iterations",
-    "num_threads": "threads",
-    "random_state": "seed",
-    "resolution": "voxel",
-    "voxel_size": "voxel",
-}
-"""Names of options elsewhere (Open3D, PCL, small_gicp, KISS-Matcher, TEASER++, scikit-learn), and ours."""
-
-
-def guess_option(name: str, choices: Collection[str]) -> str | None:
-    """Return the option that is called so elsewhere, or resembles a wrong name; None for none."""
-    elsewhere = _OTHER_WORDS.get(name)
-    return elsewhere if elsewhere in choices else guess_word(name, choices, 0.7)
-
-
 def as_word(name: str, value: object) -> str:
     """Return a text that can be printed."""
     if not isinstance(value, str) or not value.isprintable():

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 from cgroup import _core
 from cgroup._checks.arrays import real_points
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_flag, as_word
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
     from cgroup.types import AnyCloud, RealArray
@@ -55,13 +59,18 @@ class Cloud:
     ... )
     """
 
-    __slots__ = ("_core", "_points")
+    __slots__ = ("_core", "_name", "_points")
 
     def __init__(self, points: ArrayLike, *, name: str = "points") -> None:
         array = real_points(as_word("name", name), points).view()
         array.flags.writeable = False
         self._points: RealArray = array
+        self._name = name
         self._core = _core.Cloud(array, name)
+
+    def __reduce__(self) -> tuple[Callable[[RealArray], Cloud], tuple[RealArray]]:
+        """Pickle the points; they are indexed anew."""
+        return partial(Cloud, name=self._name), (self._points,)
 
     @property
     def points(self) -> RealArray:
@@ -110,6 +119,7 @@ def points_of(points: CloudLike) -> RealArray:
     return points.points if isinstance(points, Cloud) else real_points("points", points)
 
 
+@explain_wrong_calls
 def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | None = None) -> float:
     """Mean distance of a point to its nearest other point, the unit *pr*.
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from cgroup import _core
-from cgroup._checks.arrays import as_rows, real_frames, real_normals
+from cgroup._checks.arrays import as_rows, real_frames, real_normals, real_points
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_flag, as_number
 from cgroup.features.cloud import core_cloud
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from cgroup.features.cloud import CloudLike
 
 
+@explain_wrong_calls
 def shot(
     points: CloudLike,
     normals: ArrayLike,
@@ -88,6 +90,7 @@ def shot(
     )
 
 
+@explain_wrong_calls
 def lfsh(
     points: CloudLike,
     normals: ArrayLike,
@@ -149,6 +152,7 @@ def lfsh(
     )
 
 
+@explain_wrong_calls
 def rcs(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> NDArray[np.float32]:
@@ -198,6 +202,7 @@ def rcs(
     )
 
 
+@explain_wrong_calls
 def fpfh(
     points: CloudLike,
     normals: ArrayLike,

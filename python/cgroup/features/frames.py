@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from cgroup import _core
 from cgroup._checks.arrays import as_rows
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_number
 from cgroup.features.cloud import core_cloud
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from cgroup.types import FloatArray
 
 
+@explain_wrong_calls
 def shot_lrf(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> FloatArray:
@@ -72,6 +74,7 @@ def shot_lrf(
     )
 
 
+@explain_wrong_calls
 def toldi_lrf(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> FloatArray:

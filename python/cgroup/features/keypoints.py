@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.arrays import as_rows, real_normals
+from cgroup._checks.arrays import as_rows, real_normals, real_points
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_choice, as_count, as_flag, as_number
 from cgroup.features import _open3d
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from cgroup.types import IndexArray
 
 
+@explain_wrong_calls
 def harris3d(
     points: CloudLike,
     *,
@@ -113,6 +115,7 @@ def harris3d(
     )
 
 
+@explain_wrong_calls
 def iss(
     points: CloudLike,
     *,
@@ -214,6 +217,7 @@ def iss(
     )
 
 
+@explain_wrong_calls
 def drop_isolated(
     points: CloudLike,
     keypoints: ArrayLike,

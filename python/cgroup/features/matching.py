@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_flag, as_number
 from cgroup.features._rows import as_descriptors
@@ -69,6 +70,7 @@ class Matches:
         return f"Matches(n={len(self)})"
 
 
+@explain_wrong_calls
 def match(
     source: ArrayLike,
     target: ArrayLike,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from cgroup import _core
 from cgroup._checks.arrays import as_faces, as_place
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_number
 from cgroup.features.cloud import core_cloud
@@ -22,12 +23,13 @@ Viewpoint: TypeAlias = tuple[float, float, float]
 ORIGIN: Viewpoint = (0.0, 0.0, 0.0)
 
 
+@explain_wrong_calls
 def normals(
     points: CloudLike,
     *,
     neighbors: int | None = None,
     radius: float | None = None,
-    viewpoint: Viewpoint = ORIGIN,
+    viewpoint: ArrayLike = ORIGIN,
     threads: int | None = None,
 ) -> FloatArray:
     """Fit a plane to the neighbourhood of every point (as PCL's ``NormalEstimation``).
@@ -45,7 +47,7 @@ def normals(
     radius : float, optional
         Use all points nearer than this instead; of them only the nearest `neighbors` where both are given (as
         Open3D's hybrid search).
-    viewpoint : (float, float, float)
+    viewpoint : (3,) array_like of float
         Normals point to this side.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
@@ -77,6 +79,7 @@ def normals(
     return _core.normals(core_cloud(points), run_options(threads), count, size, place)
 
 
+@explain_wrong_calls
 def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
     """Vertex normals of a triangle mesh, weighted by area and consistently oriented.
 

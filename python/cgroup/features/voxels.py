@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cgroup import _core
-from cgroup._checks.arrays import real_normals
+from cgroup._checks.arrays import real_normals, real_points
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_length
 from cgroup.errors import InputError
@@ -56,6 +57,7 @@ class Voxels:
         return f"Voxels(n={len(self)}, of={len(self.indices)})"
 
 
+@explain_wrong_calls
 def voxel_downsample(
     points: CloudLike, voxel: float, *, normals: ArrayLike | None = None, threads: int | None = None
 ) -> Voxels:
@@ -100,6 +102,7 @@ def voxel_downsample(
     return Voxels(*_core.voxel_downsample(core_cloud(points), directions, run_options(threads), size))
 
 
+@explain_wrong_calls
 def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = None) -> float:
     """Choose the size of voxels that leaves clouds about so many.
 

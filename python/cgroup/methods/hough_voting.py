@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup.methods._call import call
 
 if TYPE_CHECKING:
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from cgroup.types import Grouping
 
 
+@explain_wrong_calls
 def hough3d(
     source: ArrayLike,
     target: ArrayLike,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup.methods._call import call
 
 if TYPE_CHECKING:
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from cgroup.types import Grouping
 
 
+@explain_wrong_calls
 def nnsr(ratio: ArrayLike, *, max_ratio: float = 0.8, threads: int | None = None) -> Grouping:
     """Nearest-neighbour similarity ratio (NNSR): keep the distinctive correspondences.
 

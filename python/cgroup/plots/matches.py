@@ -248,7 +248,7 @@ def keypoints_figure(
     keypoints: Mapping[str, ArrayLike],
     *,
     title: str,
-    viewpoint: tuple[float, float, float] = (0, 0, 0),
+    viewpoint: ArrayLike = (0, 0, 0),
 ) -> Figure:
     """Draw where detectors found keypoints, one panel each.
 
@@ -260,7 +260,7 @@ def keypoints_figure(
         Rows of the cloud, by the name of the detector.
     title : str
         Shown on top.
-    viewpoint : (float, float, float)
+    viewpoint : (3,) array_like of float
         Where the scanner stood; the cloud is seen from that side.
 
     Returns

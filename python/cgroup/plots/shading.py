@@ -10,6 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from typing import TypeAlias
 
+    from numpy.typing import ArrayLike
+
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
     Tint: TypeAlias = tuple[float, float, float]
@@ -32,7 +34,7 @@ class View:
         return points @ self.axes.T
 
 
-def face_broadside(points: FloatArray, viewpoint: tuple[float, float, float] = (0, 0, 0)) -> View:
+def face_broadside(points: FloatArray, viewpoint: ArrayLike = (0, 0, 0)) -> View:
     """Find the view that shows most of a cloud: along its thinnest direction, from the scanner's side.
 
     The y axis of the data points upwards, or z where y points at the viewer.

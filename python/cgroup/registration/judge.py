@@ -157,11 +157,12 @@ def judge(
         return Judgement(ok=False, probability=0.0, reason=reason, notes=())
     notes = tuple(_notes(found.refined.open_motion, found.motions, len(found.alternatives)))
     notes += tuple(_count_strays(scan) for scan in (source, target) if scan.scan.strays)
-    reason = ""
-    if not is_accepted(found.probability):
-        reason = _explain(found, notes[0] if found.motions > MOST_OPEN_MOTIONS else "")
-        reason = f"{reason}; {_remedy(source, target, axis)}"
-    return Judgement(not reason, found.probability, reason, notes)
+    if is_accepted(found.probability):
+        notes += (*_find_rounded(source, target), *_find_layers(source, target))
+        return Judgement(ok=True, probability=found.probability, reason="", notes=notes)
+    reason = _explain(found, notes[0] if found.motions > MOST_OPEN_MOTIONS else "")
+    reason = f"{reason}; {_remedy(source, target, axis)}"
+    return Judgement(ok=False, probability=found.probability, reason=reason, notes=notes)
 
 
 def is_accepted(probability: float) -> bool:
@@ -336,19 +337,46 @@ def _count_strays(scan: PreparedScan) -> str:
     return f"{scan.scan.name}: {counted} far from all others set aside"
 
 
+def _find_rounded(*scans: PreparedScan) -> list[str]:
+    """Say whose coordinates have lost digits."""
+    return [
+        f"{scan.scan.name}: coordinates of single precision lie {scan.scan.rounding:.2g} apart so far from "
+        "the origin, too much for its points: give float64, or subtract an offset before they are rounded"
+        for scan in scans
+        if scan.scan.rounding
+    ]
+
+
+def _find_layers(*scans: PreparedScan) -> list[str]:
+    """Say from which viewpoints points lie behind each other."""
+    layered: list[str] = []
+    for scan in scans:
+        if not scan.shows_layers:
+            continue
+        name, seen = scan.scan.name, "points lie behind each other"
+        if scan.scan.is_far(scan.viewpoint):
+            remedy = "give another `view_direction`, or none for a cloud fused from several scans"
+            layered.append(f"seen along the view direction of {name}, {seen}: {remedy}")
+        else:
+            place = f"{name}_viewpoint" if name in {"source", "target"} else f"the viewpoint of {name}"
+            remedy = "give the place where the scanner stood, or `view_direction`, or neither"
+            layered.append(f"seen from {place}, {seen}: {remedy} for a cloud fused from several scans")
+    return layered
+
+
 def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None) -> str:
+    rounded = _find_rounded(source, target)
+    if rounded:
+        return rounded[0]
     sizes = source.scan.cloud.diagonal, target.scan.cloud.diagonal
     if max(sizes) > _SIZES_DIFFER * min(sizes):
         return (
             f"the clouds are {sizes[0]:.3g} and {sizes[1]:.3g} across: if both show the same, scale one, as "
             "scale is not estimated"
         )
-    for scan in (source, target):
-        if scan.shows_layers:
-            return (
-                f"seen from {scan.scan.name}_viewpoint, points lie behind each other: give the place where "
-                "the scanner stood, or `view_direction`, or neither for a cloud fused from several scans"
-            )
+    layered = _find_layers(source, target)
+    if layered:
+        return layered[0]
     if axis is not None:
         return "the clouds may share too little, or not the axis"
     if source.viewpoint is None or target.viewpoint is None:
@@ -356,7 +384,7 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None)
             "the clouds may share too little; if each is a single scan, say where the scanner stood by "
             "`source_viewpoint` and `target_viewpoint`"
         )
-    return "the clouds may share too little, or a viewpoint may be wrong; `effort='high'` may find a pose"
+    return "the clouds may share too little, or a viewpoint may be wrong"
 
 
 def _notes(open_motion: FloatArray | None, motions: int, alternatives: int) -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup._checks.arrays import in_double
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.fields import FIELDS, Fields
 from cgroup._checks.values import as_instance
 from cgroup.errors import NoConsensusError
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 _OF_THE_CLOUDS = ("resolution", "source_centroid")  # all other fields have a row per match
 
 
+@explain_wrong_calls
 def match_described(
     source: DescribedCloud, target: DescribedCloud, *, threads: int | None = None
 ) -> Correspondences:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup._checks.arrays import as_place, in_double
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_count, as_items, as_length, refusal
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
@@ -19,7 +20,7 @@ from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, as_s
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from cgroup.features import Cloud, Viewpoint
     from cgroup.registration.scan import Normals, Scan
@@ -123,6 +124,7 @@ class PaperFront:
                 as_length("iss_radii", radius)
 
 
+@explain_wrong_calls
 def correspond(
     source: Cloud | AnyCloud,
     target: Cloud | AnyCloud,
@@ -133,8 +135,9 @@ def correspond(
     nms_radius: float | None = None,
     normals: Normals = "pca",
     resolution: float | None = None,
-    source_viewpoint: Viewpoint = ORIGIN,
-    target_viewpoint: Viewpoint = ORIGIN,
+    viewpoint: ArrayLike = ORIGIN,
+    source_viewpoint: ArrayLike | None = None,
+    target_viewpoint: ArrayLike | None = None,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Correspondences:
@@ -162,8 +165,10 @@ def correspond(
         that has them.
     resolution : float, optional
         The unit pr; the mean of the two clouds' resolutions by default.
-    source_viewpoint, target_viewpoint : (float, float, float)
-        Where the scanners stood, in their clouds' frames.
+    viewpoint : (3,) array_like of float
+        Where the scanner stood, in the frame of each cloud.
+    source_viewpoint, target_viewpoint : (3,) array_like of float, optional
+        The same of one of them, where they differ.
     threads : int, optional
         Threads to compute on, None for all cores.
     progress : callable, optional
@@ -190,8 +195,10 @@ def correspond(
     Correspondences(n=..., fields=['source', 'target', 'similarity', ...])
     """
     front = PaperFront(detector, descriptor, keypoints, nms_radius, normals, resolution)
-    (a, b, c) = as_place("source_viewpoint", source_viewpoint)
-    (x, y, z) = as_place("target_viewpoint", target_viewpoint)
+    (a, b, c), (x, y, z) = (
+        as_place("viewpoint", viewpoint) if own is None else as_place(name, own)
+        for name, own in (("source_viewpoint", source_viewpoint), ("target_viewpoint", target_viewpoint))
+    )
     return correspond_by(front, source, target, ((a, b, c), (x, y, z)), threads, as_stage_function(progress))
 
 
@@ -240,6 +247,7 @@ def common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
     return sum(resolutions) / 2
 
 
+@explain_wrong_calls
 def detect(
     cloud: Cloud | AnyCloud,
     *,
@@ -290,11 +298,12 @@ def detect(
     return _detect(front, scan, scan.unit(resolution, threads), threads)
 
 
+@explain_wrong_calls
 def surface_normals(
     cloud: Cloud | AnyCloud,
     *,
     normals: Normals = "pca",
-    viewpoint: Viewpoint = ORIGIN,
+    viewpoint: ArrayLike = ORIGIN,
     threads: int | None = None,
 ) -> FloatArray:
     """Find the normals that descriptors are made with.
@@ -306,7 +315,7 @@ def surface_normals(
     normals : {"pca", "mesh", "given"}
         Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
         that has faces; or `PointCloud.normals`.
-    viewpoint : (float, float, float)
+    viewpoint : (3,) array_like of float
         Where the scanner stood, in the cloud's frame.
     threads : int, optional
         Threads to compute on, None for all cores.
@@ -338,6 +347,7 @@ def surface_normals(
     return _find_normals(as_scan("cloud", cloud), normals, viewpoint, threads)
 
 
+@explain_wrong_calls
 def describe(
     cloud: Cloud | AnyCloud,
     *,
@@ -347,7 +357,7 @@ def describe(
     keypoints: int | None = None,
     nms_radius: float | None = None,
     normals: Normals = "pca",
-    viewpoint: Viewpoint = ORIGIN,
+    viewpoint: ArrayLike = ORIGIN,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> DescribedCloud:
@@ -372,7 +382,7 @@ def describe(
         Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
         that has faces; or `PointCloud.normals`. All descriptors but RCS need normals on the same side of the
         surface in both clouds, so for a whole model in a scan take "mesh".
-    viewpoint : (float, float, float)
+    viewpoint : (3,) array_like of float
         Where the scanner stood, in the cloud's frame.
     threads : int, optional
         Threads to compute on, None for all cores.
@@ -425,7 +435,7 @@ def _describe(
     front: PaperFront,
     scan: Scan,
     pr: float,
-    viewpoint: Viewpoint,
+    viewpoint: ArrayLike,
     threads: int | None,
     begin: Callable[[str], Any],
 ) -> DescribedCloud:
@@ -452,7 +462,7 @@ def _times(pr: float, *radii: float | None) -> list[float | None]:
     return [None if radius is None else radius * pr for radius in radii]
 
 
-def _find_normals(scan: Scan, normals: Normals, viewpoint: Viewpoint, threads: int | None) -> FloatArray:
+def _find_normals(scan: Scan, normals: Normals, viewpoint: ArrayLike, threads: int | None) -> FloatArray:
     """Find the normals of a checked cloud."""
     if not scan.has(normals):
         raise InputError(

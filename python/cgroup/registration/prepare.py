@@ -10,6 +10,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup._checks.arrays import in_double
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_instance, as_length
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
@@ -153,6 +154,11 @@ class PreparedScan:
     threads: int | None
     _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
     _cells: dict[float, IndexArray] = field(default_factory=dict)
+
+    def __reduce__(self) -> tuple[Callable[..., PreparedScan], tuple[Any, ...]]:
+        """Pickle what took long; surfaces are made anew."""
+        parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, self.normals, self.described
+        return _assemble, (*parts, self.by_frames, self.threads)
 
     def fine_surface(self, share: float) -> FineSurface | None:
         """Return the cloud in more detail, at a share of the voxel.
@@ -302,6 +308,31 @@ class PreparedScan:
         return f"PreparedScan(points={len(self.scan.cloud)}, voxels={len(self)}, voxel={self.voxel:.4g})"
 
 
+def _assemble(
+    scan: Scan,
+    front: DenseFront,
+    voxel: float,
+    viewpoint: Viewpoint | None,
+    voxels: Voxels,
+    normals: FloatArray,
+    described: DescribedCloud,
+    by_frames: bool,  # noqa: FBT001 - pickle calls it by position
+    threads: int | None,
+) -> PreparedScan:
+    """Put a scan together with its surface."""
+    surface = Surface(
+        voxels.points,
+        normals,
+        unit=UNIT * voxel,
+        viewpoint=viewpoint,
+        oriented=not by_frames,
+        threads=threads,
+    )
+    return PreparedScan(
+        scan, front, voxel, viewpoint, voxels, normals, described, surface, by_frames, threads
+    )
+
+
 def fine_surfaces(
     source: PreparedScan, target: PreparedScan, shares: Sequence[float] = _FINE
 ) -> tuple[FineSurface, FineSurface]:
@@ -318,6 +349,7 @@ def fine_surfaces(
     )
 
 
+@explain_wrong_calls
 @report_refused_memory()
 def prepare(
     cloud: Cloud | AnyCloud,
@@ -491,10 +523,7 @@ class Preparation(NamedTuple):
             rows, voxels.points[rows], frames[rows], values[rows], UNIT * voxel, center
         )
         begin(f"{role}surface")
-        surface = Surface(
-            voxels.points, normals, unit=UNIT * voxel, viewpoint=eye, oriented=not by_frames, threads=threads
-        )
-        return PreparedScan(scan, front, voxel, eye, voxels, normals, described, surface, by_frames, threads)
+        return _assemble(scan, front, voxel, eye, voxels, normals, described, by_frames, threads)
 
 
 def agree(
@@ -568,11 +597,13 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
 
 def _check_voxels(scan: Scan, voxel: float, count: int) -> None:
     """Refuse voxels that leave too little or too much of a cloud."""
-    size = f"{len(scan.cloud)} points, {scan.cloud.diagonal:.4g} across"
-    left = f"{size}, leave {count} voxels of {voxel:.4g}"
+    points, noun = len(scan.cloud), "voxel" if count == 1 else "voxels"
+    left = f"{points} points, {scan.cloud.diagonal:.4g} across, leave {count} {noun} of {voxel:.4g}"
     if count < LEAST_VOXELS:
-        advice = "give more points, a smaller `voxel`, or both clouds in the same unit"
-        raise InputError(scan.name, remedy=f"{left}, and {LEAST_VOXELS} are the least; {advice}")
+        finer = "" if points < LEAST_VOXELS else ", a smaller `voxel`, or both clouds in the same unit"
+        raise InputError(
+            scan.name, remedy=f"{left}, and {LEAST_VOXELS} are the least; give more points{finer}"
+        )
     if count > MOST_VOXELS:
         raise InputError(scan.name, remedy=f"{left}, and {MOST_VOXELS} are the most; give a larger `voxel`")
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from cgroup._checks.arrays import as_direction
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import as_threads
 from cgroup._checks.values import as_choice, as_count, as_instance, as_items, refusal
 from cgroup._runtime.memory import report_refused_memory
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from cgroup.registration.prepare import PreparedScan
     from cgroup.registration.result import Registration
     from cgroup.registration.search import Effort
+    from cgroup.registry import MethodName
     from cgroup.types import AnyCloud
 
 FRONTS = ("dense", "paper")
@@ -41,6 +43,7 @@ MOVED_BY_REFINING = 0.4
 """Voxels by which refining may move a right pose: half of its probability is left there."""
 
 
+@explain_wrong_calls
 @report_refused_memory()
 def register(
     source: PreparedScan | Cloud | AnyCloud,
@@ -54,7 +57,7 @@ def register(
     axis: ArrayLike | None = None,
     effort: Effort = "normal",
     front: Literal["dense", "paper"] | DenseFront | PaperFront = "dense",
-    method: str | None = None,
+    method: MethodName | str | None = None,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
@@ -141,6 +144,7 @@ def register(
     raise error
 
 
+@explain_wrong_calls
 @report_refused_memory()
 def assess(
     source: PreparedScan | Cloud | AnyCloud,
@@ -242,17 +246,20 @@ def assess(
     return replace(done, T_target_source=given, notes=notes, alternatives=others)
 
 
+@explain_wrong_calls
 @report_refused_memory()
 def register_many(
     scans: Sequence[PreparedScan | Cloud | AnyCloud],
     pairs: Iterable[tuple[int, int]] | None = None,
     *,
     voxel: float | None = None,
+    viewpoint: ArrayLike | None = None,
     viewpoints: Sequence[ArrayLike | None] | None = None,
+    view_direction: ArrayLike | None = None,
     axis: ArrayLike | None = None,
     effort: Effort = "normal",
     front: DenseFront | None = None,
-    method: str = "lc",
+    method: MethodName | str = "lc",
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
@@ -271,8 +278,13 @@ def register_many(
     voxel : float, optional
         Edge length of the voxels, in the unit of the points; by default such that some 4,500 are
         left, on average of all scans.
-    viewpoints : sequence of (float, float, float) or None, optional
-        Where the scanner stood, one per scan, in its frame; None for a cloud that is not one single scan.
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, in the frame of each scan, if each is one single scan.
+    viewpoints : sequence of (3,) array_like of float or None, optional
+        The same where they differ, one per scan; None for a cloud that is not one single scan.
+    view_direction : (3,) array_like of float, optional
+        Where the scanner looked, in the frame of each scan, where its place is not known or its rays are
+        parallel.
     axis : (3,) array_like of float, optional
         A direction that all clouds share, such as that of gravity; a pose may tilt it by 10 degrees.
     effort : {"low", "normal", "high"}
@@ -319,7 +331,7 @@ def register_many(
     if not given:
         raise InputError("scans", "none", "give two or more")
     wanted = _as_pairs(pairs, len(given))
-    places = _as_viewpoints(viewpoints, len(given))
+    places = _as_viewpoints(viewpoints, as_viewpoint(viewpoint, view_direction), len(given))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     begin, proposer = as_stage_function(progress), check_method(method, options, register_many)
     rows = range(len(given))
@@ -399,10 +411,15 @@ def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple
     return checked
 
 
-def _as_viewpoints(viewpoints: Sequence[ArrayLike | None] | None, scans: int) -> Sequence[ArrayLike | None]:
-    """Check that there is one per scan."""
+def _as_viewpoints(
+    viewpoints: Sequence[ArrayLike | None] | None, shared: ArrayLike | None, scans: int
+) -> Sequence[ArrayLike | None]:
+    """Return one per scan; check that there is, where each has its own."""
     if viewpoints is None:
-        return [None] * scans
+        return [shared] * scans
+    if shared is not None:
+        several = "viewpoint, view_direction, viewpoints"
+        raise InputError(several, remedy="give one of them: a place, a direction, or one place per scan")
     places = as_items("viewpoints", viewpoints, "give one per scan, or None for it")
     if len(places) != scans:
         raise InputError(

@@ -47,6 +47,9 @@ MAX_RANGE = 1000.0
 FAR_AWAY = 50.0
 """Distance of a viewpoint of which the direction is known alone, in diagonals of the cloud."""
 
+MOST_ROUNDED = 0.1
+"""Spacing of single precision, as a share of that of the points, beyond which their digits are lost."""
+
 MOST_LAYERED, LEAST_DISTANCE = 0.015, 0.045
 """Share of directions with several depths that edges explain, and how near (of the cloud's diagonal) surfaces
 begin around a scanner that they surround: its rings and plants explain more."""
@@ -54,6 +57,7 @@ begin around a scanner that they surround: its rings and plants explain more."""
 MOST_STRAYS = 0.05
 """Share of a cloud's points beyond which points far from the others are no strays."""
 
+_LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud
 _DIRECTIONS, _NEARBY, _LAYERS_APART = 1000, 5, 3.0  # looked at, nearest ones of each, voxels
@@ -110,6 +114,9 @@ class Scan:
         What error messages call it.
     strays : int
         Points that were set aside.
+    rounding : float
+        Spacing of the numbers of single precision at the points that are far from the origin, where the
+        coordinates are such numbers and lie nearly as far apart as the points; else 0.
     """
 
     cloud: Cloud
@@ -117,6 +124,7 @@ class Scan:
     faces: IndexArray | None
     name: str
     strays: int = 0
+    rounding: float = 0.0
 
     def has(self, normals: Normals) -> bool:
         """Whether the cloud has what such normals need."""
@@ -140,6 +148,12 @@ class Scan:
                 "give it in the cloud's unit",
             )
         return given
+
+    def is_far(self, viewpoint: Viewpoint | None) -> bool:
+        """Whether a viewpoint stands for a direction."""
+        center = in_double(self.cloud.points).mean(axis=0)
+        away = 0.0 if viewpoint is None else float(np.linalg.norm(np.array(viewpoint) - center))
+        return away > 0.9 * FAR_AWAY * self.cloud.diagonal
 
     def viewpoint(self, place: ArrayLike) -> Viewpoint:
         """Return the scanner's place, if it can be meant; far away where its direction is given."""
@@ -203,7 +217,19 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
     ready = cloud if isinstance(cloud, Cloud) else Cloud(points, name=name)
     if ready.diagonal == 0:
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
-    return Scan(ready, normals, faces, name)
+    return Scan(ready, normals, faces, name, rounding=_find_rounding(ready))
+
+
+def _find_rounding(cloud: Cloud) -> float:
+    """Return the spacing of single precision where it makes up too much of that of the points; else 0."""
+    with np.errstate(over="ignore", invalid="ignore"):  # coordinates beyond single precision
+        spacing = float(np.spacing(np.float32(np.abs(cloud.points).max())))
+        if (
+            not spacing > _LEAST_ROUNDED * cloud.diagonal
+            or (cloud.points.astype(np.float32) != cloud.points).any()
+        ):
+            return 0.0
+    return spacing if spacing > MOST_ROUNDED * features.resolution(cloud) else 0.0
 
 
 def without_strays(scan: Scan) -> Scan:
@@ -230,7 +256,8 @@ def without_strays(scan: Scan) -> Scan:
         return scan
     kept = np.delete(np.arange(len(points)), strays)
     normals = None if scan.normals is None else scan.normals[kept]
-    return Scan(Cloud(points[kept], name=scan.name), normals, None, scan.name, len(strays))
+    cloud = Cloud(points[kept], name=scan.name)
+    return replace(scan, cloud=cloud, normals=normals, strays=len(strays))
 
 
 def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | None, IndexArray | None]:

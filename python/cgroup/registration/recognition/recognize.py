@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup import features
 from cgroup._checks.arrays import as_place
+from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.quoting import show
 from cgroup._checks.values import as_count, as_named
 from cgroup._runtime.memory import report_refused_memory
@@ -13,13 +14,15 @@ from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup.errors import InputError
 from cgroup.registration.prepare import PreparedScan, agree, as_given
 from cgroup.registration.recognition.instances import InstanceSearch
-from cgroup.registration.scan import as_model, as_point_cloud
+from cgroup.registration.scan import as_model, as_point_cloud, as_viewpoint
 from cgroup.types import PointCloud
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from cgroup.features import Cloud, Viewpoint
+    from numpy.typing import ArrayLike
+
+    from cgroup.features import Cloud
     from cgroup.registration.prepare import Given
     from cgroup.registration.result import Registration
     from cgroup.types import AnyCloud
@@ -53,13 +56,15 @@ class Recognized(NamedTuple):
     registration: Registration
 
 
+@explain_wrong_calls
 @report_refused_memory()
 def recognize(
     models: Mapping[str, PreparedScan | Cloud | AnyCloud],
     scene: PreparedScan | Cloud | AnyCloud,
     *,
     voxel: float | None = None,
-    viewpoint: Viewpoint | None = None,
+    viewpoint: ArrayLike | None = None,
+    view_direction: ArrayLike | None = None,
     most: int | None = None,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
@@ -80,9 +85,11 @@ def recognize(
     voxel : float, optional
         Edge length of the voxels, in the unit of the points. By default one that leaves the scene some 10,000
         voxels, or more where the smallest model would have less than 5,000.
-    viewpoint : (float, float, float), optional
+    viewpoint : (3,) array_like of float, optional
         Where the scanner stood, in the scene's frame, if the scene is one single scan. What a model would
         hide of it then speaks against the model: without it far less can be said.
+    view_direction : (3,) array_like of float, optional
+        Where the scanner looked, where its place is not known or its rays are parallel.
     most : int, optional
         How many copies of a model to look for; any number by default.
     threads : int, optional
@@ -115,18 +122,21 @@ def recognize(
     """
     limit = None if most is None else as_count("most", most, 1)
     clock = StageClock(as_stage_function(progress))
-    library, prepared_scene = _prepare_all(models, scene, voxel, viewpoint, threads, clock)
+    place = as_viewpoint(viewpoint, view_direction)
+    library, prepared_scene = _prepare_all(models, scene, voxel, place, threads, clock)
     found = InstanceSearch(library, prepared_scene, limit, threads, clock).run()
     seconds = clock.stop()
     return [Recognized(one.name, one.registration(probability, seconds)) for one, probability in found]
 
 
+@explain_wrong_calls
 def find_instances(
     model: PreparedScan | Cloud | AnyCloud,
     scene: PreparedScan | Cloud | AnyCloud,
     *,
     voxel: float | None = None,
-    viewpoint: Viewpoint | None = None,
+    viewpoint: ArrayLike | None = None,
+    view_direction: ArrayLike | None = None,
     most: int | None = None,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
@@ -142,9 +152,11 @@ def find_instances(
     voxel : float, optional
         Edge length of the voxels, in the unit of the points. By default one that leaves the scene some 10,000
         voxels, or more where the model would have less than 5,000.
-    viewpoint : (float, float, float), optional
+    viewpoint : (3,) array_like of float, optional
         Where the scanner stood, in the scene's frame, if the scene is one single scan. What the model would
         hide of it then speaks against the model: without it far less can be said.
+    view_direction : (3,) array_like of float, optional
+        Where the scanner looked, where its place is not known or its rays are parallel.
     most : int, optional
         How many copies to look for; any number by default.
     threads : int, optional
@@ -178,6 +190,7 @@ def find_instances(
         scene,
         voxel=voxel,
         viewpoint=viewpoint,
+        view_direction=view_direction,
         most=most,
         threads=threads,
         progress=progress,
@@ -189,7 +202,7 @@ def _prepare_all(
     models: Mapping[str, PreparedScan | Cloud | AnyCloud],
     scene: PreparedScan | Cloud | AnyCloud,
     voxel: float | None,
-    viewpoint: Viewpoint | None,
+    viewpoint: ArrayLike | None,
     threads: int | None,
     clock: StageClock,
 ) -> tuple[dict[str, PreparedScan], PreparedScan]:

@@ -1,0 +1,94 @@
+"""Say in one sentence what is wrong with the arguments of a call, and what may have been meant."""
+
+from __future__ import annotations
+
+from functools import partial, wraps
+from inspect import Parameter, signature
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from cgroup._checks.values import guess_word
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable
+
+_Function = TypeVar("_Function", bound="Callable[..., Any]")
+
+_OTHER_WORDS = {
+    "distance_threshold": "tolerance",
+    "down_sampling_resolution": "voxel",
+    "downsampling_resolution": "voxel",
+    "inlier_threshold": "tolerance",
+    "k": "neighbors",
+    "knn": "neighbors",
+    "leaf_size": "voxel",
+    "max_correspondence_distance": "tolerance",
+    "max_iteration": "iterations",
+    "max_iterations": "iterations",
+    "max_nn": "neighbors",
+    "n_jobs": "threads",
+    "noise_bound": "tolerance",
+    "num_iterations": "iterations",
+    "num_neighbors": "neighbors",
+    "num_threads": "threads",
+    "random_state": "seed",
+    "resolution": "voxel",
+    "voxel_size": "voxel",
+}
+"""Names of options elsewhere (Open3D, PCL, small_gicp, KISS-Matcher, TEASER++, scikit-learn), and ours."""
+
+
+def explain_wrong_calls(function: _Function, *, too_many: str = "") -> _Function:
+    """Refuse an unknown option, and arguments by position that are options, with an `InputError`.
+
+    What else Python finds wrong with a call stays its own `TypeError`. `too_many` says what may have been
+    meant by too many arguments.
+    """
+
+    @wraps(function)
+    def called(*given: Any, **named: Any) -> Any:  # noqa: ANN401 - as the function has it
+        try:
+            return function(*given, **named)
+        except TypeError as error:
+            within = error.__traceback__ is not None and error.__traceback__.tb_next is not None
+            wrong = None if within else _explain(function, len(given), named, too_many)
+            if wrong is None:
+                raise
+        raise wrong
+
+    return called  # pyright: ignore[reportReturnType] - `wraps` keeps the signature
+
+
+def refuse_too_many(meant: str) -> Callable[[_Function], _Function]:
+    """As `explain_wrong_calls`, for a function whose callers may have meant something else."""
+    return partial(explain_wrong_calls, too_many=meant)
+
+
+def _explain(
+    function: Callable[..., Any], given: int, named: Iterable[str], too_many: str
+) -> InputError | None:
+    """Say what is wrong with arguments that a function doesn't take."""
+    parameters = signature(function).parameters.values()
+    by_position = [one.name for one in parameters if one.kind == Parameter.POSITIONAL_OR_KEYWORD]
+    options = [one.name for one in parameters if one.kind == Parameter.KEYWORD_ONLY]
+    unknown = next((name for name in named if name not in by_position + options), None)
+    if given > len(by_position):
+        remedy = too_many or f"{function.__name__} takes {', '.join(by_position)} so, and options by name"
+        return InputError("arguments", f"{given} by position", remedy)
+    return None if unknown is None else unknown_option(function.__name__, unknown, by_position + options)
+
+
+def unknown_option(called: str, name: str, known: Collection[str], own: Collection[str] = ()) -> InputError:
+    """Return the error for an option that is not among the known ones.
+
+    The function that was called may pass options on: `own` are those that it takes itself.
+    """
+    meant = _guess_option(name, own) or _guess_option(name, known)
+    guess = f" (did you mean {meant!r}?)" if meant else ""
+    return InputError("option", remedy=f"{called} has no {name!r}{guess}; it takes {', '.join(known)}")
+
+
+def _guess_option(name: str, choices: Collection[str]) -> str | None:
+    """Return the option that is called so elsewhere, or resembles a wrong name; None for none."""
+    elsewhere = _OTHER_WORDS.get(name)
+    return elsewhere if elsewhere in choices else guess_word(name, choices, 0.7)
