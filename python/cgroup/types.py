@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 
@@ -104,8 +104,8 @@ class Correspondences:
 
     def __init__(
         self,
-        source: ArrayLike,
-        target: ArrayLike,
+        source: AnyCloud,
+        target: AnyCloud,
         *,
         similarity: ArrayLike | None = None,
         ratio: ArrayLike | None = None,
@@ -633,8 +633,45 @@ class PointCloud:
         return PointCloud(apply(matrix, self.points), normals, self.faces, self.colors, self.dropped)
 
 
-AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str]"
-"""Points in any form: a cloud, that of another library, an array, or the path of a file."""
+class _HasPoints(Protocol):
+    """A cloud of Open3D, small_gicp or PyVista, or one that laspy has read."""
+
+    @property
+    def points(self) -> Any: ...  # noqa: ANN401 - of the library's own kind, here and below
+
+
+class _HasVertices(Protocol):
+    """A mesh of Open3D or trimesh."""
+
+    @property
+    def vertices(self) -> Any: ...  # noqa: ANN401
+
+
+class _HasPoint(Protocol):
+    """A cloud of Open3D's tensors."""
+
+    @property
+    def point(self) -> Any: ...  # noqa: ANN401
+
+
+class _HasVertex(Protocol):
+    """A mesh of Open3D's tensors."""
+
+    @property
+    def vertex(self) -> Any: ...  # noqa: ANN401
+
+
+class _IsMessage(Protocol):
+    """A cloud of ROS."""
+
+    fields: Any
+    data: Any
+
+
+_Foreign: TypeAlias = "_HasPoints | _HasVertices | _HasPoint | _HasVertex | _IsMessage"
+
+AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str] | _Foreign"
+"""Points in any form: a cloud, that of another library, an array, a data frame, or the path of a file."""
 
 
 def find_cloud(name: str, cloud: object) -> PointCloud | None:

@@ -110,7 +110,9 @@ def _with_three_columns(name: str, array: RealArray) -> RealArray:
     if array.shape == (0,):
         return array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
-        hint = "transpose it" if array.ndim == 2 and array.shape[0] == 3 else "one row of x, y, z per point"
+        rows, columns = array.shape if array.ndim == 2 else (0, 0)
+        hint = "transpose it" if rows == 3 else "one row of x, y, z per point"
+        hint += ", such as cloud[:, :3]" if columns > 3 and rows != 3 else ""
         raise InputError(name, f"shape {_shape(array)}", f"give (n,3): {hint}")
     return array
 

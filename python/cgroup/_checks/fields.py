@@ -35,8 +35,8 @@ OPTIONAL_FIELDS = FIELDS[2:]
 
 
 def check_fields(
-    source: ArrayLike,
-    target: ArrayLike,
+    source: object,
+    target: object,
     *,
     similarity: ArrayLike | None = None,
     ratio: ArrayLike | None = None,
@@ -77,7 +77,7 @@ def _check_frames_on_both_sides(source_lrf: ArrayLike | None, target_lrf: ArrayL
         raise InputError(missing, remedy="missing; frames are needed on both sides or on neither")
 
 
-def _partners(target: ArrayLike, rows: int) -> RealArray:
+def _partners(target: object, rows: int) -> RealArray:
     points = real_points("target", target)
     if len(points) != rows:
         raise InputError(

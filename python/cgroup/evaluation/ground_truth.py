@@ -16,7 +16,7 @@ from cgroup.rigid import apply, check_rigid
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 CORRECT_WITHIN = 5.0
 """A match is correct when it misses its true place by at most so many pr."""
@@ -28,7 +28,7 @@ VISIBLE_WITHIN = 2.0
 """A scene vertex belongs to a model when it is at most so many pr away from it."""
 
 
-def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike) -> FloatArray:
+def match_errors(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike) -> FloatArray:
     """Distance of each match from its true place, ``|R p + t - p'|``.
 
     Parameters
@@ -64,7 +64,7 @@ def match_errors(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLik
 
 
 def correct_matches(
-    source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float
+    source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, tolerance: float
 ) -> BoolArray:
     """Tell which matches are correct: ``|R p + t - p'|`` <= tolerance.
 
@@ -98,7 +98,7 @@ def correct_matches(
     return match_errors(source, target, T_target_source) <= limit
 
 
-def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
+def within(points: AnyCloud, others: AnyCloud, radius: float) -> BoolArray:
     """Tell which points have at least one of the others within a radius.
 
     Parameters
@@ -132,7 +132,7 @@ def within(points: ArrayLike, others: ArrayLike, radius: float) -> BoolArray:
     return _core.within(queries, stored, run_options(), limit)
 
 
-def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *, tolerance: float) -> float:
+def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, tolerance: float) -> float:
     """Share of the smaller view that the other one sees too.
 
     Points correspond that have a point of the other view within the tolerance under the true pose. They are
@@ -176,7 +176,7 @@ def overlap(source: ArrayLike, target: ArrayLike, T_target_source: ArrayLike, *,
 
 
 def alignment_error(
-    source: ArrayLike, target: ArrayLike, estimated: ArrayLike, true: ArrayLike, *, tolerance: float
+    source: AnyCloud, target: AnyCloud, estimated: ArrayLike, true: ArrayLike, *, tolerance: float
 ) -> float:
     """Mean displacement of the overlapping source points under an estimated pose.
 
@@ -216,7 +216,7 @@ def alignment_error(
     return _mean_length(reached[counted] - expected[counted])
 
 
-def mean_displacement(points: ArrayLike, estimated: ArrayLike, true: ArrayLike) -> float:
+def mean_displacement(points: AnyCloud, estimated: ArrayLike, true: ArrayLike) -> float:
     """Mean distance of points under an estimated pose from their true places.
 
     Unlike the translation error it does not depend on where the origin lies.
@@ -319,7 +319,7 @@ def _mean_length(vectors: FloatArray) -> float:
     return float(np.linalg.norm(vectors, axis=1).mean()) if len(vectors) else float("nan")
 
 
-def _finite_points(name: str, value: ArrayLike) -> FloatArray:
+def _finite_points(name: str, value: AnyCloud) -> FloatArray:
     points = as_points(name, value)
     if not np.isfinite(points).all():
         row = int(np.argmin(np.isfinite(points).all(axis=1)))

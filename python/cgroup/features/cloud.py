@@ -14,8 +14,6 @@ from cgroup._checks.values import as_flag, as_word
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike
-
     from cgroup.types import AnyCloud, RealArray
 
 
@@ -61,7 +59,7 @@ class Cloud:
 
     __slots__ = ("_core", "_name", "_points")
 
-    def __init__(self, points: ArrayLike, *, name: str = "points") -> None:
+    def __init__(self, points: AnyCloud, *, name: str = "points") -> None:
         array = real_points(as_word("name", name), points).view()
         array.flags.writeable = False
         self._points: RealArray = array

@@ -8,16 +8,14 @@ from cgroup._checks.calls import explain_wrong_calls
 from cgroup.methods._call import call
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from cgroup.methods.types import Progress
-    from cgroup.types import Grouping
+    from cgroup.types import AnyCloud, Grouping
 
 
 @explain_wrong_calls
 def ransac(
-    source: ArrayLike,
-    target: ArrayLike,
+    source: AnyCloud,
+    target: AnyCloud,
     *,
     resolution: float | None = None,
     tolerance: float | None = None,

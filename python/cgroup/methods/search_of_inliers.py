@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.methods.types import OtsuMode, Progress
-    from cgroup.types import Grouping
+    from cgroup.types import AnyCloud, Grouping
 
 
 @explain_wrong_calls
 def si(
-    source: ArrayLike,
-    target: ArrayLike,
+    source: AnyCloud,
+    target: AnyCloud,
     *,
     ratio: ArrayLike,
     source_lrf: ArrayLike,

@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.methods.types import Progress
-    from cgroup.types import Grouping
+    from cgroup.types import AnyCloud, Grouping
 
 
 @explain_wrong_calls
 def st(
-    source: ArrayLike,
-    target: ArrayLike,
+    source: AnyCloud,
+    target: AnyCloud,
     *,
     min_distance_ratio: float = 0.6,
     affinity: Literal["raw", "threshold", "binary"] = "raw",

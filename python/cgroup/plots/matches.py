@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup._show.drawing import Drawing
-    from cgroup.types import BoolArray, Correspondences, FloatArray
+    from cgroup.types import AnyCloud, BoolArray, Correspondences, FloatArray
 
 _COLUMNS = 3
 _WIDTH = 12  # inches
@@ -33,8 +33,8 @@ _JUDGED = {"correct": style.CORRECT, "wrong": style.WRONG}
 
 
 def registration_figure(
-    source: ArrayLike,
-    target: ArrayLike,
+    source: AnyCloud,
+    target: AnyCloud,
     correspondences: Correspondences,
     *,
     mask: BoolArray,
@@ -98,8 +98,8 @@ def registration_figure(
 
 
 def comparison_figure(
-    source: ArrayLike,
-    target: ArrayLike,
+    source: AnyCloud,
+    target: AnyCloud,
     correspondences: Correspondences,
     *,
     correct: BoolArray,
@@ -244,7 +244,7 @@ def figure_of(drawing: Drawing) -> Figure:
 
 
 def keypoints_figure(
-    points: ArrayLike,
+    points: AnyCloud,
     keypoints: Mapping[str, ArrayLike],
     *,
     title: str,

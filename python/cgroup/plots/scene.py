@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from typing import TypeAlias
 
     from matplotlib.axes import Axes
-    from numpy.typing import ArrayLike
 
-    from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, BoolArray, Correspondences, FloatArray, IndexArray
 
     Extent: TypeAlias = tuple[float, float, float, float]
 
@@ -38,7 +37,7 @@ _TINTS = (style.SOURCE_TINT, style.TARGET_TINT)
 class Scene:
     """Source and target in one plane, the source on the left; shared by all panels of a figure."""
 
-    def __init__(self, source: ArrayLike, target: ArrayLike, pose: FloatArray) -> None:
+    def __init__(self, source: AnyCloud, target: AnyCloud, pose: FloatArray) -> None:
         where = as_points("target", target)
         view = face_broadside(where)
         self._axes, self._pose = view.axes[:2], pose

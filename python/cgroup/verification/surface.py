@@ -13,6 +13,8 @@ from cgroup.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from cgroup.types import AnyCloud
+
 
 class Surface:
     """A surface that poses are judged on, made ready once for any number of them.
@@ -62,7 +64,7 @@ class Surface:
 
     def __init__(
         self,
-        points: ArrayLike,
+        points: AnyCloud,
         normals: ArrayLike,
         *,
         unit: float,
