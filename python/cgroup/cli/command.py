@@ -15,6 +15,7 @@ from cgroup.cli.saved_runs import save_run
 from cgroup.cli.show.json import make_document, print_document
 from cgroup.cli.show.terminal import paint, print_line
 from cgroup.cli.wording import reworded_errors
+from cgroup.errors import NoConsensusError
 from cgroup.io._files import keeping_inputs
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -22,6 +23,10 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _LAST = (OUTPUT, "Options")
 _WIDEST_NAME = 34
 _KEEP = "\N{NO-BREAK SPACE}"
+
+
+class PrintedRefusalError(NoConsensusError):
+    """A result that can't be trusted, though it is printed and written."""
 
 
 class _Help:
@@ -121,7 +126,8 @@ def command(
     The function returns what its document says, or nothing where it has printed by itself. `show` prints the
     document; it gets what it has parameters for of the command's arguments and options. A parameter `wide`
     gives the command an option of that name. Every command has ``--json``; one that `saves` has ``--save``.
-    Of the options in `FRONT`, the function gets those that it `takes` by keyword.
+    Of the options in `FRONT`, the function gets those that it `takes` by keyword. A document with a `refusal`
+    is printed and saved like others, and the command then ends with that sentence and exit status 3.
     """
     shown = list(signature(show).parameters)[1:]
     common: dict[str, tuple[Any, Any]] = {name: FRONT[name] for name in takes}
@@ -143,7 +149,7 @@ def command(
             said = function(**{name: given[name] for name in (*own, *takes)})
             if said is None:
                 return
-            context, saved = given["context"], given.get("save")
+            context, saved, refusal = given["context"], given.get("save"), said.pop("refusal", None)
             if "inputs" in said:
                 options = {**_options_of(context), **said.pop("options", {})}
                 said = {"inputs": said.pop("inputs"), "options": options, **said}
@@ -152,10 +158,12 @@ def command(
                 save_run(saved, document)
             if given["as_json"]:
                 print_document(document)
-                return
-            show(document, **{name: given[name] for name in shown})
-            if saved:
+            else:
+                show(document, **{name: given[name] for name in shown})
+            if saved and not given["as_json"]:
                 print_line(f"saved as {saved.stem}; see: cgroup results")
+            if refusal is not None:
+                raise PrintedRefusalError(refusal)
 
         taken = [*own.values(), *more]
         run.__annotations__ = {one.name: one.annotation for one in taken}

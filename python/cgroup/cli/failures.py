@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import typer
 
+from cgroup.cli.command import PrintedRefusalError
 from cgroup.cli.commands.register import registration_results
 from cgroup.cli.show.json import Document, make_document, print_document
 from cgroup.cli.streams import OutputError, write_error
@@ -59,7 +60,7 @@ def _ask_for_report(error: Exception) -> str:
 
 def print_failure(arguments: Sequence[str], error: Exception, status: int, message: str) -> None:
     """Print the object of an error, if the arguments ask for JSON and the output can still be written."""
-    if "--json" not in arguments or isinstance(error, OutputError):
+    if "--json" not in arguments or isinstance(error, OutputError | PrintedRefusalError):
         return
     known = isinstance(error, CgroupError)
     kind = type(error).__name__ if known else "UsageError" if status == INPUT_ERROR else "UnforeseenError"

@@ -43,7 +43,7 @@ def reword(error: CgroupError, context: Any) -> CgroupError:
 def in_options(error: CgroupError, options: Mapping[str, str]) -> CgroupError:
     """Return an error with options in place of the parameters that it names; `options` are by parameter."""
     if isinstance(error, NoConsensusError):
-        reworded = NoConsensusError(_unquote(str(error), options))
+        reworded = type(error)(_unquote(str(error), options))
         reworded.registration = error.registration
         return reworded
     if not isinstance(error, InputError) or error.parameter is None:
@@ -51,7 +51,8 @@ def in_options(error: CgroupError, options: Mapping[str, str]) -> CgroupError:
     if error.got == "nothing":  # of a length that is known neither by itself nor by the resolution
         unknown = error.parameter if error.parameter in options else "resolution"
         also = f", or {options[unknown]}, both" if unknown != "resolution" else ","
-        advice = f"give {options.get('resolution', '--resolution')}, the mean point spacing of the clouds"
+        resolution = options.get("resolution", "--resolution")
+        advice = f"give {resolution}, the mean point spacing of the clouds (cgroup describe prints it)"
         return InputError(unknown, remedy=f"not known; {advice}{also} in the file's unit")
     remedy = None if error.remedy is None else _unquote(error.remedy, options)
     if error.parameter == "max_memory" and remedy is not None:

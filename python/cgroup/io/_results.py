@@ -30,15 +30,6 @@ def make_folder(path: Path) -> Path:
     return path
 
 
-def check_file(path: Path) -> None:
-    """See that a file can be written, without a change to one that is there."""
-    with _refusing(path, "can't be written"):
-        if path.exists():
-            path.open("ab").close()
-        else:
-            TemporaryFile(dir=path.parent).close()
-
-
 def remove_files(paths: Iterable[Path]) -> None:
     """Remove what an earlier run has left, so that it isn't taken for what this one found."""
     for path in paths:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from cgroup._checks.arrays import as_mask
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
-from cgroup.io._files import load_numbers, naming, parse_file, write_file, written_path
+from cgroup.io._files import load_numbers, naming, parse_file, read_content, write_file, written_path
 from cgroup.io._numpy_files import load_npy, npz_bytes, read_arrays, single_number, write_array
+from cgroup.io.clouds import PARSERS
 from cgroup.types import OPTIONAL_FIELDS, Correspondences
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 _NAME = re.compile(rb"(\xef\xbb\xbf)?\s*[\"']?(?!nan\b|inf)[A-Za-z_]", re.IGNORECASE)
 """How a line of a table's names begins, perhaps behind the mark of UTF-8."""
+
+_TABLES = {".csv", ".npy", ".npz", ".pts", ".txt", ".xyz"}
+"""Suffixes of clouds whose files may hold matches as well."""
 
 
 def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
@@ -53,7 +57,11 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     Correspondences(n=2, fields=['source', 'target'])
     """
     path = as_path("path", path)
-    if path.suffix.lower() == ".npz":
+    suffix = path.suffix.lower()
+    if suffix in PARSERS.keys() - _TABLES and read_content(path):
+        message = f"{path}: is a cloud, not matches; use `register` to place one cloud on another"
+        raise InputError(message)
+    if suffix == ".npz":
         arrays = read_arrays(path, ("source", "target"), OPTIONAL_FIELDS)
     else:
         arrays = _read_table(path)
@@ -71,6 +79,8 @@ def _read_table(path: Path) -> dict[str, Any]:
     if table.ndim != 2 or table.shape[1] != 6:
         got = f"{table.shape[1]} columns" if table.ndim == 2 else f"an array of shape {table.shape}"
         message = f"{path}: has {got}; correspondences have six: x y z of the source, x y z of the target"
+        if table.shape[1:] == (3,):
+            message += "; use `register` to place one cloud on another"
         raise InputError(message)
     return {"source": table[:, :3], "target": table[:, 3:]}
 

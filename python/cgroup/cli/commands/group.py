@@ -16,14 +16,16 @@ from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.options import argument, option
 from cgroup.cli.show.json import Document
-from cgroup.cli.show.terminal import print_facts, print_line, print_pose, show_stages
+from cgroup.cli.show.terminal import print_facts, print_files, print_line, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import check_method, group
-from cgroup.io._results import check_file
+from cgroup.io._files import check_outputs
+from cgroup.io._results import make_folder, remove_files
 from cgroup.registry import METHODS, label_of
-from cgroup.types import Correspondences, Grouping
+from cgroup.types import Correspondences, FloatArray, Grouping
 
+_PARTS = ("mask", "transform", "residuals")
 _WITHOUT_TOLERANCE = ("gtm",)
 """Methods whose tolerance belongs to an option that the command line lacks."""
 
@@ -47,19 +49,16 @@ def print_group(document: Document) -> None:
     print_facts(("sure", _say_how_sure(found, label)))
     if not found["complete"]:
         print_facts(("note", "a bound of the method cut its search short: there may be a better group"))
-    print_line(f"wrote {document['files'][0]}")
+    print_files(document)
 
 
 @command(
     app,
     "group",
     "# six columns, x y z of the source and of the target; 1 pr is 2 cm",
-    "cgroup group matches.txt --method gc --resolution 0.02",
+    "cgroup group matches.txt --resolution 0.02",
     "",
-    "# the method that says how sure it is; one 0 or 1 per line",
-    "cgroup group matches.npz --method lc --out mask.txt",
-    "",
-    "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json",
+    "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json --out narrow",
     show=print_group,
     saves=True,
 )
@@ -71,7 +70,7 @@ def group_command(
     ),
     *,
     method: str = option(
-        "gtm",
+        "lc",
         "NAME",
         f"Grouping method: {options.METHOD_NAMES}.",
         options.GROUPING,
@@ -91,27 +90,31 @@ def group_command(
         options.GROUPING,
         "the method's",
     ),
-    out: Path | None = option(
-        None, "FILE", "Mask to write: .npy, or text with 0 or 1 per line.", options.OUTPUT, "NAME_METHOD.npy"
-    ),
+    out: Path = options.OUT,
 ) -> Document:
-    """Group correspondences of your own: which are selected, what pose they fix, how sure that is."""
+    """Group correspondences of your own: which are selected, what pose they fix, how sure that is.
+
+    Writes NAME_METHOD_mask.txt with 1 or 0 per match, and the pose and the residual of each match under it:
+    NAME_METHOD_transform.txt and NAME_METHOD_residuals.txt. Exit status 3 says that chance could have made
+    the group; the files are written all the same.
+    """
     method = check_method(method)
     method_options = _method_options(method, tolerance)
-    path = Path(f"{correspondences.stem}_{method}.npy") if out is None else out
-    check_file(path)
     spacing = None if resolution is None else as_length("resolution", resolution)
     given = io.read_correspondences(correspondences)
     if spacing is not None:
         given = replace(given, resolution=spacing)
     elif given.resolution is not None:
         as_length(f"{correspondences}: resolution", given.resolution)
+    files = [out / f"{correspondences.stem}_{method}_{part}.txt" for part in _PARTS]
+    check_outputs(files)
     start = time.perf_counter()
     with show_stages() as begin:
         begin(f"grouping by {label_of(method)}")
         grouping = group(given, method, **method_options)
     seconds = time.perf_counter() - start
-    io.write_mask(path, grouping.mask)
+    results = _results(given, grouping)
+    files = _write_files(files, given, grouping, results["T_target_source"])
     matches = {
         "role": "matches",
         "file": correspondences,
@@ -121,9 +124,35 @@ def group_command(
     return {
         "inputs": [matches],
         "options": {"method": method, "resolution": given.resolution},
-        "results": {**_results(given, grouping), "seconds": seconds},
-        "files": [path],
+        "results": {**results, "seconds": seconds},
+        "files": files,
+        "refusal": _refuse(results),
     }
+
+
+def _write_files(
+    files: list[Path], matches: Correspondences, grouping: Grouping, pose: FloatArray | None
+) -> list[Path]:
+    """Write mask, pose and residuals; without a pose, none of an earlier run is left."""
+    mask, transform, residuals = files
+    make_folder(mask.parent)
+    io.write_mask(mask, grouping.mask)
+    if pose is None:
+        remove_files([transform, residuals])
+        return [mask]
+    io.write_transform(transform, pose)
+    lines = (f"{error!r}\n" for error in match_errors(matches.source, matches.target, pose).tolist())
+    io.write_file(residuals, "".join(lines).encode())
+    return files
+
+
+def _refuse(found: Document) -> str | None:
+    """Say that chance could have made a group, if it could."""
+    if found["ok"] is None or found["ok"]:
+        return None
+    if found["why_no_pose"]:
+        return found["why_no_pose"]
+    return f"chance could have made this group: {_count_by_chance(found['false_alarms'])}"
 
 
 def _method_options(method: str, tolerance: float | None) -> dict[str, Any]:
@@ -174,7 +203,11 @@ def _say_how_sure(found: Document, label: str) -> str:
     """Say how far a group can be trusted; only some methods can tell."""
     if found["ok"] is None:
         return f"not known: {label} can't tell; --method lc does"
-    expected = found["false_alarms"]  # infinite, so unknown to JSON, where a mirror image fits better
-    by_chance = "countless" if expected is None else f"{expected:.2g}"
-    chance = f"{by_chance} such groups are to be expected where no match is right"
+    chance = _count_by_chance(found["false_alarms"])
     return f"{'yes' if found['ok'] else 'no, it may be chance'}: {chance}"
+
+
+def _count_by_chance(expected: float | None) -> str:
+    """Say how many groups as good are to be expected: countless where a mirror image fits better."""
+    by_chance = "countless" if expected is None or not np.isfinite(expected) else f"{expected:.2g}"
+    return f"{by_chance} such groups are to be expected where no match is right"

@@ -99,6 +99,9 @@ def recognize_command(
         "Where the scanner stood, if the scene is one single scan: tells far more.",
         options.CLOUDS,
     ),
+    view_direction: Point | None = option(
+        None, "X Y Z", "Where the scanner looked, where its place isn't known.", options.CLOUDS
+    ),
     most: int | None = option(
         None, "COUNT", "Copies of each model to look for.", options.SEARCH, "any number", min=1
     ),
@@ -121,7 +124,15 @@ def recognize_command(
         target = read_cloud(scene, begin)
         older = _find_results(out, files)
         check_outputs(older)
-        found = recognize(clouds, target, voxel=voxel, viewpoint=viewpoint, most=most, progress=begin)
+        found = recognize(
+            clouds,
+            target,
+            voxel=voxel,
+            viewpoint=viewpoint,
+            view_direction=view_direction,
+            most=most,
+            progress=begin,
+        )
     stems = {name: _name_copies(name, files) for name in files}
     poses: list[Document] = []
     written: list[Path] = []

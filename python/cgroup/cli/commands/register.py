@@ -50,6 +50,12 @@ _VIEWPOINT = option(
 )
 _SOURCE_VIEWPOINT = option(None, "X Y Z", "The same of the source alone.", options.CLOUDS)
 _TARGET_VIEWPOINT = option(None, "X Y Z", "The same of the target alone.", options.CLOUDS)
+_VIEW_DIRECTION = option(
+    None,
+    "X Y Z",
+    "Where the scanner looked, in both files, where its place isn't known.",
+    options.CLOUDS,
+)
 _AXIS = option(
     None,
     "X Y Z",
@@ -106,6 +112,7 @@ def register_command(
     viewpoint: Point | None = _VIEWPOINT,
     source_viewpoint: Point | None = _SOURCE_VIEWPOINT,
     target_viewpoint: Point | None = _TARGET_VIEWPOINT,
+    view_direction: Point | None = _VIEW_DIRECTION,
     axis: Point | None = _AXIS,
     effort: Effort = _EFFORT,
     front: Front = choice(
@@ -149,6 +156,7 @@ def register_command(
                 viewpoint=viewpoint,
                 source_viewpoint=source_viewpoint,
                 target_viewpoint=target_viewpoint,
+                view_direction=view_direction,
                 axis=axis,
                 effort=effort,
                 front=PaperFront(**front_end) if front == "paper" else DenseFront(support=support),
@@ -192,6 +200,7 @@ def assess_command(
     viewpoint: Point | None = _VIEWPOINT,
     source_viewpoint: Point | None = _SOURCE_VIEWPOINT,
     target_viewpoint: Point | None = _TARGET_VIEWPOINT,
+    view_direction: Point | None = _VIEW_DIRECTION,
     axis: Point | None = _AXIS,
     effort: Effort = _EFFORT,
 ) -> Document:
@@ -206,6 +215,7 @@ def assess_command(
             viewpoint=viewpoint,
             source_viewpoint=source_viewpoint,
             target_viewpoint=target_viewpoint,
+            view_direction=view_direction,
             axis=axis,
             effort=effort,
             progress=begin,
