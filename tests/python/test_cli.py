@@ -20,6 +20,8 @@ from scenes import stone_model, stone_scene
 from benchmark_runs import CLOUDS
 from cgroup import METHODS, Correspondences, comparison, group
 from cgroup.benchmark.config import preset_names
+from cgroup.datasets import make_problem
+from cgroup.evaluation import match_errors
 from cgroup.io import (
     PointCloud,
     read_cloud,
@@ -128,9 +130,53 @@ def test_demo(tmp_path: Path, capsys: Capture) -> None:
 @pytest.mark.parametrize("name", ["matches.npz", "matches.txt"])
 def test_group(name: str, folder: Path, tmp_path: Path, capsys: Capture) -> None:
     out = succeed(capsys, "group", folder / name, "--method", "gtm")
-    mask = np.load(tmp_path / "matches_gtm.npy")
-    np.testing.assert_array_equal(mask, group(read_correspondences(folder / name), "gtm").mask)
-    assert f"{mask.sum()} of 60 selected by GTM" in out
+    assert "40 of 60 selected by GTM" in out
+    assert (
+        "wrote matches_gtm_mask.txt, matches_gtm_transform.txt, matches_gtm_residuals.txt to out/"
+        in " ".join(out.split())
+    )
+    given = read_correspondences(folder / name)
+    found = group(given, "gtm")
+    mask = np.loadtxt(tmp_path / "out/matches_gtm_mask.txt", dtype=bool)
+    np.testing.assert_array_equal(mask, found.mask)
+    pose = read_transform(tmp_path / "out/matches_gtm_transform.txt")
+    np.testing.assert_array_equal(pose, found.transform())
+    residuals = np.loadtxt(tmp_path / "out/matches_gtm_residuals.txt")
+    np.testing.assert_array_equal(residuals, match_errors(given.source, given.target, pose))
+
+
+def test_group_that_chance_could_have_made(tmp_path: Path, capsys: Capture) -> None:
+    """All is printed, written and saved; the exit status tells a script, also beside JSON."""
+    problem = make_problem(np.random.default_rng(0), 300, inlier_ratio=0.0)
+    write_correspondences(tmp_path / "chance.npz", problem.correspondences())
+    status, out, err = run(capsys, "group", "chance.npz", "--save", "chance")
+    assert status == 3
+    words = r"cgroup: chance could have made this group: \S+ such groups are to be expected where no match is right\n"
+    assert re.fullmatch(words, err)
+    assert "sure        no, it may be chance" in out
+    assert "saved as chance" in out
+    assert len(list((tmp_path / "out").iterdir())) == 3
+    status, out, again = run(capsys, "group", "chance.npz", "--json")
+    assert (status, again, json.loads(out)["results"]["ok"]) == (3, err, False)
+
+
+def test_group_without_a_pose_leaves_no_older_one(folder: Path, tmp_path: Path, capsys: Capture) -> None:
+    matches = read_correspondences(folder / "matches.npz")
+    for count, files in ((60, 3), (2, 1)):
+        some = Correspondences(matches.source[:count], matches.target[:count], resolution=matches.resolution)
+        write_correspondences(tmp_path / "some.npz", some)
+        status, _, err = run(capsys, "group", "some.npz")
+        assert (status, err == "") == (0 if count > 2 else 3, count > 2)
+        assert len(list((tmp_path / "out").iterdir())) == files
+    assert "no consensus: the group has 0 correspondences" in err
+
+
+def test_group_of_a_cloud_says_what_to_call(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    np.savetxt(tmp_path / "cloud.xyz", np.ones((9, 3)))
+    err = fail(capsys, "group", pair[0])
+    assert "source.ply: is a cloud, not matches; use register to place one cloud on another" in err
+    assert "has 3 columns" in fail(capsys, "group", "cloud.xyz")
+    assert "no such file" in fail(capsys, "group", "missing.ply")
 
 
 def test_group_takes_lengths(folder: Path, tmp_path: Path, capsys: Capture) -> None:
@@ -139,8 +185,8 @@ def test_group_takes_lengths(folder: Path, tmp_path: Path, capsys: Capture) -> N
     assert "resolution" in err
     assert "tolerance" in err
     for option in ("--resolution", "--tolerance"):
-        succeed(capsys, *line, option, "0.01", "--out", "mask.txt")
-        assert np.loadtxt(tmp_path / "mask.txt").sum() >= 40
+        succeed(capsys, *line, option, "0.01", "--out", "here")
+        assert np.loadtxt(tmp_path / "here/matches_gc_mask.txt").sum() >= 40
 
 
 def test_detect(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
@@ -239,7 +285,7 @@ WRONG = [
     ("register {folder}/metres.ply {target}", "scale them to the same unit"),
     ("register {source} {target} --voxel 0", "voxel: got 0"),
     ("register {source} {target} --voxel 1e-9", "give a larger voxel"),
-    ("register {source} {target} --voxel 500", "leave 1 voxels of 500"),
+    ("register {source} {target} --voxel 500", "leave 1 voxel of 500"),
     ("register {source} {target} --axis 0 0 0", "axis: got a zero vector"),
     ("register {source} {target} --axis 0 1", "--axis"),
     ("register {source} {target} --target-viewpoint 0 0 1e9", "--target-viewpoint: got"),
@@ -261,7 +307,7 @@ WRONG = [
     ("group {folder}/matches.npz --method ss", "similarity"),
     ("group {folder}/matches.npz --method cv", "ratio"),
     ("group {folder}/matches.npz --method gc --resolution -1", "resolution"),
-    ("group {folder}/matches.npz --out nowhere/mask.npy", "can't be written"),
+    ("group {folder}/matches.npz --out {folder}/matches.npz", "can't be made a folder"),
     ("detect {source} --resolution 0", "resolution: got 0"),
     ("detect {source} --resolution 500", "the whole cloud is"),
     ("detect {source} --nms-radius -1", "--nms-radius: got -1"),

@@ -84,16 +84,16 @@ def test_a_full_disk_is_one_line_and_status_2(folder: Path, line: str) -> None:
 @pytest.mark.parametrize(("file", "status"), [("matches.npz", 0), ("missing.npz", 2)])
 @pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
 def test_closed_streams_change_no_exit_status(folder: Path, file: str, status: int, closed: str) -> None:
-    script = f'exec "$0" -m cgroup group {file} --out mask.npy {closed}'
+    script = f'exec "$0" -m cgroup group {file} {closed}'
     assert subprocess.run(["sh", "-c", script, sys.executable], cwd=folder, check=False).returncode == status
-    assert (folder / "mask.npy").exists() or status
+    assert (folder / "out/matches_lc_mask.txt").exists() or status
 
 
 def test_what_the_output_cannot_encode_is_escaped(folder: Path) -> None:
     (folder / "größe.npz").write_bytes((folder / "matches.npz").read_bytes())
     status, out, err = run("group", "größe.npz", cwd=folder, LC_ALL="C", PYTHONIOENCODING="ascii")
     assert (status, err) == (0, "")
-    assert r"gr\xf6\xdfe_gtm.npy" in out
+    assert r"gr\xf6\xdfe_lc_mask.txt" in out
 
 
 # --- names ---------------------------------------------------------------------------------------
@@ -107,9 +107,10 @@ def test_control_characters_in_names_are_shown_escaped(
         (folder / os.fsdecode(name)).write_bytes((folder / "matches.txt").read_bytes())
     except OSError as error:
         pytest.skip(f"no such names here: {error}")
-    status, out, err = run("group", name, cwd=folder)
+    status, out, err = run("group", name, "--method", "gtm", cwd=folder, COLUMNS="1000")
     assert (status, err) == (0, "")
-    assert out.endswith(f"\nwrote {NAMES[name]}_gtm.npy\n")
+    stem = f"{NAMES[name]}_gtm_"
+    assert out.endswith(f"\nwrote {stem}mask.txt, {stem}transform.txt, {stem}residuals.txt to out/\n")
     monkeypatch.chdir(folder)
     err = command_lines.fail(capsys, "group", "no " + os.fsdecode(name))
     assert err == f"cgroup: no {NAMES[name]}.txt: no such file\n"

@@ -150,13 +150,13 @@ def test_no_error_speaks_python(files: dict[str, Any], capsys: pytest.CaptureFix
         (
             InputError("tolerance", "nothing", "give `resolution` (see cgroup.features.resolution)"),
             (
-                "tolerance: not known; give --resolution, the mean point spacing of the clouds, or --tolerance, "
+                "tolerance: not known; give --resolution, the mean point spacing of the clouds (cgroup describe prints it), or --tolerance, "
                 "both in the file's unit"
             ),
         ),
         (
             InputError("deviation", "nothing", "give `resolution` (see cgroup.features.resolution)"),
-            "resolution: not known; give --resolution, the mean point spacing of the clouds, in the file's unit",
+            "resolution: not known; give --resolution, the mean point spacing of the clouds (cgroup describe prints it), in the file's unit",
         ),
         (
             InputError("max_memory", 5, "the graph takes 7 bytes; allow that many, or give fewer"),
@@ -187,4 +187,4 @@ def test_remedies_of_a_pose_that_cannot_be_trusted(
     assert "by --source-viewpoint and --target-viewpoint" in err
     assert not (tmp_path / "out" / "transform.txt").exists()
     err = fail(capsys, *base, "--viewpoint", 0, 0, 0, status=3)
-    assert err.endswith("--effort high may find a pose\n")
+    assert err.endswith("or a viewpoint may be wrong\n")

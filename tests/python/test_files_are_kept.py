@@ -53,7 +53,9 @@ def test_models_are_not_replaced_by_their_posed_copies(folder: Path, capsys: Cap
 def test_matches_are_not_replaced_by_their_mask(folder: Path, capsys: Capture) -> None:
     rows = np.random.default_rng(0).uniform(size=(60, 6))
     np.save(folder / "matches.npy", rows)
-    assert "is one of the inputs" in fail(capsys, "group", "matches.npy", "--out", "matches.npy")
+    (folder / "out").mkdir(exist_ok=True)
+    os.link(folder / "matches.npy", folder / "out/matches_gtm_residuals.txt")
+    assert "is one of the inputs" in fail(capsys, "group", "matches.npy", "--method", "gtm")
     np.testing.assert_array_equal(np.load(folder / "matches.npy"), rows)
 
 

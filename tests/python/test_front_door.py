@@ -1,25 +1,31 @@
 """What a newcomer types first: names after a bare import, paths as clouds, names that other libraries use."""
 
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 import cgroup
-from cgroup import InputError
-from cgroup.datasets import standin_pair
+from cgroup import Correspondences, InputError
+from cgroup.datasets import make_problem, standin_pair
 from cgroup.io import read_cloud, write_cloud
+from cgroup.registration import prepare, PreparedScan, register, register_many
+from cgroup.registry import MethodName, METHODS
 
 PAIR = standin_pair(pixels=80)
+PROBLEM = make_problem(np.random.default_rng(0), 300, inlier_ratio=0.3)
+MATCHES = PROBLEM.correspondences()
 LAZY = """
 import sys, cgroup
 heavy = ("cgroup.registration", "cgroup.io", "cgroup.features", "cgroup.plots", "matplotlib")
 assert not [name for name in heavy if name in sys.modules], "loaded too early"
 assert {"register", "read_cloud", "io", "features", "gtm"} <= set(dir(cgroup))
+assert not {"annotations", "errors", "registry", "types", "interrupts"} & set(dir(cgroup))
 assert cgroup.register.__name__ == "register" and cgroup.read_cloud is cgroup.io.read_cloud
 assert cgroup.features.resolution and cgroup.plots and cgroup.evaluation and cgroup.verification and cgroup.datasets
 """
@@ -124,3 +130,94 @@ def test_the_direction_of_view_stands_for_a_place_far_away() -> None:
     np.testing.assert_allclose(
         np.cross(center - source.viewpoint, towards) / np.linalg.norm(towards), 0, atol=1e-6 * np.ptp(center)
     )
+
+
+SOURCE, TARGET = PROBLEM.source, PROBLEM.target
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: cgroup.gtm(SOURCE, TARGET, treshold=0.5), "gtm has no 'treshold' (did you mean 'threshold'?)"),  # type: ignore[call-arg]
+        (lambda: cgroup.gc(SOURCE, TARGET, inlier_threshold=0.5), "did you mean 'tolerance'?"),  # type: ignore[call-arg]
+        (lambda: cgroup.group(MATCHES, "gtm", treshold=0.5), "gtm has no 'treshold' (did you mean 'threshold'?)"),
+        (lambda: cgroup.group(MATCHES, "ransac", max_iteration=9), "did you mean 'iterations'?"),
+        (lambda: cgroup.group(MATCHES, resolution=1.0), "Correspondences(source, target, resolution=...)"),
+        (lambda: cgroup.group_many([MATCHES], num_threads=1), "did you mean 'threads'?"),
+        (lambda: prepare(PAIR.source, voxel_size=1.0), "prepare has no 'voxel_size' (did you mean 'voxel'?)"),  # type: ignore[call-arg]
+        (lambda: cgroup.features.normals(SOURCE, max_nn=9), "did you mean 'neighbors'?"),  # type: ignore[call-arg]
+        (lambda: register_many([PAIR.source, PAIR.target], viewpoint_s=1), "did you mean 'viewpoints'?"),
+        (lambda: cgroup.gtm(SOURCE, TARGET, 0.5), "got 3 by position; gtm takes source, target so, and options by name"),  # type: ignore[misc]
+        (lambda: cgroup.group(SOURCE, TARGET, "gtm"), 'group(Correspondences(source, target), "gtm"), or call gtm('),  # type: ignore[misc,arg-type]
+        (lambda: cgroup.group(SOURCE, TARGET), 'group(Correspondences(source, target), "gtm"), or call gtm('),  # type: ignore[arg-type]
+        (lambda: cgroup.gtm(np.ones((9, 4)), np.ones((9, 3))), "such as cloud[:, :3]"),
+    ],
+)  # fmt: skip
+def test_wrong_calls_say_in_one_sentence_what_was_meant(call: Callable[[], Any], words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        call()
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_errors_from_within_a_function_stay_what_they_are() -> None:
+    def fail(_stage: str) -> None:
+        raise TypeError("mine")
+
+    with pytest.raises(TypeError, match="mine"):
+        prepare(PAIR.source, progress=fail)
+
+
+def test_names_of_methods_for_editors_are_those_that_there_are() -> None:
+    assert get_args(MethodName) == tuple(METHODS)
+
+
+def test_lc_is_the_default() -> None:
+    found = cgroup.group(MATCHES)
+    assert found.ok
+    np.testing.assert_array_equal(found.mask, cgroup.lc(SOURCE, TARGET, resolution=PROBLEM.resolution).mask)
+    assert cgroup.group_many([MATCHES])[0].ok
+    with pytest.raises(
+        InputError, match="give `resolution` .* cgroup.features.resolution.*or give `tolerance`"
+    ):
+        cgroup.group(Correspondences(SOURCE, TARGET))
+
+
+@pytest.mark.parametrize("viewpoint", [None, PAIR.source_viewpoint])
+def test_prepared_scans_can_be_pickled(viewpoint: tuple[float, float, float] | None) -> None:
+    source = prepare(PAIR.source, viewpoint=viewpoint)
+    again: PreparedScan = pickle.loads(pickle.dumps(source))
+    assert repr(again) == repr(source)
+    ones = [register(scan, PAIR.target, target_viewpoint=PAIR.target_viewpoint) for scan in (source, again)]
+    for name in ("T_target_source", "covariance", "probability", "fitness"):
+        np.testing.assert_array_equal(*(getattr(one, name) for one in ones))
+
+
+def test_many_scans_share_a_viewpoint_or_a_direction() -> None:
+    scans, place = [PAIR.source, PAIR.target], PAIR.source_viewpoint
+    one, same = (
+        register_many(scans, **given)[0] for given in ({"viewpoint": place}, {"viewpoints": 2 * [place]})
+    )  # type: ignore[arg-type]
+    assert one is not None
+    assert same is not None
+    assert one.probability == same.probability
+    towards = PAIR.source.points.mean(axis=0) - place
+    assert register_many(scans, view_direction=towards)[0].probability != one.probability  # type: ignore[union-attr]
+    with pytest.raises(InputError, match="viewpoint, view_direction, viewpoints: give one of them"):
+        register_many(scans, viewpoint=place, viewpoints=2 * [place])
+
+
+def test_digits_lost_far_from_the_origin_are_told() -> None:
+    offset = np.array([500_000.0, 5_400_000.0, 300.0])
+    source, target = PAIR.source.points, PAIR.target.points
+    fine = register(source + offset, target + offset)
+    coarse = register((source + offset).astype(np.float32), (target + offset).astype(np.float32))
+    assert register(source.astype(np.float32), target.astype(np.float32)).notes == fine.notes == ()
+    for name, note in zip(("source", "target"), coarse.notes, strict=True):
+        assert note.startswith(
+            f"{name}: coordinates of single precision lie 0.5 apart so far from the origin"
+        )
+    with pytest.raises(
+        cgroup.NoConsensusError, match="lie 0.5 apart so far from the origin.*subtract an offset"
+    ):
+        register((source / 30 + offset).astype(np.float32), (target / 30 + offset).astype(np.float32))

@@ -183,11 +183,32 @@ def test_places_that_share_the_probability_are_told() -> None:
     assert one.grouping.mask.tolist() == [True, False, True] * 300
 
 
+def test_an_accepted_pose_says_where_a_viewpoint_cannot_be_right() -> None:
+    points, place = PAIR.source.points, np.array(PAIR.source_viewpoint)
+    center, size = points.mean(axis=0), np.ptp(points)
+    aside, sideways = center + np.array([0, size, 0]), np.cross(center - place, (0, 1, 0))
+    right, wrong, askew = (
+        prepare(PAIR.source, voxel=6.0, **given)
+        for given in ({"viewpoint": place}, {"viewpoint": aside}, {"view_direction": sideways})
+    )
+    assert (
+        judge(found(probability=0.9), right, right).notes == judge(found(probability=0.9), SCAN, SCAN).notes
+    )
+    for scan, words in ((wrong, "the viewpoint of cloud"), (askew, "along the view direction of cloud")):
+        note = judge(found(probability=0.9), right, scan).notes[-1]
+        assert f"{words}, points lie behind each other" in note
+        assert note in judge(found(probability=0.1), right, scan).reason
+
+
 @pytest.mark.parametrize("axis", [None, np.array([0.0, 0, 1])])
 def test_a_search_that_found_nothing_says_what_may_help(axis: np.ndarray | None) -> None:
     large = prepare(PAIR.source.points * 1.6, voxel=6.0)
     eyed = prepare(PAIR.source, voxel=6.0, viewpoint=(0, 0, 0))
-    for other, words in ((large, "scale one"), (SCAN, "`source_viewpoint`"), (eyed, "effort='high'")):
+    for other, words in (
+        (large, "scale one"),
+        (SCAN, "`source_viewpoint`"),
+        (eyed, "a viewpoint may be wrong"),
+    ):
         one = eyed if other is eyed else SCAN
         judgement = judge(None, one, other, axis)
         assert (judgement.ok, judgement.probability, judgement.notes) == (False, 0, ())

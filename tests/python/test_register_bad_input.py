@@ -71,7 +71,7 @@ def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
         ({"voxel": np.nan}, "voxel: got nan"),
         ({"voxel": np.inf}, "voxel: got inf"),
         ({"voxel": "2"}, "voxel: got '2'; give a number"),
-        ({"voxel": 1000}, "source: .* leave 1 voxels of 1000"),
+        ({"voxel": 1000}, "source: .* leave 1 voxel of 1000"),
         ({"voxel": 60}, "source: .* and 100 are the least; give .* a smaller `voxel`"),
         ({"voxel": 0.01}, "source: 0 of its .* voxels of 0.01 .* give a larger `voxel`"),
         ({"voxel": 1e-9}, "voxel: got .* give a larger voxel"),
