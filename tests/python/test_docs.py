@@ -3,6 +3,7 @@
 import importlib
 import re
 import shlex
+from doctest import ELLIPSIS, OutputChecker
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from public_names import GROUPS
 pytest.importorskip("typer", reason="commands are parsed by typer: pip install 'cgroup[scans]'")
 
 from command_lines import parse_command
+
+from cgroup.cli import main
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -26,6 +29,9 @@ PAGES = [
 
 FRAGMENTS = {"benchmark"}
 """Its code reads records, which are made for it in test_extending_docs.py."""
+
+SHOWN = [ROOT / "README.md", *sorted((DOCS / "start").glob("*.md"))]
+"""All of their Python that prints, and their commands that a block of text follows, are shown with what they print."""
 
 OTHERS = {"gtsam", "open3d", "rclpy", "small_gicp", "torch"}
 """What pages show cgroup together with, and the tests do without where it isn't installed."""
@@ -61,17 +67,46 @@ def test_links_lead_somewhere(page: Path):
             assert anchor in anchors(target), f"{name(page)}: {link}: {name(target)} has no such heading"
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.is_relative_to(DOCS)], ids=name)
-def test_python_blocks_run_one_after_another(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize(
+    "page", [*SHOWN, *(page for page in PAGES if DOCS in page.parents and page not in SHOWN)], ids=name
+)
+def test_blocks_run_one_after_another_and_print_what_follows_them(
+    page: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
     namespace: dict[str, object] = {}
-    try:
-        for block in python_blocks(page):
-            exec(compile(block, page.name, "exec"), namespace)
-    except ModuleNotFoundError as missing:
-        if missing.name not in OTHERS:
-            raise
-        pytest.skip(f"the rest of the page needs {missing.name}")
+    for language, block, output in blocks_with_output(page):
+        if language == "python":
+            try:
+                exec(compile(block, page.name, "exec"), namespace)
+            except ModuleNotFoundError as missing:
+                if missing.name not in OTHERS:
+                    raise
+                pytest.skip(f"the rest of the page needs {missing.name}")
+        elif page in SHOWN and output:
+            with pytest.raises(SystemExit):
+                main(shlex.split(block)[2:])
+        else:
+            continue
+        printed = "".join(capsys.readouterr())
+        if output:
+            assert OutputChecker().check_output(output, printed, ELLIPSIS), f"{block}prints\n{printed}"
+        elif page in SHOWN:
+            assert not printed, f"{block}is followed by no text block with\n{printed}"
+
+
+def blocks_with_output(page: Path) -> list[tuple[str, str, str]]:
+    """Blocks of Python and of one command, with the block of text right behind, where ``...`` stands for anything."""
+    if page.stem in FRAGMENTS:
+        return []
+    block, command = r"```(python)\n(.*?)```", r"```(console)\n(\$ cgroup [^\n]*\n)```"
+    found = re.findall(
+        rf"^(?:{block}|{command})\n(?:\s*^```text\n(.*?)^```)?",
+        page.read_text(encoding="utf-8"),
+        flags=re.DOTALL | re.MULTILINE,
+    )
+    return [(kind or other, code or line, output) for kind, code, other, line, output in found]
 
 
 def python_blocks(page: Path) -> list[str]:
