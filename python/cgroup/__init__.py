@@ -39,10 +39,13 @@ from .methods import *  # noqa: F403 - the methods, as they list themselves
 if _TYPE_CHECKING:
     from os import PathLike as _PathLike
 
+    from cgroup import comparison as comparison
     from cgroup import datasets as datasets
     from cgroup import evaluation as evaluation
     from cgroup import features as features
     from cgroup import io as io
+    from cgroup import nuisances as nuisances
+    from cgroup import pages as pages
     from cgroup import plots as plots
     from cgroup import registration as registration
     from cgroup import verification as verification
@@ -70,7 +73,18 @@ __all__ = [
 __all__ += methods.__all__
 
 
-_ROOMS = ("datasets", "evaluation", "features", "io", "plots", "registration", "verification")
+_ROOMS = (
+    "comparison",
+    "datasets",
+    "evaluation",
+    "features",
+    "io",
+    "nuisances",
+    "pages",
+    "plots",
+    "registration",
+    "verification",
+)
 _FROM_ROOMS = {"read_cloud": "io", "register": "registration", "write_cloud": "io"}
 
 

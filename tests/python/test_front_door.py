@@ -1,5 +1,6 @@
 """What a newcomer types first: names after a bare import, paths as clouds, names that other libraries use."""
 
+import inspect
 import pickle
 import subprocess
 import sys
@@ -27,6 +28,7 @@ assert not [name for name in heavy if name in sys.modules], "loaded too early"
 assert {"register", "read_cloud", "io", "features", "gtm"} <= set(dir(cgroup))
 assert not {"annotations", "errors", "registry", "types", "interrupts"} & set(dir(cgroup))
 assert cgroup.register.__name__ == "register" and cgroup.read_cloud is cgroup.io.read_cloud
+assert cgroup.comparison.compare and cgroup.nuisances and cgroup.pages
 assert cgroup.features.resolution and cgroup.plots and cgroup.evaluation and cgroup.verification and cgroup.datasets
 """
 
@@ -158,6 +160,21 @@ def test_wrong_calls_say_in_one_sentence_what_was_meant(call: Callable[[], Any],
         call()
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+FUNCTIONS = [
+    function
+    for room in (cgroup.methods, cgroup.features, cgroup.registration)
+    for function in map(vars(room).get, room.__all__)
+    if inspect.isfunction(function) and "options" not in inspect.signature(function).parameters
+]
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
+def test_every_function_explains_wrong_calls(function: Callable[..., Any]) -> None:
+    with pytest.raises(InputError, match=f"{function.__name__} has no 'nosuch'; it takes "):
+        function(nosuch=1)
+    assert pickle.loads(pickle.dumps(function)) is function
 
 
 def test_errors_from_within_a_function_stay_what_they_are() -> None:

@@ -214,3 +214,4 @@ def test_a_search_that_found_nothing_says_what_may_help(axis: np.ndarray | None)
         assert (judgement.ok, judgement.probability, judgement.notes) == (False, 0, ())
         assert ("keeps the axis" in judgement.reason) == (axis is not None)
         assert (words if axis is None or other is large else "or not the axis") in judgement.reason
+    assert judge(None, eyed, SCAN).reason.endswith("scanner stood by `target_viewpoint`")

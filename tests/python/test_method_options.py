@@ -32,7 +32,7 @@ def test_the_signature_has_what_the_core_describes(info: MethodInfo) -> None:
 
 @EVERY
 def test_annotations_tell_what_the_core_takes(info: MethodInfo) -> None:
-    names = {**vars(types), "ArrayLike": Any, "Grouping": cgroup.Grouping}
+    names = {**vars(types), "AnyCloud": Any, "ArrayLike": Any, "Grouping": cgroup.Grouping}
     hints = typing.get_type_hints(info.function, localns=names)
     for name, option in info.options.items():
         assert hints[name] == annotation(option), name

@@ -379,10 +379,13 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None)
         return layered[0]
     if axis is not None:
         return "the clouds may share too little, or not the axis"
-    if source.viewpoint is None or target.viewpoint is None:
+    unknown = [
+        f"`{name}_viewpoint`" for name, scan in (("source", source), ("target", target)) if not scan.viewpoint
+    ]
+    if unknown:
         return (
             "the clouds may share too little; if each is a single scan, say where the scanner stood by "
-            "`source_viewpoint` and `target_viewpoint`"
+            f"{' and '.join(unknown)}"
         )
     return "the clouds may share too little, or a viewpoint may be wrong"
 
