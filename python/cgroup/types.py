@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -20,11 +20,43 @@ from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
     import os
-    from typing import Any
+    from typing import Any, Protocol
 
     from numpy.typing import ArrayLike, NDArray
 
     from cgroup.explanation import Explanation
+
+    class _HasPoints(Protocol):
+        """A cloud of Open3D, small_gicp or PyVista, or one that laspy has read."""
+
+        @property
+        def points(self) -> Any: ...  # noqa: ANN401 - of the library's own kind, here and below
+
+    class _HasVertices(Protocol):
+        """A mesh of Open3D or trimesh."""
+
+        @property
+        def vertices(self) -> Any: ...  # noqa: ANN401
+
+    class _HasPoint(Protocol):
+        """A cloud of Open3D's tensors."""
+
+        @property
+        def point(self) -> Any: ...  # noqa: ANN401
+
+    class _HasVertex(Protocol):
+        """A mesh of Open3D's tensors."""
+
+        @property
+        def vertex(self) -> Any: ...  # noqa: ANN401
+
+    class _IsMessage(Protocol):
+        """A cloud of ROS."""
+
+        fields: Any
+        data: Any
+
+    _Foreign: TypeAlias = _HasPoints | _HasVertices | _HasPoint | _HasVertex | _IsMessage
 
 __all__ = [
     "OPTIONAL_FIELDS",
@@ -632,43 +664,6 @@ class PointCloud:
         normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
         return PointCloud(apply(matrix, self.points), normals, self.faces, self.colors, self.dropped)
 
-
-class _HasPoints(Protocol):
-    """A cloud of Open3D, small_gicp or PyVista, or one that laspy has read."""
-
-    @property
-    def points(self) -> Any: ...  # noqa: ANN401 - of the library's own kind, here and below
-
-
-class _HasVertices(Protocol):
-    """A mesh of Open3D or trimesh."""
-
-    @property
-    def vertices(self) -> Any: ...  # noqa: ANN401
-
-
-class _HasPoint(Protocol):
-    """A cloud of Open3D's tensors."""
-
-    @property
-    def point(self) -> Any: ...  # noqa: ANN401
-
-
-class _HasVertex(Protocol):
-    """A mesh of Open3D's tensors."""
-
-    @property
-    def vertex(self) -> Any: ...  # noqa: ANN401
-
-
-class _IsMessage(Protocol):
-    """A cloud of ROS."""
-
-    fields: Any
-    data: Any
-
-
-_Foreign: TypeAlias = "_HasPoints | _HasVertices | _HasPoint | _HasVertex | _IsMessage"
 
 AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str] | _Foreign"
 """Points in any form: a cloud, that of another library, an array, a data frame, or the path of a file."""
