@@ -1,8 +1,7 @@
 """Files: point clouds, rigid transforms, correspondences.
 
-Point clouds are parsed by the core; only LAS and LAZ need a library, which comes with the extra
-``cgroup[las]``. Files may come from anywhere: whatever is wrong with one ends in one `InputError` that names
-it.
+Point clouds are parsed by the core. Files may come from anywhere: whatever is wrong with one ends in one
+`InputError` that names it.
 """
 
 from cgroup.io._files import write_file

@@ -1,12 +1,10 @@
 """Read and write point clouds, keypoints and descriptors.
 
-The core parses all formats of clouds but NumPy's own, and LAS and LAZ, for which laspy is loaded where it is
-needed. A parser makes arrays of bytes; it may raise anything.
+The core parses all formats of clouds but NumPy's own. A parser makes arrays of bytes; it may raise anything.
 """
 
 from __future__ import annotations
 
-import io
 from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -35,8 +33,6 @@ if TYPE_CHECKING:
 _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
 _CLOUD_COLOR, _KEYPOINT_COLOR = (190, 190, 190), (213, 94, 0)
-_LAS_POINTS = 1_000_000  # that laspy unpacks at a time
-_LAS_COLORS = ("red", "green", "blue")
 
 
 class CloudContent(NamedTuple):
@@ -54,13 +50,13 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS; text (``.xyz``, ``.txt``, ``.csv``)
     with x y z in its first three columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``; KITTI's
     ``.bin`` (x y z reflectance in float32); NPY with an (N, 3) array, NPZ with one named ``points`` or
-    ``xyz`` or alone; LAS and LAZ with the extra ``cgroup[las]``.
+    ``xyz`` or alone; LAS and LAZ of point formats 0 to 10.
 
     Points with a NaN or infinite coordinate, which range scanners write where they saw nothing, are left out
     and counted in `PointCloud.dropped`. STL and OBJ repeat the corners of their triangles: points of exactly
     equal coordinates are made one. Other formats are taken as they are, in the file's order. Polygons are cut
-    into triangles that share their first corner. Colours that are given as shares of one become bytes. What a
-    file declares is checked against its length before memory is taken for it. Ctrl-C is heard.
+    into triangles that share their first corner. Colours that are given as shares of one, or by 16 bits, become
+    bytes. What a file declares is checked against its length before memory is taken for it. Ctrl-C is heard.
 
     Parameters
     ----------
@@ -297,39 +293,11 @@ def _points(array: NDArray[Any]) -> FloatArray:
     return np.asarray(array, dtype=np.float64)
 
 
-def _parse_las(content: bytes) -> CloudContent:
-    import laspy  # noqa: PLC0415 - an extra
-
-    try:
-        with laspy.open(io.BytesIO(content)) as file:
-            declared = file.header.point_count
-            colored = set(_LAS_COLORS) <= set(file.header.point_format.dimension_names)
-            groups = ("xyz", _LAS_COLORS) if colored else ("xyz",)
-            parts = [
-                [np.stack([np.asarray(part[name]) for name in group], axis=1) for group in groups]
-                for part in file.chunk_iterator(_LAS_POINTS)
-            ]
-    except (KeyboardInterrupt, SystemExit, MemoryError):
-        raise
-    except BaseException as error:  # what a panic of its decompressor becomes isn't an Exception
-        raise InputError(str(error) or type(error).__name__) from error
-    points = np.concatenate([np.empty((0, 3)), *(part[0] for part in parts)])
-    if len(points) != declared:
-        message = f"{len(points)} of {declared} points"
-        raise InputError(message)
-    if not (colored and parts):
-        return CloudContent(points)
-    colors = np.concatenate([part[1] for part in parts])
-    # Of 16 bits, as the format has them, or of eight, as some write them.
-    return CloudContent(points, colors=(colors >> 8 if colors.max() > 255 else colors).astype(np.uint8))
-
-
-_IN_CORE = ("bin", "csv", "obj", "off", "pcd", "ply", "pts", "stl", "txt", "xyz")
+_IN_CORE = ("bin", "csv", "las", "obj", "off", "pcd", "ply", "pts", "stl", "txt", "xyz")
 
 PARSERS: dict[str, Callable[[bytes], CloudContent]] = {
     **{f".{name}": partial(_parse_in_core, name) for name in _IN_CORE},
-    ".las": _parse_las,
-    ".laz": _parse_las,
+    ".laz": partial(_parse_in_core, "las"),
     ".npy": _parse_npy,
     ".npz": _parse_npz,
 }

@@ -13,12 +13,14 @@
 //! | STL: ASCII, binary | [`stl::parse`] |
 //! | text: columns of numbers, with a line of names or without | [`text::parse`] |
 //! | PTS: as text, behind a count | [`pts::parse`] |
+//! | LAS 1.0 to 1.5, also compressed as LAZ | [`las::parse`] |
 //! | KITTI's scans: x y z reflectance in float32 | [`kitti::parse`] |
 
 mod cloud_content;
 mod columns;
 mod fans;
 pub mod kitti;
+pub mod las;
 mod lines;
 mod lzf;
 pub mod obj;
@@ -41,9 +43,10 @@ pub use cloud_content::CloudContent;
 pub type Parser = fn(&[u8], &Execution) -> Result<CloudContent>;
 
 /// All parsers, by the usual suffix of their files.
-pub const PARSERS: [(&str, Parser); 10] = [
+pub const PARSERS: [(&str, Parser); 11] = [
     ("bin", kitti::parse),
     ("csv", text::parse),
+    ("las", las::parse),
     ("obj", obj::parse),
     ("off", off::parse),
     ("pcd", pcd::parse),
