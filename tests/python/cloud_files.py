@@ -103,6 +103,47 @@ f 3 1 4
 """
 
 
+def las(points: bytes, count: int, point_format: int, *, laszip: bytes = b"") -> bytes:
+    """LAS of version 1.2, or 1.4 where the point format needs it; with a record of LASzip, packed points."""
+    size = 227 if point_format < 6 else 375
+    record = struct.pack("<2x16sHH32x", b"laszip encoded", 22204, len(laszip)) + laszip if laszip else b""
+    start = size + len(record)
+    header = bytearray(size)
+    header[:4], header[24:26] = b"LASF", bytes([1, 2 if size == 227 else 4])
+    length = {0: 20, 2: 26, 7: 36}[point_format]
+    is_packed = bool(laszip)
+    struct.pack_into(
+        "<HIIBHI", header, 94, size, start, is_packed, point_format | is_packed << 7, length, count
+    )
+    struct.pack_into("<6d", header, 131, *[0.25] * 3, *[0] * 3)
+    if size == 375:
+        struct.pack_into("<Q", header, 247, count)
+    if is_packed:  # the place of the chunk table, which counts from the start of the points
+        points = struct.pack("<q", start + struct.unpack_from("<q", points)[0]) + points[8:]
+    return bytes(header) + record + points
+
+
+LAS_POINTS = b"".join(struct.pack("<3i8x3H", *row, 256, 512, 768) for row in (4 * TETRAHEDRON).astype(int))
+LASZIP_RECORDS = tuple(
+    struct.pack(f"<HHBBHIIqqH{3 * items}H", compressor, 0, 2, 2, 0, 0, 50_000, -1, -1, items, *kinds)
+    for compressor, items, kinds in ((2, 2, (6, 20, 2, 8, 6, 2)), (3, 2, (10, 30, 3, 11, 6, 3)))
+)
+"""Of point formats 2 and 7: coordinates and colours."""
+LAZ_POINTS = (
+    bytes.fromhex(
+        "320000000000000000000000000000000000000000000000000000000001000200030055"
+        "4379369f9ab5ba41c1d580f8000000000000010000003382000000"
+    ),
+    bytes.fromhex(
+        "6a0000000000000000000000000000000000000000000000000000000000000000000000"
+        "0000000100020003040000000c0000000600000000000000000000000000000000000000"
+        "00000000000000000000000000000000002a9c42157b12eb8a0000000002220000000000"
+        "0000010000003c2d000000"
+    ),
+)
+"""As lazrs packs them, without and with layers."""
+
+
 def npy(array: np.ndarray) -> bytes:
     file = io.BytesIO()
     np.save(file, array)
@@ -135,6 +176,9 @@ CLOUDS = {
     "count.pts": PTS,
     "mixed.obj": MIXED_OBJ,
     "scan.bin": np.c_[TETRAHEDRON, np.ones(4)].astype("<f4").tobytes(),
+    "points.las": las(LAS_POINTS, 4, 2),
+    "points.laz": las(LAZ_POINTS[0], 4, 2, laszip=LASZIP_RECORDS[0]),
+    "layered.laz": las(LAZ_POINTS[1], 4, 7, laszip=LASZIP_RECORDS[1]),
     "points.npy": npy(TETRAHEDRON),
     "points.npz": npz(points=TETRAHEDRON, other=np.zeros(9)),
 }

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cloud_files import CLOUDS
 from wrong_values import WRONG
 
 import cgroup
@@ -106,7 +107,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("benchmark", "run", "FILE", "--out", "OUT"),
     ("benchmark", "status", "FILE", "--out", "OUT"),
 )
-ENDINGS = (".ply", ".pcd", ".xyz", ".obj", ".off", ".stl", ".txt", ".npy", ".npz", ".csv", ".pts", ".bin", ".toml", "")  # fmt: skip
+ENDINGS = (".ply", ".pcd", ".xyz", ".obj", ".off", ".stl", ".txt", ".npy", ".npz", ".csv", ".pts", ".bin", ".las", ".laz", ".toml", "")  # fmt: skip
 HEADS = (
     b"",
     b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n",
@@ -118,6 +119,9 @@ HEADS = (
     b"1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
     b'[[experiments]]\nname = "a"\n',
     b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }" + b" " * 58 + b"\n",
+    CLOUDS["points.las"],
+    CLOUDS["points.laz"],
+    CLOUDS["layered.laz"],
 )
 
 

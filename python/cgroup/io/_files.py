@@ -181,9 +181,6 @@ def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
     content = read_content(path)
     try:
         return parse(content)
-    except ModuleNotFoundError as error:
-        message = f"{path}: reading it needs {error.name}; pip install 'cgroup[las]'"
-        raise InputError(message) from error
     except MemoryError:
         raise
     except Exception as error:

@@ -55,7 +55,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     Points with a NaN or infinite coordinate, which range scanners write where they saw nothing, are left out
     and counted in `PointCloud.dropped`. STL and OBJ repeat the corners of their triangles: points of exactly
     equal coordinates are made one. Other formats are taken as they are, in the file's order. Polygons are cut
-    into triangles that share their first corner. Colours that are given as shares of one, or by 16 bits, become
+    into triangles that share their first corner. Colours that are given as shares of one or by 16 bits become
     bytes. What a file declares is checked against its length before memory is taken for it. Ctrl-C is heard.
 
     Parameters

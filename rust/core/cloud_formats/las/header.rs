@@ -95,6 +95,10 @@ impl Header {
             let got = format!("{} bytes", self.point);
             return Err(Error::invalid("point", got, format!("its format takes at least {least}")));
         }
-        if self.is_compressed { Ok(()) } else { check_room("points", self.count, self.point, bytes - self.start) }
+        if self.is_compressed {
+            Ok(())
+        } else {
+            check_room("points", self.count, self.point, bytes - self.start)
+        }
     }
 }

@@ -90,3 +90,78 @@ impl Points {
     }
 }
 
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(content: &[u8]) -> Result<CloudContent> {
+        parse(content, &Execution::default())
+    }
+
+    /// Files of the fuzz targets' corpus, behind a byte that says the format: 60 points each, as `expected` has them.
+    macro_rules! files {
+        ($($name:literal: $what:literal,)*) => {
+            [$(($what, &include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fuzz_targets/corpus/readers/las-", $name))[1..])),*]
+        };
+    }
+
+    const FILES: [(&str, &[u8]); 9] = files! {
+        "ac27a4": "point format 0",
+        "08dd38": "point format 7 and two bytes more",
+        "c3eac6": "point format 0, items of version 1",
+        "51a486": "point format 1, items of version 1",
+        "e6c232": "point format 3 and two bytes more, chunks of different lengths",
+        "cfdff9": "point format 5, with waveforms",
+        "8aac3a": "point format 6 and a byte more, three chunks",
+        "108fbb": "point format 8, chunks of different lengths",
+        "593486": "point format 7, items of version 4",
+    };
+
+    fn expected(i: usize) -> ([f64; 3], [u8; 3]) {
+        let height = (i / 3) as f64 * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let stored = [(i * i % 101) as f64 - 50.0, (7 * i % 53) as f64, height];
+        (stored.map(|value| value * 0.25), [0, 1, 2].map(|channel| (3 * i + channel) as u8))
+    }
+
+    #[test]
+    fn every_version_is_read() -> Result<()> {
+        for (what, content) in FILES {
+            let cloud = read(content)?;
+            let (points, colors): (Vec<_>, Vec<_>) = (0..60).map(expected).unzip();
+            assert_eq!(cloud.points, points, "{what}");
+            assert!(cloud.colors.is_none_or(|found| found == colors), "{what}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn what_is_cut_off_is_refused() {
+        for (what, content) in FILES {
+            for end in 0..content.len() {
+                assert!(read(&content[..end]).is_err(), "{what}: {end} of {} bytes", content.len());
+            }
+        }
+    }
+
+    #[test]
+    fn no_damage_breaks_it() {
+        for (what, content) in FILES {
+            for at in 0..content.len() {
+                let mut damaged = content.to_vec();
+                damaged[at] ^= 1 << (at % 8);
+                let cloud = read(&damaged).unwrap_or_default();
+                assert!(cloud.points.len() <= 1 << 21, "{what}: byte {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_would_grow_too_much_is_refused() {
+        // The number of all points, and of those of a chunk, as in a file of many equal points.
+        let mut content = FILES[2].1.to_vec();
+        for at in [107, 227 + 54 + 12] {
+            content[at..at + 4].copy_from_slice(&20_000_000_u32.to_le_bytes());
+        }
+        assert!(read(&content).is_err_and(|error| error.to_string().contains("640000000")));
+    }
+}

@@ -43,7 +43,8 @@ impl Colors {
                 let place = 2 * channel + half;
                 if changed & 1 << place != 0 {
                     let predicted = (drift + i32::from(halves[channel][half])).clamp(0, 255) as u8;
-                    next[channel][half] = predicted.wrapping_add(decoder.symbol(&mut self.bytes[place])? as u8);
+                    next[channel][half] =
+                        predicted.wrapping_add(decoder.symbol(&mut self.bytes[place])? as u8);
                 }
             }
         }

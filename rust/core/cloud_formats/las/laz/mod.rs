@@ -37,7 +37,7 @@ pub(super) fn read(header: &Header, content: &[u8], execution: &Execution) -> Re
     let plain = header.count.saturating_mul(header.point.max(LEAST));
     if plain > TRUSTED.max(packed.saturating_mul(MOST_GROWTH)) {
         let got = format!("{packed} bytes that would grow to {plain}");
-        return Err(Error::invalid("points", got, "write points that are packed so tightly as LAS"));
+        return Err(Error::invalid("points", got, "write so many without compression, as LAS"));
     }
     let mut points = Points::new(header)?;
     for chunk in chunks {

@@ -3,10 +3,10 @@
 use super::super::{Point, Points, bytes_at, color_at};
 use super::arithmetic::{Decoder, Model};
 use super::colors::{Colors, ColorsOfVersion1};
+use super::cut_off;
 use super::integers::{Integers, Median};
 use super::items::{Item, Items, Kind};
 use super::times::{Times, TimesOfVersion1};
-use super::cut_off;
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
@@ -56,7 +56,11 @@ fn field(item: Item, bytes: &[u8], point: &mut Point) -> Result<Box<dyn Field>> 
         Kind::Position => {
             point.position = [0, 4, 8].map(|at| bytes_at(bytes, at).map_or(0, i32::from_le_bytes));
             let attributes = Attributes::new(bytes);
-            if is_old { Box::new(PositionsOfVersion1::new(attributes)) } else { Box::new(Positions::new(attributes)) }
+            if is_old {
+                Box::new(PositionsOfVersion1::new(attributes))
+            } else {
+                Box::new(Positions::new(attributes))
+            }
         }
         Kind::Color => {
             point.color = color_at(bytes, 0);

@@ -159,7 +159,13 @@ impl TimesOfVersion1 {
             0 => (self.difference / 4, 2),
             1 => (self.difference, 1),
             ..FULL_OF_VERSION1 => {
-                let context = if code < 10 { 3 } else if code < 50 { 4 } else { 5 };
+                let context = if code < 10 {
+                    3
+                } else if code < 50 {
+                    4
+                } else {
+                    5
+                };
                 (self.difference.wrapping_mul(code as i32), context)
             }
             FULL_OF_VERSION1 => {
