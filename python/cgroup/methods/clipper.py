@@ -33,9 +33,10 @@ def clipper(
     Summers, RA-L 2024). Affinities ``M_ij = exp(-(ds - dt)^2 / (2 deviation^2))`` of pairs with ``|ds - dt| <
     max_distance_difference`` that share no point; two others exclude each other. Projected gradient ascent
     makes ``u' M u`` greatest for ``u >= 0``, ``|u| = 1``, with a penalty on excluded pairs that grows until
-    none is left. The group are the ``round(u' M u)`` correspondences of the greatest u. Cost O(n^2) tests of
-    pairs and O(pairs that agree) per step; memory n^2 / 8 bytes, and 4 per agreeing ordered pair where that
-    fits.
+    none is left. The group are the ``round(u' M u)`` correspondences of the greatest u. Rounding, which
+    depends on the order of the rows, may decide in which of nearly equal sets the ascent ends. Cost O(n^2)
+    tests of pairs and O(pairs that agree) per step; memory n^2 / 8 bytes, and 4 per agreeing ordered pair
+    where that fits.
 
     Parameters
     ----------

@@ -34,7 +34,8 @@ def gc(
     """Geometric consistency (GC): the largest cluster that keeps distances to a seed.
 
     Section 3.2, Eq. (13) of [1]_, after [2]_. Cost O(n^2) time, O(n) memory; the clique variant keeps all
-    consistent pairs, one bit each, where these n^2 / 8 bytes are allowed.
+    consistent pairs, one bit each, where these n^2 / 8 bytes are allowed. Of equally large clusters that of
+    the first row is taken: with the rows in another order the group may be another one.
 
     Parameters
     ----------

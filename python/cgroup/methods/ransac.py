@@ -30,7 +30,8 @@ def ransac(
     """Random sample consensus (RANSAC): the sampled motion that most agree with.
 
     Section 3.2 of [1]_, after [2]_: a sample is three correspondences, its motion their least-squares
-    transform. Cost O(iterations n).
+    transform. Cost O(iterations n). Samples are rows: with the rows in another order they are others, as with
+    another `seed`.
 
     Parameters
     ----------

@@ -38,8 +38,9 @@ def sc2pcr(
     ``|ds - dt|`` is below `max_distance_difference`, and how many others are compatible (at half that bound)
     with both is their second-order compatibility. Seeds are the correspondences with the highest confidence,
     their entry in the principal eigenvector of the compatibility. Around each gathers a consensus set in two
-    stages; the weighted least-squares pose of a set with the most inliers is refined. Cost O(n^2) per power
-    step, and O(n^3 / 64) for the share of pairs that are compatible.
+    stages; the weighted least-squares pose of a set with the most inliers is refined. Ties go to the lowest
+    row: with the rows in another order the group may be another one. Cost O(n^2) per power step,
+    and O(n^3 / 64) for the share of pairs that are compatible.
 
     Parameters
     ----------

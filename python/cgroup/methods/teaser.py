@@ -36,8 +36,9 @@ def teaser(
     rotation is that of graduated non-convexity on the differences of each kept point to the next (section
     VII), the translation that of adaptive voting along each axis (section V). Costs and ranges are in units
     of the tolerance, so that an outlier costs 1 in the voting, as in the paper; the published code has the
-    tolerance itself there, and its voting depends on the unit of length. Cost O(n^2) tests of pairs, memory
-    n^2 / 8 bytes.
+    tolerance itself there, and its voting depends on the unit of length. Each point's next one, and which of
+    several maximum cliques is found, depend on the order of the rows, and so may the group. Cost O(n^2) tests
+    of pairs, memory n^2 / 8 bytes.
 
     Parameters
     ----------

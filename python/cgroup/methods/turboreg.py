@@ -34,8 +34,9 @@ def turboreg(
     Cloud Registration", ICCV 2025, section 3. Two correspondences are compatible where ``|ds - dt|`` is below
     `max_distance_difference`, a bound far below the tolerance, and ``ds + dt`` exceeds `nms_radius`; such a
     pair weighs as much as others are compatible with both. The heaviest pairs are pivots, and each gives the
-    triangles of greatest weight. The pose of a triangle that is the best by `choice` is refined. Cost O(n^2)
-    tests of pairs, and O(n^3 / 64) for the share of pairs that are compatible.
+    triangles of greatest weight. The pose of a triangle that is the best by `choice` is refined. Ties go to
+    the lowest row: with the rows in another order the group may be another one. Cost O(n^2) tests of pairs,
+    and O(n^3 / 64) for the share of pairs that are compatible.
 
     Parameters
     ----------
