@@ -1,9 +1,55 @@
-//! 3D correspondence grouping: given putative point-to-point matches between two 3D shapes, most of
-//! them wrong, find the right ones.
+//! Point cloud registration and 3D correspondence grouping: of putative matches between the points of two 3D shapes, most
+//! of them wrong, find the right ones, and the pose that lays one shape on the other.
 //!
-//! The nine methods of J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation of
-//! Correspondence Grouping Methods for 3D Rigid Data Matching* (TPAMI 2019), and the front end that
-//! feeds them.
+//! The core of the Python package of the same name, pure Rust. It reads no files, starts no clock, prints nothing, and gives the
+//! same bits on any number of threads. Vectors and matrices are nalgebra's:
+//!
+//! ```sh
+//! cargo add cgroup --git https://github.com/cgroup-project/cgroup
+//! cargo add nalgebra@0.35
+//! ```
+//!
+//! | room | what for |
+//! |---|---|
+//! | [`grouping`] | fifteen methods that find the right matches; each is a struct of its options, all are a [`GroupingMethod`] |
+//! | [`features`] | voxels, normals, keypoints, frames, descriptors, matching |
+//! | [`verification`] | poses judged and refined on the surfaces of both clouds |
+//! | [`cloud_formats`] | clouds from the bytes of PLY, PCD, OBJ, OFF, STL, text, PTS and KITTI files |
+//! | [`compatibility`], [`consensus`], [`selection`], [`geometry`] | what the methods are made of |
+//!
+//! An [`Execution`] goes into whatever may take long: it can be interrupted, tells the progress, and bounds the memory. What can't be
+//! done is an [`Error`], and there is no panic. Computations use rayon's threads. Lengths are in the unit of the data; angles are in degrees
+//! where a name says so.
+//!
+//! # Group matches
+//!
+//! `cargo run --release --example 01_group_matches`
+//!
+//! ```
+#![doc = include_str!("../examples/01_group_matches.rs")]
+//! ```
+//!
+//! # Register two scans
+//!
+//! What the Python package's `register` does at its heart, without its search for rivals and its probability.
+//! `cargo run --release --example 02_register_two_scans`
+//!
+//! ```
+#![doc = include_str!("../examples/02_register_two_scans.rs")]
+//! ```
+//!
+//! # Judge a pose
+//!
+//! `cargo run --release --example 03_judge_a_pose`
+//!
+//! ```
+#![doc = include_str!("../examples/03_judge_a_pose.rs")]
+//! ```
+//!
+//! # The paper
+//!
+//! J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation of Correspondence Grouping Methods for 3D Rigid Data
+//! Matching* (TPAMI 2019): its nine methods and its front end, by section and equation.
 //!
 //! | the paper | section | equation | here |
 //! |---|---|---|---|
@@ -27,8 +73,6 @@
 //! | 3DHV | 3.2 | 14 to 16 | [`grouping::hough_voting`] |
 //! | GTM, replicator dynamics | 3.2 | 17 | [`grouping::game_theory`] |
 //! | payoff matrix (GTM) | 3.2 | 18 | [`compatibility::matrix::PairMatrix`] |
-//!
-//! Lengths are in the unit of the data; angles are in degrees where a name says so.
 
 #![forbid(unsafe_code)]
 
