@@ -116,7 +116,8 @@ types: $(VENV)/.ready-dev ## check types, and the stubs against the compiled cor
 
 docs: $(VENV)/.ready-dev ## build the documentation site, and the pages of the Rust interface
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --package cgroup
-	$(SPHINX) -b html --fail-on-warning --keep-going --quiet $(DOCS_OUT)
+	@echo "Building the site: figures, the gallery, some 250 pages (about 6 minutes the first time) ..."
+	@$(SPHINX) -b html --fail-on-warning --keep-going --quiet $(DOCS_OUT)
 	@echo "Written: $(DOCS_OUT)/index.html, target/doc/cgroup/index.html"
 
 linkcheck: $(VENV)/.ready-dev ## follow every link of the documentation that leaves it; needs the network
@@ -154,7 +155,7 @@ bench-peers: $(VENV)/.ready-dev ## compare time and memory with PCL, Open3D, Num
 
 clean: ## remove what was built
 	rm -rf $(VENV) .venv-peers target $(OUT) $(DIST) python/cgroup/_core*.so \
-		docs/_generated docs/gallery docs/reference/api docs/reference/*.rst docs/reference/modules.txt docs/sg_execution_times.rst
+		docs/_generated docs/gallery docs/reference/api docs/reference/*.rst docs/reference/modules.txt
 
 .PHONY: check-tools
 check-tools:

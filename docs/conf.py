@@ -17,7 +17,7 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
 # Modules of this folder.
-from _site import examples, figures, links, mathjax, reference  # noqa: E402
+from _site import examples, figures, links, mathjax, outside, progress, reference  # noqa: E402
 
 project = "cgroup"
 author = "The cgroup developers"
@@ -68,7 +68,7 @@ sphinx_gallery_conf = examples.gallery(DOCS / "_generated" / "examples", "galler
 # Appearance.
 html_theme = "pydata_sphinx_theme"
 html_title = f"cgroup {release}"
-html_static_path = ["_static", *mathjax.script()]
+html_static_path = ["_static", mathjax.path()]
 html_css_files = ["site.css"]
 html_favicon = "_static/favicon.svg"
 html_show_sourcelink = False
@@ -90,7 +90,7 @@ html_theme_options = {
 }
 html_sidebars = {"index": []}
 html_context = {"default_mode": "auto"}
-mathjax_path = mathjax.path()
+mathjax_path = mathjax.SCRIPT
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
 
@@ -100,7 +100,9 @@ linkcheck_timeout = 20
 
 
 def setup(app: object) -> None:
-    """Make figures before pages are read, and send links out of the folder to the repository."""
+    """Make figures first, send links out of the folder to the repository, say how far it is, check the pages."""
     app.connect("builder-inited", lambda _app: figures.make(DOCS))
     app.connect("source-read", links.rewrite)
     app.connect("autodoc-process-signature", reference.hide_private_parameters)
+    app.connect("build-finished", outside.refuse)
+    progress.count_pages(app)

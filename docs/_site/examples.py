@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
 from sphinx_gallery.sorting import ExplicitOrder
 
+from _site.progress import name_example
+
 _ORDER = (
     "register_two_scans.py",
     "compare_methods.py",
@@ -41,10 +43,12 @@ def gallery(folder: Path, name: str) -> dict[str, Any]:
         "filename_pattern": r"\.py$",
         "ignore_pattern": r"__init__\.py|/notebooks/",
         "image_scrapers": (scrape_figures,),
+        "reset_modules": ("matplotlib", name_example),
         "capture_repr": ("_repr_html_",),
         "within_subsection_order": ExplicitOrder(_ORDER),
         "remove_config_comments": True,
         "show_memory": False,
+        "write_computation_times": False,  # on pages that would load scripts from elsewhere
         "show_signature": False,
         "download_all_examples": False,
         "backreferences_dir": f"{name}/used",

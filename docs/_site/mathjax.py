@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, files
+from importlib.metadata import files
 
-_PACKAGE = "sphinx-mathjax-offline"
-_SCRIPT = "tex-svg.js"
-
-
-def script() -> list[str]:
-    """Return the path of the script; none where the package is missing."""
-    try:
-        return [str(path.locate()) for path in files(_PACKAGE) or [] if path.name == _SCRIPT]
-    except PackageNotFoundError:
-        return []
+SCRIPT = "tex-svg.js"
 
 
 def path() -> str:
-    """Return what pages load: the script of the package, or else the one on the network."""
-    return _SCRIPT if script() else f"https://cdn.jsdelivr.net/npm/mathjax@3/es5/{_SCRIPT}"
+    """Return where the script lies."""
+    (found,) = (file for file in files("sphinx-mathjax-offline") or [] if file.name == SCRIPT)
+    return str(found.locate())

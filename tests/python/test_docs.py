@@ -109,6 +109,18 @@ def blocks_with_output(page: Path) -> list[tuple[str, str, str]]:
     return [(kind or other, code or line, output) for kind, code, other, line, output in found]
 
 
+COLUMNS = 105
+"""Characters in a line of code that a window of 1,280 px shows whole."""
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.is_relative_to(DOCS)], ids=name)
+def test_code_fits_the_page(page: Path):
+    text = page.read_text(encoding="utf-8")
+    blocks = re.findall(r"^```([^\n]*)\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    code = [line for kind, block in blocks if not kind.startswith("{") for line in block.splitlines()]
+    assert [line for line in code if len(line) > COLUMNS] == []
+
+
 def python_blocks(page: Path) -> list[str]:
     if page.stem in FRAGMENTS:
         return []
@@ -192,3 +204,22 @@ def test_reference_lacks_no_public_module():
     public = {f"cgroup.{name}" for name in found if not name.startswith("_")}
     hidden = {"cgroup.explanation", "cgroup.group", "cgroup.methods", "cgroup.cli", "cgroup.benchmark"}
     assert public - set(GROUPS) == hidden
+
+
+@pytest.mark.parametrize(
+    ("page", "loads"),
+    [
+        ('<script src="https://a.example/b.js"></script>', ["https://a.example/b.js"]),
+        ('<link rel="stylesheet" href="//a.example/b.css">', ["//a.example/b.css"]),
+        ('<img srcset="b.png 1x, http://a.example/c.png 2x">', ["http://a.example/c.png"]),
+        ('<style>@import "https://a.example/b.css";</style>', ["https://a.example/b.css"]),
+        ('<p style="background: url(https://a.example/b.png)">', ["https://a.example/b.png"]),
+        ('<a href="https://a.example"><img src="b.png"></a>', []),
+        ('<link rel="canonical" href="https://a.example"><script src="b.js"></script>', []),
+    ],
+)
+def test_what_a_page_loads_from_elsewhere_is_found(page: str, loads: list[str]):
+    outside = pytest.importorskip(
+        "_site.outside", reason="the site is built by sphinx: pip install 'cgroup[docs]'"
+    )
+    assert outside.loaded(page) == loads
