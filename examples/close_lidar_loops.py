@@ -46,7 +46,8 @@ def scan(boxes: np.ndarray, T_world_scanner: np.ndarray) -> np.ndarray:
         np.linspace(-np.pi, np.pi, 450, endpoint=False), np.radians(np.linspace(-20, 12, 32))
     )
     rays = np.stack(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=-1
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)],
+        axis=-1,
     ).reshape(-1, 3)
     toward, origin = rays @ T_world_scanner[:3, :3].T, T_world_scanner[:3, 3]
     distance = np.where(toward[:, 2] < 0, -origin[2] / toward[:, 2], np.inf)
@@ -127,7 +128,8 @@ for low, high in street:
     axes.fill([low[1], high[1], high[1], low[1]], [low[0], low[0], high[0], high[0]], color="#dddddd")
 places = np.array([place[[1, 0], 3] for place in drive])
 axes.plot(*places.T, "o-", color="#0072B2", markersize=4, linewidth=1, label="drive")
-for pairs, color, width, label in ((refused, "#999999", 0.5, "refused"), (loops, "#009E73", 2.5, "loops")):
+drawn = [(refused, "#999999", 0.5, "refused"), (loops, "#009E73", 2.5, "loops")]
+for pairs, color, width, label in drawn:
     lines = [places[list(pair)] for pair in pairs]
     axes.add_collection(LineCollection(lines, colors=color, linewidths=width, label=label))
 axes.set(xlabel="along the street (m)", ylabel="across (m)", aspect=1.6, xlim=(-95, 95))

@@ -99,6 +99,5 @@ if __name__ == "__main__":
     means = tables.aggregate(frame, ["level", "method"])
     figure = draw(means)
     figure.savefig("holes.png")
-    print(
-        means[["level", "method", "pairs", "n", "precision", "recall", "ok:rmse<=5pr"]].to_string(index=False)
-    )
+    columns = ["level", "method", "pairs", "n", "precision", "recall", "ok:rmse<=5pr"]
+    print(means[columns].to_string(index=False))

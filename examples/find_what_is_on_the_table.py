@@ -40,7 +40,8 @@ seen = view.project(scene.points)
 left.scatter(seen[:, 0], seen[:, 1], c=seen[:, 2], s=1, cmap="Greys_r", linewidths=0)
 left.set_title("the scan")
 right.scatter(seen[:, 0], seen[:, 1], color="#cccccc", s=1, linewidths=0)
-for (name, registration), color in zip(found, ("#0072B2", "#E69F00", "#009E73", "#CC79A7"), strict=False):
+colors = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
+for (name, registration), color in zip(found, colors, strict=False):
     placed = view.project(apply(registration.T_target_source, models[name].points))
     right.scatter(placed[:, 0], placed[:, 1], color=color, s=0.5, linewidths=0, label=name)
 figure.legend(loc="outside lower center", ncols=4, markerscale=12, frameon=False)

@@ -53,9 +53,7 @@ correct = correct_matches(
     correspondences.source, correspondences.target, pair.T_target_source, tolerance=5 * pr
 )
 score = score_group(group.mask, correct)
-print(
-    f"{group.size} of {len(correspondences)} matches grouped, {100 * score.precision:.0f} % of them correct"
-)
+print(f"{group.size} of {len(correspondences)} matches grouped, {100 * score.precision:.0f} % correct")
 
 figure = registration_figure(
     clouds[0].points,
