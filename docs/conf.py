@@ -42,6 +42,12 @@ suppress_warnings = ["config.cache"]
 # Markdown.
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
+myst_html_meta = {
+    "description": "Point cloud registration and 3D correspondence grouping in Python and Rust: the pose "
+    "between two scans, or a no, and the right matches among mostly wrong ones.",
+    "keywords": "point cloud registration, correspondence grouping, global registration, 3D matching, LiDAR, "
+    "RANSAC, TEASER, FPFH, multiway registration, loop closure",
+}
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(DOCS.parent / "target" / "notebooks")
 nb_execution_timeout = 120
@@ -67,7 +73,7 @@ sphinx_gallery_conf = examples.gallery(DOCS / "_generated" / "examples", "galler
 
 # Appearance.
 html_theme = "pydata_sphinx_theme"
-html_title = f"cgroup {release}"
+html_title = "cgroup: point cloud registration"
 html_static_path = ["_static", mathjax.path()]
 html_css_files = ["site.css"]
 html_favicon = "_static/favicon.svg"
@@ -100,7 +106,7 @@ linkcheck_timeout = 20
 
 
 def setup(app: object) -> None:
-    """Make figures first, send links out of the folder to the repository, say how far it is, check the pages."""
+    """Make figures, send links out of the folder to the repository, count pages, check what they load."""
     app.connect("builder-inited", lambda _app: figures.make(DOCS))
     app.connect("source-read", links.rewrite)
     app.connect("autodoc-process-signature", reference.hide_private_parameters)

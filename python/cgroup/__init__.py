@@ -1,4 +1,4 @@
-"""3D correspondence grouping: find the right matches between two 3D shapes among mostly wrong ones.
+"""Point cloud registration and 3D correspondence grouping: the right matches among mostly wrong ones.
 
 >>> import numpy as np
 >>> from cgroup import gtm

@@ -25,7 +25,7 @@ from cgroup._runtime.interrupts import INTERRUPTED
 
 app = make_app(
     name="cgroup",
-    help="3D correspondence grouping: find the right matches between two scans among mostly wrong ones.",
+    help="Point cloud registration and 3D correspondence grouping: right matches among mostly wrong ones.",
     epilog=examples(
         "cgroup demo",
         "cgroup register source.ply target.ply",
