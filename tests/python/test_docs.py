@@ -57,6 +57,7 @@ def anchors(page: Path) -> set[str]:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page: Path):
     text = without_code(page.read_text(encoding="utf-8"))
+    assert not re.search(r"\[[a-z-]+\.md\]\(", text), "a page is named by its title"
     for link in re.findall(r"\]\(([^)\s]+)\)", text):
         if re.match(r"https?:|mailto:", link) or "_generated/" in link:
             continue
