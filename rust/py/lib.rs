@@ -35,7 +35,7 @@ mod _core {
     #[pymodule_export]
     use super::options::describe_methods;
     #[pymodule_export]
-    use super::proximity::within;
+    use super::proximity::{nearest, within};
     #[pymodule_export]
     use super::verification::{FineSurface, Surface, align, places, plane_distances, score_poses, verify};
 

@@ -1,11 +1,11 @@
 //! Points of one cloud that are near points of another.
 
-use cgroup::geometry::proximity::any_within;
-use numpy::PyArray1;
+use cgroup::geometry::proximity::{any_within, nearest_offsets};
 use numpy::ndarray::Ix2;
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-use crate::convert::Reals;
+use crate::convert::{Reals, array};
 use crate::run::{RunOptions, run};
 
 /// Which of the points have at least one of the others within a radius.
@@ -20,4 +20,19 @@ pub fn within<'py>(
     let (points, others) = (points.rows()?, others.rows()?);
     let found = run(py, &run_options, move |execution| any_within(&points, &others, radius, execution))?;
     Ok(PyArray1::from_vec(py, found))
+}
+
+/// Vectors from the points to the nearest of the others within a radius; NaN where there is none.
+#[pyfunction]
+pub fn nearest<'py>(
+    py: Python<'py>,
+    points: Reals<'py, Ix2>,
+    others: Reals<'py, Ix2>,
+    run_options: RunOptions,
+    radius: f64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (points, others) = (points.rows()?, others.rows()?);
+    let found = run(py, &run_options, move |execution| nearest_offsets(&points, &others, radius, execution))?;
+    let count = found.len();
+    array(py, found.into_iter().flatten())?.reshape([count, 3])
 }

@@ -19,7 +19,7 @@ use cgroup::features::toldi_lrf::toldi_frames;
 use cgroup::features::voxels::{choose_voxel, count_voxels, voxel_downsample};
 use cgroup::frames::IntoFrames;
 use cgroup::geometry::nearest_sets::NearestSets;
-use cgroup::geometry::proximity::any_within;
+use cgroup::geometry::proximity::{any_within, nearest_offsets};
 use cgroup::geometry::rigid::{Rigid, fit_group, fit_rows};
 use cgroup::verification::{
     Evidence, FineSurface, Side, Surface, align, overlap, places, score_poses, verify,
@@ -102,6 +102,7 @@ fn points_and_clouds() -> Result<()> {
     refuse("a fit", || fit_group(points, points, &scene.keypoints))?;
     refuse("a fit of rows", || fit_rows(points, points, scene.keypoints.iter().copied()))?;
     refuse("proximity", || any_within(&scene.rows, &scene.rows[..900], RADIUS, &scene.execution))?;
+    refuse("the nearest", || nearest_offsets(&scene.rows, &scene.rows[..900], RADIUS, &scene.execution))?;
     let keep = vec![true; points.len()];
     refuse("nearest sets", || {
         NearestSets::new(points, &scene.execution)?

@@ -5,6 +5,7 @@ import gzip
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -161,6 +162,39 @@ def test_the_page_of_a_registration(registered: Registration, tmp_path: Path) ->
     write_page(tmp_path / "page.html", page)
     assert (tmp_path / "page.html").stat().st_size < 5_000_000
     assert "Refused" not in page
+
+
+def levels_of(page: str) -> np.ndarray:
+    """Return the distances of all points to the other cloud as bytes, of which 255 stands for none."""
+    packed = data_of(page)["colors"]["distance"]
+    return np.frombuffer(b"".join(base64.b64decode(each) for each in packed), np.uint8)
+
+
+def test_a_page_holds_how_far_each_point_is_from_the_other_cloud(registered: Registration) -> None:
+    away = registered.T_target_source.copy()
+    away[:3, 3] += 1e3
+    right, wrong = (
+        levels_of(registration_page(PAIR.source, PAIR.target, replace(registered, T_target_source=pose)))
+        for pose in (registered.T_target_source, away)
+    )
+    assert len(right) == len(PAIR.source) + len(PAIR.target)
+    share = (right[: len(PAIR.source)] < 255).mean()
+    assert share == pytest.approx(registered.fitness, abs=0.1)
+    near = right[right < 255] / 254 * registered.resolution
+    assert np.sqrt((near**2).mean()) == pytest.approx(registered.inlier_rmse, rel=0.5)
+    assert (wrong == 255).all()
+
+
+def test_a_page_holds_the_colours_of_scans_that_have_them(registered: Registration) -> None:
+    page = registration_page(PAIR.source, PAIR.target, registered)
+    assert data_of(page)["colors"]["own"] == [None, None]
+    assert "as scanned" not in page
+    colors = np.random.default_rng(0).integers(256, size=(len(PAIR.target), 3), dtype=np.uint8)
+    page = registration_page(PAIR.source, replace(PAIR.target, colors=colors), registered)
+    none, packed = data_of(page)["colors"]["own"]
+    assert none is None
+    assert base64.b64decode(packed) == colors.tobytes()
+    assert "as scanned" in page
 
 
 def test_the_page_of_a_comparison() -> None:

@@ -6,14 +6,15 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
+from color_vision import VISIONS, ciede2000, lab
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from cgroup import METHODS, Correspondences
 from cgroup.evaluation import score_group
 from cgroup.plots import comparison_figure, keypoints_figure, precision_recall_figure, registration_figure
-from cgroup.plots.shading import face_broadside, overlay, shade
-from cgroup.plots.style import CORRECT, METHOD_STYLES, WRONG, method_style
+from cgroup.plots.shading import face_broadside, paint, shade
+from cgroup.plots.style import ALONE, CORRECT, DISTANCE_COLORS, METHOD_STYLES, WRONG, method_style
 from cgroup.registry import METHOD_INFO
 
 POSE = np.array([[0.0, -1, 0, 5], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -83,11 +84,34 @@ def test_figures_of_an_empty_group(scene: tuple) -> None:
     assert drawn(precision_recall_figure({"gtm": score_group(none, correct)}, title=""))
 
 
-def test_registration_figure(scene: tuple) -> None:
-    *clouds_and_matches, correct = scene
-    figure = registration_figure(*clouds_and_matches, mask=correct, T_target_source=POSE, title="a title")
-    assert figure.get_suptitle() == "a title"
-    assert drawn(figure)
+def test_registration_figure_is_coloured_by_the_distance_between_the_clouds(scene: tuple) -> None:
+    source, target, matches, correct = scene
+    end = 0.01 * np.ptp(target, axis=0).max()
+    for off, color in ((0.0, DISTANCE_COLORS[0]), (2 * end, DISTANCE_COLORS[-1]), (9 * end, ALONE)):
+        pose = POSE.copy()
+        pose[2, 3] += off
+        figure = registration_figure(
+            source, target, matches, mask=correct, T_target_source=pose, title="a title"
+        )
+        assert figure.get_suptitle() == "a title"
+        bar = figure.axes[2]
+        assert bar.get_xlim() == pytest.approx((0, end))
+        assert "in the clouds' unit" in bar.get_xlabel()
+        shown = np.asarray(figure.axes[1].images[0].get_array())
+        tint = shown[shown[..., 3] > 0][:, :3]
+        np.testing.assert_allclose(
+            np.median(tint / np.max(tint, axis=1, keepdims=True), axis=0),
+            np.array(to_rgb(color)) / max(to_rgb(color)),
+            atol=0.05,
+        )
+        assert drawn(figure)
+
+
+def test_colors_of_distances_are_told_apart_by_everybody() -> None:
+    for vision in VISIONS:
+        ramp = lab(list(DISTANCE_COLORS), vision)
+        assert (np.diff(ramp[:, 0]) > 8).all()
+        assert ciede2000(ramp, lab([ALONE], vision)).min() > 12
 
 
 def test_keypoints_figure_leaves_out_the_far_side(rng: np.random.Generator) -> None:
@@ -136,13 +160,18 @@ def test_shading_survives_degenerate_clouds(cloud: np.ndarray) -> None:
     assert picture.rgba[..., 3].any()
 
 
-def test_front_cloud_hides_the_other(rng: np.random.Generator) -> None:
-    back, front = patch(rng), patch(rng) + np.array([0, 0, 5])
-    for pair in ((front, back), (back, front)):
-        picture = overlay(*pair, ((1, 0, 0), (0, 0, 1)))
-        ahead = 0 if pair[0] is front else 2
-        opaque = picture.rgba[picture.rgba[..., 3] > 0]
-        assert (opaque[:, ahead] > opaque[:, 2 - ahead]).mean() > 0.9
+def test_cells_are_painted_by_the_points_in_front(rng: np.random.Generator) -> None:
+    clouds = np.concatenate([patch(rng), patch(rng) + np.array([0, 0, 5])])
+    for front in (0.0, 1.0, np.nan):
+        seen = painted_values(clouds, np.repeat([0.5, front], 2000))
+        assert (np.isnan(seen) if np.isnan(front) else seen == front).mean() > 0.9
+
+
+def painted_values(cloud: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The mean values of cells, of those that are drawn."""
+    means = []
+    picture = paint(cloud, values, lambda mean: means.append(mean) or np.ones((*mean.shape, 3)))
+    return means[0].T[picture.rgba[..., 3] > 0]
 
 
 def test_plots_load_neither_pyplot_nor_pandas() -> None:

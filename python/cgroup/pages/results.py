@@ -12,6 +12,7 @@ from cgroup._show.drawing import as_flags, as_points
 from cgroup.comparison import MethodResult, find_correct
 from cgroup.errors import InputError
 from cgroup.evaluation import rotation_error, translation_error
+from cgroup.io import PointCloud
 from cgroup.pages.viewer import Selection, View, view_html
 from cgroup.registration import Registration
 from cgroup.registry import look_up_method
@@ -21,7 +22,7 @@ from cgroup.types import Correspondences
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from cgroup.types import AnyCloud, FloatArray
 
@@ -83,6 +84,7 @@ def registration_page(
         lead=_lead(registration, refusal),
         source=as_points("source", source),
         target=as_points("target", target),
+        colors=(_colors_of(source), _colors_of(target)),
         matches=matches,
         pose=pose,
         correct=None if correct is None else as_flags("correct", correct, len(matches)),
@@ -91,6 +93,10 @@ def registration_page(
         facts=_facts(registration, true_pose),
     )
     return view_html(view)
+
+
+def _colors_of(cloud: AnyCloud) -> NDArray[np.uint8] | None:
+    return cloud.colors if isinstance(cloud, PointCloud) else None
 
 
 def _lead(registration: Registration, refusal: str | None) -> str:
@@ -195,6 +201,7 @@ def comparison_page(
         ),
         source=as_points("source", source),
         target=as_points("target", target),
+        colors=(_colors_of(source), _colors_of(target)),
         matches=correspondences,
         pose=pose,
         correct=flags,

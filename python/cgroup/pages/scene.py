@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cgroup._explain import explain_matches
-from cgroup.features import normals
 from cgroup.pages.page import chart_text, load_plotly
 from cgroup.plots import style
+from cgroup.plots.agreement import planes, thin
 from cgroup.plots.scene import spread
 from cgroup.plots.shading import AMBIENT, LIGHT, face_broadside
 from cgroup.rigid import apply
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cgroup._show.drawing import Drawing
-    from cgroup.types import BoolArray, FloatArray
+    from cgroup.types import BoolArray, FloatArray, IndexArray
 
 MAX_POINTS = 20_000
 """Points of a cloud that are drawn: a random part where there are more."""
@@ -29,8 +29,8 @@ MAX_LINES = 300
 """Lines of one kind in a figure."""
 
 _GAP = 0.25  # between the two clouds, in widths of the wider one
-_NEIGHBORS = 16
 _LEVELS = 255
+_TO_LIGHT = LIGHT / np.linalg.norm(LIGHT)
 _STOPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a line: where the mouse finds it
 _DISTANCE = 1.05  # of the camera, in sizes of the scene
 _LINE = 60  # letters of a line of a hover text
@@ -40,7 +40,9 @@ _LINE = 60  # letters of a line of a hover text
 class SceneCloud:
     """A part of a cloud about its own centre, and how much light each point gets."""
 
+    rows: IndexArray  # (k,) of the cloud
     points: FloatArray  # (k,3)
+    planes: FloatArray  # (k,3) normals once the pose is applied
     light: NDArray[np.uint8]  # (k,)
     center: FloatArray  # (3,) in the data
 
@@ -70,16 +72,19 @@ class Scene:
 
 def scene_of(source: FloatArray, target: FloatArray, pose: FloatArray) -> Scene:
     """Thin and shade two whole clouds, and find where the source may stand."""
-    source, target = _thinned(source), _thinned(target)
+    rows = thin(source, MAX_POINTS), thin(target, MAX_POINTS)
+    source, target = source[rows[0]], target[rows[1]]
     centers = source.mean(axis=0), target.mean(axis=0)
     axes = face_broadside(target).axes
     placed = _shifted(-centers[1]) @ pose @ _shifted(centers[0])
-    there, here = ((points @ axes.T)[:, 0] for points in (apply(pose, source), target))
+    posed = apply(pose, source)
+    there, here = ((points @ axes.T)[:, 0] for points in (posed, target))
     gap = _GAP * max(np.ptp(there), np.ptp(here))
     aside = (here.min() - there.max() - gap) * axes[0]
+    faces = planes(posed), planes(target)
     return Scene(
-        SceneCloud(source - centers[0], _light(apply(pose, source), axes), centers[0]),
-        SceneCloud(target - centers[1], _light(target, axes), centers[1]),
+        SceneCloud(rows[0], source - centers[0], faces[0], _light(faces[0], axes), centers[0]),
+        SceneCloud(rows[1], target - centers[1], faces[1], _light(faces[1], axes), centers[1]),
         given=_shifted(centers[0] - centers[1]),
         apart=_shifted(aside) @ placed,
         placed=placed,
@@ -89,27 +94,17 @@ def scene_of(source: FloatArray, target: FloatArray, pose: FloatArray) -> Scene:
     )
 
 
-def _thinned(points: FloatArray) -> FloatArray:
-    if len(points) <= MAX_POINTS:
-        return points
-    rows = np.random.default_rng(0).choice(len(points), MAX_POINTS, replace=False)
-    return points[np.sort(rows)]
-
-
 def _shifted(by: FloatArray) -> FloatArray:
     shift = np.eye(4)
     shift[:3, 3] = by
     return shift
 
 
-def _light(points: FloatArray, axes: FloatArray) -> NDArray[np.uint8]:
+def _light(planes: FloatArray, axes: FloatArray) -> NDArray[np.uint8]:
     """(k,) how much light falls on the plane about each point, whichever side faces the viewer."""
-    if len(points) < _NEIGHBORS:
-        return np.full(len(points), _LEVELS, dtype=np.uint8)
-    facing = np.nan_to_num(normals(points, neighbors=_NEIGHBORS)) @ axes.T
+    facing = np.where(planes.any(axis=1, keepdims=True), planes @ axes.T, _TO_LIGHT)
     facing *= np.where(facing[:, 2:] < 0.0, -1.0, 1.0)
-    lit = np.clip(facing @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
-    return np.round(_LEVELS * lit).astype(np.uint8)
+    return np.round(_LEVELS * np.clip(facing @ _TO_LIGHT, 0.0, 1.0)).astype(np.uint8)
 
 
 def cloud_traces(scene: Scene) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@
   const fixed = cloud(TARGET);
   let place = {start: "apart", share: 0};
   const most = 150; // lines of one kind: more hide each other
+  let framed = false; // on the clouds laid together
   let chosen = Number(document.querySelector("input[name=method]:checked")?.value ?? 0);
   let pinned = null;
   let isPlaying = null;
@@ -21,8 +22,11 @@
   // Arrays as plotly writes them: bytes in base64.
   function numbersOf(array) {
     if (!array.bdata) return Float32Array.from(array);
-    const bytes = Uint8Array.from(atob(array.bdata), (letter) => letter.charCodeAt(0));
-    return new Float32Array(bytes.buffer);
+    return new Float32Array(bytesOf(array.bdata).buffer);
+  }
+
+  function bytesOf(text) {
+    return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   }
 
   function color(name) {
@@ -115,6 +119,28 @@
 
   const draw = () => plotly.restyle(area, ...changes());
 
+  // The marker of a cloud: shaded in the colour of its scan, coloured by distance, or as the scanner saw it.
+  function marker(cloud, colors) {
+    const {color, colorscale} = figure.data[cloud].marker;
+    if (colors === "distance") {
+      const {stops, alone, distance} = view.colors;
+      const ramp = stops.map((stop, k) => [k / (stops.length - 1) * 254 / 255, stop]);
+      return {color: Array.from(bytesOf(distance[cloud])), colorscale: [...ramp, [254.5 / 255, alone], [1, alone]]};
+    }
+    const own = colors === "own" && view.colors.own[cloud];
+    if (!own) return {color, colorscale};
+    const bytes = bytesOf(own);
+    return {color: Array.from({length: bytes.length / 3}, (_, k) => `rgb(${bytes.subarray(3 * k, 3 * k + 3).join()})`), colorscale};
+  }
+
+  function paint() {
+    const colors = document.body.dataset.colors = get("colors").value;
+    get("legend").hidden = colors !== "distance";
+    const markers = [SOURCE, TARGET].map((cloud) => marker(cloud, colors));
+    return plotly.restyle(area, Object.fromEntries(["color", "colorscale"].map((name) =>
+      [`marker.${name}`, markers.map((each) => each[name])])), [SOURCE, TARGET]);
+  }
+
   // What the slider can show, or the clouds laid together.
   function shownClouds() {
     const ends = place.share === 1 ? ["placed"] : [place.start, "placed"];
@@ -137,21 +163,30 @@
     return layout;
   }
 
-  // The part of the box worth looking at: without the one point in 500 that lies far out on either side of a cloud.
+  // Points as the camera has them, without the one in 500 that lies far out on either side of a cloud.
   function core(layout) {
-    const sorted = shownClouds().map((cloud) => cloud.map((values) => Float64Array.from(values).sort()));
-    return ["x", "y", "z"].map((name, axis) => {
+    const clouds = shownClouds();
+    const sorted = clouds.map((cloud) => cloud.map((values) => Float64Array.from(values).sort()));
+    const sides = ["x", "y", "z"].map((name, axis) => {
       const quantile = (share) => sorted.map((cloud) => cloud[axis][Math.round(share * (cloud[axis].length - 1))]);
       const [inner, outer] = [Math.min(...quantile(0.002)), Math.max(...quantile(0.998))];
       const [first, last] = layout[`scene.${name}axis.range`];
-      const room = 0.1 * (outer - inner);
-      const [low, high] = [Math.max(first, inner - room), Math.min(last, outer + room)];
-      const scale = layout[`scene.aspectratio.${name}`] / (last - first);
-      return {side: scale * (high - low), center: scale * (low + high - first - last) / 2};
+      const room = 0.3 * (outer - inner);
+      return {low: inner - room, high: outer + room, middle: (first + last) / 2, scale: layout[`scene.aspectratio.${name}`] / (last - first)};
     });
+    const points = [];
+    for (const cloud of clouds) {
+      for (let k = 0; k < cloud[0].length; k++) {
+        const point = [cloud[0][k], cloud[1][k], cloud[2][k]];
+        if (point.every((value, axis) => value >= sides[axis].low && value <= sides[axis].high))
+          points.push(point.map((value, axis) => sides[axis].scale * (value - sides[axis].middle)));
+      }
+    }
+    return points;
   }
 
   const dot = (one, other) => one.reduce((sum, value, k) => sum + value * other[k], 0);
+  const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
   const normalized = (vector) => vector.map((value) => value / Math.hypot(...vector));
   // Without its part along a direction; if nothing much is left, that of another vector.
   function across(vector, direction, instead) {
@@ -168,35 +203,46 @@
     if (place.start !== "given" || place.share === 1 || !Math.hypot(...offset)) return {right, up, towards};
     const eye = across(towards, normalized(offset), up);
     const top = across(up, eye, right);
-    return {right: [top[1] * eye[2] - top[2] * eye[1], top[2] * eye[0] - top[0] * eye[2], top[0] * eye[1] - top[1] * eye[0]], up: top, towards: eye};
+    return {right: cross(top, eye), up: top, towards: eye};
   }
 
-  // As near as the clouds can be seen from.
-  function camera(layout) {
-    const axes = directions();
-    const shown = core(layout);
-    const [sides, center] = [shown.map((axis) => axis.side), shown.map((axis) => axis.center)];
-    const [width, height, depth] = ["right", "up", "towards"].map((name) =>
-      sides.reduce((sum, side, axis) => sum + side * Math.abs(axes[name][axis]), 0));
-    const tangent = Math.tan(Math.PI / 8); // of half of plotly's field of view
-    const away = 0.35 * depth + 0.95 * Math.max(height, width * area.clientHeight / area.clientWidth) / (2 * tangent);
-    const [eye, up] = [axes.towards.map((value, axis) => center[axis] + away * value), axes.up];
-    const named = ([x, y, z]) => ({x, y, z});
-    const type = get("perspective").checked ? "perspective" : "orthographic";
-    return {eye: named(eye), up: named(up), center: named(center), projection: {type}};
+  // The directions of the camera as it stands.
+  function present() {
+    const {eye, center, up} = area.layout.scene.camera;
+    const towards = normalized(["x", "y", "z"].map((name) => eye[name] - center[name]));
+    const top = across([up.x, up.y, up.z], towards, [0, 0, 1]);
+    return {right: cross(top, towards), up: top, towards};
   }
 
-  function wholeView() {
+  // The whole of the clouds as large as it fits.
+  function wholeView(axes = directions()) {
+    framed = place.share === 1;
     const layout = frame();
-    return {...layout, "scene.camera": camera(layout)};
+    const seen = core(layout).map((point) => ["right", "up", "towards"].map((name) => dot(point, axes[name])));
+    const [low, high] = [Math.min, Math.max].map((pick) => [0, 1, 2].map((k) => seen.reduce((end, point) => pick(end, point[k]), seen[0][k])));
+    const middle = low.map((value, k) => (value + high[k]) / 2);
+    const [tangent, aspect, room] = [Math.tan(Math.PI / 8), area.clientWidth / area.clientHeight, 1.08]; // of half of plotly's field of view
+    const half = ([right, up]) => room * Math.max(Math.abs(up - middle[1]), Math.abs(right - middle[0]) / aspect);
+    const away = seen.reduce((most, point) => Math.max(most, point[2] - middle[2] + half(point) / tangent), 0);
+    const center = [0, 1, 2].map((k) => axes.right[k] * middle[0] + axes.up[k] * middle[1] + axes.towards[k] * middle[2]);
+    const eye = axes.towards.map((value, k) => center[k] + away * value);
+    const isPerspective = get("perspective").checked;
+    // Without perspective the frame is two units high, from wherever it is seen.
+    const scale = isPerspective ? 1 : 1 / seen.reduce((most, point) => Math.max(most, half(point)), 1e-9);
+    for (const name of ["x", "y", "z"]) layout[`scene.aspectratio.${name}`] *= scale;
+    const named = (vector) => Object.fromEntries(["x", "y", "z"].map((name, k) => [name, scale * vector[k]]));
+    const type = isPerspective ? "perspective" : "orthographic";
+    return {...layout, "scene.camera": {eye: named(eye), up: named(axes.up), center: named(center), projection: {type}}};
   }
 
   const resetView = () => plotly.relayout(area, wholeView());
+  const keepInView = () => plotly.relayout(area, wholeView(present()));
 
   function show(move) {
     place = {...place, ...move};
     get("place").value = 100 * place.share;
     get("start").value = place.start;
+    if (!isPlaying) get("play").textContent = place.share < 0.5 ? "Place it" : "Take it off";
     return draw();
   }
 
@@ -205,7 +251,7 @@
     const token = isPlaying = {};
     get("play").textContent = "Stop";
     const [from, to] = [place.share, place.share < 0.5 ? 1 : 0];
-    if (from === 1) { place.share = 0.999; await plotly.relayout(area, frame()); }
+    if (from === 1) { place.share = 0.999; await keepInView(); }
     const started = performance.now();
     for (let passed = 0; isPlaying === token && passed < 1; ) {
       await new Promise(requestAnimationFrame);
@@ -213,8 +259,8 @@
       const eased = passed * passed * (3 - 2 * passed);
       await show({share: from + (to - from) * eased});
     }
-    if (isPlaying === token) { isPlaying = null; await plotly.relayout(area, frame()); }
-    get("play").textContent = place.share < 0.5 ? "Place it" : "Take it off";
+    if (isPlaying === token) { isPlaying = null; await keepInView(); }
+    await show({});
   }
 
   // What is known of a match, in words and numbers.
@@ -308,11 +354,16 @@
     if (still) setTimeout(() => { if (hovered !== null) pin(hovered); }, event.pointerType === "touch" ? 250 : 0);
   }, true);
 
-  get("place").addEventListener("input", (event) => { isPlaying = null; show({share: event.target.value / 100}); });
+  get("place").addEventListener("input", async (event) => {
+    isPlaying = null;
+    await show({share: event.target.value / 100});
+    if (framed && place.share < 1) keepInView();
+  });
   get("start").addEventListener("change", async (event) => { isPlaying = null; await show({start: event.target.value, share: 0}); resetView(); });
   get("play").addEventListener("click", play);
   get("reset").addEventListener("click", resetView);
-  get("perspective").addEventListener("change", resetView);
+  get("perspective").addEventListener("change", keepInView);
+  get("colors").addEventListener("change", paint);
   get("number").addEventListener("change", find);
   for (const box of document.querySelectorAll(".show input")) {
     box.addEventListener("change", () => (box.id === "show-target" ? plotly.restyle(area, {visible: box.checked}, [TARGET]) : draw()));
@@ -325,5 +376,6 @@
   count();
   const [data, traces] = changes();
   await plotly.update(area, data, wholeView(), traces);
+  await paint();
   document.body.dataset.ready = "yes";
 })();

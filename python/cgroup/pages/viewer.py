@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,11 +13,15 @@ from cgroup._explain import explain_matches
 from cgroup.pages.page import chart_html, data_html, page_html
 from cgroup.pages.page import part as part_of
 from cgroup.pages.scene import cloud_traces, kinds_of, scene_layout, scene_of
+from cgroup.plots import style
+from cgroup.plots.agreement import color_range, distances
 from cgroup.plots.scene import spread
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from cgroup.pages.scene import Kind, Scene
     from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, IndexArray
@@ -47,6 +52,7 @@ class View:
     source: FloatArray  # whole clouds
     target: FloatArray
     matches: Correspondences
+    colors: tuple[NDArray[np.uint8] | None, NDArray[np.uint8] | None]  # their own, (N,3)
     pose: FloatArray  # lays the source on the target
     correct: BoolArray | None  # which matches are correct, and the true pose, where that is known
     truth: FloatArray | None
@@ -64,7 +70,7 @@ def view_html(view: View) -> str:
     data = data_html("viewer-data", _data(view, scene, rows, kinds))
     body = (
         f"<main><h1>{html.escape(view.title)}</h1>{view.lead}"
-        f'<div class="viewer"><div class="stage">{_chart(view, scene, kinds)}{_CONTROLS}</div>'
+        f'<div class="viewer"><div class="stage">{_chart(view, scene, kinds)}{_controls(view)}{_legend(view)}</div>'
         f'<aside class="side">{_methods(view)}{_switches(kinds)}{_about(view, rows)}</aside></div>'
         f"{_facts(view.facts)}{_HELP}</main>{data}"
     )
@@ -106,8 +112,32 @@ def _data(view: View, scene: Scene, rows: IndexArray, kinds: list[Kind]) -> dict
         },
         "camera": {name: getattr(scene, name).tolist() for name in ("right", "up", "towards")},
         "matches": matches,
+        "colors": _colors(view, scene),
         "methods": [_method(each.grouping, view.correct, rows) for each in view.selections],
     }
+
+
+def _colors(view: View, scene: Scene) -> dict[str, Any]:
+    """Return what the clouds can be coloured by: of each point three bytes, or one, of which 255 is no distance."""
+    end = color_range(view.matches, view.target)
+    own = [
+        None if colors is None else _packed(colors[cloud.rows])
+        for colors, cloud in zip(view.colors, (scene.source, scene.target), strict=True)
+    ]
+    posed = apply(view.pose, view.source)
+    off = [
+        distances(cloud[drawn.rows], drawn.planes, other, end)
+        for cloud, drawn, other in ((posed, scene.source, view.target), (view.target, scene.target, posed))
+    ]
+    levels = [
+        np.where(np.isnan(each), 255, np.clip(254 * each / end, 0, 254)).astype(np.uint8) for each in off
+    ]
+    ramp = {"stops": style.DISTANCE_COLORS, "alone": style.ALONE}
+    return {"own": own, "distance": [_packed(each) for each in levels], **ramp}
+
+
+def _packed(values: NDArray[np.uint8]) -> str:
+    return base64.b64encode(values.tobytes()).decode("ascii")
 
 
 def _method(grouping: Grouping, correct: BoolArray | None, rows: IndexArray) -> dict[str, Any]:
@@ -161,7 +191,25 @@ def _is_shown(kind: Kind) -> bool:
     return kind.name != "dropped"
 
 
-_CONTROLS = """
+def _legend(view: View) -> str:
+    """Return the colours of distances, shown while the clouds have them."""
+    end = color_range(view.matches, view.target)
+    ramp = f"linear-gradient(90deg, {', '.join(style.DISTANCE_COLORS)})"
+    return (
+        '<div class="legend" id="legend" hidden>'
+        f'<div class="scale"><div style="background: {ramp}"></div>'
+        f"<span>0</span><span>{end / 2:.2g}</span><span>≥ {end:.2g}</span></div>"
+        f'<div><span class="swatch dot" style="--color: {style.ALONE}"></span> no counterpart</div>'
+        '<div class="quiet">Distance to the other cloud once the pose is applied, in the clouds\' unit</div></div>'
+    )
+
+
+def _controls(view: View) -> str:
+    named = {"scan": "by cloud", "distance": "by distance", "own": "as scanned"}
+    if all(colors is None for colors in view.colors):
+        del named["own"]
+    choices = "".join(f'<option value="{name}">{text}</option>' for name, text in named.items())
+    return f"""
 <div class="bar" role="group" aria-label="Place of the source">
 <button type="button" id="play" disabled>Place it</button>
 <label>from <select id="start" disabled>
@@ -169,17 +217,20 @@ _CONTROLS = """
 <label style="flex: 1 1 14rem">to where the pose lays it
 <input type="range" id="place" min="0" max="100" value="0" disabled></label>
 </div>
-<div class="bar" role="group" aria-label="Camera">
+<div class="bar" role="group" aria-label="Colours and camera">
+<label>colours <select id="colors" disabled>{choices}</select></label>
 <button type="button" id="reset" disabled>Reset the view</button>
 <label><input type="checkbox" id="perspective" checked disabled> perspective</label>
 </div>
 """
+
 
 _HELP = """
 <details><summary>What to press</summary>
 <ul>
 <li>Drag to turn, scroll or pinch to zoom, drag with the right button (or two fingers) to shift.</li>
 <li>“Place it” moves the source onto the target; the slider stops it anywhere on the way.</li>
+<li>Colours “by distance” show where the clouds agree once the pose is applied, and where they don't.</li>
 <li>Point at a line to see which match it is and why it was kept or dropped; a click keeps it.</li>
 <li>The file holds everything that it shows, and fetches nothing: it can be sent as it is.</li>
 </ul>

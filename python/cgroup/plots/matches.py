@@ -15,6 +15,7 @@ from cgroup._checks.arrays import as_points, as_rows
 from cgroup._checks.values import as_named
 from cgroup.evaluation import score_group
 from cgroup.plots import style
+from cgroup.plots.agreement import color_range
 from cgroup.plots.scene import Scene, caption, show
 from cgroup.plots.shading import face_broadside, find_front, shade
 
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from cgroup.types import AnyCloud, BoolArray, Correspondences, FloatArray
 
 _COLUMNS = 3
-_WIDTH = 12  # inches
+_WIDTH = 9  # inches
+_COLUMN = 4  # inches, of a comparison
 _PANEL = 5  # inches, of keypoints
 _JUDGED = {"correct": style.CORRECT, "wrong": style.WRONG}
 
@@ -41,7 +43,7 @@ def registration_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the matches of a group, and the two clouds as the pose lays them.
+    """Draw the matches of a group, and how closely the pose lays the two clouds on each other.
 
     Parameters
     ----------
@@ -59,7 +61,10 @@ def registration_figure(
     Returns
     -------
     Figure
-        The source is shown turned as in the pose, so that lines of right matches run parallel.
+        Left, the source is turned as in the pose, so that lines of right matches run parallel. Right, both
+        clouds have the colour of their distance to the other one: of the nearest point there to the plane
+        about a point. Colours end at the resolution of the matches; what has no point of the other cloud
+        within 2.5 times that is grey.
 
     Raises
     ------
@@ -86,13 +91,17 @@ def registration_figure(
     >>> figure.savefig("registration.png")
     """
     scene = Scene(source, target, T_target_source)
-    figure = _figure(0.9 + float(np.clip(_WIDTH * scene.height / sum(scene.widths), 2.5, 9)), title)
+    figure = _figure(1.2 + float(np.clip(_WIDTH * scene.height / sum(scene.widths), 2.5, 7)), title)
     left, right = figure.subplots(1, 2, width_ratios=scene.widths)
     scene.draw_clouds(left)
     caption(left, "Grouped matches", scene.draw_selection(left, correspondences, mask, None))
-    scene.draw_overlay(right)
-    caption(right, "Source placed on target")
-    tints = {"source": style.SOURCE_TINT, "target": style.TARGET_TINT}
+    colors = scene.draw_agreement(right, color_range(correspondences, as_points("target", target)))
+    caption(right, "Agreement")
+    bar = figure.colorbar(colors, ax=right, location="bottom", extend="max", shrink=0.9, aspect=25, pad=0.02)
+    bar.set_label("distance to the other cloud,\nin the clouds' unit")
+    end = colors.norm.vmax
+    bar.set_ticks([0.0, end / 2, end], labels=["0", f"{end / 2:.2g}", f"{end:.2g}"])
+    tints = {"source": style.SOURCE_TINT, "target": style.TARGET_TINT, "no counterpart": style.ALONE}
     _legend(figure, tints, marker="o", linestyle="")
     return figure
 
@@ -159,8 +168,8 @@ def comparison_figure(
     as_named("masks", masks, "give a dict of masks by the name of the method")
     rows = -(-len(masks) // _COLUMNS)
     scene = Scene(source, target, T_target_source)
-    height = float(np.clip(0.97 * _WIDTH / _COLUMNS * scene.height / scene.widths[0], 1.2, 6)) + 0.3
-    figure = _figure(rows * height + 0.75, title)
+    height = float(np.clip(0.97 * _COLUMN * scene.height / scene.widths[0], 1.2, 6)) + 0.3
+    figure = _figure(rows * height + 0.75, title, width=_COLUMNS * _COLUMN)
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).reshape(-1)
     for axes, (method, mask) in zip(panels, masks.items(), strict=False):
         scene.draw_clouds(axes)
@@ -318,4 +327,4 @@ def _figure(height: float, title: str | None = None, *, width: float = _WIDTH) -
 
 def _legend(figure: Figure, colors: Mapping[str, Any], **line: Any) -> None:  # noqa: ANN401 - of a `Line2D`
     handles = [Line2D([], [], color=color, label=name, **line) for name, color in colors.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)

@@ -8,11 +8,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 
 from cgroup._checks.arrays import as_points
 from cgroup.plots import style
-from cgroup.plots.shading import Picture, face_broadside, overlay, shade
+from cgroup.plots.agreement import distances, planes, thin
+from cgroup.plots.shading import Picture, face_broadside, paint, shade
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
@@ -30,6 +33,13 @@ MAX_LINES = 150
 _FEW = 1500
 """Fewer points than this are drawn as dots: shaded, they would be coarse cells."""
 
+_MOST = 100_000
+"""Points of a cloud whose distance to the other one is measured; a cell of the picture has several."""
+
+_DISTANCES = LinearSegmentedColormap.from_list("distances", style.DISTANCE_COLORS).with_extremes(
+    bad=style.ALONE
+)
+
 _GAP = 0.35  # between the two clouds, in widths of the wider one
 _TINTS = (style.SOURCE_TINT, style.TARGET_TINT)
 
@@ -43,14 +53,13 @@ class Scene:
         self._axes, self._pose = view.axes[:2], pose
         self._clouds = view.project(apply(pose, as_points("source", source))), view.project(where)
         self._pictures = shade(self._clouds[0], _TINTS[0]), shade(self._clouds[1], _TINTS[1])
-        self._overlay = overlay(*self._clouds, _TINTS)
-        (left, right, *_), (start, end, bottom, top) = (picture.extent for picture in self._pictures)
+        (left, right, low, high), (start, end, bottom, top) = (each.extent for each in self._pictures)
         aside = right - start + _GAP * max(right - left, end - start)
         self._shift = np.array([aside, 0.0])  # of the target
         self._extents = self._pictures[0].extent, (start + aside, end + aside, bottom, top)
-        begin, stop, low, high = self._overlay.extent
-        self.widths = end + aside - left, stop - begin  # of the clouds side by side, and on each other
-        self.height = high - low
+        # Of the clouds side by side, and on each other.
+        self.widths = end + aside - left, max(right, end) - min(left, start)
+        self.height = max(high, top) - min(low, bottom)
 
     def draw_clouds(self, axes: Axes) -> None:
         """Draw the two clouds side by side."""
@@ -63,10 +72,20 @@ class Scene:
                 show(axes, picture, extent)
         _fit(axes, *self._extents)
 
-    def draw_overlay(self, axes: Axes) -> None:
-        """Draw the two clouds on each other."""
-        show(axes, self._overlay)
-        _fit(axes, self._overlay.extent)
+    def draw_agreement(self, axes: Axes, end: float) -> ScalarMappable:
+        """Draw both clouds as the pose lays them, coloured by the distance to the other; return the colours."""
+        colors = ScalarMappable(Normalize(0.0, end), _DISTANCES)
+        clouds = [cloud[thin(cloud, _MOST)] for cloud in self._clouds]
+        values = [
+            distances(cloud, planes(cloud), other, end)
+            for cloud, other in zip(clouds, self._clouds[::-1], strict=True)
+        ]
+        picture = paint(
+            np.concatenate(clouds), np.concatenate(values), lambda mean: colors.to_rgba(mean)[..., :3]
+        )
+        show(axes, picture)
+        _fit(axes, picture.extent)
+        return colors
 
     def draw_selection(
         self, axes: Axes, matches: Correspondences, mask: BoolArray, correct: BoolArray | None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import TypeAlias
 
     from numpy.typing import ArrayLike
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 LIGHT = np.array([-0.45, 0.55, 0.70])  # towards the light: upper left, in front
 AMBIENT = 0.35
+_AMBIENT_ON_VALUES = 0.75  # light and shadow must not be taken for the value
 _CELLS = 240  # along the larger side of a picture, at most
 _STRAYS = 0.01  # share of the points beyond each side that may be left out ...
 _MARGIN = 0.3  # ... if they are farther off than this share of the width of the others
@@ -60,19 +62,37 @@ class Picture:
 
 def shade(projected: FloatArray, tint: Tint) -> Picture:
     """Shade a projected cloud by the slope of its nearest points; the tint is that of lit surfaces."""
-    projected = _drop_strays(projected)
+    projected = projected[_is_no_stray(projected)]
     grid = _Grid.over(projected)
-    return grid.picture(_light(_surface(projected, grid), grid.cell, tint))
+    return grid.picture(_light(_surface(projected, grid), grid.cell, np.asarray(tint), AMBIENT))
 
 
-def overlay(first: FloatArray, second: FloatArray, tints: tuple[Tint, Tint]) -> Picture:
-    """Shade two projected clouds in one picture; each cell shows the cloud in front."""
-    first, second = _drop_strays(first), _drop_strays(second)
-    grid = _Grid.over(np.concatenate([first, second]))
-    surfaces = [_surface(cloud, grid) for cloud in (first, second)]
-    lit = [_light(depth, grid.cell, tint) for depth, tint in zip(surfaces, tints, strict=True)]
-    ahead = np.nan_to_num(surfaces[0], nan=-np.inf) > np.nan_to_num(surfaces[1], nan=-np.inf)
-    return grid.picture(np.where(ahead[..., None], lit[0], lit[1]))
+def paint(projected: FloatArray, values: FloatArray, color_of: Callable[[FloatArray], FloatArray]) -> Picture:
+    """Shade a projected cloud in colours of values, each the mean over the nearest points in and around a cell.
+
+    The mean is NaN where the values of most of these points are.
+    """
+    kept = _is_no_stray(projected)
+    projected, values = projected[kept], values[kept]
+    grid = _Grid.over(projected)
+    depth = _surface(projected, grid)
+    column, row = grid.cells_of(projected)
+    near, known = projected[:, 2] >= depth[column, row] - 2 * grid.cell, np.isfinite(values)
+    total, count, every = (
+        _sum_around(column[near], row[near], some[near], grid.shape)
+        for some in (np.where(known, values, 0.0), known, np.ones(len(values)))
+    )
+    mean = np.where(2 * count > every, total / np.maximum(count, 1), np.nan)
+    return grid.picture(_light(depth, grid.cell, color_of(mean), _AMBIENT_ON_VALUES))
+
+
+def _sum_around(
+    column: IndexArray, row: IndexArray, values: FloatArray, shape: tuple[int, int]
+) -> FloatArray:
+    """Sum values over each cell and those around it."""
+    sums = np.zeros(shape)
+    np.add.at(sums, (column, row), values)
+    return np.nansum([_shift(sums, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0)
 
 
 def find_front(projected: FloatArray) -> BoolArray:
@@ -80,12 +100,12 @@ def find_front(projected: FloatArray) -> BoolArray:
     return _front_layer(projected, _Grid.over(projected))[1]
 
 
-def _drop_strays(projected: FloatArray) -> FloatArray:
-    """Leave out the few points far off, as laser scans have, that would make the rest small."""
+def _is_no_stray(projected: FloatArray) -> BoolArray:
+    """Tell all from the few points far off, as laser scans have, that would make the rest small."""
     low, high = np.quantile(projected[:, :2], (_STRAYS, 1 - _STRAYS), axis=0)
     margin = _MARGIN * (high - low)
     inside = (projected[:, :2] >= low - margin) & (projected[:, :2] <= high + margin)
-    return projected[inside.all(axis=1)]
+    return inside.all(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +124,10 @@ class _Grid:
         columns, rows = (round(float(side / cell)) + 1 for side in size)
         return cls(low, cell, (columns, rows))
 
+    def cells_of(self, projected: FloatArray) -> IndexArray:
+        """Column and row of each point's cell, shape (2, N)."""
+        return np.round((projected[:, :2] - self.low) / self.cell).astype(np.int64).T
+
     def picture(self, rgba: FloatArray) -> Picture:
         left, bottom = self.low - self.cell / 2
         width, height = np.array(self.shape) * self.cell
@@ -117,12 +141,12 @@ def _surface(projected: FloatArray, grid: _Grid) -> FloatArray:
     return depth
 
 
-def _light(depth: FloatArray, cell: float, tint: Tint) -> FloatArray:
+def _light(depth: FloatArray, cell: float, tint: FloatArray, ambient: float) -> FloatArray:
     slopes = [_slope(depth, axis) / cell for axis in (0, 1)]
     normals = np.stack([-slopes[0], -slopes[1], np.ones_like(depth)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     diffuse = np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0, 1)
-    color = (AMBIENT + (1 - AMBIENT) * diffuse)[..., None] * np.asarray(tint)
+    color = (ambient + (1 - ambient) * diffuse)[..., None] * tint
     return np.concatenate([color, np.isfinite(depth)[..., None]], axis=-1)
 
 
@@ -138,7 +162,7 @@ def _range_image(projected: FloatArray, grid: _Grid) -> FloatArray:
 
 def _front_layer(projected: FloatArray, grid: _Grid) -> tuple[IndexArray, BoolArray]:
     """Column and row of each point's cell, and whether it is among the nearest there."""
-    column, row = cell = np.round((projected[:, :2] - grid.low) / grid.cell).astype(np.int64).T
+    column, row = cell = grid.cells_of(projected)
     front = np.full(grid.shape, -np.inf)
     np.maximum.at(front, (column, row), projected[:, 2])
     return cell, projected[:, 2] >= front[column, row] - 2 * grid.cell

@@ -102,6 +102,12 @@ SOURCE_TINT = (0.93, 0.83, 0.62)
 TARGET_TINT = (0.70, 0.80, 0.91)
 """Clouds are shaded in these colours."""
 
+DISTANCE_COLORS = ("#414487", "#2f6c8e", "#21918c", "#2fb47c", "#7ad151", "#dfe318")
+"""Distances from none to the greatest: a part of matplotlib's viridis, lighter with every step."""
+
+ALONE = "#bcbcbc"
+"""Points without a counterpart in the other cloud."""
+
 TEXT = "#222222"
 QUIET_TEXT = "#666666"
 GRID = "#e3e3e3"

@@ -1,7 +1,9 @@
-//! Which points of one cloud have a point of another one near them.
+//! Which points of one cloud have a point of another one near them, and where it lies.
 
+use nalgebra::Point3;
 use rayon::prelude::*;
 
+use super::ball_search::BallSearch;
 use super::grid::Grid;
 use crate::error::{Result, positive};
 use crate::execution::Execution;
@@ -57,6 +59,33 @@ pub fn any_within(
     Ok(found)
 }
 
+/// Finds the vector from each of the points to the nearest of the others, if that is nearer than `radius`; NaN otherwise.
+///
+/// # Errors
+/// As for [`any_within`].
+pub fn nearest_offsets(
+    points: &[[f64; 3]],
+    others: &[[f64; 3]],
+    radius: f64,
+    execution: &Execution,
+) -> Result<Vec<[f64; 3]>> {
+    positive("radius", radius)?;
+    let mut found = memory::filled([f64::NAN; 3], points.len())?;
+    if others.is_empty() {
+        return Ok(found);
+    }
+    let others = Points::from_rows("others", others)?;
+    let search = BallSearch::new(&others, radius)?;
+    found.par_iter_mut().zip(points).with_min_len(QUERIES_PER_TASK).try_for_each(|(found, point)| {
+        execution.check()?;
+        if let Some(offset) = search.nearest(&Point3::from(Point3::from(*point) - others.center())) {
+            *found = offset.into();
+        }
+        Ok(())
+    })?;
+    Ok(found)
+}
+
 /// Greatest magnitude of a coordinate.
 fn magnitude(point: &[f64; 3]) -> f64 {
     point.iter().fold(0.0, |most: f64, coordinate| most.max(coordinate.abs()))
@@ -104,7 +133,30 @@ mod tests {
     }
 
     #[test]
+    fn the_nearest_of_all_others_is_found() -> Result<()> {
+        let (points, others) = (rows(300, 1, 1.0, 1e6), rows(40, 2, 1.0, 1e6));
+        let offsets = nearest_offsets(&points, &others, 4.5, &Execution::default())?;
+        for (point, offset) in points.iter().zip(&offsets) {
+            let least = others.iter().map(|other| distance(point, other)).fold(f64::INFINITY, f64::min);
+            if least < 4.5 {
+                assert!((distance(&[0.0; 3], offset) - least).abs() < 1e-6);
+                let reached: [f64; 3] = std::array::from_fn(|k| point[k] + offset[k]);
+                assert!(others.iter().any(|other| distance(other, &reached) < 1e-6));
+            } else {
+                assert!(offset.iter().all(|part| part.is_nan()));
+            }
+        }
+        assert!(
+            offsets.iter().any(|offset| offset[0].is_nan())
+                && offsets.iter().any(|offset| !offset[0].is_nan())
+        );
+        assert!(nearest_offsets(&[[0.0; 3]], &[], 1.0, &Execution::default())?[0][0].is_nan());
+        Ok(())
+    }
+
+    #[test]
     fn a_radius_has_to_be_positive() {
         assert!(any_within(&[], &[], 0.0, &Execution::default()).is_err());
+        assert!(nearest_offsets(&[], &[], 0.0, &Execution::default()).is_err());
     }
 }
