@@ -13,6 +13,7 @@ from _site.progress import name_example
 
 _ORDER = (
     "register_two_scans.py",
+    "register_real_scans.py",
     "compare_methods.py",
     "explain_a_dropped_match.py",
     "close_lidar_loops.py",

@@ -11,7 +11,7 @@ from _site.progress import say
 if TYPE_CHECKING:
     from pathlib import Path
 
-_SCRIPTS = ("home", "methods")
+_SCRIPTS = ("methods",)
 """Modules of docs/figures; each has ``make_figures(folder)``, and leaves alone what is up to date."""
 
 

@@ -70,7 +70,7 @@ def view_html(view: View) -> str:
     data = data_html("viewer-data", _data(view, scene, rows, kinds))
     body = (
         f"<main><h1>{html.escape(view.title)}</h1>{view.lead}"
-        f'<div class="viewer"><div class="stage">{_chart(view, scene, kinds)}{_controls(view)}{_legend(view)}</div>'
+        f'<div class="viewer"><div class="stage">{_chart(view, scene, kinds)}{_controls(view)}</div>'
         f'<aside class="side">{_methods(view)}{_switches(kinds)}{_about(view, rows)}</aside></div>'
         f"{_facts(view.facts)}{_HELP}</main>{data}"
     )
@@ -118,7 +118,7 @@ def _data(view: View, scene: Scene, rows: IndexArray, kinds: list[Kind]) -> dict
 
 
 def _colors(view: View, scene: Scene) -> dict[str, Any]:
-    """Return what the clouds can be coloured by: of each point three bytes, or one, of which 255 is no distance."""
+    """Return what clouds are coloured by, as bytes: three of each point's own colour, one of its distance."""
     end = color_range(view.matches, view.target)
     own = [
         None if colors is None else _packed(colors[cloud.rows])
@@ -200,7 +200,7 @@ def _legend(view: View) -> str:
         f'<div class="scale"><div style="background: {ramp}"></div>'
         f"<span>0</span><span>{end / 2:.2g}</span><span>≥ {end:.2g}</span></div>"
         f'<div><span class="swatch dot" style="--color: {style.ALONE}"></span> no counterpart</div>'
-        '<div class="quiet">Distance to the other cloud once the pose is applied, in the clouds\' unit</div></div>'
+        '<div class="quiet">Distance to the other cloud under the pose, in the clouds\' unit</div></div>'
     )
 
 
@@ -222,7 +222,7 @@ def _controls(view: View) -> str:
 <button type="button" id="reset" disabled>Reset the view</button>
 <label><input type="checkbox" id="perspective" checked disabled> perspective</label>
 </div>
-"""
+{_legend(view)}"""
 
 
 _HELP = """

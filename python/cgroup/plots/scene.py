@@ -73,7 +73,7 @@ class Scene:
         _fit(axes, *self._extents)
 
     def draw_agreement(self, axes: Axes, end: float) -> ScalarMappable:
-        """Draw both clouds as the pose lays them, coloured by the distance to the other; return the colours."""
+        """Draw both clouds as the pose lays them, coloured by distance; return the colours."""
         colors = ScalarMappable(Normalize(0.0, end), _DISTANCES)
         clouds = [cloud[thin(cloud, _MOST)] for cloud in self._clouds]
         values = [

@@ -68,7 +68,7 @@ def shade(projected: FloatArray, tint: Tint) -> Picture:
 
 
 def paint(projected: FloatArray, values: FloatArray, color_of: Callable[[FloatArray], FloatArray]) -> Picture:
-    """Shade a projected cloud in colours of values, each the mean over the nearest points in and around a cell.
+    """Shade a projected cloud in colours of values: the means over the nearest points in and around cells.
 
     The mean is NaN where the values of most of these points are.
     """
