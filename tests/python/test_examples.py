@@ -54,13 +54,12 @@ def test_real_scans_are_read_from_a_folder_with_data(
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["registration.html"]
 
 
-@pytest.mark.parametrize("line_end", [b"\n", b"\r\n"])
 def test_real_scans_are_downloaded_once_and_checked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], line_end: bytes
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bunny = data_folder("stanford_views") / "stanford_views" / "bunny"
     files = {
-        name: (bunny / name).read_bytes().replace(b"\n", line_end)
+        name: (bunny / name).read_bytes().replace(b"\n", b"\r\n")  # as some copies have them
         for name in ("bun000.ply", "bun045.ply", "bun.conf")
     }
 
