@@ -29,9 +29,6 @@ _PAIR = "bunny/bun045-bun315"
 _IMAGES = Path(__file__).parents[1] / "images"
 _INK = "#808080"  # legible on light and on dark pages
 _METHOD = Image.Quantize.FASTOCTREE  # the others merge the rare colours of the bar
-    Image.Quantize.FASTOCTREE,
-    Image.Quantize.MAXCOVERAGE,
-)  # with and without transparency: rare colours stay
 _HEIGHT, _TEXT = 4.3, 0.9  # inches: of a panel, and of the title on top
 
 

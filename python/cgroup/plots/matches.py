@@ -43,7 +43,7 @@ def registration_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the matches of a group, and how closely the pose lays the two clouds on each other.
+    """Draw the matches of a group, and how far the clouds are apart under the pose.
 
     Parameters
     ----------
