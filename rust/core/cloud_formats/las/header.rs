@@ -72,7 +72,7 @@ impl Header {
             offset: triple(155)?,
         };
         let known = color.is_some() && (format & COMPRESSION == 0 || header.is_compressed);
-        Some(if major != 1 {
+        Some(if major != 1 || minor > 5 {
             Err(Error::invalid("version", format!("{major}.{minor}"), "1.0 to 1.5 are known"))
         } else if header.size < least || header.start < header.size || header.start > content.len() {
             let got = format!(

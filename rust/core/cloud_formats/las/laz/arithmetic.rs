@@ -1,4 +1,5 @@
-//! Arithmetic decoding with adaptive models (A. Said, *Introduction to Arithmetic Coding*, HPL-2004-76), as LASzip uses it.
+//! Arithmetic decoding with adaptive models (A. Said, *Introduction to Arithmetic Coding*, HPL-2004-76), as
+//! `LASzip` uses it.
 //!
 //! No sequence of bytes makes it fail: behind the end it reads zeros and remembers that, and a symbol is always one of
 //! its model's.
@@ -42,7 +43,7 @@ impl<'a> Decoder<'a> {
         self.is_cut_off
     }
 
-    #[inline(always)]
+    #[inline]
     fn next_byte(&mut self) -> u32 {
         self.bytes.next().map_or_else(
             || {
@@ -54,7 +55,7 @@ impl<'a> Decoder<'a> {
     }
 
     /// Goes on in a part of the interval.
-    #[inline(always)]
+    #[inline]
     fn narrow(&mut self, start: u32, length: u32) {
         self.value -= start;
         self.length = length;
@@ -126,7 +127,8 @@ impl Model {
 }
 
 struct Counts {
-    counts: Vec<u16>,
+    /// Of each symbol.
+    times: Vec<u16>,
     /// Where the part of each symbol starts, in shares of the interval.
     starts: Vec<u16>,
     total: u32,
@@ -138,8 +140,8 @@ struct Counts {
 impl Counts {
     fn new(symbols: u16) -> Result<Self> {
         let len = usize::from(symbols);
-        let (counts, starts) = (memory::filled(1, len)?, memory::filled(0, len)?);
-        let mut new = Self { counts, starts, total: 0, period: u32::from(symbols), left: 0 };
+        let (times, starts) = (memory::filled(1, len)?, memory::filled(0, len)?);
+        let mut new = Self { times, starts, total: 0, period: u32::from(symbols), left: 0 };
         new.update();
         new.period = (u32::from(symbols) + 6) >> 1;
         new.left = new.period;
@@ -147,14 +149,14 @@ impl Counts {
     }
 
     /// The symbol in whose part a share lies.
-    #[inline(always)]
+    #[inline]
     fn find(&self, share: u32) -> usize {
         self.starts.partition_point(|&start| u32::from(start) <= share).saturating_sub(1)
     }
 
-    #[inline(always)]
+    #[inline]
     fn add(&mut self, symbol: usize) {
-        self.counts[symbol] += 1;
+        self.times[symbol] += 1;
         self.left -= 1;
         if self.left == 0 {
             self.update();
@@ -166,18 +168,18 @@ impl Counts {
         self.total += self.period;
         if self.total > MOST_COUNTED {
             self.total = 0;
-            for count in &mut self.counts {
+            for count in &mut self.times {
                 *count = count.div_ceil(2);
                 self.total += u32::from(*count);
             }
         }
         let scale = (1 << 31) / self.total;
         let mut sum = 0;
-        for (start, count) in self.starts.iter_mut().zip(&self.counts) {
-            *start = (scale * sum >> (31 - SHARE_BITS)) as u16;
+        for (start, count) in self.starts.iter_mut().zip(&self.times) {
+            *start = ((scale * sum) >> (31 - SHARE_BITS)) as u16;
             sum += u32::from(*count);
         }
-        self.period = (5 * self.period >> 2).min((self.counts.len() as u32 + 6) << 3);
+        self.period = ((5 * self.period) >> 2).min((self.times.len() as u32 + 6) << 3);
         self.left = self.period;
     }
 }
@@ -210,8 +212,8 @@ impl BitModel {
             self.zeros = self.zeros.div_ceil(2);
             self.total += u32::from(self.zeros == self.total);
         }
-        self.share = (1 << 31) / self.total * self.zeros >> (31 - BIT_SHARE_BITS);
-        self.period = (5 * self.period >> 2).min(64);
+        self.share = ((1 << 31) / self.total * self.zeros) >> (31 - BIT_SHARE_BITS);
+        self.period = ((5 * self.period) >> 2).min(64);
         self.left = self.period;
     }
 }

@@ -13,7 +13,7 @@ const ITEMS: usize = 34;
 const ITEM: usize = 6;
 
 /// What a point consists of, and how it is coded.
-pub(super) struct Items {
+pub(super) struct Layout {
     pub items: Vec<Item>,
     pub are_layered: bool,
     pub is_one_chunk: bool,
@@ -85,7 +85,7 @@ impl Item {
 }
 
 /// The items of a file.
-pub(super) fn read(header: &Header, content: &[u8]) -> Result<Items> {
+pub(super) fn read(header: &Header, content: &[u8]) -> Result<Layout> {
     let record = find(header, content)
         .ok_or_else(|| Error::invalid("header", "no record of LASzip", "the file is damaged"))?;
     parsed(record, header).ok_or_else(|| {
@@ -110,7 +110,7 @@ fn find<'a>(header: &Header, content: &'a [u8]) -> Option<&'a [u8]> {
 }
 
 /// The items of a record; None where they make no point of the header's.
-fn parsed(record: &[u8], header: &Header) -> Option<Items> {
+fn parsed(record: &[u8], header: &Header) -> Option<Layout> {
     let short = |at| bytes_at(record, at).map(u16::from_le_bytes);
     let (compressor, coder) = (short(0)?, short(2)?);
     let chunk = u32::from_le_bytes(bytes_at(record, 12)?);
@@ -130,5 +130,5 @@ fn parsed(record: &[u8], header: &Header) -> Option<Items> {
         && matches!((compressor, are_layered), (1 | 2, false) | (3, true))
         && coder == 0;
     let chunk = (chunk != 0 && chunk != u32::MAX).then_some(chunk as usize);
-    fits.then_some(Items { items, are_layered, is_one_chunk: compressor == 1, chunk })
+    fits.then_some(Layout { items, are_layered, is_one_chunk: compressor == 1, chunk })
 }

@@ -6,7 +6,7 @@ use super::arithmetic::{Decoder, Model};
 use super::colors::Colors;
 use super::cut_off;
 use super::integers::{Integers, Median};
-use super::items::{Items, Kind};
+use super::items::{Kind, Layout};
 use super::pointwise::{height_context, step};
 use crate::error::Result;
 use crate::execution::Execution;
@@ -22,23 +22,23 @@ const SIZE: usize = 4;
 
 /// Adds the points of a chunk: the first one, and so many behind it.
 pub(super) fn read(
-    items: &Items,
+    layout: &Layout,
     first: &[u8],
     rest: &[u8],
     more: usize,
     points: &mut Points,
     execution: &Execution,
 ) -> Result<()> {
-    let layers = layers(items, rest).ok_or_else(cut_off)?;
+    let layers = layers(layout, rest).ok_or_else(cut_off)?;
     let mut point = Point {
         position: [0, 4, 8].map(|at| bytes_at(first, at).map_or(0, i32::from_le_bytes)),
-        color: if has_color(items) { color_at(first, POSITION) } else { [0; 3] },
+        color: if has_color(layout) { color_at(first, POSITION) } else { [0; 3] },
     };
     // Until version 4, colours follow the channel only where it has just changed.
-    let is_faithful = items.items.iter().all(|item| item.version == 4);
+    let is_faithful = layout.items.iter().all(|item| item.version == 4);
     let mut positions = Positions::new(first, &layers, point.position);
     let mut colors =
-        has_color(items).then(|| LayeredColors::new(layers.color, positions.channel, point.color));
+        has_color(layout).then(|| LayeredColors::new(layers.color, positions.channel, point.color));
     points.push(&point)?;
     for _ in 0..more {
         execution.check()?;
@@ -53,8 +53,8 @@ pub(super) fn read(
 }
 
 /// Whether there are colours; they come right behind the position.
-fn has_color(items: &Items) -> bool {
-    items.items.get(1).is_some_and(|item| item.kind.is_color())
+fn has_color(layout: &Layout) -> bool {
+    layout.items.get(1).is_some_and(|item| item.kind.is_color())
 }
 
 /// The layers that are wanted; one that is empty says that nothing changes.
@@ -65,8 +65,8 @@ struct Layers<'a> {
 }
 
 /// Parts the bytes behind a chunk's first point; None where a layer ends behind them.
-fn layers<'a>(items: &Items, rest: &'a [u8]) -> Option<Layers<'a>> {
-    let numbers = items.items.iter().map(|item| match item.kind {
+fn layers<'a>(layout: &Layout, rest: &'a [u8]) -> Option<Layers<'a>> {
+    let numbers = layout.items.iter().map(|item| match item.kind {
         Kind::LayeredPosition => POSITION_LAYERS,
         Kind::LayeredColorAndInfrared => 2,
         Kind::LayeredBytes => item.size,
@@ -80,7 +80,7 @@ fn layers<'a>(items: &Items, rest: &'a [u8]) -> Option<Layers<'a>> {
         match i {
             0 => layers.returns = layer,
             1 => layers.z = layer,
-            POSITION_LAYERS if has_color(items) => layers.color = layer,
+            POSITION_LAYERS if has_color(layout) => layers.color = layer,
             _ => {}
         }
         bytes = behind;

@@ -1,4 +1,4 @@
-//! LAZ (M. Isenburg, *LASzip: lossless compression of LiDAR data*, 2013), versions 1 to 4 of its items.
+//! LAZ, the format of `LASzip` (M. Isenburg, 2013), versions 1 to 4 of its items.
 //!
 //! Points are coded in chunks, each of which begins with a whole point; a table behind them says how long each is. A
 //! record of the header describes the items that a point consists of. Point formats 0 to 5 are coded point after point,
@@ -14,7 +14,7 @@ mod times;
 
 use self::arithmetic::Decoder;
 use self::integers::Integers;
-use self::items::Items;
+use self::items::Layout;
 use super::super::lines::check_room;
 use super::header::Header;
 use super::{Points, bytes_at};
@@ -31,8 +31,8 @@ const LEAST: usize = 32;
 
 /// Points of a file.
 pub(super) fn read(header: &Header, content: &[u8], execution: &Execution) -> Result<Points> {
-    let items = items::read(header, content)?;
-    let chunks = chunks(header, &items, content)?;
+    let layout = items::read(header, content)?;
+    let chunks = chunks(header, &layout, content)?;
     let packed = chunks.iter().map(|chunk| chunk.bytes.len()).sum::<usize>();
     let plain = header.count.saturating_mul(header.point.max(LEAST));
     if plain > TRUSTED.max(packed.saturating_mul(MOST_GROWTH)) {
@@ -43,10 +43,10 @@ pub(super) fn read(header: &Header, content: &[u8], execution: &Execution) -> Re
     for chunk in chunks {
         let (first, rest) = chunk.bytes.split_at_checked(header.point).ok_or_else(cut_off)?;
         let more = chunk.points - 1;
-        if items.are_layered {
-            layered::read(&items, first, rest, more, &mut points, execution)?;
+        if layout.are_layered {
+            layered::read(&layout, first, rest, more, &mut points, execution)?;
         } else {
-            pointwise::read(&items, first, rest, more, &mut points, execution)?;
+            pointwise::read(&layout, first, rest, more, &mut points, execution)?;
         }
     }
     Ok(points)
@@ -59,12 +59,12 @@ struct Chunk<'a> {
 }
 
 /// All chunks, as their table says.
-fn chunks<'a>(header: &Header, items: &Items, content: &'a [u8]) -> Result<Vec<Chunk<'a>>> {
+fn chunks<'a>(header: &Header, layout: &Layout, content: &'a [u8]) -> Result<Vec<Chunk<'a>>> {
     let mut chunks = Vec::new();
     if header.count == 0 {
         return Ok(chunks);
     }
-    if items.is_one_chunk {
+    if layout.is_one_chunk {
         memory::push(&mut chunks, Chunk { points: header.count, bytes: &content[header.start..] })?;
         return Ok(chunks);
     }
@@ -75,7 +75,7 @@ fn chunks<'a>(header: &Header, items: &Items, content: &'a [u8]) -> Result<Vec<C
     let mut sizes = Integers::new(32, 2);
     let (mut points, mut bytes, mut left) = (0, 0, header.count);
     for _ in 0..number {
-        points = match items.chunk {
+        points = match layout.chunk {
             Some(points) => points.min(left),
             None => sizes.next(&mut decoder, points as u32 as i32, 0)? as u32 as usize,
         };

@@ -5,7 +5,7 @@ use super::arithmetic::{Decoder, Model};
 use super::colors::{Colors, ColorsOfVersion1};
 use super::cut_off;
 use super::integers::{Integers, Median};
-use super::items::{Item, Items, Kind};
+use super::items::{Item, Kind, Layout};
 use super::times::{Times, TimesOfVersion1};
 use crate::error::Result;
 use crate::execution::Execution;
@@ -13,7 +13,7 @@ use crate::memory;
 
 /// Adds the points of a chunk: the first one, and so many behind it.
 pub(super) fn read(
-    items: &Items,
+    layout: &Layout,
     first: &[u8],
     rest: &[u8],
     more: usize,
@@ -23,7 +23,7 @@ pub(super) fn read(
     let mut point = Point::default();
     let mut fields: Vec<Box<dyn Field>> = Vec::new();
     let mut record = first;
-    for item in &items.items {
+    for item in &layout.items {
         let (bytes, behind) = record.split_at_checked(item.size).ok_or_else(cut_off)?;
         fields.push(field(*item, bytes, &mut point)?);
         record = behind;

@@ -9,8 +9,11 @@ const SEQUENCES: usize = 4;
 /// The largest multiple of the last difference, and the most negative one.
 const MOST: usize = 500;
 const LEAST: usize = 10;
+/// Codes of the first negative multiple and the last.
+const NEGATIVE: usize = MOST + 1;
+const LEAST_CODE: usize = MOST + LEAST;
 /// Codes behind those of multiples: the same time again, a time in full, and the other sequences.
-const UNCHANGED: usize = MOST + LEAST + 1;
+const UNCHANGED: usize = LEAST_CODE + 1;
 const FULL: usize = UNCHANGED + 1;
 const CODES: u16 = (FULL + SEQUENCES) as u16;
 /// Differences out of the ordinary, one after the other, until they are the ordinary ones.
@@ -82,10 +85,8 @@ impl Times {
             2..10 => (code as i32, 2, false),
             10..MOST => (code as i32, 3, false),
             MOST => (MOST as i32, 4, true),
-            ..UNCHANGED => {
-                let multiple = MOST as i32 - code as i32;
-                if code < UNCHANGED - 1 { (multiple, 5, false) } else { (-(LEAST as i32), 6, true) }
-            }
+            NEGATIVE..LEAST_CODE => (MOST as i32 - code as i32, 5, false),
+            LEAST_CODE => (-(LEAST as i32), 6, true),
             UNCHANGED => return Ok(None),
             FULL => {
                 self.begin(decoder)?;
@@ -158,7 +159,7 @@ impl TimesOfVersion1 {
         let (expected, context) = match code {
             0 => (self.difference / 4, 2),
             1 => (self.difference, 1),
-            ..FULL_OF_VERSION1 => {
+            2..FULL_OF_VERSION1 => {
                 let context = if code < 10 {
                     3
                 } else if code < 50 {
