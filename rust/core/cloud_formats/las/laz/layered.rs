@@ -35,7 +35,7 @@ pub(super) fn read(
         color: if has_color(layout) { color_at(first, POSITION) } else { [0; 3] },
     };
     // Until version 4, colours follow the channel only where it has just changed.
-    let is_faithful = layout.items.iter().all(|item| item.version == 4);
+    let is_version_4 = layout.items.iter().all(|item| item.version == 4);
     let mut positions = Positions::new(first, &layers, point.position);
     let mut colors =
         has_color(layout).then(|| LayeredColors::new(layers.color, positions.channel, point.color));
@@ -44,8 +44,8 @@ pub(super) fn read(
         execution.check()?;
         let has_switched = positions.next(&mut point)?;
         if let Some(colors) = &mut colors {
-            let channel = if is_faithful || has_switched { positions.channel } else { 0 };
-            point.color = colors.next(channel, is_faithful)?;
+            let channel = if is_version_4 || has_switched { positions.channel } else { 0 };
+            point.color = colors.next(channel, is_version_4)?;
         }
         points.push(&point)?;
     }
@@ -235,7 +235,7 @@ impl<'a> LayeredColors<'a> {
     }
 
     /// The next colour, of a channel.
-    fn next(&mut self, channel: usize, is_faithful: bool) -> Result<[u16; 3]> {
+    fn next(&mut self, channel: usize, is_version_4: bool) -> Result<[u16; 3]> {
         let mut place = self.channel;
         if channel != place {
             let is_new = self.last[channel].is_none();
@@ -243,7 +243,7 @@ impl<'a> LayeredColors<'a> {
                 self.last[channel] = self.last[place];
             }
             // Until version 4, a channel that had points goes on from the last colour of the one before.
-            if is_new || is_faithful {
+            if is_new || is_version_4 {
                 place = channel;
             }
             self.channel = channel;

@@ -41,6 +41,7 @@ pub(super) fn read(header: &Header, content: &[u8], execution: &Execution) -> Re
     }
     let mut points = Points::new(header)?;
     for chunk in chunks {
+        execution.check()?;
         let (first, rest) = chunk.bytes.split_at_checked(header.point).ok_or_else(cut_off)?;
         let more = chunk.points - 1;
         if layout.are_layered {
