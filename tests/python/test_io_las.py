@@ -76,7 +76,7 @@ def test_a_file_cut_off_anywhere_is_refused(name: str) -> None:
     content, parse = CLOUDS[name], PARSERS[Path(name).suffix]
     np.testing.assert_array_equal(parse(content).points, TETRAHEDRON)
     for end in range(1, len(content)):
-        with pytest.raises(InputError, match="the file is cut off|there"):
+        with pytest.raises(InputError, match="got "):
             parse(content[:end])
 
 
