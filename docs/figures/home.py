@@ -18,7 +18,6 @@ from PIL import Image
 
 from cgroup.datasets import open_dataset
 from cgroup.evaluation import correct_matches
-from cgroup.plots.agreement import color_range
 from cgroup.plots.scene import Scene
 from cgroup.registration import register
 
@@ -44,7 +43,6 @@ class Panels:
         self._right = correct_matches(*ends, pair.T_target_source, tolerance=tolerance)
         clouds = pair.source.points, pair.target.points
         self._apart, self._placed = (Scene(*clouds, pose) for pose in (np.eye(4), self._done.T_target_source))
-        self._end = color_range(self._matches, pair.target.points)
 
     def draw(self, name: str) -> tuple[Figure, str, str]:
         """Draw one panel, below an empty strip; return it, its title and a note."""
@@ -64,9 +62,9 @@ class Panels:
 
     def _draw_agreement(self, figure: Figure, axes: Axes) -> None:
         axes.set_position((0.0, 0.01, 0.74, 0.98 - _TEXT / _HEIGHT))
-        colors = self._placed.draw_agreement(axes, self._end)
+        colors = self._placed.draw_agreement(axes, self._matches)
         bar = figure.colorbar(colors, cax=figure.add_axes((0.76, 0.26, 0.03, 0.36)), extend="max")
-        ticks = np.array([0.0, self._end / 2, self._end])
+        ticks = np.array([0.0, 0.5, 1.0]) * colors.get_clim()[1]
         bar.set_ticks(
             ticks, labels=[f"{1000 * tick:.1f}" for tick in ticks], color=_INK, fontsize=17
         )  # m to mm

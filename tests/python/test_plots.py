@@ -86,7 +86,7 @@ def test_figures_of_an_empty_group(scene: tuple) -> None:
 
 def test_registration_figure_is_coloured_by_the_distance_between_the_clouds(scene: tuple) -> None:
     source, target, matches, correct = scene
-    end = 0.01 * np.ptp(target, axis=0).max()
+    end = 0.025 * np.sqrt(target.var(axis=0).sum())
     for off, color in ((0.0, DISTANCE_COLORS[0]), (2 * end, DISTANCE_COLORS[-1]), (9 * end, ALONE)):
         pose = POSE.copy()
         pose[2, 3] += off

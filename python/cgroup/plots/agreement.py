@@ -19,12 +19,12 @@ NEIGHBORS = 16
 _REACH = 2.5
 """Resolutions of the matches: a point with no point of the other cloud as near has no counterpart."""
 
-_SHARE = 0.01  # of the target's size that stands for the resolution where matches have none
+_SHARE = 0.025  # of the target's deviation from its mean, instead of the resolution where matches have none
 
 
 def color_range(matches: Correspondences, target: FloatArray) -> float:
     """Return the distance that colours end at: a resolution of the matches, 0.4 voxels in `register`."""
-    return matches.resolution or _SHARE * float(np.ptp(target, axis=0).max()) or 1.0
+    return matches.resolution or _SHARE * float(np.sqrt(target.var(axis=0).sum())) or 1.0
 
 
 def planes(points: FloatArray) -> FloatArray:

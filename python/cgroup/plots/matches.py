@@ -15,7 +15,6 @@ from cgroup._checks.arrays import as_points, as_rows
 from cgroup._checks.values import as_named
 from cgroup.evaluation import score_group
 from cgroup.plots import style
-from cgroup.plots.agreement import color_range
 from cgroup.plots.scene import Scene, caption, show
 from cgroup.plots.shading import face_broadside, find_front, shade
 
@@ -95,11 +94,11 @@ def registration_figure(
     left, right = figure.subplots(1, 2, width_ratios=scene.widths)
     scene.draw_clouds(left)
     caption(left, "Grouped matches", scene.draw_selection(left, correspondences, mask, None))
-    end = color_range(correspondences, as_points("target", target))
-    colors = scene.draw_agreement(right, end)
+    colors = scene.draw_agreement(right, correspondences)
     caption(right, "Agreement")
     bar = figure.colorbar(colors, ax=right, location="bottom", extend="max", shrink=0.9, aspect=25, pad=0.02)
     bar.set_label("distance to the other cloud,\nin the clouds' unit")
+    end = colors.get_clim()[1]
     bar.set_ticks([0.0, end / 2, end], labels=["0", f"{end / 2:.2g}", f"{end:.2g}"])
     tints = {"source": style.SOURCE_TINT, "target": style.TARGET_TINT, "no counterpart": style.ALONE}
     _legend(figure, tints, marker="o", linestyle="")

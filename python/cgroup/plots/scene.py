@@ -14,7 +14,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 
 from cgroup._checks.arrays import as_points
 from cgroup.plots import style
-from cgroup.plots.agreement import distances, planes, thin
+from cgroup.plots.agreement import color_range, distances, planes, thin
 from cgroup.plots.shading import Picture, face_broadside, paint, shade
 from cgroup.rigid import apply
 
@@ -72,8 +72,9 @@ class Scene:
                 show(axes, picture, extent)
         _fit(axes, *self._extents)
 
-    def draw_agreement(self, axes: Axes, end: float) -> ScalarMappable:
+    def draw_agreement(self, axes: Axes, matches: Correspondences) -> ScalarMappable:
         """Draw both clouds as the pose lays them, coloured by distance; return the colours."""
+        end = color_range(matches, self._clouds[1])
         colors = ScalarMappable(Normalize(0.0, end), _DISTANCES)
         clouds = [cloud[thin(cloud, _MOST)] for cloud in self._clouds]
         values = [
