@@ -1,7 +1,7 @@
 //! Point cloud registration and 3D correspondence grouping: of putative matches between the points of two 3D shapes, most
 //! of them wrong, find the right ones, and the pose that lays one shape on the other.
 //!
-//! The core of the Python package of the same name, pure Rust. It reads no files, starts no clock, prints nothing, and gives the
+//! The core of the Python package of the same name, pure Rust. It reads no files and no clock, prints nothing, and gives the
 //! same bits on any number of threads. Vectors and matrices are nalgebra's:
 //!
 //! ```sh
