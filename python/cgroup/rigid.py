@@ -229,6 +229,17 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     return float(np.linalg.norm(difference))
 
 
+def axis_of(transform: FloatArray) -> FloatArray:
+    """Return the unit axis about which a rotation turns by the right hand; of half a turn, either."""
+    rotation = transform[:3, :3]
+    sines = rotation - rotation.T
+    axis = np.array([sines[2, 1], sines[0, 2], sines[1, 0]])
+    if np.trace(rotation) < 0:  # the sine fades towards half a turn
+        turned = np.linalg.eigh(rotation + rotation.T)[1][:, -1]
+        axis = -turned if turned @ axis < 0 else turned
+    return axis / max(float(np.linalg.norm(axis)), 1e-300)
+
+
 def turn(x: ArrayLike, y: ArrayLike, z: ArrayLike, w: ArrayLike) -> FloatArray:
     """Rotations (...,3,3) of unit quaternions, whose parts (...) are given one by one."""
     x, y, z, w = (np.asarray(part, dtype=np.float64) for part in (x, y, z, w))

@@ -13,9 +13,9 @@ from cgroup.datasets import standin_pair
 from cgroup.datasets.generated.worlds import make_world_pair
 from cgroup.errors import CgroupError, InputError
 from cgroup.registration import register
-from cgroup.registration.covariance import covariance_in
-from cgroup.registration.motions import adjoint, motion, vector_of
-from cgroup.rigid import apply, invert
+from cgroup.registration.covariance import covariance_in, deviations_at
+from cgroup.registration.motions import adjoint, motion, say_motion, vector_of
+from cgroup.rigid import apply, axis_of, invert
 
 if TYPE_CHECKING:
     from cgroup.types import FloatArray
@@ -38,6 +38,45 @@ def test_the_adjoint_takes_a_motion_to_the_other_frame(at: FloatArray, small: Fl
     pose = motion(at, ORIGIN)
     moved = motion(adjoint(pose) @ small, ORIGIN) @ pose
     np.testing.assert_allclose(moved, pose @ motion(small, ORIGIN), atol=1e-10)
+
+
+MIDDLE = np.array([100.0, 200.0, -300.0])
+
+
+def turning(axis: tuple[float, float, float], through: FloatArray, pitch: float = 0.0) -> FloatArray:
+    """Return a small turn about an axis through a point, with a slide along it."""
+    turn = -1e-2 * np.array(axis) / np.linalg.norm(axis)
+    return np.concatenate([turn, np.cross(through, turn) + pitch * turn])
+
+
+@pytest.mark.parametrize(
+    ("vector", "words"),
+    [
+        (np.array([0, 0, 0, 0, 0, -0.5]), "slide along (0.00, 0.00, 1.00)"),
+        (np.array([0, 0, 0, 3, -4, -1e-4]), "slide along (-0.60, 0.80, 0.00)"),
+        (turning((0, 0, 1), MIDDLE), "turn about an axis along (0.00, 0.00, 1.00)"),
+        (turning((3, 0, 4), MIDDLE + 5), "turn about an axis along (0.60, 0.00, 0.80)"),
+        (turning((0, 0, 1), MIDDLE, 5), "turn about an axis along (0.00, 0.00, 1.00) while sliding along it"),
+        (turning((0, 0, 1), MIDDLE + np.array([1e4, 0, 0])), "slide along (0.00, 1.00, 0.00)"),
+    ],
+)
+def test_motions_in_words(vector: FloatArray, words: str) -> None:
+    points = MIDDLE + np.random.default_rng(0).normal(size=(500, 3)) * 3
+    assert say_motion(vector, points) == words
+
+
+@pytest.mark.parametrize("degrees", [0.01, 1.0, 89.0, 91.0, 179.0, 179.9999, 180.0])
+def test_axes_of_turns(degrees: float) -> None:
+    axis = np.array([0.48, -0.6, 0.64])
+    found = axis_of(motion(np.concatenate([np.radians(degrees) * axis, ORIGIN]), ORIGIN))
+    np.testing.assert_allclose(found if degrees < 180 else found * np.sign(found[0]), axis, atol=1e-6)
+
+
+def test_deviations_are_those_of_the_middle() -> None:
+    covariance = np.diag([0, 0, 1e-4, 0, 0, 4.0])  # turns about z, slides along it
+    degrees, length = deviations_at(covariance, np.array([3.0, 4, 0]))
+    assert degrees == pytest.approx(np.degrees(0.01))
+    assert length == pytest.approx(np.hypot(0.01 * 5, 2))
 
 
 def as_gtsam(pose: FloatArray, true: FloatArray) -> FloatArray:

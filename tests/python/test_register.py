@@ -231,7 +231,8 @@ def test_a_symmetric_shape_has_alternatives() -> None:
 def test_what_the_surfaces_leave_open_is_said(shape: Any, open_rows: list[int]) -> None:
     found = best_guess(shape(0), shape(1))
     assert found.open_motion is not None
-    assert any("hardly resist" in note for note in found.notes)
+    how = "turn about an axis along" if shape is plane else "slide along"
+    assert f"the source is free to {how} (0.00, 0.00, 1.00): the surfaces hardly resist that" in found.notes
     # Some five voxels along it, and as nothing across.
     at = (
         found.open_motion

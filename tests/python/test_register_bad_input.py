@@ -37,7 +37,7 @@ def with_row(row: Any, at: int = 5) -> FloatArray:
         (np.empty((0, 3)), "source: got 0 points"),
         (SOURCE[:3], "source: got 3 points"),
         (SOURCE[:10], "source: got 10 points"),
-        (SOURCE[::200][:21], "source: 21 points, .* leave .* voxels"),
+        (SOURCE[::200][:21], "source: 21 points, .* fill .* voxels"),
         (SOURCE.T, "source: got shape .*transpose it"),
         (SOURCE[:, :2], "source: got shape"),
         (3.0, "source: got shape"),
@@ -50,7 +50,7 @@ def with_row(row: Any, at: int = 5) -> FloatArray:
         (with_row([0, 0, 1e300]), "beyond 1e150"),
         (1000 * SOURCE, "source.* across; scale them to the same unit"),
         (np.ones((1000, 3)), "source: all its points coincide"),
-        (np.repeat(SOURCE[:5], 100, axis=0), "source: 500 points, .* leave [2-5] voxels"),
+        (np.repeat(SOURCE[:5], 100, axis=0), "source: 500 points, .* fill [2-5] voxels"),
         (LINE, "source: 0 of its .* voxels .* fix a plane; .* on a line"),
         (SOURCE[::40], "source: .* of its .* voxels .* too far apart"),
     ],
@@ -71,8 +71,8 @@ def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
         ({"voxel": np.nan}, "voxel: got nan"),
         ({"voxel": np.inf}, "voxel: got inf"),
         ({"voxel": "2"}, "voxel: got '2'; give a number"),
-        ({"voxel": 1000}, "source: .* leave 1 voxel of 1000"),
-        ({"voxel": 60}, "source: .* and 100 are the least; give .* a smaller `voxel`"),
+        ({"voxel": 1000}, "source: .* fill 1 voxel of size 1000"),
+        ({"voxel": 60}, "source: .*; 100 are needed: give .* a smaller `voxel`"),
         ({"voxel": 0.01}, "source: 0 of its .* voxels of 0.01 .* give a larger `voxel`"),
         ({"voxel": 1e-9}, "voxel: got .* give a larger voxel"),
         ({"voxel": 1e-300}, "voxel: got .* give a larger voxel"),
@@ -104,7 +104,7 @@ def test_options_that_make_no_sense_are_refused(options: dict[str, Any], words: 
 def test_so_many_voxels_that_matching_takes_long_are_refused() -> None:
     points = np.random.default_rng(0).uniform(size=(200_000, 3))
     with pytest.raises(
-        InputError, match="source: 200000 points, .* 100000 are the most; give a larger `voxel`"
+        InputError, match="source: 200000 points, .*; 100000 are allowed: give a larger `voxel`"
     ):
         register(points, points, voxel=0.01)
 
@@ -189,9 +189,7 @@ def test_few_points_are_registered_or_refused(seed: int) -> None:
 @pytest.mark.parametrize("count", [21, 50, 100, 180])
 def test_so_few_points_that_chance_decides_are_refused(count: int) -> None:
     few = SOURCE[np.random.default_rng(count).choice(len(SOURCE), count, replace=False)]
-    with pytest.raises(
-        InputError, match=f"source: {count} points, .* and 100 are the least; give more points"
-    ):
+    with pytest.raises(InputError, match=f"source: {count} points, .*; 100 are needed: give more points"):
         register(few, moved(few)[0])
 
 
@@ -209,7 +207,7 @@ def test_what_fixes_no_pose_is_refused(shape: Callable[[int], FloatArray], motio
         register(shape(0), moved(shape(1), 1)[0])
     best = caught.value.registration
     assert best is not None
-    assert f"leave {motions} of the six motions open" in best.notes[0]
+    assert f"free to move in {motions} of six ways" in best.notes[0]
 
 
 @pytest.mark.parametrize(("share", "aside"), [(2.0, 0.0), (1.0, 0.0), (1.0, 300.0)])

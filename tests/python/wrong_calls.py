@@ -63,6 +63,9 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.registration.Registration.plot": [
         lambda plot: plot(registration.register(PAIR.source, PAIR.target), correct=[True]),
     ],
+    "cgroup.registration.Registration.merged": [
+        lambda merged: merged(registration.register(PAIR.source, PAIR.target), np.zeros(3), PAIR.target),
+    ],
     "cgroup.registration.Registration.covariance_in": [
         lambda covariance_in: covariance_in(registration.register(PAIR.source, PAIR.target), "ceres"),
     ],

@@ -68,6 +68,13 @@ def covariance_of(found: Alignment, source: PreparedScan, target: PreparedScan) 
     return change @ ((motions.T * variances) @ motions + LEFT * left.T @ left) @ change.T
 
 
+def deviations_at(covariance: FloatArray, place: FloatArray) -> tuple[float, float]:
+    """Return standard deviations of a pose: of its turn in degrees, and of a place of the target's frame."""
+    change = about(place)
+    turned, moved = np.diagonal(change @ covariance @ change.T).reshape(2, 3).sum(axis=1) ** 0.5
+    return float(np.degrees(turned)), float(moved)
+
+
 def covariance_in(convention: Convention, covariance: FloatArray, pose: FloatArray) -> FloatArray:
     """Return a pose's covariance in the convention of another library."""
     # Of the source's origin along the target's axes, or in the source's frame.

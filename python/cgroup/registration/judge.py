@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.registration.matching import turn_matches
-from cgroup.registration.motions import adjoint, resistance
+from cgroup.registration.motions import adjoint, resistance, say_motion
 from cgroup.registration.prepare import UNIT
 from cgroup.rigid import apply, invert
 from cgroup.types import Agreement, Grouping, Rule
@@ -78,8 +78,8 @@ class Found:
         Other poses that share the probability.
     probability : float
         That it is right.
-    fitness : float
-        Share of the source's surface that lies on the target's.
+    fitness, target_fitness : float
+        Shares of the source's surface that lies on the target's, and of the target's on the source's.
     matches : Correspondences
         Every match of the search.
     source, target : PreparedScan
@@ -99,6 +99,7 @@ class Found:
     target: PreparedScan
     motions: int = 0
     cases: tuple[Case, ...] = ()
+    target_fitness: float = 0.0
 
     def turned(self) -> Found:
         """Return the same with source and target in each other's place."""
@@ -155,7 +156,7 @@ def judge(
         reason = "no pose could be proposed" + ("" if axis is None else " that keeps the axis")
         reason = f"{reason}; {_remedy(source, target, axis)}"
         return Judgement(ok=False, probability=0.0, reason=reason, notes=())
-    notes = tuple(_notes(found.refined.open_motion, found.motions, len(found.alternatives)))
+    notes = tuple(_notes(found))
     notes += tuple(_count_strays(scan) for scan in (source, target) if scan.scan.strays)
     if is_accepted(found.probability):
         notes += (*_find_rounded(source, target), *_find_layers(source, target))
@@ -365,6 +366,7 @@ def _find_layers(*scans: PreparedScan) -> list[str]:
 
 
 def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None) -> str:
+    """Say what may be wrong, and what else could be given."""
     rounded = _find_rounded(source, target)
     if rounded:
         return rounded[0]
@@ -377,33 +379,35 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None)
     layered = _find_layers(source, target)
     if layered:
         return layered[0]
-    if axis is not None:
-        return "the clouds may share too little, or not the axis"
-    unknown = [
-        f"`{name}_viewpoint`" for name, scan in (("source", source), ("target", target)) if not scan.viewpoint
-    ]
-    if unknown:
+    unseen = [role for role, scan in (("source", source), ("target", target)) if scan.viewpoint is None]
+    causes = "the clouds may share too little"
+    causes += "" if axis is None else ", or not the axis"
+    causes += "" if len(unseen) == 2 else ", or a viewpoint may be wrong"
+    if len(unseen) == 2:
         return (
-            "the clouds may share too little; if each is a single scan, say where the scanner stood by "
-            f"{' and '.join(unknown)}"
+            f"{causes}; if each is a single scan, say where the scanner stood by `viewpoint`, or where it "
+            "looked by `view_direction`"
         )
-    return "the clouds may share too little, or a viewpoint may be wrong"
+    if unseen:
+        return f"{causes}; if the {unseen[0]} is a single scan, give `{unseen[0]}_viewpoint` too"
+    return (
+        causes if axis is not None else f"{causes}; if both share a direction such as gravity's, give `axis`"
+    )
 
 
-def _notes(open_motion: FloatArray | None, motions: int, alternatives: int) -> list[str]:
+def _notes(found: Found) -> list[str]:
     notes: list[str] = []
-    if motions > MOST_OPEN_MOTIONS:
+    if found.motions > MOST_OPEN_MOTIONS:
         notes.append(
-            f"the surfaces leave {motions} of the six motions open, as a plane, a ball or a pipe does: give "
-            "clouds that show more of the surroundings"
+            f"the surfaces leave the source free to move in {found.motions} of six ways, as a plane, a ball "
+            "or a pipe does: give clouds that show more of the surroundings"
         )
-    if open_motion is not None:
-        turn, shift = open_motion[:3], open_motion[3:]
-        notes.append(
-            "the surfaces hardly resist a motion: rotation vector "
-            f"({', '.join(f'{x:.3g}' for x in turn)}), translation ({', '.join(f'{x:.3g}' for x in shift)})"
-        )
-    if alternatives:
-        shared = "1 other pose shares" if alternatives == 1 else f"{alternatives} other poses share"
+    if found.refined.open_motion is not None:
+        points = apply(found.refined.T_target_source, found.source.voxels.points)
+        how = say_motion(found.refined.open_motion, points)
+        notes.append(f"the source is free to {how}: the surfaces hardly resist that")
+    others = len(found.alternatives)
+    if others:
+        shared = "1 other pose shares" if others == 1 else f"{others} other poses share"
         notes.append(f"{shared} the probability: the shape may be symmetric, or repeat")
     return notes

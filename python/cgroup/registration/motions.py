@@ -11,6 +11,9 @@ from cgroup.rigid import apply
 if TYPE_CHECKING:
     from cgroup.types import FloatArray
 
+_SLIGHT = 0.1
+"""Part of a motion that is left out of its description, beside the other part."""
+
 
 def cross(vector: FloatArray) -> FloatArray:
     """Matrix of the cross product with a vector."""
@@ -53,6 +56,29 @@ def adjoint(pose: FloatArray) -> FloatArray:
     return change
 
 
+def say_motion(vector: FloatArray, points: FloatArray) -> str:
+    """Put a motion (rotation vector, translation of the origin) of some points into words."""
+    middle, radius = _middle(points)
+    turn, shift = vector[:3], vector[3:] + np.cross(vector[:3], middle)
+    angle, length = np.linalg.norm(turn), np.linalg.norm(shift)
+    if angle * radius < _SLIGHT * length:
+        return f"slide along {say_direction(_upwards(shift))}"
+    words = f"turn about an axis along {say_direction(_upwards(turn))}"
+    is_screw = abs(shift @ turn) > _SLIGHT * angle**2 * radius
+    return f"{words} while sliding along it" if is_screw else words
+
+
+def _upwards(vector: FloatArray) -> FloatArray:
+    """Return a vector or its opposite, whose largest coordinate is positive."""
+    return vector * np.sign(vector[np.argmax(np.abs(vector))])
+
+
+def say_direction(vector: FloatArray) -> str:
+    """Write a direction as a unit vector of two decimals."""
+    x, y, z = np.round(vector / np.linalg.norm(vector), 2) + 0.0  # no -0.00
+    return f"({x:.2f}, {y:.2f}, {z:.2f})"
+
+
 class Resistance(NamedTuple):
     """How much the surfaces resist motions about their middle.
 
@@ -80,10 +106,15 @@ class Resistance(NamedTuple):
 
 def resistance(information: FloatArray, points: FloatArray) -> Resistance:
     """Take the matrix of a point-to-plane step apart into motions about the points' middle."""
-    middle = np.median(points, axis=0)  # a few stray points don't move it
-    radius = float(np.median(np.linalg.norm(points - middle, axis=1)))
+    middle, radius = _middle(points)
     scale = np.array([1 / radius] * 3 + [1.0] * 3)
     change = np.linalg.inv(about(middle)) * scale
     weight = float(np.trace(information[3:, 3:]))  # normals are of unit length
     values, vectors = np.linalg.eigh(change.T @ information @ change)
     return Resistance(values / max(weight, 1e-300), vectors.T * scale, middle, scale, weight)
+
+
+def _middle(points: FloatArray) -> tuple[FloatArray, float]:
+    """Medians of the points, and of their distances from it: a few stray points don't move them."""
+    middle = np.median(points, axis=0)
+    return middle, float(np.median(np.linalg.norm(points - middle, axis=1)))

@@ -597,15 +597,13 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
 
 def _check_voxels(scan: Scan, voxel: float, count: int) -> None:
     """Refuse voxels that leave too little or too much of a cloud."""
-    points, noun = len(scan.cloud), "voxel" if count == 1 else "voxels"
-    left = f"{points} points, {scan.cloud.diagonal:.4g} across, leave {count} {noun} of {voxel:.4g}"
+    points, voxels = len(scan.cloud), "1 voxel" if count == 1 else f"{count} voxels"
+    left = f"{points} points, {scan.cloud.diagonal:.4g} across, fill {voxels} of size {voxel:.4g}"
     if count < LEAST_VOXELS:
         finer = "" if points < LEAST_VOXELS else ", a smaller `voxel`, or both clouds in the same unit"
-        raise InputError(
-            scan.name, remedy=f"{left}, and {LEAST_VOXELS} are the least; give more points{finer}"
-        )
+        raise InputError(scan.name, remedy=f"{left}; {LEAST_VOXELS} are needed: give more points{finer}")
     if count > MOST_VOXELS:
-        raise InputError(scan.name, remedy=f"{left}, and {MOST_VOXELS} are the most; give a larger `voxel`")
+        raise InputError(scan.name, remedy=f"{left}; {MOST_VOXELS} are allowed: give a larger `voxel`")
 
 
 def _check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:

@@ -235,10 +235,9 @@ def assess(
     notes = judgement.notes
     others = found.alternatives
     if is_accepted(found.probability) and not judgement.ok:
-        notes = (
-            f"refining moves the source by {moved:.3g}: the pose may be near, but is not this one",
-            *notes,
-        )
+        voxels = moved / found.source.voxel
+        better = f"a better pose lies {moved:.3g} away on average over the source, {voxels:.1f} voxels"
+        notes = (better, *notes)
         others = np.concatenate([best[None], others])
     elif judgement.reason:
         notes = (judgement.reason, *notes)

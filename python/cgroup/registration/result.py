@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from cgroup import features
 from cgroup._checks.values import as_choice
 from cgroup._show.drawing import plot
 from cgroup._show.notebook import pose_html, result_table
-from cgroup.registration.covariance import CONVENTIONS, covariance_in, covariance_of
+from cgroup.registration.covariance import CONVENTIONS, covariance_in, covariance_of, deviations_at
+from cgroup.rigid import apply
+from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     from typing import Any
@@ -18,6 +23,9 @@ if TYPE_CHECKING:
     from cgroup.registration.covariance import Convention
     from cgroup.registration.judge import Found, Judgement
     from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping
+
+SCAN_COLORS = (230, 159, 0), (0, 114, 178)
+"""Red, green and blue of source and target, where they have no colours of their own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +42,8 @@ class Registration:
         That it is, in [0,1], beside all other places and "none of these"; places that look the same share it.
     fitness : float
         Share of the source's surface that lies on the target's.
+    target_fitness : float
+        Share of the target's surface that lies on the source's.
     inlier_rmse : float
         Root mean square of the distances there to the target's planes, in the unit of the points.
     covariance : (6,6) array of float64
@@ -72,6 +82,7 @@ class Registration:
     ok: bool
     probability: float
     fitness: float
+    target_fitness: float
     inlier_rmse: float
     covariance: FloatArray
     open_motion: FloatArray | None
@@ -97,6 +108,27 @@ class Registration:
         resolution = self.correspondences.resolution
         assert resolution is not None  # noqa: S101 - every front end sets it
         return resolution
+
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """Standard deviations of the turn, and of the place of the source's middle.
+
+        In degrees, and in the unit of the points: square roots of the traces of the two blocks of
+        `covariance`, about the mean of the source's points.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import register
+        >>> pair = standin_pair(pixels=60)
+        >>> done = register(pair.source, pair.target)
+        >>> turned, moved = done.deviations
+        >>> turned < 1.0, moved < 0.1 * done.voxel
+        (True, True)
+        """
+        middle = self.correspondences.source_centroid
+        assert middle is not None  # noqa: S101 - every front end sets it
+        return deviations_at(self.covariance, apply(self.T_target_source, middle[None])[0])
 
     def covariance_in(self, convention: Convention) -> FloatArray:
         """Return the covariance as a pose graph of another library takes it.
@@ -132,6 +164,57 @@ class Registration:
         """
         as_choice("convention", convention, CONVENTIONS)
         return covariance_in(convention, self.covariance, self.T_target_source)
+
+    def merged(self, source: AnyCloud, target: AnyCloud) -> PointCloud:
+        """Lay the source on the target, and make one cloud of both.
+
+        Parameters
+        ----------
+        source, target : PointCloud or (N,3) array_like of float
+            The clouds that were registered.
+
+        Returns
+        -------
+        PointCloud
+            In the target's frame, thinned to the finer point spacing of the two, so that what both show is no
+            denser than the rest. Colours are those of the clouds if both have some, else orange for the
+            source and blue for the target; normals where both have some.
+
+        Raises
+        ------
+        InputError
+            If a cloud can't be worked with.
+        OutOfMemoryError
+            Where the system gives no memory for the computation.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import register
+        >>> pair = standin_pair(pixels=60)
+        >>> both = register(pair.source, pair.target).merged(pair.source, pair.target)
+        >>> len(pair.source) < len(both) < len(pair.source) + len(pair.target)
+        True
+        >>> both.colors.shape == both.points.shape
+        True
+        """
+        clouds = as_cloud("source", source).transformed(self.T_target_source), as_cloud("target", target)
+        spacing = min(features.resolution(cloud.points, ignore_zero=True) for cloud in clouds)
+        normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
+        colors = [cloud.colors for cloud in clouds if cloud.colors is not None]
+        if len(colors) < len(clouds):
+            colors = [
+                np.full((len(cloud), 3), color, np.uint8)
+                for cloud, color in zip(clouds, SCAN_COLORS, strict=True)
+            ]
+        voxels = features.voxel_downsample(
+            np.concatenate([cloud.points for cloud in clouds]),
+            spacing,
+            normals=np.concatenate(normals) if len(normals) == len(clouds) else None,
+        )
+        sums = [np.bincount(voxels.indices, channel, len(voxels)) for channel in np.concatenate(colors).T]
+        means = np.column_stack(sums) / np.bincount(voxels.indices)[:, None]
+        return PointCloud(voxels.points, voxels.normals, colors=np.rint(means).astype(np.uint8))
 
     def plot(
         self,
@@ -187,9 +270,13 @@ class Registration:
     def _repr_html_(self) -> str:
         answer = "the pose can be trusted" if self.ok else "the pose can't be trusted"
         together = f"{self.grouping.size} of {len(self.correspondences)} that the pose lays together"
+        shares = [f"{100 * share:.0f} %" for share in (self.fitness, self.target_fitness)]
         rows = [
             ("probability", f"{self.probability:.3f}"),
-            ("overlap", f"{100 * self.fitness:.0f} % of the source lies on the target"),
+            (
+                "overlap",
+                f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source",
+            ),
             ("residual", f"{self.inlier_rmse:.3g} there"),
             ("matches", together),
             ("voxel", f"{self.voxel:.4g}"),
@@ -212,6 +299,7 @@ def registration_of(found: Found, judgement: Judgement, seconds: dict[str, float
         ok=judgement.ok,
         probability=judgement.probability,
         fitness=found.fitness,
+        target_fitness=found.target_fitness,
         inlier_rmse=refined.rmse,
         covariance=covariance_of(refined, found.source, found.target),
         open_motion=refined.open_motion,

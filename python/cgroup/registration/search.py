@@ -229,7 +229,7 @@ class Search:
         )
 
     def _refine(self, found: Found | None) -> Found | None:
-        """Refine the best pose once more, with all samples of the fine surfaces, and measure its overlap."""
+        """Refine the best pose once more, with all samples of the fine surfaces, and measure the overlap."""
         if found is None:
             return None
         surfaces = fine_surfaces(found.source, found.target)
@@ -237,8 +237,14 @@ class Search:
         if not is_upright(refined.T_target_source, self.axis):
             refined = found.refined
         pose = refined.T_target_source
-        shared = verify(found.source.surface, found.target.surface, pose, threads=self.threads)
-        return replace(found, refined=refined, fitness=shared.fitness)
+        shares = [
+            verify(one.surface, other.surface, way, threads=self.threads).fitness
+            for one, other, way in (
+                (found.source, found.target, pose),
+                (found.target, found.source, invert(pose)),
+            )
+        ]
+        return replace(found, refined=refined, fitness=shares[0], target_fitness=shares[1])
 
 
 def _order(scan: PreparedScan) -> tuple[float, ...]:

@@ -60,6 +60,7 @@ class Proposal:
             self.matches,
             sighting.model,
             sighting.scene,
+            target_fitness=float(sighting.explained.mean()),
             motions=count_open_motions(
                 sighting.refined.information,
                 apply(sighting.refined.T_target_source, sighting.model.voxels.points),
