@@ -178,7 +178,6 @@ def test_commands_are_understood(line: str, tmp_path: Path, monkeypatch: pytest.
         "register a b --nosuch 1",
         "nosuch",
         "benchmark nosuch",
-        "benchmark",
         "register a",
         "register a b --voxel x",
     ],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
@@ -80,8 +80,17 @@ def _need_plotly(wanted: bool) -> bool:
     return wanted
 
 
-def _check_folder(out: Path) -> Path:
-    return check_folder(out)
+def folder(
+    default: str, help_text: str, section: str | None, check: Callable[[Path], Path] = lambda path: path
+) -> Any:
+    """Describe the option of a folder for results, which is checked before there is any work."""
+
+    def look(name: str) -> Path:
+        if not name:  # a Path of it would be the current folder
+            raise InputError("--out", "an empty name", "give a folder; . is the current one")
+        return check(Path(name))
+
+    return option(default, "FOLDER", help_text, section, parser=str, callback=look)
 
 
 Point = tuple[float, float, float]
@@ -92,9 +101,7 @@ CLOUD = argument("CLOUD", f"Cloud or mesh: {FORMATS}.")
 RUN = argument("NAME", "Name of a saved run, or a file.", autocompletion=_complete_runs)
 RUNS = argument("NAME", "Names of saved runs, or files.", autocompletion=_complete_runs)
 
-OUT = option(
-    Path("out"), "FOLDER", "Folder for the results; made if need be.", OUTPUT, callback=_check_folder
-)
+OUT = folder("out", "Folder for the results; made if need be.", OUTPUT, check=check_folder)
 SAVE = option(
     None,
     "NAME",
@@ -103,6 +110,7 @@ SAVE = option(
     callback=check_run,
 )
 JSON = flag("--json", "Print one JSON object in place of text.")
+VERBOSE = flag("--verbose", "Show the voxel, the matches and the time of each stage too.")
 WIDE = flag("--wide", "Show all columns, however wide.")
 HTML = flag("--html", "Write a page for the browser too: the clouds to turn around.", callback=_need_plotly)
 

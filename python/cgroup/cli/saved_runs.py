@@ -8,7 +8,6 @@ import os
 import platform
 import re
 from collections.abc import Iterable
-from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import cast
@@ -16,7 +15,7 @@ from typing import cast
 from cgroup._checks.quoting import show
 from cgroup.cli.show.json import SCHEMA_VERSION, Document, as_text
 from cgroup.errors import InputError
-from cgroup.io._files import read_content
+from cgroup.io._files import read_content, write_file
 from cgroup.io._results import check_folder, make_folder
 
 FOLDER = "CGROUP_RESULTS"
@@ -82,16 +81,8 @@ def save_run(path: Path, document: Document) -> None:
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
     }
     text = as_text({**document, "inputs": inputs, "saved": saved}) + "\n"
-    unfinished = make_folder(path.parent) / f".{path.name}.{os.getpid()}.part"
-    try:
-        unfinished.write_text(text, encoding="utf-8")
-        unfinished.replace(path)
-    except OSError as error:
-        message = f"{path}: can't be written ({error.strerror or error})"
-        raise InputError(message) from error
-    finally:
-        with suppress(OSError):
-            unfinished.unlink(missing_ok=True)
+    make_folder(path.parent)
+    write_file(path, text.encode())
 
 
 def load_run(name: str) -> Document:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from cgroup.cli.command import command, examples, make_app
-from cgroup.cli.options import JSON, OUTPUT, WIDE, argument, choice, complete_presets, flag, option
+from cgroup.cli.options import JSON, OUTPUT, WIDE, argument, choice, complete_presets, flag, folder, option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import (
@@ -67,12 +67,8 @@ Backend = Literal["processes", "dask", "threading"]
 Format = Literal["table", "markdown"]
 
 
-def _out(folder: str) -> Any:
-    text = "Folder of the records and everything made from them."
-    return option(Path(folder), "FOLDER", text, OUTPUT)
-
-
-_OUT = _out("benchmark")
+_RECORDS = "Folder of the records and everything made from them."
+_OUT = folder("benchmark", _RECORDS, OUTPUT)
 _DATA = option(None, "FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA")
 _FORMAT = choice("table", Format, "How to print them.", OUTPUT)
 _RETRY = flag("--retry-failed", "Try again what failed.", None)
@@ -85,6 +81,12 @@ app = make_app(
         "cgroup benchmark report --out smoke",
     ),
 )
+
+
+@app.callback(invoke_without_command=True)
+def _without_command(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        print_text(context.get_help())
 
 
 @contextmanager
@@ -487,7 +489,7 @@ def readings_command(
     ),
     *,
     data: Path | None = _DATA,
-    out: Path = _out("readings"),
+    out: Path = folder("readings", _RECORDS, OUTPUT),
     only: str | None = option(None, "NAMES", "Readings or questions, with commas between.", None, "all"),
     resamples: int = option(200, "COUNT", "Draws of the pairs that show how sure a verdict is.", None, min=1),
     workers: int | None = option(None, "COUNT", "How many workers.", None, "one per core", min=1),
