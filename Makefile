@@ -49,7 +49,7 @@ help: ## show this list
 
 setup: $(VENV)/.ready-dev ## install everything that developing needs, and build the package
 
-demo: $(VENV)/.ready-scans ## compare all methods on a generated pair of scans, or on SOURCE, TARGET, TRUTH
+demo: $(VENV)/.ready-scans ## compare all methods on a generated pair of scans, and register it; or compare on SOURCE, TARGET, TRUTH
 ifeq ($(strip $(SOURCE)$(TARGET)$(TRUTH)),)
 	@$(BIN)/cgroup demo --out $(OUT)
 else

@@ -34,6 +34,7 @@ from cgroup.io import (
 )
 from cgroup.registration import describe
 from cgroup.registry import label_of
+from cgroup.rigid import rotation_error
 
 pytestmark = pytest.mark.usefixtures("elsewhere")
 
@@ -47,6 +48,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_inputs(path)
     source, rng = read_cloud(path / "source.ply"), np.random.default_rng(0)
     write_transform(path / "inverse.txt", np.linalg.inv(read_transform(path / "truth.txt")))
+    for name, way in (("near", 15.0), ("far", 1e6)):
+        moved = read_transform(path / "truth.txt")
+        moved[0, 3] += way
+        write_transform(path / f"{name}.txt", moved)
     np.save(path / "nan.npy", np.full((30, 3), np.nan))
     np.save(path / "few.npy", rng.uniform(size=(4, 3)))
     write_cloud(path / "metres.ply", PointCloud(1e-3 * source.points))
@@ -77,13 +82,87 @@ def is_picture(path: Path) -> bool:
 
 def test_register(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
     out = succeed(capsys, "register", *pair, "--method", "ransac", "--out", "result/here")
-    for word in ("points", "voxel", "matches", "overlap", "residual", "probability", "pose", "wrote"):
-        assert word in out
     result = tmp_path / "result" / "here"
-    expected = read_cloud(pair[0]).transformed(read_transform(result / "transform.txt")).points
-    np.testing.assert_allclose(read_cloud(result / "aligned.ply").points, expected)
-    assert read_correspondences(result / "correspondences.npz").ratio is not None
-    assert is_picture(result / "registration.png")
+    expected = read_cloud(pair[0]).transformed(read_transform(result / "source_on_target.txt")).points
+    np.testing.assert_allclose(read_cloud(result / "source_on_target_aligned.ply").points, expected)
+    assert read_correspondences(result / "source_on_target.npz").ratio is not None
+    assert is_picture(result / "source_on_target.png")
+    assert sorted(file.name for file in result.iterdir()) == sorted(
+        re.findall(r"^  (\S+)  ", out, re.MULTILINE)
+    )
+
+
+def facts_of(out: str) -> dict[str, str]:
+    """Return what is said by name, each on one line."""
+    said = re.sub(r"\n {12}(?=\S)", " ", out)
+    return {
+        line[:11].rstrip(): line[12:] for line in said.splitlines() if line[11:12] == " " and line[:1] != " "
+    }
+
+
+def test_register_says_in_words_what_became_of_the_source(
+    folder: Path, pair: tuple[Path, Path], capsys: Capture
+) -> None:
+    said = facts_of(succeed(capsys, "register", *pair))
+    results = json.loads(succeed(capsys, "register", *pair, "--json"))["results"]
+    pose = read_transform(folder / "truth.txt")
+    turn = rf"turned by {rotation_error(pose, np.eye(4)):.0f}\.?\d* degrees about the axis \(0\.48, 0\.30, 0\.82\)"
+    assert re.match(turn, said["pose"])
+    assert said["pose"].endswith("(in the files' unit, as all lengths)")
+    assert said["probability"] == f"{results['probability']:.3f} that the pose is right"
+    shares = [f"{100 * results[name]:.0f} %" for name in ("fitness", "target_fitness")]
+    assert (
+        said["overlap"]
+        == f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source"
+    )
+    assert said["known to"].startswith(f"{results['deviation_deg']:.2g} degrees, and ")
+    assert said["next"].startswith("--html to turn both around in a browser, --merged")
+    assert not {"voxel", "matches", "time", "truth"} & set(said)
+    assert {"voxel", "matches", "time"} < set(facts_of(succeed(capsys, "register", *pair, "--verbose")))
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict"), [("truth", "right: "), ("near", "wrong: "), ("inverse", ""), ("far", "")]
+)
+def test_register_tells_how_far_the_truth_is(
+    name: str, verdict: str, folder: Path, pair: tuple[Path, Path], capsys: Capture
+) -> None:
+    line = ("register", *pair, "--truth", folder / f"{name}.txt")
+    said = facts_of(succeed(capsys, *line))["truth"]
+    truth = json.loads(succeed(capsys, *line, "--json"))["results"]["truth"]
+    assert said.startswith(verdict)
+    assert f"{truth['rotation_error_deg']:.3g} degrees and " in said
+    assert truth["right"] is {"right: ": True, "wrong: ": False, "": None}[verdict]
+    assert ("under the inverse of this truth" in said) == (name == "inverse") == truth["right_if_inverted"]
+    assert ("no point of the source lies on the target" in said) == (name in {"inverse", "far"})
+
+
+def test_a_refused_guess_is_judged_too(folder: Path, capsys: Capture) -> None:
+    line = ("register", folder / "source.ply", folder / "bare.ply", "--truth", folder / "inverse.txt")
+    status, out, err = run(capsys, *line)
+    assert (status, err.count("\n")) == (3, 1)
+    assert facts_of(out)["truth"].startswith("the guess that is refused is ")
+    status, out, err = run(capsys, *line, "--json")
+    document = json.loads(out)
+    assert (status, document["error"]["kind"]) == (3, "NoConsensusError")
+    assert not document["guess"]["truth"]["right"]
+
+
+def test_assess_says_the_same_of_a_pose(folder: Path, pair: tuple[Path, Path], capsys: Capture) -> None:
+    said = facts_of(succeed(capsys, "assess", *pair, folder / "truth.txt", "--verbose"))
+    assert {"pose", "probability", "overlap", "residual", "known to", "voxel", "time"} < set(said)
+    assert "next" not in said
+
+
+def test_both_clouds_can_be_written_as_one(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    out = succeed(capsys, "register", *pair, "--merged")
+    assert "both as one cloud" in out
+    assert "--merged" not in out  # what was given is not advised
+    both = read_cloud(tmp_path / "out" / "source_on_target_merged.ply")
+    sizes = [len(read_cloud(file)) for file in pair]
+    assert max(sizes) < len(both) < sum(sizes)
+    assert both.colors is not None
+    assert {(230, 159, 0), (0, 114, 178)} < {tuple(color) for color in both.colors.tolist()}
 
 
 def test_compare(
@@ -104,13 +183,14 @@ def test_compare(
     out = succeed(capsys, "compare", *pair, "--truth", folder / "truth.txt")
     # Matches are judged once under the truth, and at most once more under its inverse.
     assert len(set(poses)) == len(poses) <= 2
-    rows = list(csv.DictReader((tmp_path / "out" / "comparison.csv").read_text().splitlines()))
+    written = tmp_path / "out" / "source_on_target_"
+    rows = list(csv.DictReader(Path(f"{written}comparison.csv").read_text().splitlines()))
     assert [row["method"] for row in rows] == list(METHODS)
     for row in rows:
         assert label_of(row["method"]) in out
         assert 0 <= float(row["precision"]) <= 1
         assert float(row["milliseconds"]) > 0
-    assert all(is_picture(tmp_path / "out" / name) for name in ("comparison.png", "precision_recall.png"))
+    assert all(is_picture(Path(f"{written}{name}.png")) for name in ("comparison", "precision_recall"))
     assert "inverse" not in out
 
 
@@ -123,8 +203,11 @@ def test_compare_notices_an_inverted_truth(folder: Path, pair: tuple[Path, Path]
 def test_demo(tmp_path: Path, capsys: Capture) -> None:
     out = succeed(capsys, "demo", "--out", "pictures")
     assert "GTM" in out
-    for name in ("source.ply", "target.ply", "truth.txt", "comparison.csv", "comparison.png"):
+    assert re.search(r"^truth +right: ", out, re.MULTILINE)
+    for name in ("source.ply", "target.ply", "truth.txt"):
         assert (tmp_path / "pictures" / name).exists()
+    for ending in ("_comparison.csv", "_comparison.png", ".txt", "_aligned.ply"):
+        assert (tmp_path / "pictures" / f"source_on_target{ending}").exists()
 
 
 @pytest.mark.parametrize("name", ["matches.npz", "matches.txt"])
@@ -230,10 +313,11 @@ def test_recognize(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captur
     ]
     assert all(float(row[2]) > 0.9 and 0 < float(row[3]) <= 100 for row in rows[:3])
     names = sorted(file.name for file in (folder / "found").iterdir())
-    assert names == ["stone1-2.ply", "stone1-2.txt", "stone1.ply", "stone1.txt", "stone2.ply", "stone2.txt"]
+    found = ("stone1_in_scene-2", "stone1_in_scene", "stone2_in_scene")
+    assert names == [name + suffix for name in found for suffix in (".ply", ".txt")]
     assert all(name in out for name in names)
-    pose = read_transform(folder / "found" / "stone2.txt")
-    posed = read_cloud(folder / "found" / "stone2.ply")
+    pose = read_transform(folder / "found" / "stone2_in_scene.txt")
+    posed = read_cloud(folder / "found" / "stone2_in_scene.ply")
     np.testing.assert_allclose(posed.points, stone_model(2).transformed(pose).points, rtol=1e-4, atol=1e-2)
 
 
@@ -278,14 +362,18 @@ WRONG = [
     ("register {folder}/few.npy {target}", "source: got 4 points"),
     ("register {source} {target} --method icp", "method: got 'icp'; choose one of ss, nnsr"),
     ("register {source} {target} --detector sift", "--detector"),
-    ("register {source} {target} --descriptor fpfh3", "--descriptor"),
+    ("register {source} {target} --descriptor fpfh3", "cgroup: Invalid value for '--descriptor': 'fpfh3' is"),
+    (
+        "register {source} {target} {scene}",
+        "got 3 clouds, and places one on one; register pairs one by one, or",
+    ),
     ("register {source} {target} --normals mesh", "--normals: belongs to --front paper"),
     ("register {source} {target} --front paper --support 4", "--support: belongs to --front dense"),
     ("register {source} {target} --front paper --normals mesh", "neither cloud has faces"),
     ("register {folder}/metres.ply {target}", "scale them to the same unit"),
     ("register {source} {target} --voxel 0", "voxel: got 0"),
     ("register {source} {target} --voxel 1e-9", "give a larger voxel"),
-    ("register {source} {target} --voxel 500", "leave 1 voxel of 500"),
+    ("register {source} {target} --voxel 500", "fill 1 voxel of size 500; 100 are needed: give"),
     ("register {source} {target} --axis 0 0 0", "axis: got a zero vector"),
     ("register {source} {target} --axis 0 1", "--axis"),
     ("register {source} {target} --target-viewpoint 0 0 1e9", "--target-viewpoint: got"),
@@ -295,6 +383,7 @@ WRONG = [
     ("register {source} {target} --keypoints 1", "keypoints"),
     ("register {source} {target} --keypoints many", "keypoints"),
     ("register {source} {target} --out {source}", "can't be made a folder"),
+    ("register {source} {target} --out=", "--out: got an empty name; give a folder; . is the current one"),
     ("register {source}", "Missing argument"),
     ("register {source} {target} --frobnicate", "frobnicate"),
     ("compare {source} {target}", "--truth"),
@@ -334,9 +423,15 @@ def test_wrong_input_is_one_line_and_status_2(line: str, says: str, folder: Path
     assert says in fail(capsys, *(word.format(folder=folder, **files) for word in line.split()))
 
 
-def test_without_a_command_there_is_help(capsys: Capture) -> None:
-    out = succeed(capsys)
-    assert all(f"\n  {command} " in out for command in ("register", "compare", "group", "demo"))
+@pytest.mark.parametrize(
+    ("words", "commands"),
+    [((), ("register", "compare", "group", "demo")), (("benchmark",), ("run", "presets", "report"))],
+)
+def test_without_a_command_there_is_help(
+    words: tuple[str, ...], commands: tuple[str, ...], capsys: Capture
+) -> None:
+    out = succeed(capsys, *words)
+    assert all(f"\n  {command} " in out for command in commands)
 
 
 # --- Ctrl-C --------------------------------------------------------------------------------------

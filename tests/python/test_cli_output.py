@@ -248,7 +248,7 @@ def test_register_as_json(folder: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert list(document) == [
         "schema_version", "cgroup_version", "command", "inputs", "options", "results", "files"
     ]  # fmt: skip
-    written = read_transform(tmp_path / "out/transform.txt")
+    written = read_transform(tmp_path / "out/source_on_target.txt")
     np.testing.assert_array_equal(document["results"]["T_target_source"], written)
     assert document["results"]["ok"] is True
     assert document["options"]["effort"] == "normal"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -184,7 +185,25 @@ def test_remedies_of_a_pose_that_cannot_be_trusted(
     base = ("register", files["source"], "other.ply")
     err = fail(capsys, *base, status=3)
     assert err.startswith("cgroup: no pose that can be trusted: ")
-    assert "by --source-viewpoint and --target-viewpoint" in err
-    assert not (tmp_path / "out" / "transform.txt").exists()
-    err = fail(capsys, *base, "--viewpoint", 0, 0, 0, status=3)
-    assert err.endswith("or a viewpoint may be wrong\n")
+    assert "by --viewpoint, or where it looked by --view-direction" in err
+    assert not (tmp_path / "out").exists()
+
+
+ADVISED = {"--viewpoint": (0, 0, 0), "--axis": (0, 0, 1), "--effort": ("high",)}
+
+
+@pytest.mark.parametrize("count", range(1, 4))
+def test_advice_never_names_what_was_given(
+    count: int, files: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_cloud(tmp_path / "other.ply", standin_pair(seed=5, pixels=60).target)
+    base = ("register", files["source"], "other.ply")
+    for given in combinations(ADVISED, count):
+        options = [word for name in given for word in (name, *ADVISED[name])]
+        err = fail(capsys, *base, *options, status=3)
+        assert "may share too little" in err
+        assert not [name for name in given if name in err], err
+        wanted = {"--viewpoint", "--view-direction"} if "--viewpoint" not in given else {"--axis"}
+        assert (wanted <= set(re.findall(r"--[a-z-]+", err))) == (
+            given != ("--viewpoint", "--axis") and len(given) < 3
+        )

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from command_lines import fail, run, succeed, write_inputs
+from scenes import stone_model, stone_scene
 
 from cgroup import InputError
 from cgroup.datasets import standin_pair
@@ -26,28 +28,72 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_second_step_of_a_chain_keeps_its_input(folder: Path, capsys: Capture) -> None:
     succeed(capsys, "register", "source.ply", "target.ply")
-    aligned = folder / "out" / "aligned.ply"
-    before = {file.name: file.read_bytes() for file in aligned.parent.iterdir()}
-    assert "aligned.ply: is one of the inputs" in fail(capsys, "register", aligned, "target.ply")
-    assert {file.name: file.read_bytes() for file in aligned.parent.iterdir()} == before
-    succeed(capsys, "register", aligned, "target.ply", "--out", "next")
+    aligned = folder / "out" / "source_on_target_aligned.ply"
+    before = {file: file.read_bytes() for file in aligned.parent.iterdir()}
+    succeed(capsys, "register", aligned, "target.ply")
+    assert {file: file.read_bytes() for file in before} == before
+    assert (folder / "out" / "source_on_target_aligned_on_target.txt").exists()
+
+
+def test_poses_of_several_pairs_share_a_folder(folder: Path, capsys: Capture) -> None:
+    succeed(capsys, "register", "source.ply", "target.ply")
+    pose = folder / "out" / "source_on_target.txt"
+    before = pose.read_bytes()
+    succeed(capsys, "register", "target.ply", "source.ply")
+    (folder / "other").mkdir()
+    for name in ("source.ply", "target.ply"):
+        (folder / "other" / name).write_bytes((folder / name).read_bytes())
+    said = fail(capsys, "register", "other/source.ply", "other/target.ply")
+    assert "source_on_target.txt: is there, and not of these clouds; rename it, or give another" in said
+    assert pose.read_bytes() == before
+    write_cloud("source.ply", np.random.default_rng(0).normal(size=(3000, 3)) * 50)
+    assert run(capsys, "register", "source.ply", "target.ply")[0] == 3
+    assert [file.name for file in pose.parent.glob("*.txt")] == ["target_on_source.txt"]
+
+
+def test_poses_of_models_are_kept_apart_by_scene(folder: Path, capsys: Capture) -> None:
+    out = folder / "out"
+    model, scene = stone_model(1), stone_scene([1])[0]
+    trimesh.Trimesh(model.points, model.faces, process=False).export(folder / "stone.ply")
+    write_cloud("scene.ply", scene)
+    succeed(capsys, "recognize", "stone.ply", "--scene", "scene.ply")
+    pose = out / "stone_in_scene.txt"
+    frames = pose.read_text()
+    assert frames.endswith(f"# pose of {folder / 'stone.ply'} in the frame of {folder / 'scene.ply'}\n")
+    (out / "stone_in_scene-2.txt").write_text(frames)
+    succeed(capsys, "recognize", "stone.ply", "--scene", "scene.ply")
+    assert sorted(file.name for file in out.iterdir()) == ["stone_in_scene.ply", "stone_in_scene.txt"]
+    pose.write_text("mine")
+    assert "is there, and not of these clouds" in fail(
+        capsys, "recognize", "stone.ply", "--scene", "scene.ply"
+    )
+    assert pose.read_text() == "mine"
+
+
+def test_long_names_are_cut_in_that_of_the_pair(folder: Path, capsys: Capture) -> None:
+    name = "wolkenwand-" * 12 + "\N{CLOUD}" * 20
+    (folder / f"{name}.ply").write_bytes((folder / "source.ply").read_bytes())
+    succeed(capsys, "register", f"{name}.ply", "target.ply")
+    assert (folder / "out" / f"{name[:100]}_on_target.txt").exists()
 
 
 @POSIX
 @pytest.mark.parametrize("link", [os.link, os.symlink])
 def test_inputs_are_known_by_other_names_too(folder: Path, capsys: Capture, link) -> None:
     (folder / "out").mkdir()
-    link(folder / "source.ply", folder / "out" / "aligned.ply")
+    link(folder / "source.ply", folder / "out" / "source_on_target_aligned.ply")
     before = (folder / "source.ply").read_bytes()
     assert "is one of the inputs" in fail(capsys, "register", "source.ply", "target.ply")
     assert (folder / "source.ply").read_bytes() == before
 
 
 def test_models_are_not_replaced_by_their_posed_copies(folder: Path, capsys: Capture) -> None:
-    before = (folder / "source.ply").read_bytes()
-    said = fail(capsys, "recognize", "source.ply", "--scene", "target.ply", "--out", ".")
-    assert "source.ply: is one of the inputs" in said
-    assert (folder / "source.ply").read_bytes() == before
+    (folder / "source_in_target.ply").write_bytes((folder / "source.ply").read_bytes())
+    models = ("source.ply", "source_in_target.ply")
+    before = [(folder / name).read_bytes() for name in models]
+    said = fail(capsys, "recognize", *models, "--scene", "target.ply", "--out", ".")
+    assert "source_in_target.ply: is one of the inputs" in said
+    assert [(folder / name).read_bytes() for name in models] == before
 
 
 def test_matches_are_not_replaced_by_their_mask(folder: Path, capsys: Capture) -> None:
@@ -62,9 +108,8 @@ def test_matches_are_not_replaced_by_their_mask(folder: Path, capsys: Capture) -
 def test_a_refusal_leaves_no_older_pose_behind(folder: Path, capsys: Capture) -> None:
     succeed(capsys, "register", "source.ply", "target.ply", "--html")
     (folder / "out" / "notes.txt").write_text("mine")
-    other = np.random.default_rng(0).normal(size=(3000, 3)) * 50
-    write_cloud("other.ply", other)
-    status, _, _ = run(capsys, "register", "source.ply", "other.ply")
+    write_cloud("target.ply", np.random.default_rng(0).normal(size=(3000, 3)) * 50)
+    status, _, _ = run(capsys, "register", "source.ply", "target.ply")
     assert status == 3
     assert [file.name for file in (folder / "out").iterdir()] == ["notes.txt"]
 

@@ -297,9 +297,9 @@ def run(*arguments: str) -> int:
 @pytest.mark.parametrize(
     ("arguments", "name", "status"),
     [
-        (("register", "a&b.ply", "target.ply"), "registration.html", 0),
-        (("compare", "a&b.ply", "target.ply", "--truth", "truth.txt"), "comparison.html", 0),
-        (("register", "a&b.ply", "other.ply"), "registration.html", 3),
+        (("register", "a&b.ply", "target.ply"), "a&b_on_target.html", 0),
+        (("compare", "a&b.ply", "target.ply", "--truth", "truth.txt"), "a&b_on_target_comparison.html", 0),
+        (("register", "a&b.ply", "other.ply"), "a&b_on_other.html", 3),
     ],
 )
 def test_html_writes_a_page(

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from cgroup.cli.options import FRONT, JSON, OUTPUT, SAVE, WIDE
+from cgroup.cli.options import FRONT, JSON, OUTPUT, SAVE, VERBOSE, WIDE
 from cgroup.cli.saved_runs import save_run
 from cgroup.cli.show.json import make_document, print_document
 from cgroup.cli.show.terminal import paint, print_line
@@ -124,16 +124,17 @@ def command(
     """Make a function a command, with these examples in its help text.
 
     The function returns what its document says, or nothing where it has printed by itself. `show` prints the
-    document; it gets what it has parameters for of the command's arguments and options. A parameter `wide`
-    gives the command an option of that name. Every command has ``--json``; one that `saves` has ``--save``.
-    Of the options in `FRONT`, the function gets those that it `takes` by keyword. A document with a `refusal`
-    is printed and saved like others, and the command then ends with that sentence and exit status 3.
+    document; it gets what it has parameters for of the command's arguments and options. Parameters `wide` and
+    `verbose` give the command options of these names. Every command has ``--json``; one that `saves` has
+    ``--save``. Of the options in `FRONT`, the function gets those that it `takes` by keyword. A document with
+    a `refusal` is printed and saved like others, and the command then ends with that sentence and exit
+    status 3.
     """
     shown = list(signature(show).parameters)[1:]
     common: dict[str, tuple[Any, Any]] = {name: FRONT[name] for name in takes}
     common |= {"save": (str | None, SAVE)} if saves else {}
     common |= {"as_json": (bool, JSON), "context": (typer.Context, Parameter.empty)}
-    common |= {"wide": (bool, WIDE)} if "wide" in shown else {}
+    common |= {name: (bool, kind) for name, kind in (("wide", WIDE), ("verbose", VERBOSE)) if name in shown}
 
     def decorate(function: _Function) -> _Function:
         parameters = signature(function, eval_str=True).parameters.values()

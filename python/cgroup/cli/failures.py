@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import typer
 
 from cgroup.cli.command import PrintedRefusalError
-from cgroup.cli.commands.register import registration_results
+from cgroup.cli.commands.register import RefusedPoseError
 from cgroup.cli.show.json import Document, make_document, print_document
 from cgroup.cli.streams import OutputError, write_error
 from cgroup.errors import CgroupError, InputError, NoConsensusError
@@ -33,7 +33,7 @@ def explain(error: Exception) -> tuple[int, str]:
         case OutputError(is_closed=True):
             status, message = OUTPUT_CLOSED, ""
         case typer.TyperException():
-            message = " ".join(error.format_message().split())
+            message = " ".join(error.format_message().split()).replace("Value error, ", "")
         case NoConsensusError():
             status = NO_CONSENSUS
         case CgroupError() | OutputError():
@@ -62,12 +62,13 @@ def print_failure(arguments: Sequence[str], error: Exception, status: int, messa
     """Print the object of an error, if the arguments ask for JSON and the output can still be written."""
     if "--json" not in arguments or isinstance(error, OutputError | PrintedRefusalError):
         return
-    known = isinstance(error, CgroupError)
-    kind = type(error).__name__ if known else "UsageError" if status == INPUT_ERROR else "UnforeseenError"
+    if isinstance(error, CgroupError):
+        kind = (NoConsensusError if isinstance(error, RefusedPoseError) else type(error)).__name__
+    else:
+        kind = "UsageError" if status == INPUT_ERROR else "UnforeseenError"
     words = list(arguments[: next(at for at, word in enumerate(arguments) if word.startswith("-"))])
     command = " ".join(words[: 2 if words[:1] and words[0] in _NESTED else 1])
-    guess = error.registration if isinstance(error, NoConsensusError) else None
-    extra = {} if guess is None else {"guess": registration_results(guess)}
+    extra = {"guess": error.guess} if isinstance(error, RefusedPoseError) else {}
     said: Document = {"kind": kind, "message": message, "exit_status": status}
     if isinstance(error, InputError):
         said |= {"parameter": error.parameter, "got": error.got, "remedy": error.remedy}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 from cgroup.errors import CgroupError, InputError, NoConsensusError
@@ -43,8 +44,8 @@ def reword(error: CgroupError, context: Any) -> CgroupError:
 def in_options(error: CgroupError, options: Mapping[str, str]) -> CgroupError:
     """Return an error with options in place of the parameters that it names; `options` are by parameter."""
     if isinstance(error, NoConsensusError):
-        reworded = type(error)(_unquote(str(error), options))
-        reworded.registration = error.registration
+        reworded = copy(error)
+        reworded.args = (_unquote(str(error), options),)
         return reworded
     if not isinstance(error, InputError) or error.parameter is None:
         return InputError(_unquote(str(error), options))

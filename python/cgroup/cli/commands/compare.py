@@ -11,14 +11,17 @@ from cgroup import io
 from cgroup._checks.values import refusal
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
+from cgroup.cli.commands.register import PairFiles, print_placement, registration_results
 from cgroup.cli.inputs import describe_pair, read_both
 from cgroup.cli.options import option
+from cgroup.cli.pose_files import name_of_pair
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table, show_value
 from cgroup.cli.show.terminal import (
     print_clouds,
     print_facts,
     print_files,
+    print_line,
     print_prose,
     show_stages,
     shown_name,
@@ -34,7 +37,7 @@ from cgroup.comparison import (
 )
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.io._results import make_folder
-from cgroup.registration import correspond
+from cgroup.registration import correspond, register
 from cgroup.registry import label_of
 from cgroup.rigid import invert
 from cgroup.types import BoolArray, Correspondences, FloatArray, PointCloud
@@ -90,6 +93,10 @@ def print_comparison(document: Document, *, wide: bool) -> None:
             f"Note: {results['correct_under_inverse']} matches would be correct under the inverse of this "
             "truth; it has to map the source into the target's frame."
         )
+    if "registration" in results:
+        print_line("")
+        print_line("Registered by cgroup register, which looks at the surfaces too:")
+        print_placement(results["registration"], document["inputs"][0]["centroid"])
     print_files(document)
 
 
@@ -175,9 +182,9 @@ def demo_command(
     out: Path = options.OUT,
     html: bool = options.HTML,
 ) -> Document:
-    """Run all methods on a generated pair: two views of a closed shape rich in detail.
+    """Run all methods on a generated pair, and register it: two views of a closed shape rich in detail.
 
-    Writes the two scans and their true pose, and all that `cgroup compare` writes.
+    Writes the two scans, their true pose, and all that `cgroup compare` and `cgroup register` write.
     """
     from cgroup.datasets import standin_pair  # noqa: PLC0415 - slow to load
 
@@ -185,18 +192,28 @@ def demo_command(
         begin("generating two scans")
         pair = standin_pair(seed=seed)
     source, target, truth = (make_folder(out) / name for name in ("source.ply", "target.ply", "truth.txt"))
-    io.write_cloud(source, pair.source)
-    io.write_cloud(target, pair.target)
-    io.write_transform(truth, pair.T_target_source)
-    said = _compare_methods(
-        (source, target),
+    clouds, true_pose, writer = (
         (pair.source, pair.target),
         pair.T_target_source,
+        PairFiles(out, source, target),
+    )
+    io.write_cloud(source, pair.source)
+    io.write_cloud(target, pair.target)
+    io.write_transform(truth, true_pose)
+    said = _compare_methods(
+        (source, target),
+        clouds,
+        true_pose,
         title="Generated pair",
         folder=out,
         html=html,
     )
-    return {**said, "files": [source, target, truth, *said["files"]]}
+    with show_stages() as begin:
+        done = register(*clouds, progress=begin)
+        begin("figures")
+        written = writer.write(clouds, done, true_pose, html=html, merged=False)
+    said["results"]["registration"] = registration_results(done, clouds, true_pose)
+    return {**said, "files": [source, target, truth, *said["files"], *written]}
 
 
 def _compare_methods(
@@ -228,8 +245,10 @@ def _compare_methods(
         begin("figures")
         from cgroup.plots import comparison_figure, precision_recall_figure  # noqa: PLC0415 - slow to load
 
-        names = ["comparison.csv", "comparison.png", "precision_recall.png", "correspondences.npz"]
-        make_folder(folder)
+        name = name_of_pair(*files)
+        endings = ["comparison.csv", "comparison.png", "precision_recall.png", "comparison.npz"]
+        written = [make_folder(folder) / f"{name}_{ending}" for ending in endings]
+        rows, panels_file, curves_file, matches_file = written
         titled = f"{title}: {_say_correct(len(correct), int(correct.sum()))}"
         panels = comparison_figure(
             clouds[0].points,
@@ -240,17 +259,17 @@ def _compare_methods(
             T_target_source=true_pose,
             title=titled,
         )
-        write_figure(folder / "comparison.png", panels)
+        write_figure(panels_file, panels)
         scores = {result.method: result.score for result in results}
-        write_figure(folder / "precision_recall.png", precision_recall_figure(scores, title=titled))
+        write_figure(curves_file, precision_recall_figure(scores, title=titled))
         if html:
             from cgroup.pages import comparison_page, write_page  # noqa: PLC0415 - slow to load
 
-            names.append("comparison.html")
+            written.append(folder / f"{name}_comparison.html")
             page = comparison_page(*clouds, matches, results, true_pose, correct=correct, title=title)
-            write_page(folder / names[-1], page)
-        write_table(folder / "comparison.csv", results)
-        io.write_correspondences(folder / "correspondences.npz", matches)
+            write_page(written[-1], page)
+        write_table(rows, results)
+        io.write_correspondences(matches_file, matches)
     return {
         "inputs": describe_pair(files, clouds),
         "results": {
@@ -269,7 +288,7 @@ def _compare_methods(
             ],
             "limits": {"max_rotation_deg": limits[0], "max_displacement_pr": limits[1]},
         },
-        "files": [folder / name for name in names],
+        "files": written,
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_cloud, read_cloud
 from cgroup.cli.options import Point, argument, option
+from cgroup.cli.pose_files import name_frames, name_of_pair, refuse_others, write_pose
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
@@ -51,24 +52,6 @@ def _print_models(document: Document, *, wide: bool) -> None:
             ("time", f"{results['seconds']:.2f} s"),
         )
         print_files(document)
-
-
-def _name_copies(name: str, models: Collection[str]) -> Iterator[str]:
-    """Yield what the files of a model's copies are called, none as another model."""
-    yield name
-    yield from (stem for stem in (f"{name}-{place}" for place in count(2)) if stem not in models)
-
-
-def _find_results(folder: Path, models: Collection[str]) -> list[Path]:
-    """List the files that an earlier run has left: of further copies both, numbered without a gap."""
-    found: list[Path] = []
-    for name in models:
-        for stem in _name_copies(name, models):
-            there = [file for suffix in (".txt", ".ply") if (file := folder / f"{stem}{suffix}").exists()]
-            if stem != name and len(there) < 2:
-                break
-            found += there
-    return found
 
 
 @command(
@@ -111,8 +94,8 @@ def recognize_command(
 ) -> Document:
     """Say which models are in a scene, and where (exit status 3 if none is).
 
-    Writes the pose and the posed cloud of each model found: NAME.txt and NAME.ply; of further copies
-    NAME-2.txt and so on.
+    Writes the pose and the posed cloud of each model found: MODEL_in_SCENE.txt and MODEL_in_SCENE.ply; of
+    further copies MODEL_in_SCENE-2.txt and so on.
     """
     files = {file.stem: file for file in models}
     if len(files) < len(models):
@@ -122,8 +105,10 @@ def recognize_command(
     with show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
-        older = _find_results(out, files)
-        check_outputs(older)
+        earlier = {file: list(_earlier_files(out, file, scene)) for file in models}
+        for file, there in earlier.items():
+            check_outputs(there)
+            refuse_others(there[::2], name_frames(file, scene))
         found = recognize(
             clouds,
             target,
@@ -133,13 +118,13 @@ def recognize_command(
             most=most,
             progress=begin,
         )
-    stems = {name: _name_copies(name, files) for name in files}
+    copies: Counter[str] = Counter()
     poses: list[Document] = []
     written: list[Path] = []
     for name, one in found:
-        stem = next(stems[name])
-        pose, posed = make_folder(out) / f"{stem}.txt", out / f"{stem}.ply"
-        io.write_transform(pose, one.T_target_source)
+        copies[name] += 1
+        pose, posed = _files_of(make_folder(out), files[name], scene, copies[name])
+        write_pose(pose, one.T_target_source, name_frames(files[name], scene))
         io.write_cloud(posed, clouds[name].transformed(one.T_target_source))
         written += [pose, posed]
         poses.append(
@@ -152,7 +137,7 @@ def recognize_command(
                 "inlier_rmse": one.inlier_rmse,
             }
         )
-    remove_files(file for file in older if file not in written)
+    remove_files(file for there in earlier.values() for file in there if file not in written)
     said: Document = {
         "inputs": [
             describe_cloud("scene", scene, target),
@@ -160,7 +145,7 @@ def recognize_command(
         ],
         "results": {
             "found": poses,
-            "not_found": [name for name in clouds if name not in {one.name for one in found}],
+            "not_found": [name for name in clouds if name not in copies],
             "voxel": found[0][1].voxel if found else None,
             "seconds": sum(found[0][1].seconds.values()) if found else None,
         },
@@ -173,3 +158,18 @@ def recognize_command(
         message = f"none of the models was found in {scene.name}{'' if viewpoint else hint}"
         raise NoConsensusError(message)
     return said
+
+
+def _files_of(folder: Path, model: Path, scene: Path, copy: int) -> tuple[Path, Path]:
+    """Return where the pose and the posed cloud of a copy go."""
+    stem = name_of_pair(model, scene, "in") + (f"-{copy}" if copy > 1 else "")
+    return folder / f"{stem}.txt", folder / f"{stem}.ply"
+
+
+def _earlier_files(folder: Path, model: Path, scene: Path) -> Iterator[Path]:
+    """List the poses and posed clouds of all copies that are there."""
+    for copy in count(1):
+        files = _files_of(folder, model, scene, copy)
+        if not any(file.exists() for file in files):
+            return
+        yield from files

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import typer
 
 from cgroup import io
@@ -13,11 +16,13 @@ from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_pair, read_both
 from cgroup.cli.options import Point, choice, option
+from cgroup.cli.pose_files import name_frames, name_of_pair, refuse_others, write_pose
 from cgroup.cli.show.json import Document
+from cgroup.cli.show.tables import show_length
 from cgroup.cli.show.terminal import (
     print_clouds,
     print_facts,
-    print_files,
+    print_line,
     print_pose,
     show_stages,
     shown_name,
@@ -26,14 +31,18 @@ from cgroup.cli.show.terminal import (
 from cgroup.cli.streams import write_error
 from cgroup.cli.wording import is_given, reword
 from cgroup.errors import InputError, NoConsensusError
+from cgroup.evaluation import PROTOCOLS, alignment_error, rotation_error, translation_error
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.group import check_method
 from cgroup.io._files import check_outputs
 from cgroup.io._results import make_folder, remove_files
 from cgroup.registration import DenseFront, Effort, PaperFront, Registration, assess, register
-from cgroup.registration.prepare import VOXELS
-from cgroup.types import PointCloud
+from cgroup.registration.motions import say_direction
+from cgroup.rigid import apply, axis_of, invert
+from cgroup.types import FloatArray, PointCloud
 
 Front = Literal["dense", "paper"]
+Clouds = tuple[PointCloud, PointCloud]
 
 _VOXEL = option(
     None,
@@ -64,29 +73,104 @@ _AXIS = option(
 )
 _EFFORT = choice("normal", Effort, "How long to search where the pose is not sure.", options.SEARCH)
 
-_FILES = ("transform.txt", "aligned.ply", "correspondences.npz", "registration.png")
-_PAGE = "registration.html"
+_POSE, _ALIGNED, _MERGED, _PAGE = ".txt", "_aligned.ply", "_merged.ply", ".html"
+_FILES = {
+    _POSE: "the pose",
+    _ALIGNED: "the source, moved onto the target",
+    _MERGED: "both as one cloud",
+    ".npz": "the matches",
+    ".png": "a picture",
+    _PAGE: "a page for the browser",
+}
+"""What is written, by what follows the name of the pair."""
+
+_MORE = {
+    _PAGE: "--html to turn both around in a browser",
+    _MERGED: "--merged to write both as one cloud",
+}
+"""Options that write more, and what for."""
+
+_RIGHT = PROTOCOLS["5deg+5pr"]
+"""Limits of a right pose."""
+
+_LEAST_TURN = 0.005
+"""Degrees from which a pose is said to turn."""
+
+
+class RefusedPoseError(NoConsensusError):
+    """No pose that can be trusted, and what a document says of the best guess."""
+
+    guess: Document
+
 
 app = make_app()
 
 
-def print_registration(document: Document) -> None:
+def print_registration(document: Document, *, verbose: bool = False) -> None:
     """Print a registration from its document."""
-    done = document["results"]
-    is_chosen = document["options"]["voxel"] is None
-    why = f", chosen to leave about {VOXELS} of a cloud" if is_chosen else ""
+    done, files = document["results"], [Path(file) for file in document["files"]]
     print_clouds(document["inputs"])
-    print_facts(
-        ("voxel", f"{done['voxel']:.4g} (in the files' unit{why})"),
-        ("matches", f"{done['matches']}, of which the pose lays {done['selected']} together"),
-        ("overlap", f"{100 * done['fitness']:.0f} % of the source lies on the target"),
-        ("residual", f"{done['inlier_rmse']:.3g} there (root mean square, in the files' unit)"),
-        ("probability", f"{done['probability']:.3f} that the pose is right"),
-        *(("note", note) for note in done["notes"]),
-        ("time", ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in done["seconds"].items())),
-    )
+    print_placement(done, document["inputs"][0]["centroid"])
+    if verbose:
+        times = (f"{name} {1e3 * seconds:.0f} ms" for name, seconds in done["seconds"].items())
+        print_facts(
+            ("voxel", f"{done['voxel']:.4g}"),
+            ("matches", f"{done['matches']}, of which the pose lays {done['selected']} together"),
+            ("time", ", ".join(times)),
+        )
     print_pose(done["T_target_source"])
-    print_files(document)
+    if files:
+        _print_files(files)
+
+
+def print_placement(done: Document, middle: Sequence[float]) -> None:
+    """Print where the source was placed, whose middle is given, and how sure and precise that is."""
+    pose, center = np.array(done["T_target_source"]), np.array([middle])
+    angle, way = rotation_error(pose, np.eye(4)), float(np.linalg.norm(apply(pose, center) - center))
+    turned = f"turned by {angle:.3g} degrees about the axis {say_direction(axis_of(pose))}"
+    turned = turned if angle > _LEAST_TURN else "not turned"
+    moved = f"its middle moved by {show_length(way)} (in the files' unit, as all lengths)"
+    chance = "more than 0.999" if done["probability"] > 0.9995 else f"{done['probability']:.3f}"
+    shares = [f"{100 * done[name]:.0f} %" for name in ("fitness", "target_fitness")]
+    deviations = f"{done['deviation_deg']:.2g} degrees, and {show_length(done['deviation'], 2)} at the middle"
+    caveat = "one standard deviation, of noise and shape alone: a scan that is bent adds to it"
+    print_facts(
+        ("pose", f"{turned}, {moved}"),
+        ("probability", f"{chance} that the pose is right"),
+        ("overlap", f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source"),
+        ("residual", f"{show_length(done['inlier_rmse'])} between the surfaces there (root mean square)"),
+        ("known to", f"{deviations} ({caveat})"),
+        *([("truth", _say_truth(done))] if "truth" in done else []),
+        *(("note", note) for note in done["notes"]),
+    )
+
+
+def _say_truth(done: Document) -> str:
+    """Say how far a pose is from the true one, and whether it counts as right."""
+    truth, limits = done["truth"], done["truth"]["limits"]
+    turn, shift = truth["rotation_error_deg"], truth["translation_error"]
+    voxels = f"{show_length(shift / done['voxel'], 2)} voxels"
+    off = f"{turn:.3g} degrees and {show_length(shift)} ({voxels}) from the true pose"
+    inverse = "; it is right under the inverse of this truth" if truth["right_if_inverted"] else ""
+    if truth["right"] is None:
+        return f"{off}, under which no point of the source lies on the target{inverse}"
+    return (
+        f"{'right' if truth['right'] else 'wrong'}: {off}, points of the overlap "
+        f"{show_length(truth['displacement'])} from their true places on average (right is up to "
+        f"{limits['max_rotation_deg']:g} degrees and {show_length(limits['max_displacement'])}){inverse}"
+    )
+
+
+def _print_files(files: Sequence[Path]) -> None:
+    """Print which files were written, what each holds, and what more there could be."""
+    width = max(len(escape(file.name)) for file in files)
+    print_line(f"wrote to {files[0].parent}/")
+    for file in files:
+        what = next(what for ending, what in _FILES.items() if file.name.endswith(ending))
+        print_line(f"  {escape(file.name):<{width}}  {what}")
+    more = [how for ending, how in _MORE.items() if not any(file.name.endswith(ending) for file in files)]
+    if more:
+        print_facts(("next", ", ".join(more)))
 
 
 @command(
@@ -96,6 +180,9 @@ def print_registration(document: Document) -> None:
     "",
     "# two LiDAR scans, each from its own origin, in metres",
     "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
+    "",
+    "# how far from a pose that is known to be true",
+    "cgroup register a.ply b.ply --truth pose.txt",
     "",
     "# the paper's front end, for a script, and kept to be compared later",
     "cgroup register a.ply b.ply --front paper --method gtm --json --save gtm",
@@ -107,6 +194,7 @@ def register_command(
     context: typer.Context,
     source: Path = options.SOURCE,
     target: Path = options.TARGET,
+    others: list[Path] = options.argument("CLOUD", "More than two are refused.", None, hidden=True),
     *,
     voxel: float | None = _VOXEL,
     viewpoint: Point | None = _VIEWPOINT,
@@ -132,22 +220,32 @@ def register_command(
     support: float = option(
         DenseFront.support, "VOXELS", "Radius that FPFH describes, in voxels.", options.SEARCH
     ),
+    truth: Path | None = option(
+        None, "POSE", "File of the true pose, to say how far the one found is from it.", "Truth"
+    ),
     out: Path = options.OUT,
     html: bool = options.HTML,
+    merged: bool = options.flag("--merged", "Write both clouds as one too: thinned, coloured."),
+    as_json: bool = options.JSON,
     **front_end: Any,
 ) -> Document:
     """Place one scan on another, or say that no pose can be trusted (exit status 3).
 
-    Writes the pose, the moved source, the matches and a picture. The options of keypoints and descriptors
-    are those of the paper's front.
+    Writes the pose, the moved source, the matches and a picture: SOURCE_on_TARGET.txt and so on. The options
+    of keypoints and descriptors are those of the paper's front.
     """
+    if others:
+        message = (
+            f"register: got {2 + len(others)} clouds, and places one on one; register pairs one by one, or "
+            "all at once from Python by register_many of cgroup.registration"
+        )
+        raise InputError(message)
     if method is not None:
         method = check_method(method)
     _refuse_options_of_the_other_front(context, front)
+    true_pose = None if truth is None else io.read_transform(truth)
     clouds = read_both(source, target)
-    files = [out / name for name in _FILES]
-    check_outputs(files)
-    title = f"{source.name} on {target.name}"
+    writer = PairFiles(out, source, target)
     try:
         with show_stages() as begin:
             done = register(
@@ -164,22 +262,22 @@ def register_command(
                 progress=begin,
             )
             begin("figures")
-            names = f"{shown_name(source)} on {shown_name(target)}"
-            make_folder(out)
-            _write_files(files, clouds, done, names)
-            if html:
-                files.append(_write_page(out, clouds, done, title))
+            files = writer.write(clouds, done, true_pose, html=html, merged=merged)
     except NoConsensusError as error:
-        remove_files([*files, out / _PAGE])
-        if html and error.registration is not None:
-            page = _write_page(
-                make_folder(out), clouds, error.registration, title, str(reword(error, context))
-            )
+        writer.remove()
+        guess, reason = error.registration, str(reword(error, context))
+        if guess is None:
+            raise
+        if html:
+            page = writer.write_page(clouds, guess, true_pose, reason)
             write_error(f"cgroup: wrote {page.name} of the guess that is refused to {escape(str(out))}/")
-        raise
+        results = registration_results(guess, clouds, true_pose)
+        if true_pose is not None and not as_json:
+            print_facts(("truth", f"the guess that is refused is {_say_truth(results)}"))
+        raise _refused(reason, results) from error
     return {
         "inputs": describe_pair((source, target), clouds),
-        "results": registration_results(done),
+        "results": registration_results(done, clouds, true_pose),
         "files": files,
     }
 
@@ -221,14 +319,19 @@ def assess_command(
             progress=begin,
         )
     if not done.ok:
-        error = NoConsensusError(f"the pose can't be trusted: {done.notes[0]}")
-        error.registration = done
-        raise error
+        message = f"the pose can't be trusted: {done.notes[0]}"
+        raise _refused(message, registration_results(done, clouds))
     return {
         "inputs": describe_pair((source, target), clouds),
-        "results": registration_results(done),
+        "results": registration_results(done, clouds),
         "files": [],
     }
+
+
+def _refused(message: str, guess: Document) -> RefusedPoseError:
+    error = RefusedPoseError(message)
+    error.guess = guess
+    return error
 
 
 def _refuse_options_of_the_other_front(context: typer.Context, front: Front) -> None:
@@ -241,59 +344,115 @@ def _refuse_options_of_the_other_front(context: typer.Context, front: Front) -> 
             raise InputError(message)
 
 
-def _write_files(
-    files: list[Path], clouds: tuple[PointCloud, PointCloud], done: Registration, title: str
-) -> None:
-    from cgroup.plots import registration_figure  # noqa: PLC0415 - slow to load
+class PairFiles:
+    """What is written of one pair, each file named after both clouds: SOURCE_on_TARGET.txt and so on."""
 
-    transform, aligned, matches, picture = files
-    figure = registration_figure(
-        clouds[0].points,
-        clouds[1].points,
-        done.correspondences,
-        mask=done.grouping.mask,
-        T_target_source=done.T_target_source,
-        title=title,
-    )
-    io.write_transform(transform, done.T_target_source)
-    io.write_cloud(aligned, clouds[0].transformed(done.T_target_source))
-    io.write_correspondences(matches, done.correspondences)
-    write_figure(picture, figure)
+    def __init__(self, folder: Path, source: Path, target: Path) -> None:
+        """Refuse to replace an input, or what was written of another pair of the same names."""
+        self._folder, self._name = folder, name_of_pair(source, target)
+        self._frames = name_frames(source, target)
+        self._title = f"{shown_name(source)} on {shown_name(target)}"
+        self._page_title = f"{source.name} on {target.name}"
+        check_outputs(self._all)
+        refuse_others([self._file(_POSE)], self._frames)
+
+    @property
+    def _all(self) -> list[Path]:
+        return [self._file(ending) for ending in _FILES]
+
+    def _file(self, ending: str) -> Path:
+        return self._folder / f"{self._name}{ending}"
+
+    def write(
+        self, clouds: Clouds, done: Registration, truth: FloatArray | None, *, html: bool, merged: bool
+    ) -> list[Path]:
+        """Write the pose, the moved source, the matches and a picture; return the files."""
+        from cgroup.plots import registration_figure  # noqa: PLC0415 - slow to load
+
+        pose = done.T_target_source
+        figure = registration_figure(
+            clouds[0].points,
+            clouds[1].points,
+            done.correspondences,
+            mask=done.grouping.mask,
+            T_target_source=pose,
+            title=self._title,
+        )
+        make_folder(self._folder)
+        write_pose(self._file(_POSE), pose, self._frames)
+        io.write_cloud(self._file(_ALIGNED), clouds[0].transformed(pose))
+        io.write_correspondences(self._file(".npz"), done.correspondences)
+        write_figure(self._file(".png"), figure)
+        if merged:
+            io.write_cloud(self._file(_MERGED), done.merged(*clouds))
+        if html:
+            self.write_page(clouds, done, truth)
+        return [self._file(ending) for ending in _FILES if {_MERGED: merged, _PAGE: html}.get(ending, True)]
+
+    def write_page(
+        self, clouds: Clouds, done: Registration, truth: FloatArray | None, refusal: str | None = None
+    ) -> Path:
+        """Write the page for the browser."""
+        from cgroup.pages import registration_page, write_page  # noqa: PLC0415 - slow to load
+
+        make_folder(self._folder)
+        page = registration_page(*clouds, done, truth=truth, title=self._page_title, refusal=refusal)
+        write_page(self._file(_PAGE), page)
+        return self._file(_PAGE)
+
+    def remove(self) -> None:
+        """Remove what an earlier run has left of the pair."""
+        remove_files(self._all)
 
 
-def _write_page(
-    folder: Path,
-    clouds: tuple[PointCloud, PointCloud],
-    done: Registration,
-    title: str,
-    refusal: str | None = None,
-) -> Path:
-    from cgroup.pages import registration_page, write_page  # noqa: PLC0415 - slow to load
-
-    file = folder / _PAGE
-    write_page(file, registration_page(*clouds, done, title=title, refusal=refusal))
-    return file
-
-
-def registration_results(done: Registration) -> Document:
+def registration_results(done: Registration, clouds: Clouds, true_pose: FloatArray | None = None) -> Document:
     """List what a document says of a registration."""
     seconds: dict[str, float] = {}  # by stage, source and target together
     for name, value in done.seconds.items():
         stage = name.removeprefix("source ").removeprefix("target ")
         seconds[stage] = seconds.get(stage, 0.0) + value
-    return {
+    degrees, length = done.deviations
+    results: Document = {
         "ok": done.ok,
         "T_target_source": done.T_target_source,
         "probability": done.probability,
         "fitness": done.fitness,
+        "target_fitness": done.target_fitness,
         "inlier_rmse": done.inlier_rmse,
         "matches": len(done.correspondences),
         "selected": done.grouping.size,
         "voxel": done.voxel,
         "resolution": done.resolution,
         "covariance": done.covariance,
+        "deviation_deg": degrees,
+        "deviation": length,
         "open_motion": done.open_motion,
         "alternatives": done.alternatives,
         "notes": done.notes,
         "seconds": seconds,
+    }
+    if true_pose is not None:
+        results["truth"] = _judge(done, clouds, true_pose)
+    return results
+
+
+def _judge(done: Registration, clouds: Clouds, true_pose: FloatArray) -> Document:
+    """Measure how far a pose is from the true one, and say whether it is right."""
+    pose, pr = done.T_target_source, done.resolution
+
+    def measure(truth: FloatArray) -> tuple[float, float, float, bool | None]:
+        turn, shift = rotation_error(pose, truth), translation_error(pose, truth)
+        source, target = (cloud.points for cloud in clouds)
+        displacement = alignment_error(source, target, pose, truth, tolerance=OVERLAP_WITHIN * pr)
+        return turn, shift, displacement, _RIGHT.judge(math.nan, turn, shift, displacement / pr)
+
+    turn, shift, displacement, right = measure(true_pose)
+    assert _RIGHT.max_rmse is not None  # noqa: S101 - of this one
+    return {
+        "right": right,
+        "rotation_error_deg": turn,
+        "translation_error": shift,
+        "displacement": displacement,
+        "right_if_inverted": bool(not right and measure(invert(true_pose))[-1]),
+        "limits": {"max_rotation_deg": _RIGHT.max_rotation, "max_displacement": _RIGHT.max_rmse * pr},
     }

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from cgroup._checks.quoting import escape
 from cgroup.cli.show.terminal import paint, print_line, print_prose, print_text, terminal_width
 
@@ -90,3 +92,10 @@ def show_value(value: object, form: str = ".3g") -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return format(value, form) if isinstance(value, float) else str(value)
+
+
+def show_length(value: float | None, digits: int = 3) -> str:
+    """Return a length of a document with so many digits, and without an exponent."""
+    if value is None:
+        return UNKNOWN
+    return np.format_float_positional(value, precision=digits, unique=False, fractional=False, trim="-")
