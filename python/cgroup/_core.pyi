@@ -42,8 +42,8 @@ _Option: TypeAlias = tuple[str, bool, bool | float | str | None, tuple[bool | fl
 _Description: TypeAlias = tuple[list[str], list[str], dict[str, _Option]]  # fields, optional fields, options
 
 _CloudContent: TypeAlias = tuple[
-    FloatArray, FloatArray | None, IndexArray | None, NDArray[np.uint8] | None
-]  # points, normals, faces, colors
+    FloatArray, FloatArray | None, IndexArray | None, NDArray[np.uint8] | None, FloatArray | None
+]  # points, normals, faces, colors, viewpoint
 
 _Resistance: TypeAlias = tuple[FloatArray, FloatArray | None]  # information, open_motion
 _Overlap: TypeAlias = tuple[float, float, _Resistance]  # fitness, inlier_rmse

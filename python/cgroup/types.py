@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from cgroup import _core
 from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
-from cgroup._checks.arrays import as_faces, as_points, in_double, real_normals
+from cgroup._checks.arrays import as_colors, as_faces, as_points, in_double, real_normals
 from cgroup._checks.fields import OPTIONAL_FIELDS, Fields, check_fields
 from cgroup._checks.foreign import cloud_parts
 from cgroup._checks.hooks import call_hook
@@ -612,7 +612,12 @@ class PointCloud:
     colors : (N,3) array of uint8, optional
         Red, green, blue.
     dropped : int
-        Points of the file that were left out because a coordinate was NaN or infinite.
+        Points of the file that were left out because a coordinate was NaN or infinite, or because the scanner
+        saw nothing there.
+    viewpoint : (3,) array of float64, optional
+        Where the scanner stood, in the frame of the points, if the file says so. PCD and E57 can't say that
+        it was the origin: writers put that where they know no place. None for a file of scans from
+        several places.
 
     Examples
     --------
@@ -628,6 +633,7 @@ class PointCloud:
     faces: IndexArray | None = None
     colors: NDArray[np.uint8] | None = None
     dropped: int = 0
+    viewpoint: FloatArray | None = None
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -644,7 +650,7 @@ class PointCloud:
         Returns
         -------
         PointCloud
-            Moved points and turned normals; faces and colours as they were.
+            Moved points and viewpoint, turned normals; faces and colours as they were.
 
         Raises
         ------
@@ -662,7 +668,8 @@ class PointCloud:
         """
         matrix = check_rigid(transform)
         normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
-        return PointCloud(apply(matrix, self.points), normals, self.faces, self.colors, self.dropped)
+        place = None if self.viewpoint is None else apply(matrix, np.array([self.viewpoint]))[0]
+        return replace(self, points=apply(matrix, self.points), normals=normals, viewpoint=place)
 
 
 AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str] | _Foreign"
@@ -675,7 +682,7 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
     Raises
     ------
     InputError
-        If its parts aren't points, normals and triangles.
+        If its parts aren't points, normals and triangles; colours that can't be told are left out.
     """
     if isinstance(cloud, PointCloud):
         return cloud
@@ -684,7 +691,8 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
         return None
     normals = None if parts.normals is None else in_double(real_normals(f"{name}.normals", parts.normals))
     faces = None if parts.faces is None else as_faces(f"{name}.faces", parts.faces)
-    return PointCloud(as_points(name, parts.points), normals, faces)
+    points = as_points(name, parts.points)
+    return PointCloud(points, normals, faces, as_colors(parts.colors, len(points)), viewpoint=parts.viewpoint)
 
 
 def as_cloud(name: str, cloud: AnyCloud) -> PointCloud:

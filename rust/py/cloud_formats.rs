@@ -12,12 +12,13 @@ use crate::run::{RunOptions, run, run_inline};
 /// Bytes that are parsed within a millisecond.
 const SMALL: usize = 1 << 14;
 
-/// What Python gets of a cloud: points, normals, faces and colours, each (N,3).
+/// What Python gets of a cloud: points, normals, faces and colours, each (N,3); the viewpoint.
 type PyCloudContent<'py> = (
     Bound<'py, PyArray2<f64>>,
     Option<Bound<'py, PyArray2<f64>>>,
     Option<Bound<'py, PyArray2<i64>>>,
     Option<Bound<'py, PyArray2<u8>>>,
+    Option<Bound<'py, PyArray1<f64>>>,
 );
 
 /// Parses a file's content; `suffix` is the usual one of its format, without the dot.
@@ -35,6 +36,7 @@ pub fn parse_cloud<'py>(
         cloud.normals.map(|normals| triples(py, normals)).transpose()?,
         cloud.faces.map(|faces| triples(py, faces)).transpose()?,
         cloud.colors.map(|colors| triples(py, colors)).transpose()?,
+        cloud.viewpoint.map(|place| PyArray1::from_slice(py, &place)),
     ))
 }
 

@@ -197,6 +197,19 @@ def as_faces(name: str, value: ArrayLike) -> IndexArray:
     return _as_indices(name, array)
 
 
+def as_colors(value: object, count: int) -> NDArray[np.uint8] | None:
+    """Return red, green and blue of so many points in bytes, from bytes or shares of one; None if it is neither."""
+    try:
+        colors = np.asarray(as_host_array("colors", value))
+    except Exception:  # noqa: BLE001 - whatever the object's own conversion raises
+        return None
+    if colors.ndim != 2 or len(colors) != count or count == 0 or colors.shape[1] not in (3, 4):
+        return None
+    if colors.dtype.kind == "f" and ((colors >= 0) & (colors <= 1)).all():
+        colors = np.rint(255 * colors).astype(np.uint8)
+    return colors[:, :3] if colors.dtype == np.uint8 else None
+
+
 def as_mask(name: str, value: ArrayLike) -> BoolArray:
     """Return `value` as (n,) bool."""
     array = as_array(name, value)

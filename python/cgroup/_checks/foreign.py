@@ -30,6 +30,8 @@ class CloudParts(NamedTuple):
     points: Any
     normals: Any = None
     faces: Any = None
+    colors: Any = None
+    viewpoint: Any = None
 
 
 def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - whatever is passed
@@ -50,7 +52,7 @@ def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - w
             cloud = call_hook("cloud", value)
         except InputError as error:
             raise InputError(name, remedy=escape(str(error))) from error
-        return CloudParts(cloud.points, cloud.normals, cloud.faces)
+        return CloudParts(cloud.points, cloud.normals, cloud.faces, cloud.colors, cloud.viewpoint)
     for read in _READERS:
         try:
             parts = read(name, value)
@@ -134,7 +136,8 @@ def _read_tensor_cloud(_name: str, value: Any) -> CloudParts | None:  # noqa: AN
         points: Any = getattr(value, table, ())
         if not callable(points) and "positions" in points:
             corners: Any = getattr(value, triangles) if triangles else ()
-            return CloudParts(points["positions"], _entry(points, "normals"), _entry(corners, "indices"))
+            normals, colors = _entry(points, "normals"), _entry(points, "colors")
+            return CloudParts(points["positions"], normals, _entry(corners, "indices"), colors)
     return None
 
 
@@ -180,7 +183,8 @@ def _read_attributes(_name: str, value: Any) -> CloudParts | None:  # noqa: ANN4
     for where in ("xyz", "vertices", "points"):
         points = getattr(value, where, None)
         if points is not None and not callable(points):
-            return CloudParts(points, _stored_normals(value), _triangles(value))
+            colors = getattr(value, "colors", getattr(value, "vertex_colors", None))
+            return CloudParts(points, _stored_normals(value), _triangles(value), colors)
     return None
 
 

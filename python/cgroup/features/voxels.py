@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from cgroup import _core
 from cgroup._checks.arrays import real_normals, real_points
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_length
 from cgroup.errors import InputError
-from cgroup.features.cloud import core_cloud
+from cgroup.features.cloud import Cloud, core_cloud
+from cgroup.types import find_cloud
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from cgroup.features.cloud import CloudLike
     from cgroup.types import FloatArray, IndexArray
@@ -35,6 +38,8 @@ class Voxels:
         given.
     indices : (N,) array of int64
         Voxel of every point of the cloud.
+    colors : (M,3) array of uint8 or None
+        Mean of each voxel's colours, rounded to the nearest. None if the cloud has none.
 
     Examples
     --------
@@ -49,6 +54,7 @@ class Voxels:
     points: FloatArray
     normals: FloatArray | None
     indices: IndexArray
+    colors: NDArray[np.uint8] | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -68,12 +74,13 @@ def voxel_downsample(
 
     Parameters
     ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
+    points : PointCloud, Cloud, path or (N,3) array_like of float
+        Finite, in any unit; make a `Cloud` of them once for several steps. Normals and colours of a
+        `PointCloud`, of a file and of other libraries' clouds are averaged too.
     voxel : float
         Edge length of a cell, in the unit of the points.
     normals : (N,3) array_like of float, optional
-        Averaged along with the points; NaN rows are left out.
+        Averaged along with the points, in place of those that the cloud has; NaN rows are left out.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
 
@@ -96,10 +103,33 @@ def voxel_downsample(
     >>> voxels = features.voxel_downsample([[0, 0, 0], [0.2, 0, 0], [5, 0, 0]], 1.0)
     >>> voxels.points.round(3).tolist(), voxels.indices.tolist()
     ([[0.1, 0.0, 0.0], [5.0, 0.0, 0.0]], [0, 0, 1])
+
+    Of a scan, with its normals and colours:
+
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import read_cloud, write_cloud
+    >>> write_cloud("scan.ply", standin_pair(pixels=60).source)
+    >>> write_cloud("thin.ply", features.voxel_downsample("scan.ply", 5.0))
+    >>> len(read_cloud("thin.ply")) < len(read_cloud("scan.ply"))
+    True
     """
-    directions = None if normals is None else real_normals("normals", normals)
+    cloud = None if isinstance(points, Cloud) else find_cloud("points", points)
+    stored = cloud.normals if normals is None and cloud is not None else normals
+    directions = None if stored is None else real_normals("normals", stored)
     size = as_length("voxel", voxel)
-    return Voxels(*_core.voxel_downsample(core_cloud(points), directions, run_options(threads), size))
+    means, normal_means, indices = _core.voxel_downsample(
+        core_cloud(points if cloud is None else cloud), directions, run_options(threads), size
+    )
+    colors = None if cloud is None or cloud.colors is None else _mean_colors(cloud.colors, indices)
+    return Voxels(means, normal_means, indices, colors)
+
+
+def _mean_colors(colors: NDArray[np.uint8], voxels: IndexArray) -> NDArray[np.uint8]:
+    """Return the mean colour of each voxel."""
+    if len(colors) != len(voxels):
+        raise InputError("points.colors", f"{len(colors)} for {len(voxels)} points", "give one per point")
+    sums = [np.bincount(voxels, weights=band) for band in np.asarray(colors).T]
+    return np.rint(np.stack(sums, axis=1) / np.bincount(voxels)[:, None]).astype(np.uint8)
 
 
 @explain_wrong_calls

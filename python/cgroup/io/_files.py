@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 _CHUNK = 16 << 20  # bytes read at a time; a signal is heard in between
+_TRUSTED = 64 << 20  # bytes that any file may grow to
+_MOST_GROWTH = 100  # times that a file may grow beyond; numbers that were measured grow a few times
 _SHOWN = 160  # characters of a parser's reason that an error shows
 _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 
@@ -116,13 +118,21 @@ def check_outputs(paths: Iterable[Path]) -> None:
             raise InputError(message)
 
 
-def written_path(path: str | os.PathLike[str], suffix: str, what: str) -> Path:
-    """Return where to write; `InputError` unless it ends in the suffix of the only format for it."""
+def written_path(path: str | os.PathLike[str], what: str, *suffixes: str) -> Path:
+    """Return where to write; `InputError` unless it ends in the suffix of a format for it."""
     path = as_path("path", path)
-    if path.suffix.lower() != suffix:
-        message = f"{path}: {what} are written as {suffix[1:].upper()}; use a name that ends in {suffix}"
+    if path.suffix.lower() not in suffixes:
+        formats = " or ".join(suffix[1:].upper() for suffix in suffixes)
+        message = f"{path}: {what} are written as {formats}; use a name that ends in {' or '.join(suffixes)}"
         raise InputError(message)
     return path
+
+
+def check_growth(what: str, grown: int, packed: int, remedy: str = "") -> None:
+    """Refuse what would take much more memory than its file has bytes."""
+    if grown > max(_TRUSTED, _MOST_GROWTH * packed):
+        message = f"{what} would grow from {packed} to {grown} bytes{remedy}"
+        raise InputError(message)
 
 
 @contextmanager
@@ -181,6 +191,9 @@ def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
     content = read_content(path)
     try:
         return parse(content)
+    except ModuleNotFoundError as error:
+        message = f"{path}: reading it needs {error.name}; pip install 'cgroup[scans]'"
+        raise InputError(message) from error
     except MemoryError:
         raise
     except Exception as error:

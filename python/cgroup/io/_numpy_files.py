@@ -12,7 +12,7 @@ from numpy.lib import format as npy_format
 
 from cgroup._checks.arrays import as_array
 from cgroup.errors import InputError
-from cgroup.io._files import parse_file, printable, write_file
+from cgroup.io._files import check_growth, parse_file, printable, write_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 _KINDS = "biuf"  # numbers and truth values; others are texts, dates or pickled objects
 _CHUNK = 16 << 20  # bytes unpacked at a time
-_TRUSTED = 64 << 20  # an array of at most so many bytes may be packed as tightly as it will
-_MOST_GROWTH = 100  # times that larger ones grow; numbers that were measured grow a few times
 
 
 def write_array(path: Path, array: NDArray[Any], lines: Iterable[str]) -> None:
@@ -91,12 +89,8 @@ def _listed(names: Iterable[str]) -> str:
 
 def _unpack(archive: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo) -> NDArray[Any]:
     """Read one array."""
-    if entry.file_size > max(_TRUSTED, _MOST_GROWTH * entry.compress_size):
-        message = (
-            f"array {name!r} would grow from {entry.compress_size} to {entry.file_size} bytes; "
-            "write one that large without compression, by numpy.savez"
-        )
-        raise InputError(message)
+    remedy = "; write one that large without compression, by numpy.savez"
+    check_growth(f"array {name!r}", entry.file_size, entry.compress_size, remedy)
     with archive.open(entry) as file:
         return _read_array(file, entry.file_size)
 

@@ -1,62 +1,65 @@
 """Read and write point clouds, keypoints and descriptors.
 
-The core parses all formats of clouds but NumPy's own. A parser makes arrays of bytes; it may raise anything.
+The core parses all formats of clouds but glTF, E57 and NumPy's own. A parser makes arrays of bytes; it may raise anything.
 """
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.arrays import as_reals, as_rows
+from cgroup._checks.arrays import as_place, as_reals, as_rows
 from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_instance, as_path
+from cgroup._checks.values import as_choice, as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
+from cgroup.io._content import CloudContent
+from cgroup.io._e57 import parse_e57
 from cgroup.io._files import naming, parse_file, write_file, written_path
+from cgroup.io._gltf import parse_gltf
 from cgroup.io._numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
 from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
 
-    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, BoolArray, FloatArray
 
 _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
+Real: TypeAlias = Literal["float64", "float32"]
+REALS: tuple[Real, ...] = ("float64", "float32")
+
+_MOST_LOST = 1e-6
+"""Share of a cloud's size by which points may move where they are written in single precision."""
+
 _CLOUD_COLOR, _KEYPOINT_COLOR = (190, 190, 190), (213, 94, 0)
-
-
-class CloudContent(NamedTuple):
-    """What a file holds, before points that aren't finite are left out."""
-
-    points: FloatArray
-    normals: FloatArray | None = None
-    faces: IndexArray | None = None
-    colors: NDArray[np.uint8] | None = None
 
 
 def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     r"""Read a point cloud or mesh.
 
-    PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS; text (``.xyz``, ``.txt``, ``.csv``)
-    with x y z in its first three columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``; KITTI's
-    ``.bin`` (x y z reflectance in float32); NPY with an (N, 3) array, NPZ with one named ``points`` or
-    ``xyz`` or alone; LAS and LAZ of point formats 0 to 10.
+    PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS; glTF and GLB; LAS and LAZ of point
+    formats 0 to 10; scans in PTX and E57; text (``.xyz``, ``.txt``, ``.csv``) with x y z in its first three
+    columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``; KITTI's ``.bin`` (x y z reflectance in
+    float32); NPY with an (N, 3) array, NPZ with one named ``points`` or ``xyz`` or alone. `read_depth` reads
+    depth images.
 
     Points with a NaN or infinite coordinate, which range scanners write where they saw nothing, are left out
-    and counted in `PointCloud.dropped`. STL and OBJ repeat the corners of their triangles: points of exactly
-    equal coordinates are made one. Other formats are taken as they are, in the file's order. Polygons are cut
-    into triangles that share their first corner. Colours that are given as shares of one or by 16 bits become
-    bytes. What a file declares is checked against its length before memory is taken for it. Ctrl-C is heard.
+    and counted in `PointCloud.dropped`; so are those that E57 calls invalid, and PTX's points 0 0 0. All
+    scans of a PTX or E57 file come in the file's frame. STL and OBJ repeat the corners of their triangles:
+    points of exactly equal coordinates are made one. Other formats are taken as they are, in the file's
+    order. Polygons are cut into triangles that share their first corner. Colours that are given as shares of
+    one or by 16 bits become bytes. What a file declares is checked against its length before memory is taken
+    for it. Ctrl-C is heard.
 
     Parameters
     ----------
@@ -66,7 +69,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     Returns
     -------
     PointCloud
-        Points, and normals, faces and colours where the file has them.
+        Points, and normals, faces, colours and the scanner's place where the file has them.
 
     Raises
     ------
@@ -83,7 +86,9 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 1)
     """
     path = as_path("path", path)
-    reader = PARSERS.get(path.suffix.lower())
+    suffix = path.suffix.lower()
+    # The buffers of a glTF file may lie beside it.
+    reader = partial(parse_gltf, folder=path.parent) if suffix == ".gltf" else PARSERS.get(suffix)
     if reader is None:
         if path.is_dir():
             message = f"{path}: is a directory, not a file"
@@ -94,20 +99,26 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     return _finite_cloud(path, parse_file(path, reader))
 
 
-def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud) -> None:
-    """Write a point cloud as binary PLY, coordinates in double precision.
+def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud, *, dtype: Real = "float64") -> None:
+    """Write a point cloud as binary PLY or PCD.
 
     Parameters
     ----------
     path : path-like
-        Must end in ``.ply``.
+        Must end in ``.ply`` or ``.pcd``.
     cloud : PointCloud or (N,3) array_like of float
-        Or a cloud of another library. Normals, faces and colours are written where there are any.
+        Or a cloud of another library. Normals and colours are written where there are any; faces in PLY, and
+        the viewpoint in PCD, as the other format has none.
+    dtype : {"float64", "float32"}
+        Of coordinates and normals. Double precision keeps them to the last bit; PCL's point types and many
+        viewers want single precision. That is refused where points would move by more than a millionth of
+        the cloud's size: far from the origin, as in UTM, it hasn't enough digits.
 
     Raises
     ------
     InputError
-        If the suffix is another one, `cloud` is no cloud, or the file can't be written.
+        If the suffix is another one, `cloud` is no cloud, single precision would lose digits, or the file
+        can't be written.
 
     Examples
     --------
@@ -116,23 +127,55 @@ def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud) -> None:
     >>> read_cloud("scan.ply").points.tolist()
     [[0.0, 0.0, 0.0], [0.0, 0.1, 1000000.0]]
     """
-    path = written_path(path, ".ply", "point clouds")
+    path = written_path(path, "point clouds", ".ply", ".pcd")
+    as_choice("dtype", dtype, REALS)
     cloud = as_cloud("cloud", cloud)
-    columns: list[tuple[str, str, str, NDArray[Any]]] = [
-        (name, kind, word, values[:, i])
-        for names, kind, word, values in (
-            (("x", "y", "z"), "<f8", "double", cloud.points),
-            (("nx", "ny", "nz"), "<f4", "float", cloud.normals),
-            (("red", "green", "blue"), "u1", "uchar", cloud.colors),
+    if dtype == "float32":
+        _check_digits(cloud.points)
+    encode = _ply_bytes if path.suffix.lower() == ".ply" else _pcd_bytes
+    write_file(path, encode(cloud, dtype))
+
+
+def _check_digits(points: FloatArray) -> None:
+    """Refuse points that single precision would move."""
+    finite = points[np.isfinite(points).all(axis=1)]
+    if len(finite) == 0:
+        return
+    with np.errstate(over="ignore"):
+        lost = float(np.abs(finite - finite.astype(np.float32)).max())
+        size = float(np.linalg.norm(np.ptp(finite, axis=0)))
+    if lost > _MOST_LOST * size:
+        raise InputError(
+            "dtype",
+            f"float32, which moves points by up to {lost:.3g} in a cloud that is {size:.3g} across",
+            "write float64, or move the cloud to the origin first",
         )
-        if values is not None
-        for i, name in enumerate(names)
-    ]
-    vertices = np.empty(len(cloud), dtype=[(name, kind) for name, kind, _, _ in columns])
-    for name, _, _, values in columns:
-        vertices[name] = values
+
+
+def _records(columns: list[tuple[str, str, NDArray[Any]]], count: int) -> bytes:
+    """Return the bytes of all points: of each, the numbers of all columns."""
+    records = np.empty(count, dtype=[(name, kind) for name, kind, _ in columns])
+    for name, _, values in columns:
+        if len(values) != count:
+            raise InputError(
+                "cloud", f"{len(values)} values of {name} for {count} points", "give one per point"
+            )
+        records[name] = values
+    return records.tobytes()
+
+
+def _axes(names: Sequence[str], kind: str, rows: NDArray[Any] | None) -> list[tuple[str, str, NDArray[Any]]]:
+    return [] if rows is None else [(name, kind, rows[:, i]) for i, name in enumerate(names)]
+
+
+def _ply_bytes(cloud: PointCloud, dtype: Real) -> bytes:
+    real = np.dtype(dtype).newbyteorder("<").str
+    words = {"<f8": "double", "<f4": "float", "u1": "uchar"}
+    columns = _axes(("x", "y", "z"), real, cloud.points)
+    columns += _axes(("nx", "ny", "nz"), real, cloud.normals)
+    columns += _axes(("red", "green", "blue"), "u1", cloud.colors)
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(cloud)}"]
-    header += [f"property {word} {name}" for name, _, word, _ in columns]
+    header += [f"property {words[kind]} {name}" for name, kind, _ in columns]
     triangles = b""
     if cloud.faces is not None:
         faces = np.empty(len(cloud.faces), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
@@ -140,7 +183,32 @@ def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud) -> None:
         header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
         triangles = faces.tobytes()
     text = "\n".join([*header, "end_header", ""])
-    write_file(path, text.encode() + vertices.tobytes() + triangles)
+    return text.encode() + _records(columns, len(cloud)) + triangles
+
+
+def _pcd_bytes(cloud: PointCloud, dtype: Real) -> bytes:
+    real = np.dtype(dtype).newbyteorder("<").str
+    columns = _axes(("x", "y", "z"), real, cloud.points)
+    columns += _axes(("normal_x", "normal_y", "normal_z"), real, cloud.normals)
+    if cloud.colors is not None:
+        # PCL packs colours into the bits of a float.
+        red, green, blue = np.asarray(cloud.colors).astype("<u4").T
+        columns.append(("rgb", "<f4", (red << 16 | green << 8 | blue).view("<f4")))
+    place = (0.0, 0.0, 0.0) if cloud.viewpoint is None else as_place("cloud.viewpoint", cloud.viewpoint)
+    header = (
+        "# .PCD v0.7 - Point Cloud Data file format",
+        "VERSION 0.7",
+        f"FIELDS {' '.join(name for name, _, _ in columns)}",
+        f"SIZE {' '.join(kind[-1] for _, kind, _ in columns)}",
+        f"TYPE {' '.join('F' for _ in columns)}",
+        f"COUNT {' '.join('1' for _ in columns)}",
+        f"WIDTH {len(cloud)}",
+        "HEIGHT 1",
+        f"VIEWPOINT {' '.join(repr(x) for x in place)} 1 0 0 0",
+        f"POINTS {len(cloud)}",
+        "DATA binary\n",
+    )
+    return "\n".join(header).encode() + _records(columns, len(cloud))
 
 
 def write_keypoints(path: str | os.PathLike[str], cloud: AnyCloud, indices: ArrayLike) -> None:
@@ -149,7 +217,8 @@ def write_keypoints(path: str | os.PathLike[str], cloud: AnyCloud, indices: Arra
     Parameters
     ----------
     path : path-like
-        ``.npz`` with arrays ``indices`` and ``points``, or ``.ply``: grey, with keypoints in vermilion.
+        ``.npz`` with arrays ``indices`` and ``points``, or ``.ply`` or ``.pcd``: grey, with keypoints in
+        vermilion.
     cloud : PointCloud or (N,3) array_like of float
         The whole cloud.
     indices : (m,) array_like of int
@@ -177,7 +246,7 @@ def write_keypoints(path: str | os.PathLike[str], cloud: AnyCloud, indices: Arra
         return
     colors = np.full((len(cloud), 3), _CLOUD_COLOR, dtype=np.uint8)
     colors[rows] = _KEYPOINT_COLOR
-    write_cloud(path, PointCloud(cloud.points, cloud.normals, cloud.faces, colors))
+    write_cloud(path, replace(cloud, colors=colors))
 
 
 def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -> None:
@@ -202,7 +271,7 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     >>> from cgroup.registration import describe
     >>> write_descriptors("scan.npz", describe(standin_pair(pixels=60).source))
     """
-    path = written_path(path, ".npz", "descriptors")
+    path = written_path(path, "descriptors", ".npz")
     as_instance("described", described, DescribedCloud)
     write_file(path, npz_bytes(**{name: getattr(described, name) for name in _DESCRIBED_FIELDS}))
 
@@ -256,7 +325,7 @@ def _table(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> Any
 
 def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:
     """Leave out points that aren't finite, and the triangles that touch them."""
-    points, normals, faces, colors = content
+    points, normals, faces, colors, viewpoint = content
     if len(points) == 0:
         message = f"{path}: holds no points"
         raise InputError(message)
@@ -265,13 +334,15 @@ def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:
     if dropped == len(points):
         message = f"{path}: none of its {dropped} points is finite"
         raise InputError(message)
+    if viewpoint is not None and not np.isfinite(viewpoint).all():
+        viewpoint = None
     if dropped == 0:
-        return PointCloud(points, normals, faces, colors)
+        return PointCloud(points, normals, faces, colors, viewpoint=viewpoint)
     if faces is not None:
         faces = (np.cumsum(keep) - 1)[faces[keep[faces].all(axis=1)]]
     normals = None if normals is None else normals[keep]
     colors = None if colors is None else colors[keep]
-    return PointCloud(points[keep], normals, faces, colors, dropped)
+    return PointCloud(points[keep], normals, faces, colors, dropped, viewpoint)
 
 
 def _parse_in_core(suffix: str, content: bytes) -> CloudContent:
@@ -293,10 +364,13 @@ def _points(array: NDArray[Any]) -> FloatArray:
     return np.asarray(array, dtype=np.float64)
 
 
-_IN_CORE = ("bin", "csv", "las", "obj", "off", "pcd", "ply", "pts", "stl", "txt", "xyz")
+_IN_CORE = ("bin", "csv", "las", "obj", "off", "pcd", "ply", "pts", "ptx", "stl", "txt", "xyz")
 
 PARSERS: dict[str, Callable[[bytes], CloudContent]] = {
     **{f".{name}": partial(_parse_in_core, name) for name in _IN_CORE},
+    ".e57": parse_e57,
+    ".glb": parse_gltf,
+    ".gltf": parse_gltf,
     ".laz": partial(_parse_in_core, "las"),
     ".npy": _parse_npy,
     ".npz": _parse_npz,

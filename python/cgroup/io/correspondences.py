@@ -116,7 +116,7 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
     >>> read_correspondences("matches.npz").resolution
     0.1
     """
-    path = written_path(path, ".npz", "correspondences")
+    path = written_path(path, "correspondences", ".npz")
     as_instance("correspondences", correspondences, Correspondences)
     values = {name: getattr(correspondences, name) for name in ("source", "target", *OPTIONAL_FIELDS)}
     write_file(path, npz_bytes(**{name: value for name, value in values.items() if value is not None}))

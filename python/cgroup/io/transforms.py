@@ -168,7 +168,7 @@ def _find_poses(name: str, numbers: NDArray[Any]) -> FloatArray:
     table = values.reshape(1, -1) if values.ndim < 2 or values.shape[1:] == (1,) else values
     rows, columns = table.shape[-2:]
     if table.ndim == 2 and rows and columns in (7, 8):
-        poses = _from_quaternions(name, table[:, -7:])
+        poses = from_quaternions(name, table[:, -7:])
     elif table.ndim == 2 and rows and columns in (12, 16):
         poses = _with_last_row(table.reshape(rows, -1, 4))
         turned = _with_last_row(table.reshape(rows, 4, -1).transpose(0, 2, 1))
@@ -195,7 +195,8 @@ def _with_last_row(poses: FloatArray) -> FloatArray:
     return np.concatenate([poses, last], axis=1)
 
 
-def _from_quaternions(name: str, rows: FloatArray) -> FloatArray:
+def from_quaternions(name: str, rows: FloatArray) -> FloatArray:
+    """Return the poses (m,4,4) of rows tx ty tz qx qy qz qw."""
     with np.errstate(over="ignore"):
         lengths = np.linalg.norm(rows[:, 3:], axis=1)
         firsts = np.linalg.norm(rows[:, :4], axis=1)

@@ -373,7 +373,8 @@ def prepare(
         `cgroup.features.choose_voxel`). Clouds to be registered need the same.
     viewpoint : (3,) array_like of float, optional
         Where the scanner stood, in the cloud's frame, if the cloud is one single scan: what lies before
-        the scanned surface then speaks against a pose.
+        the scanned surface then speaks against a pose. By default `PointCloud.viewpoint`, unless `normals`
+        are those of a whole model.
     view_direction : (3,) array_like of float, optional
         Where the scanner looked, where its place is not known or its rays are parallel.
     normals : {"pca", "mesh", "given"}
@@ -416,7 +417,9 @@ def prepare(
         both = "viewpoint, normals"
         raise InputError(both, f"both, but {normals!r} normals are those of whole models", "give one")
     if normals == "pca":
-        scan = _complete(as_scan("cloud", cloud), viewpoint)
+        scan = as_scan("cloud", cloud)
+        viewpoint = scan.stored_viewpoint if viewpoint is None else viewpoint
+        scan = _complete(scan, viewpoint)
     else:
         scan = as_model("cloud", cloud, normals, voxel)
     radii = DenseFront() if front is None else as_instance("front", front, DenseFront)
@@ -452,10 +455,15 @@ def as_given(
     name: str,
     cloud: PreparedScan | Scan | Cloud | AnyCloud,
     viewpoint: ArrayLike | None = None,
+    *,
+    or_stored: bool = False,
 ) -> Given:
-    """Check a scan that may be ready."""
-    scan = cloud if isinstance(cloud, PreparedScan) else _complete(as_scan(name, cloud), viewpoint)
-    return Given(name, scan, viewpoint)
+    """Check a scan that may be ready; where no viewpoint is given, that of its file may be taken."""
+    if isinstance(cloud, PreparedScan):
+        return Given(name, cloud, viewpoint)
+    scan = as_scan(name, cloud)
+    place = scan.stored_viewpoint if viewpoint is None and or_stored else viewpoint
+    return Given(name, _complete(scan, place), place)
 
 
 def _complete(scan: Scan, viewpoint: ArrayLike | None) -> Scan:

@@ -78,7 +78,7 @@ def register(
     viewpoint : (3,) array_like of float, optional
         Where the scanner stood, in the frame of each cloud, if each is one single scan. What lies before its
         surface then speaks against a pose; at low overlap nothing helps more. Not for clouds fused from
-        several.
+        several. By default what the file of each says, `PointCloud.viewpoint`.
     source_viewpoint, target_viewpoint : (3,) array_like of float, optional
         The same of one of them, where they differ.
     view_direction : (3,) array_like of float, optional
@@ -176,7 +176,8 @@ def assess(
     voxel : float, optional
         Edge length of the voxels, as for `register`.
     viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the frame of each cloud, if each is one single scan.
+        Where the scanner stood, in the frame of each cloud, if each is one single scan; by default what the
+        file of each says, `PointCloud.viewpoint`.
     source_viewpoint, target_viewpoint : (3,) array_like of float, optional
         The same of one of them, where they differ.
     view_direction : (3,) array_like of float, optional
@@ -280,7 +281,7 @@ def register_many(
     viewpoint : (3,) array_like of float, optional
         Where the scanner stood, in the frame of each scan, if each is one single scan.
     viewpoints : sequence of (3,) array_like of float or None, optional
-        The same where they differ, one per scan; None for a cloud that is not one single scan.
+        The same where they differ, one per scan; None for what its file says, if it does.
     view_direction : (3,) array_like of float, optional
         Where the scanner looked, in the frame of each scan, where its place is not known or its rays are
         parallel.
@@ -334,7 +335,7 @@ def register_many(
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     begin, proposer = as_stage_function(progress), check_method(method, options, register_many)
     rows = range(len(given))
-    clouds = [as_given(f"scans[{row}]", given[row], places[row]) for row in rows]
+    clouds = [as_given(f"scans[{row}]", given[row], places[row], or_stored=True) for row in rows]
     shared = agree(clouds, voxel, front, threads)._replace(threads=1)
 
     def make_ready(row: int, stop_with_the_others: Callable[[], None]) -> PreparedScan:
@@ -364,7 +365,7 @@ def _prepare_both(
     """Make source and target ready for a search."""
     search.clock.start("voxel size")
     given = [
-        as_given(name, cloud, place)
+        as_given(name, cloud, place, or_stored=True)
         for name, cloud, place in zip(("source", "target"), clouds, viewpoints, strict=True)
     ]
     shared = agree(given, voxel, front, search.threads)

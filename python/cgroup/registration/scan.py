@@ -117,6 +117,8 @@ class Scan:
     rounding : float
         Spacing of the numbers of single precision at the points that are far from the origin, where the
         coordinates are such numbers and lie nearly as far apart as the points; else 0.
+    stored_viewpoint : (3,) list of float or None
+        Where the scanner stood, if the file says so and it can be meant.
     """
 
     cloud: Cloud
@@ -125,6 +127,7 @@ class Scan:
     name: str
     strays: int = 0
     rounding: float = 0.0
+    stored_viewpoint: list[float] | None = None
 
     def has(self, normals: Normals) -> bool:
         """Whether the cloud has what such normals need."""
@@ -163,8 +166,7 @@ class Scan:
             return x, y, z
         name = viewpoint_name(self.name)
         x, y, z = as_place(name, place)
-        with np.errstate(over="ignore"):  # to infinity, which is too far
-            away = float(np.linalg.norm(np.array([x, y, z]) - self.cloud.points[0]))
+        away = self.distance([x, y, z])
         if away > MAX_RANGE * self.cloud.diagonal:
             raise InputError(
                 name,
@@ -173,6 +175,11 @@ class Scan:
                 "give the scanner's place in the cloud's frame and unit",
             )
         return x, y, z
+
+    def distance(self, place: list[float]) -> float:
+        """Return how far from the cloud a place is."""
+        with np.errstate(over="ignore"):  # to infinity, which is too far
+            return float(np.linalg.norm(np.array(place) - self.cloud.points[0]))
 
 
 def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
@@ -217,7 +224,13 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
     ready = cloud if isinstance(cloud, Cloud) else Cloud(points, name=name)
     if ready.diagonal == 0:
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
-    return Scan(ready, normals, faces, name, rounding=_find_rounding(ready))
+    scan = Scan(ready, normals, faces, name, rounding=_find_rounding(ready))
+    if not isinstance(cloud, PointCloud) or cloud.viewpoint is None:
+        return scan
+    place = as_place(f"{name}.viewpoint", cloud.viewpoint)
+    return (
+        replace(scan, stored_viewpoint=place) if scan.distance(place) <= MAX_RANGE * ready.diagonal else scan
+    )
 
 
 def _find_rounding(cloud: Cloud) -> float:

@@ -16,6 +16,8 @@ pub struct CloudContent {
     pub faces: Option<Vec<[i64; 3]>>,
     /// Red, green, blue of each point.
     pub colors: Option<Vec<[u8; 3]>>,
+    /// Where the scanner stood, in the frame of the points.
+    pub viewpoint: Option<[f64; 3]>,
 }
 
 /// Places in a [`Row`].

@@ -126,6 +126,15 @@ impl<'a> Line<'a> {
         self.text.iter().all(|byte| self.separators[usize::from(*byte)])
     }
 
+    /// Number of words that are left on the line.
+    pub fn count_words(&self) -> Result<usize> {
+        let (mut line, mut words) = (self.clone(), 0);
+        while line.next_word()?.is_some() {
+            words += 1;
+        }
+        Ok(words)
+    }
+
     /// The next word.
     pub fn next_word(&mut self) -> Result<Option<&'a [u8]>> {
         let is_separator = |byte: &u8| self.separators[usize::from(*byte)];

@@ -14,6 +14,7 @@
 //! | text: columns of numbers, with a line of names or without | [`text::parse`] |
 //! | PTS: as text, behind a count | [`pts::parse`] |
 //! | LAS 1.0 to 1.5, also compressed as LAZ | [`las::parse`] |
+//! | PTX: grids of scanners, with their poses | [`ptx::parse`] |
 //! | KITTI's scans: x y z reflectance in float32 | [`kitti::parse`] |
 
 mod cloud_content;
@@ -28,6 +29,7 @@ pub mod off;
 pub mod pcd;
 pub mod ply;
 pub mod pts;
+pub mod ptx;
 mod repeats;
 mod scalar;
 pub mod stl;
@@ -52,6 +54,7 @@ pub const PARSERS: [(&str, Parser); 11] = [
     ("pcd", pcd::parse),
     ("ply", ply::parse),
     ("pts", pts::parse),
+    ("ptx", ptx::parse),
     ("stl", stl::parse),
     ("txt", text::parse),
     ("xyz", text::parse),

@@ -24,7 +24,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
         return Points::with_capacity(0, false, None)?.finish(None);
     };
     // Without colours, with a colour, or with an intensity before it.
-    let columns = count_words(first.clone())?;
+    let columns = first.count_words()?;
     let skipped = match columns {
         3 | 4 => None,
         6 => Some(0),
@@ -52,16 +52,8 @@ fn only_count(mut line: Line) -> Result<Option<usize>> {
     Ok(declared.filter(|_| line.is_blank()))
 }
 
-fn count_words(mut line: Line) -> Result<usize> {
-    let mut words = 0;
-    while line.next_word()?.is_some() {
-        words += 1;
-    }
-    Ok(words)
-}
-
 fn read_row(mut line: Line, columns: usize, skipped: Option<usize>) -> Result<Row> {
-    check_columns(&line, count_words(line.clone())?, &mut Some(columns))?;
+    check_columns(&line, line.count_words()?, &mut Some(columns))?;
     let mut row: Row = [0.0; 9];
     for place in POSITION {
         row[place] = line.next_number()?;

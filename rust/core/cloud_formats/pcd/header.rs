@@ -1,6 +1,6 @@
 //! The header of a PCD file.
 
-use crate::cloud_formats::lines::{BLANKS, Line, Lines, count, shown};
+use crate::cloud_formats::lines::{BLANKS, Line, Lines, count, number, shown};
 use crate::cloud_formats::scalar::Scalar;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
@@ -15,6 +15,8 @@ pub(super) struct Header<'a> {
     pub row_words: usize,
     /// Bytes of a point.
     pub row_bytes: usize,
+    /// Where the scanner stood.
+    pub viewpoint: Option<[f64; 3]>,
 }
 
 /// How the points are written.
@@ -42,6 +44,7 @@ struct Entries<'a> {
     width: Option<usize>,
     height: Option<usize>,
     points: Option<usize>,
+    viewpoint: Option<[f64; 3]>,
 }
 
 /// The header, and the lines behind it.
@@ -58,6 +61,7 @@ pub(super) fn read<'a>(content: &'a [u8], execution: &'a Execution) -> Result<(H
             b"WIDTH" => entries.width = Some(line.next_count()?),
             b"HEIGHT" => entries.height = Some(line.next_count()?),
             b"POINTS" => entries.points = Some(line.next_count()?),
+            b"VIEWPOINT" => entries.viewpoint = place(&words(&mut line)?),
             b"DATA" => {
                 let body = read_body(&mut line)?;
                 return Ok((entries.finish(body)?, lines));
@@ -76,6 +80,15 @@ fn read_body(line: &mut Line) -> Result<Body> {
         b"binary_compressed" => Ok(Body::Compressed),
         _ => Err(line.refuse(shown(word), "data are ascii, binary or binary_compressed")),
     }
+}
+
+/// The place in a viewpoint, `tx ty tz qw qx qy qz`. Where a writer knows none, it is the origin.
+fn place(words: &[&[u8]]) -> Option<[f64; 3]> {
+    let mut place = [0.0; 3];
+    for (coordinate, word) in place.iter_mut().zip(words.get(..3)?) {
+        *coordinate = number(word).filter(|number| number.is_finite())?;
+    }
+    (words.len() == 7 && place != [0.0; 3]).then_some(place)
 }
 
 fn words<'a>(line: &mut Line<'a>) -> Result<Vec<&'a [u8]>> {
@@ -106,7 +119,7 @@ impl<'a> Entries<'a> {
                 "the header is damaged",
             ));
         };
-        Ok(Header { body, fields, points, row_words, row_bytes })
+        Ok(Header { body, fields, points, row_words, row_bytes, viewpoint: self.viewpoint })
     }
 
     /// What the lines say of a field. The first version had neither sizes nor types, nor do all files have counts.

@@ -1,7 +1,8 @@
 //! PCD, the format of the Point Cloud Library, versions 0.5 to 0.7.
 //!
 //! Points are the fields x y z; `normal_x` and so on, and the colour packed in rgb or rgba, are taken where they are.
-//! All else, the viewpoint among it, is skipped.
+//! Of the viewpoint the place is taken, in the frame of the points, as PCL's normals take it; its rotation, which PCL
+//! applies where it draws a cloud, is not. All else is skipped.
 
 mod header;
 
@@ -35,7 +36,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
             read_binary(&header, &wanted, &plain, at, execution)?
         }
     };
-    points.finish(None)
+    Ok(CloudContent { viewpoint: header.viewpoint, ..points.finish(None)? })
 }
 
 /// A field that is taken.

@@ -50,6 +50,23 @@ fn fields_are_found_by_name() -> Result<()> {
 }
 
 #[test]
+fn viewpoints_are_places() -> Result<()> {
+    for (line, place) in [
+        ("VIEWPOINT 1 -2.5 3e2 0 1 0 0", Some([1.0, -2.5, 300.0])),
+        ("VIEWPOINT 0 0 0 0 1 0 0", None),
+        ("VIEWPOINT 1 2 3", None),
+        ("VIEWPOINT 1 2 nan 1 0 0 0", None),
+        ("VIEWPOINT", None),
+        ("# VIEWPOINT 1 2 3 1 0 0 0", None),
+    ] {
+        let content = format!("FIELDS x y z\nWIDTH 1\n{line}\nDATA ascii\n7 8 9\n");
+        let cloud = read(content.as_bytes())?;
+        assert_eq!((cloud.viewpoint, cloud.points), (place, vec![[7.0, 8.0, 9.0]]), "{line}");
+    }
+    Ok(())
+}
+
+#[test]
 fn what_is_wrong_is_said() {
     let header = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\n";
     refused(b"", "no line DATA");

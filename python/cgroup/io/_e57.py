@@ -1,0 +1,292 @@
+"""E57 (ASTM E2807): pages with checksums, a description in XML, and points as streams of bits in packets."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, NamedTuple
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from cgroup.errors import InputError
+from cgroup.io._content import CloudContent, join
+from cgroup.io._files import check_growth
+from cgroup.io.transforms import from_quaternions
+from cgroup.rigid import apply
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+    from numpy.typing import NDArray
+
+    from cgroup.types import FloatArray
+
+_PAGE, _USED = 1024, 1020  # bytes of a page, and of these before its checksum
+_PAGES = 4096  # whose checksums are computed at a time
+_RECORDS = 1 << 20  # unpacked at a time
+_LONGEST_XML = 16 << 20
+_DATA_PACKET = 1
+
+_CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
+_SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
+_NORMAL = ("normalX", "normalY", "normalZ")  # of the extension for surface normals
+_COLOR = ("colorRed", "colorGreen", "colorBlue")
+
+
+class _Field(NamedTuple):
+    """A number of every record."""
+
+    entry: Element
+    kind: str
+    bits: int
+    least: int
+
+    def unpack(self, stream: bytes, count: int) -> FloatArray:
+        """Return the numbers of all records."""
+        if 8 * len(stream) < count * self.bits:
+            message = f"{_name(self.entry)}: {len(stream)} bytes for {count} points of {self.bits} bits"
+            raise InputError(message)
+        if self.kind == "Float":
+            return np.frombuffer(stream, f"<f{self.bits // 8}", count).astype(np.float64)
+        plain = np.frombuffer(stream + bytes(9), np.uint8)
+        values = np.empty(count)
+        for first in range(0, count, _RECORDS):
+            part = slice(first, min(first + _RECORDS, count))
+            values[part] = _integers(plain, part, self.bits, self.least)
+        if self.kind == "ScaledInteger":
+            values = values * float(self.entry.get("scale", 1)) + float(self.entry.get("offset", 0))
+        return values
+
+
+def parse_e57(content: bytes) -> CloudContent:
+    """Return the points of all scans in the frame of the file."""
+    with np.errstate(all="ignore"):  # numbers of files may be any
+        data = _checked_pages(content)
+        scans = [_Scan(data, entry) for entry in _children(_description(data, content), "data3D")]
+        check_growth("its points", 24 * sum(scan.count for scan in scans), len(content))
+        if sum(scan.length for scan in scans) > len(data):
+            message = "its scans overlap in the file"
+            raise InputError(message)
+        return join([scan.read() for scan in scans])
+
+
+def _checked_pages(content: bytes) -> bytes:
+    """Return what the pages hold, where the checksum of each is right."""
+    if content[:8] != b"ASTM-E57":
+        message = "doesn't begin with ASTM-E57"
+        raise InputError(message)
+    major, _, length, page = struct.unpack_from("<IIQ16xQ", content, 8)
+    if (major, page) != (1, _PAGE):
+        message = f"version {major} with pages of {page} bytes; version 1 with pages of {_PAGE} is read"
+        raise InputError(message)
+    if length > len(content) or length % _PAGE:
+        message = f"{len(content)} of {length} bytes"
+        raise InputError(message)
+    pages = np.frombuffer(content, np.uint8, length).reshape(-1, _PAGE)
+    for first in range(0, len(pages), _PAGES):
+        block = pages[first : first + _PAGES]
+        wrong = np.flatnonzero(_checksums(block[:, :_USED]) != block[:, _USED:].copy().view(">u4")[:, 0])
+        if len(wrong):
+            message = f"page {first + wrong[0]} doesn't fit its checksum: damaged, copy the file anew"
+            raise InputError(message)
+    return pages[:, :_USED].tobytes()
+
+
+def _checksums(pages: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """CRC-32C of each row."""
+    sums = np.full(len(pages), 0xFFFFFFFF, np.uint32)
+    for column in np.ascontiguousarray(pages.T):
+        sums = _CRC[(sums ^ column) & 255] ^ (sums >> 8)
+    return ~sums
+
+
+def _crc_table() -> NDArray[np.uint32]:
+    table = np.arange(256, dtype=np.uint32)
+    for _ in range(8):
+        table = np.where(table & 1, (table >> 1) ^ np.uint32(0x82F63B78), table >> 1)
+    return table
+
+
+_CRC = _crc_table()
+
+
+def _logical(address: int) -> int:
+    """Return where in the pages' content a byte of the file stands."""
+    return address // _PAGE * _USED + min(address % _PAGE, _USED)
+
+
+def _description(data: bytes, content: bytes) -> Element:
+    """Return the root of the XML."""
+    address, length = struct.unpack_from("<QQ", content, 24)
+    start = _logical(address)
+    text = data[start : start + length]
+    if len(text) < length or length > _LONGEST_XML:
+        message = f"a description of {length} bytes"
+        raise InputError(message)
+    if b"<!DOCTYPE" in text:  # what entities stand for could be of any size
+        message = "its description has a document type, which E57 has not"
+        raise InputError(message)
+    return ET.fromstring(text.decode())  # noqa: S314 - of bounded size, and without entities
+
+
+def _name(entry: Element) -> str:
+    return entry.tag.rpartition("}")[2]
+
+
+def _child(entry: Element | None, name: str) -> Element | None:
+    return next((child for child in (() if entry is None else entry) if _name(child) == name), None)
+
+
+def _children(entry: Element, name: str) -> list[Element]:
+    child = _child(entry, name)
+    return [] if child is None else list(child)
+
+
+def _number(entry: Element | None, name: str) -> float:
+    """Return the number of a child; an empty one is 0."""
+    child = _child(entry, name)
+    return float((child.text if child is not None else None) or 0)
+
+
+class _Scan:
+    """One scan of a file."""
+
+    def __init__(self, data: bytes, entry: Element) -> None:
+        points = _child(entry, "points")
+        if points is None:
+            message = "a scan without points"
+            raise InputError(message)
+        self._data, self._entry = data, entry
+        self._fields = [_field(leaf) for leaf in _children(points, "prototype")]
+        self.count = int(points.get("recordCount", ""))
+        self._start = _logical(int(points.get("fileOffset", "")))
+        if self.count < 0 or self._start < 0:
+            message = f"{self.count} points from byte {self._start} on"
+            raise InputError(message)
+        kind, self.length, first = struct.unpack_from("<B7xQQ", data, self._start)
+        self._packets = _logical(first)
+        if kind != 1 or self._start + self.length > len(data):
+            message = f"points of {self.length} bytes from byte {self._start} on"
+            raise InputError(message)
+
+    def read(self) -> CloudContent:
+        """Return the points that are valid, and NaN for the others."""
+        columns = self._columns()
+        points, names = _stack(columns, _CARTESIAN), "cartesian"
+        if points is None:
+            polar, names = _stack(columns, _SPHERICAL), "spherical"
+            if polar is None:
+                message = f"a scan of {', '.join(_name(field.entry) for field in self._fields)}; no points"
+                raise InputError(message)
+            distance, azimuth, elevation = polar.T
+            across = distance * np.cos(elevation)
+            directions = (across * np.cos(azimuth), across * np.sin(azimuth), distance * np.sin(elevation))
+            points = np.stack(directions, axis=1)
+        invalid = columns.get(f"{names}InvalidState")
+        if invalid is not None:
+            points[invalid != 0] = np.nan
+        normals, place = _stack(columns, _NORMAL), None
+        pose = _child(self._entry, "pose")
+        if pose is not None:
+            matrix = _pose(pose)
+            points = apply(matrix, points)
+            normals = None if normals is None else normals @ matrix[:3, :3].T
+            # Where a writer knows no place, it is the origin.
+            place = matrix[:3, 3] if matrix[:3, 3].any() else None
+        return CloudContent(points, normals, None, self._colors(columns), place)
+
+    def _columns(self) -> dict[str, FloatArray]:
+        """Return the numbers of the fields that are taken, by name."""
+        taken = {
+            *_CARTESIAN,
+            *_SPHERICAL,
+            *_NORMAL,
+            *_COLOR,
+            "cartesianInvalidState",
+            "sphericalInvalidState",
+        }
+        rows = {row: _name(field.entry) for row, field in enumerate(self._fields)}
+        streams = {row: bytearray() for row, name in rows.items() if name in taken}
+        place, end = self._packets, self._start + self.length
+        while place < end:
+            kind, last = struct.unpack_from("<BxH", self._data, place)
+            packet = memoryview(self._data)[place : min(place + last + 1, end)]
+            if len(packet) <= last or len(packet) % 4:
+                message = f"a packet of {last + 1} bytes"
+                raise InputError(message)
+            place += len(packet)
+            if kind == _DATA_PACKET:
+                _add(streams, packet, len(self._fields))
+        return {
+            rows[row]: self._fields[row].unpack(bytes(stream), self.count) for row, stream in streams.items()
+        }
+
+    def _colors(self, columns: dict[str, FloatArray]) -> NDArray[np.uint8] | None:
+        """Return colours in bytes, by the limits that the scan or the fields declare."""
+        colors = _stack(columns, _COLOR)
+        if colors is None:
+            return None
+        limits = _child(self._entry, "colorLimits")
+        ranges: list[tuple[float, float]] = []
+        for name in _COLOR:
+            field = next(field for field in self._fields if _name(field.entry) == name)
+            if limits is not None:
+                ranges.append((_number(limits, f"{name}Minimum"), _number(limits, f"{name}Maximum")))
+            else:
+                low, high = (float(field.entry.get(word, default)) for word, default in _BYTES)
+                ranges.append((low, high))
+        low, high = np.array(ranges).T
+        shares = (colors - low) / np.where(high > low, high - low, 1)
+        return np.rint(255 * np.clip(np.nan_to_num(shares), 0, 1)).astype(np.uint8)
+
+
+_BYTES = (("minimum", "0"), ("maximum", "255"))
+
+
+def _field(entry: Element) -> _Field:
+    kind = entry.get("type", "")
+    if kind == "Float":
+        return _Field(entry, kind, 32 if entry.get("precision") == "single" else 64, 0)
+    if kind not in {"Integer", "ScaledInteger"}:
+        return _Field(entry, kind, 0, 0)
+    least, most = int(entry.get("minimum", -(2**63))), int(entry.get("maximum", 2**63 - 1))
+    bits = (most - least).bit_length()
+    if most < least or bits > 64:
+        message = f"{_name(entry)}: from {least} to {most}"
+        raise InputError(message)
+    return _Field(entry, kind, bits, least)
+
+
+def _add(streams: dict[int, bytearray], packet: memoryview, fields: int) -> None:
+    """Add to each stream what a packet has of it."""
+    (count,) = struct.unpack_from("<4xH", packet)
+    lengths = np.frombuffer(packet, "<u2", count, offset=6)
+    ends = np.cumsum(lengths, dtype=np.int64) + 6 + 2 * count
+    if count != fields or (count and ends[-1] > len(packet)):
+        message = f"a packet of {len(packet)} bytes with {count} streams for {fields} fields"
+        raise InputError(message)
+    for row in streams:
+        streams[row] += packet[ends[row] - lengths[row] : ends[row]]
+
+
+def _integers(plain: NDArray[np.uint8], records: slice, bits: int, least: int) -> NDArray[np.int64]:
+    """Return numbers of so many bits each, from the lowest bit of the first byte on."""
+    starts = np.arange(records.start, records.stop, dtype=np.int64) * bits
+    places, shifts = starts >> 3, (starts & 7).astype(np.uint64)
+    words = np.ndarray((len(plain) - 8,), "<u8", plain, strides=(1,))[places] >> shifts
+    if bits > 57:  # the last of them stand in a ninth byte
+        words |= plain[places + 8].astype(np.uint64) << (np.uint64(63) - shifts) << np.uint64(1)
+    words &= np.uint64(2**bits - 1)
+    return (words + np.uint64(least % 2**64)).view(np.int64)
+
+
+def _stack(columns: dict[str, FloatArray], names: tuple[str, ...]) -> FloatArray | None:
+    return np.stack([columns[name] for name in names], axis=1) if columns.keys() >= set(names) else None
+
+
+def _pose(pose: Element) -> FloatArray:
+    """Return the matrix that moves a scan into the frame of the file."""
+    place, turn = (_child(pose, name) for name in ("translation", "rotation"))
+    x, y, z = (_number(place, axis) for axis in "xyz")
+    rotation = [0.0, 0.0, 0.0, 1.0] if turn is None else [_number(turn, axis) for axis in "xyzw"]
+    return from_quaternions("pose", np.array([[x, y, z, *rotation]]))[0]
