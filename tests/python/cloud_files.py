@@ -5,6 +5,8 @@ import struct
 from pathlib import Path
 
 import numpy as np
+from e57_files import SINGLE, e57, pose, scaled
+from gltf_files import document, glb, gltf, mesh
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0.25, 0.5, 3]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -156,6 +158,23 @@ def npz(**arrays: np.ndarray) -> bytes:
     return file.getvalue()
 
 
+AXES = "10 20 30\n1 0 0\n0 1 0\n0 0 1\n"
+PTX = f"2\n2\n{AXES}1 0 0 0\n0 1 0 0\n0 0 1 0\n10 20 30 1\n{numbers(np.c_[TETRAHEDRON - [10, 20, 30], np.ones(4), FACES])}".encode()
+MESH = document(
+    TETRAHEDRON.astype("<f4"), FACES.astype("<u2").reshape(-1), meshes=mesh({"POSITION": 0}, indices=1)
+)
+E57 = e57(
+    (
+        {
+            "cartesianX": (scaled(11, 0.25, 0.0, -1000), 4 * TETRAHEDRON[:, 0] - 4),
+            "cartesianY": (SINGLE, TETRAHEDRON[:, 1] - 2),
+            "cartesianZ": (scaled(3, 1.0, -3.0), TETRAHEDRON[:, 2]),
+        },
+        pose(1, 2, 3),
+    ),
+    size=4,
+)
+
 CLOUDS = {
     "ascii.ply": ply_ascii(),
     "little.ply": ply_binary("<"),
@@ -179,6 +198,10 @@ CLOUDS = {
     "points.las": las(LAS_POINTS, 4, 2),
     "points.laz": las(LAZ_POINTS[0], 4, 2, laszip=LASZIP_RECORDS[0]),
     "layered.laz": las(LAZ_POINTS[1], 4, 7, laszip=LASZIP_RECORDS[1]),
+    "grid.ptx": PTX,
+    "mesh.glb": glb(*MESH),
+    "mesh.gltf": gltf(*MESH),
+    "scan.e57": E57,
     "points.npy": npy(TETRAHEDRON),
     "points.npz": npz(points=TETRAHEDRON, other=np.zeros(9)),
 }

@@ -46,9 +46,9 @@ def test_reads_every_format(name: str, tmp_path: Path) -> None:
     if cloud.faces is not None:
         corners = {frozenset(map(tuple, cloud.points[face])) for face in cloud.faces}
         assert corners == {frozenset(map(tuple, TETRAHEDRON[face])) for face in FACES}
-    assert (cloud.faces is not None) == (name.split(".")[1] in {"ply", "obj", "off", "stl"}) or (
-        name == "points.obj"
-    )
+    assert (cloud.faces is not None) == (
+        name.split(".")[1] in {"ply", "obj", "off", "stl", "glb", "gltf"}
+    ) or (name == "points.obj")
     assert cloud.dropped == 0
 
 
@@ -105,7 +105,24 @@ def test_cut_off_file_is_an_error_or_shorter_text(name: str, share: float, tmp_p
 
 
 @pytest.mark.parametrize(
-    "suffix", ["ply", "pcd", "obj", "off", "stl", "xyz", "csv", "pts", "npy", "npz", "laz"]
+    "suffix",
+    [
+        "ply",
+        "pcd",
+        "obj",
+        "off",
+        "stl",
+        "xyz",
+        "csv",
+        "pts",
+        "ptx",
+        "e57",
+        "glb",
+        "gltf",
+        "npy",
+        "npz",
+        "laz",
+    ],
 )
 @pytest.mark.parametrize(
     "content",
@@ -131,7 +148,7 @@ def test_bad_paths(tmp_path: Path) -> None:
         write_cloud(tmp_path / "nowhere" / "a.ply", PointCloud(TETRAHEDRON))
     matches = Correspondences(np.zeros((1, 3)), np.zeros((1, 3)))
     for write, content, ending in (
-        (write_cloud, PointCloud(TETRAHEDRON), "ply"),
+        (write_cloud, PointCloud(TETRAHEDRON), "ply or .pcd"),
         (write_correspondences, matches, "npz"),
         (write_descriptors, DESCRIBED, "npz"),
     ):
@@ -140,9 +157,10 @@ def test_bad_paths(tmp_path: Path) -> None:
 
 
 def test_transformed_moves_points_and_turns_normals() -> None:
-    cloud = PointCloud(TETRAHEDRON, normals=np.eye(4)[:, :3]).transformed(TURN)
+    cloud = PointCloud(TETRAHEDRON, normals=np.eye(4)[:, :3], viewpoint=TETRAHEDRON[1]).transformed(TURN)
     np.testing.assert_array_equal(cloud.points[1], [5, -5, 7])
     np.testing.assert_array_equal(cloud.normals[0], [0, 1, 0])
+    np.testing.assert_array_equal(cloud.viewpoint, [5, -5, 7])
 
 
 # --- transforms ------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cloud_files import CLOUDS
+from e57_files import seal
 
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_correspondences, read_transform
@@ -93,7 +94,9 @@ def read_all(seed: int, count: int, folder: Path) -> Counter[str]:
         rng = np.random.default_rng([seed, number])
         name = names[number % len(names)]
         path = folder / name
-        path.write_bytes(mutate(rng, CLOUDS[name]))
+        content = mutate(rng, CLOUDS[name])
+        # Otherwise the checksums of its pages were all that is looked at.
+        path.write_bytes(seal(content) if name == "scan.e57" and rng.random() < 0.9 else content)
         read = [read_cloud, read_cloud, read_cloud, read_correspondences, read_transform][rng.integers(5)]
         start = time.process_time()
         try:

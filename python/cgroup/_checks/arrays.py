@@ -198,7 +198,7 @@ def as_faces(name: str, value: ArrayLike) -> IndexArray:
 
 
 def as_colors(value: object, count: int) -> NDArray[np.uint8] | None:
-    """Return red, green and blue of so many points in bytes, from bytes or shares of one; None if it is neither."""
+    """Return colours of so many points as bytes, from bytes or shares of one; None if they are neither."""
     try:
         colors = np.asarray(as_host_array("colors", value))
     except Exception:  # noqa: BLE001 - whatever the object's own conversion raises

@@ -1,7 +1,7 @@
 """Files: point clouds, rigid transforms, correspondences.
 
-Point clouds are parsed without other libraries, but for depth images in PNG (``cgroup[scans]``). Files may come
-from anywhere: whatever is wrong with one ends in one `InputError` that names it.
+Point clouds are parsed without other libraries, but for depth images in PNG (``cgroup[scans]``). Files may
+come from anywhere: whatever is wrong with one ends in one `InputError` that names it.
 """
 
 from cgroup.io._files import write_file

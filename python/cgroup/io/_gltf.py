@@ -132,10 +132,12 @@ class _Scene:
             return None
         corners = np.arange(count)
         if "indices" in primitive:
-            corners = self._accessor(primitive["indices"], "SCALAR")[:, 0].astype(np.int64)
-        if corners.max(initial=-1) >= count or corners.min(initial=0) < 0:
-            message = f"a triangle names point {corners.max(initial=-1)} of {count}"
-            raise InputError(message)
+            numbers = self._accessor(primitive["indices"], "SCALAR")[:, 0]
+            wrong = numbers[~((numbers >= 0) & (numbers < count) & (numbers % 1 == 0))]
+            if len(wrong):
+                message = f"a triangle names point {wrong[0]:.15g} of {count}"
+                raise InputError(message)
+            corners = numbers.astype(np.int64)
         if mode == _TRIANGLES:
             return corners[: len(corners) // 3 * 3].reshape(-1, 3)
         rows = np.arange(max(len(corners) - 2, 0))

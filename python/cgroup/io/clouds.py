@@ -144,7 +144,7 @@ def _check_digits(points: FloatArray) -> None:
     with np.errstate(over="ignore"):
         lost = float(np.abs(finite - finite.astype(np.float32)).max())
         size = float(np.linalg.norm(np.ptp(finite, axis=0)))
-    if lost > _MOST_LOST * size:
+    if lost > _MOST_LOST * size or np.isinf(lost):
         raise InputError(
             "dtype",
             f"float32, which moves points by up to {lost:.3g} in a cloud that is {size:.3g} across",
