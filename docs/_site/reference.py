@@ -70,7 +70,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "The last refinement": "FineSurface align Alignment",
     },
     "cgroup.io": {
-        "Clouds": "read_cloud write_cloud PointCloud",
+        "Clouds": "read_cloud read_depth write_cloud PointCloud",
         "Poses": "read_transform read_transforms write_transform check_rigid RIGID_TOLERANCE",
         "Matches and groups": "read_correspondences write_correspondences write_mask",
         "Descriptors and keypoints": "read_descriptors write_descriptors write_keypoints",

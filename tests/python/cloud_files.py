@@ -2,6 +2,7 @@
 
 import io
 import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +145,21 @@ LAZ_POINTS = (
     ),
 )
 """As lazrs packs them, without and with layers."""
+
+
+def png(depths: np.ndarray, *, bits: int = 16, kind: int = 0, size: tuple[int, int] | None = None) -> bytes:
+    """Rows without a filter."""
+    width, height = (depths.shape[1], depths.shape[0]) if size is None else size
+    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in depths)
+    chunks = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)),
+        (b"IDAT", zlib.compress(rows)),
+        (b"IEND", b""),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        for name, body in chunks
+    )
 
 
 def npy(array: np.ndarray) -> bytes:

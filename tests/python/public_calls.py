@@ -193,11 +193,13 @@ def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
 def _files(folder: Path) -> dict[str, dict[str, Any]]:
     described = _described()
     write_cloud(folder / "cloud.ply", PAIR.source)
+    np.save(folder / "depth.npy", np.ones((2, 2)))
     write_descriptors(folder / "described.npz", described)
     write_correspondences(folder / "matches.npz", MATCHES)
     write_transform(folder / "pose.txt", np.eye(4))
     return {
         "read_cloud": {"path": folder / "cloud.ply"},
+        "read_depth": {"path": folder / "depth.npy", "intrinsics": [500, 500, 1, 1]},
         "read_descriptors": {"path": folder / "described.npz"},
         "read_correspondences": {"path": folder / "matches.npz"},
         "read_transform": {"path": folder / "pose.txt"},

@@ -13,15 +13,16 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from cloud_files import CLOUDS
+from cloud_files import CLOUDS, png
 from e57_files import seal
 
 from cgroup.errors import InputError
-from cgroup.io import read_cloud, read_correspondences, read_transform
+from cgroup.io import read_cloud, read_correspondences, read_depth, read_transform
 
 SECONDS = 2.0
 """Of computing; longer than that no small file may take."""
@@ -89,15 +90,18 @@ CHANGES = [flip_bits, cut, blow_up, blow_up, set_bytes, repeat_lines, drop_line,
 def read_all(seed: int, count: int, folder: Path) -> Counter[str]:
     """Read changed files; the tally says how they ended."""
     ends: Counter[str] = Counter()
-    names = list(CLOUDS)
+    files = CLOUDS | {"depth.png": png(np.arange(48, dtype=np.uint16).reshape(6, 8))}
+    names = list(files)
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         name = names[number % len(names)]
         path = folder / name
-        content = mutate(rng, CLOUDS[name])
+        content = mutate(rng, files[name])
         # Otherwise the checksums of its pages were all that is looked at.
         path.write_bytes(seal(content) if name == "scan.e57" and rng.random() < 0.9 else content)
         read = [read_cloud, read_cloud, read_cloud, read_correspondences, read_transform][rng.integers(5)]
+        if name == "depth.png":
+            read = partial(read_depth, intrinsics=(500, 500, 3, 4))
         start = time.process_time()
         try:
             read(path)
@@ -110,7 +114,7 @@ def read_all(seed: int, count: int, folder: Path) -> Counter[str]:
         if time.process_time() - start > SECONDS:
             end = "took long"
         if end not in {"read", "refused"}:
-            sys.stdout.write(f"{name}, seed {seed}, number {number}, {read.__name__}: {end}\n")
+            sys.stdout.write(f"{name}, seed {seed}, number {number}, {read}: {end}\n")
             end = "wrong"
         ends[end] += 1
     return ends

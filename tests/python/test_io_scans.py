@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from cloud_files import CLOUDS, E57, FACES, MESH, PTX, TETRAHEDRON
+from cloud_files import CLOUDS, E57, FACES, MESH, PTX, TETRAHEDRON, png
 from e57_files import FLOAT, SINGLE, e57, integer, pose, scaled, seal
 from gltf_files import document, glb, gltf, mesh
 from pypcd4 import PointCloud as PcdCloud
@@ -423,7 +423,7 @@ def test_primitives_and_nodes(read: Read) -> None:
     cloud = read("a.gltf", gltf(*content))
     np.testing.assert_array_equal(cloud.faces, [[0, 1, 2]] * 2 + [[4, 5, 6]] * 2)
     np.testing.assert_allclose(
-        cloud.points[:4], 2 * np.add(SQUARE, [1, 0, 0]) @ np.transpose(TURNED) + [0, 0, 5]
+        cloud.points[:4], 2 * np.add(SQUARE, [1, 0, 0]) @ np.transpose(TURNED) + [0, 0, 5], atol=1e-14
     )
     np.testing.assert_array_equal(cloud.points[4:], SQUARE)
     content[0].update(scene=1, scenes=[{"nodes": [0]}, {"nodes": [2]}])
@@ -554,21 +554,6 @@ def test_buffers_lie_beside_the_file(tmp_path: Path, read: Read) -> None:
 
 DEPTHS = np.array([[0, 1000, 2000], [5000, 65535, 1]], np.uint16)
 CAMERA = (500.0, 400.0, 1.5, 0.5)
-
-
-def png(depths: np.ndarray, *, bits: int = 16, kind: int = 0, size: tuple[int, int] | None = None) -> bytes:
-    """Rows without a filter."""
-    width, height = (depths.shape[1], depths.shape[0]) if size is None else size
-    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in depths)
-    chunks = (
-        (b"IHDR", struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)),
-        (b"IDAT", zlib.compress(rows)),
-        (b"IEND", b""),
-    )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-        for name, body in chunks
-    )
 
 
 def test_depth_images(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ pub use cloud_content::CloudContent;
 pub type Parser = fn(&[u8], &Execution) -> Result<CloudContent>;
 
 /// All parsers, by the usual suffix of their files.
-pub const PARSERS: [(&str, Parser); 11] = [
+pub const PARSERS: [(&str, Parser); 12] = [
     ("bin", kitti::parse),
     ("csv", text::parse),
     ("las", las::parse),
