@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cloud_files import CLOUDS
+from cloud_files import CLOUDS, png
+from e57_files import seal
 from wrong_values import WRONG
 
 import cgroup
 import cgroup.cli
 from cgroup import features
 from cgroup.datasets import make_problem
+from cgroup.io import read_cloud, read_depth
 
 # Statuses that `cgroup --help` and the documentation name.
 STATUSES = {0, 2, 3}
@@ -107,7 +109,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("benchmark", "run", "FILE", "--out", "OUT"),
     ("benchmark", "status", "FILE", "--out", "OUT"),
 )
-ENDINGS = (".ply", ".pcd", ".xyz", ".obj", ".off", ".stl", ".txt", ".npy", ".npz", ".csv", ".pts", ".bin", ".las", ".laz", ".toml", "")  # fmt: skip
+ENDINGS = (".ptx", ".e57", ".gltf", ".glb", ".ply", ".pcd", ".xyz", ".obj", ".off", ".stl", ".txt", ".npy", ".npz", ".csv", ".pts", ".bin", ".las", ".laz", ".toml", "")  # fmt: skip
 HEADS = (
     b"",
     b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n",
@@ -152,7 +154,29 @@ def _run(arguments: list[str]) -> None:
         raise RuntimeError(output.getvalue())
 
 
-TARGETS = {"call_function": call_function, "run_command": run_command}
+SCANS = {name: CLOUDS[name] for name in ("scan.e57", "mesh.glb", "mesh.gltf")} | {
+    "depth.png": png(np.arange(48, dtype=np.uint16).reshape(6, 8))
+}
+
+
+def read_scan(data: bytes) -> None:
+    """Read a small file, some bytes of which are others; where pages have checksums, these are right."""
+    draws = Draws(data)
+    name = draws.one_of(tuple(SCANS))
+    content = SCANS[name]
+    start, length = draws.number(len(content)), draws.number(8)
+    content = content[:start] + draws.rest() + content[start + length :]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, name)
+        path.write_bytes(seal(content) if name == "scan.e57" else content)
+        with contextlib.suppress(cgroup.InputError):
+            if name == "depth.png":
+                read_depth(path, (500, 500, 3, 2))
+            else:
+                read_cloud(path)
+
+
+TARGETS = {"call_function": call_function, "read_scan": read_scan, "run_command": run_command}
 
 if __name__ == "__main__":
     # python fuzz_targets.py <target> <file>: an input that `make fuzz` found, without atheris.

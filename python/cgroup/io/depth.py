@@ -27,11 +27,12 @@ _MILLIMETRES = 1000.0
 def read_depth(
     path: str | os.PathLike[str], intrinsics: ArrayLike, *, scale: float | None = None
 ) -> PointCloud:
-    """Read a depth image as a point cloud in the camera's frame: x to the right, y down, z forward.
+    """Read a depth image as a point cloud in the camera's frame.
 
-    The pixel in column u and row v that shows the depth d becomes ((u - cx) d / fx, (v - cy) d / fy, d),
-    without distortion; whole numbers are the centres of pixels. Pixels of depth 0 or less, NaN and infinity
-    are no readings: they are left out and counted in `PointCloud.dropped`.
+    x is to the right, y down, z forward: the pixel in column u and row v that shows the depth d becomes
+    ((u - cx) d / fx, (v - cy) d / fy, d). Whole numbers are the centres of pixels; there is no distortion.
+    Pixels of depth 0 or less, NaN and infinity are no readings: they are left out and counted in
+    `PointCloud.dropped`.
 
     Parameters
     ----------
