@@ -94,7 +94,7 @@ def _checked_pages(content: bytes) -> bytes:
 
 def _checksums(pages: NDArray[np.uint8]) -> NDArray[np.uint32]:
     """CRC-32C of each row."""
-    sums = np.full(len(pages), 0xFFFFFFFF, np.uint32)
+    sums: NDArray[np.uint32] = np.full(len(pages), 0xFFFFFFFF, np.uint32)
     for column in np.ascontiguousarray(pages.T):
         sums = _CRC[(sums ^ column) & 255] ^ (sums >> 8)
     return ~sums
