@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cloud_files import CLOUDS, TETRAHEDRON, npy, npz
+from e57_files import e57, integer
 
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_correspondences, read_descriptors, read_transform
@@ -57,6 +58,14 @@ HOSTILE = {
     "counts.off": CLOUDS["mesh.off"].replace(b"4 4 6", b"4000000000 4 6"),
     "faces.off": CLOUDS["mesh.off"].replace(b"4 4 6", b"4 4000000000 6"),
     "count.pts": CLOUDS["count.pts"].replace(b"4\n", b"4000000000\n", 1),
+    "count.ptx": CLOUDS["grid.ptx"].replace(b"2\n2\n", b"2000000000\n2000000000\n", 1),
+    "count.e57": e57(
+        ({f"cartesian{axis}": (integer(7, 7), np.broadcast_to(7, 10**12)) for axis in "XYZ"}, "")
+    ),
+    "count.glb": CLOUDS["mesh.glb"].replace(b'"count": 4, ', b'"count": 4e9'),
+    "zeros.gltf": CLOUDS["mesh.gltf"]
+    .replace(b'{"bufferView": 0, ', b"{")
+    .replace(b'"count": 4', b'"count": 400000000000'),
     "count.stl": b"\0" * 80 + b"\xff" * 4 + b"\0" * 500,
     "shape.npy": npy_header((10**12, 3)),
     "exabytes.npy": npy_header((2**40, 2**40, 3)),

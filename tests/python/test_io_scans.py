@@ -510,6 +510,9 @@ def test_damaged_gltf_says_why(change: Callable[[dict[str, Any]], object], says:
 def test_chunks_are_checked(read: Read) -> None:
     many = document(np.zeros((5000, 3), "<f4"), meshes=mesh({"POSITION": 0}), nodes=[{"mesh": 0}] * 1000)
     refuse(read, "a.glb", glb(*many), "its points would grow")
+    many = document(np.zeros((5000, 3), "<f4"), meshes=mesh({"POSITION": 0}, mode=5))
+    many[0]["meshes"][0]["primitives"] *= 1000
+    refuse(read, "a.glb", glb(*many), "its points would grow")
     whole = CLOUDS["mesh.glb"]
     for length in (len(whole) - 1, 25, 13):
         refuse(read, "a.glb", whole[:length], "bytes")

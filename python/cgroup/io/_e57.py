@@ -94,9 +94,9 @@ def _checked_pages(content: bytes) -> bytes:
 
 def _checksums(pages: NDArray[np.uint8]) -> NDArray[np.uint32]:
     """CRC-32C of each row."""
-    sums: NDArray[np.uint32] = np.full(len(pages), 0xFFFFFFFF, np.uint32)
+    sums = np.full(len(pages), 0xFFFFFFFF, np.uint32)
     for column in np.ascontiguousarray(pages.T):
-        sums = _CRC[(sums ^ column) & 255] ^ (sums >> 8)
+        sums = _CRC[(sums ^ column) & 255] ^ (sums >> np.uint32(8))
     return ~sums
 
 

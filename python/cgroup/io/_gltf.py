@@ -138,6 +138,7 @@ class _Scene:
                 message = f"a triangle names point {wrong[0]:.15g} of {count}"
                 raise InputError(message)
             corners = numbers.astype(np.int64)
+        self._grow(24 * len(corners))
         if mode == _TRIANGLES:
             return corners[: len(corners) // 3 * 3].reshape(-1, 3)
         rows = np.arange(max(len(corners) - 2, 0))
@@ -153,9 +154,7 @@ class _Scene:
             message = f"accessor {row} has {kind}; {' or '.join(kinds)} belongs there"
             raise InputError(message)
         width = _WIDTHS[kind]
-        # An accessor may be used many times, and one without a buffer holds zeros.
-        self._grown += 8 * count * width
-        check_growth("its points", self._grown, self._size)
+        self._grow(8 * count * width)
         values = np.zeros((count, width))
         if "bufferView" in entry:
             values[:] = self._rows(entry, entry["componentType"], count, width)
@@ -172,6 +171,11 @@ class _Scene:
             if component.kind != "f":
                 values = np.maximum(values / np.iinfo(component).max, -1)
         return values
+
+    def _grow(self, more: int) -> None:
+        """Count bytes of the result: an accessor may be used many times, and needs no buffer for zeros."""
+        self._grown += more
+        check_growth("its points", self._grown, self._size)
 
     def _rows(self, entry: Any, component: Any, count: int, width: int) -> NDArray[Any]:  # noqa: ANN401
         """Return rows of numbers of a part of a buffer."""
