@@ -603,6 +603,10 @@ def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
     refused("a.png", whole[:40], "not a readable PNG")
     refused("a.png", b"hello", "doesn't begin as a PNG")
     refused("a.png", whole[:8], "not a readable PNG")
+    refused("a.png", whole[:-1], "not a readable PNG")
+    damaged = bytearray(whole)
+    damaged[50] ^= 1
+    refused("a.png", bytes(damaged), "byte 33 doesn't fit its checksum: damaged, copy the file anew")
     header = whole[8:33]
     larger = struct.pack(">I", 13) + b"IHDR" + struct.pack(">IIBBBBB", 10_000, 8000, 16, 0, 0, 0, 0)
     larger += struct.pack(">I", zlib.crc32(larger[4:]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import zlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -115,6 +116,7 @@ def _parse_png(content: bytes) -> NDArray[Any]:
     if width * height > _MOST_PIXELS:
         message = f"{width} x {height} pixels; at most {_MOST_PIXELS} are read"
         raise InputError(message)
+    _check_chunks(content)
     from PIL import Image  # noqa: PLC0415 - an extra
 
     with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
@@ -122,3 +124,15 @@ def _parse_png(content: bytes) -> NDArray[Any]:
             message = f"sizes {width} x {height} and {image.width} x {image.height}"
             raise InputError(message)
         return np.asarray(image)
+
+
+def _check_chunks(content: bytes) -> None:
+    """Compare the checksums of all chunks: Pillow looks at none of those that hold pixels."""
+    place, name = 8, b""
+    while name != b"IEND":
+        length, name = struct.unpack_from(">I4s", content, place)
+        (checksum,) = struct.unpack_from(">I", content, place + 8 + length)
+        if zlib.crc32(content[place + 4 : place + 8 + length]) != checksum:
+            message = f"what stands at byte {place} doesn't fit its checksum: damaged, copy the file anew"
+            raise InputError(message)
+        place += 12 + length
