@@ -603,7 +603,7 @@ def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
     refused("a.png", whole[:40], "not a readable PNG")
     refused("a.png", b"hello", "doesn't begin as a PNG")
     refused("a.png", whole[:8], "not a readable PNG")
-    refused("a.png", whole[:-1], "not a readable PNG")
+    refused("a.png", whole[:-1], r"not a readable PNG file, or cut off \(the end of the file\)")
     damaged = bytearray(whole)
     damaged[50] ^= 1
     refused("a.png", bytes(damaged), "byte 33 doesn't fit its checksum: damaged, copy the file anew")

@@ -7,6 +7,7 @@ import io
 import os
 import secrets
 import stat
+import struct
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -197,7 +198,8 @@ def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
     except MemoryError:
         raise
     except Exception as error:
-        reason = printable(" ".join(str(error).split())[:_SHOWN]) or type(error).__name__
+        said = "the end of the file" if isinstance(error, struct.error) else str(error)
+        reason = printable(" ".join(said.split())[:_SHOWN]) or type(error).__name__
         kind = path.suffix.lstrip(".").upper() or "text"
         message = f"{path}: not a readable {kind} file, or cut off ({reason})"
         raise InputError(message) from error
