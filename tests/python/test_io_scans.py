@@ -623,6 +623,8 @@ def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=says):
             read_depth(tmp_path / "a.png", camera)
+    with pytest.raises(InputError, match="known are .*; `read_depth` reads depth images"):
+        read_cloud(tmp_path / "a.png")
     with pytest.raises(InputError, match="scale"):
         read_depth(tmp_path / "a.png", CAMERA, scale=0)
 

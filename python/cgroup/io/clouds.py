@@ -94,7 +94,8 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
             message = f"{path}: is a directory, not a file"
             raise InputError(message)
         known = " ".join(sorted(PARSERS))
-        message = f"{path}: unknown point cloud format {path.suffix!r}; known are {known}"
+        hint = "; `read_depth` reads depth images" if suffix == ".png" else ""
+        message = f"{path}: unknown point cloud format {path.suffix!r}; known are {known}{hint}"
         raise InputError(message)
     return _finite_cloud(path, parse_file(path, reader))
 

@@ -56,6 +56,7 @@ _VIEWPOINT = option(
     "X Y Z",
     "Where the scanner stood in both files, if each is one single scan: tells far more.",
     options.CLOUDS,
+    "as the files say, if they do",
 )
 _SOURCE_VIEWPOINT = option(None, "X Y Z", "The same of the source alone.", options.CLOUDS)
 _TARGET_VIEWPOINT = option(None, "X Y Z", "The same of the target alone.", options.CLOUDS)
