@@ -56,7 +56,12 @@ mod tests {
         let points =
             vec![[1.0, 0.0, 0.0], [-0.0, 2.0, 0.0], [1.0, 0.0, -0.0], [f64::NAN, 0.0, 0.0], [0.0, 2.0, 0.0]];
         let colors = Some((0..5).map(|i| [i; 3]).collect());
-        let cloud = CloudContent { points, faces: Some(vec![[0, 1, 2], [4, 3, 0]]), normals: None, colors };
+        let cloud = CloudContent {
+            points,
+            faces: Some(vec![[0, 1, 2], [4, 3, 0]]),
+            colors,
+            ..CloudContent::default()
+        };
         let cloud = without_repeats(cloud, &Execution::default()).unwrap_or_default();
         assert_eq!(cloud.points.len(), 3);
         assert_eq!(cloud.points[..2], [[1.0, 0.0, 0.0], [-0.0, 2.0, 0.0]]);
