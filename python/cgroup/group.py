@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cgroup._checks.calls import explain_wrong_calls, refuse_too_many, unknown_option
 from cgroup._checks.fields import FIELDS, Fields
-from cgroup._checks.values import as_choice, as_instance, as_items, guess_option, refusal
+from cgroup._checks.values import as_choice, as_instance, as_items, refusal
 from cgroup._runtime.memory import default_max_memory, report_refused_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError

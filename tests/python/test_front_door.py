@@ -15,8 +15,8 @@ import cgroup
 from cgroup import Correspondences, InputError
 from cgroup.datasets import make_problem, standin_pair
 from cgroup.io import read_cloud, write_cloud
-from cgroup.registration import prepare, PreparedScan, register, register_many
-from cgroup.registry import MethodName, METHODS
+from cgroup.registration import PreparedScan, prepare, register, register_many
+from cgroup.registry import METHODS, MethodName
 
 PAIR = standin_pair(pixels=80)
 PROBLEM = make_problem(np.random.default_rng(0), 300, inlier_ratio=0.3)

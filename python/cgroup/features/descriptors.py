@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from cgroup import _core
-from cgroup._checks.arrays import as_rows, real_frames, real_normals, real_points
+from cgroup._checks.arrays import as_rows, real_frames, real_normals
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_flag, as_number

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.arrays import as_rows, real_normals, real_points
+from cgroup._checks.arrays import as_rows, real_normals
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_choice, as_count, as_flag, as_number

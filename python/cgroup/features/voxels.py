@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.arrays import real_normals, real_points
+from cgroup._checks.arrays import real_normals
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_length

@@ -1,6 +1,7 @@
 """Read and write point clouds, keypoints and descriptors.
 
-The core parses all formats of clouds but glTF, E57 and NumPy's own. A parser makes arrays of bytes; it may raise anything.
+The core parses all formats of clouds but glTF, E57 and NumPy's own. A parser makes arrays of bytes;
+it may raise anything.
 """
 
 from __future__ import annotations
