@@ -26,7 +26,10 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     while let Some(line) = lines.next_with_words(COMMENTS)? {
         memory::push(&mut places, read_scan(line, &mut lines, &mut cloud)?)?;
     }
-    cloud.viewpoint = places.first().copied().filter(|first| places.iter().all(|place| place == first));
+    let is_first = |place: &[f64; 3]| {
+        Some(place.map(f64::to_bits)) == places.first().map(|place| place.map(f64::to_bits))
+    };
+    cloud.viewpoint = places.first().copied().filter(|_| places.iter().all(is_first));
     Ok(cloud)
 }
 
@@ -40,7 +43,7 @@ fn read_scan(first: Line, lines: &mut Lines, cloud: &mut CloudContent) -> Result
     for (row, weight) in matrix.iter_mut().zip([0.0, 0.0, 0.0, 1.0]) {
         let line = next(lines)?;
         let [x, y, z, last] = numbers(line.clone())?;
-        if last != weight {
+        if last - weight != 0.0 {
             return Err(
                 line.refuse(last, format!("the matrix has {weight} there, and its translation below"))
             );
@@ -69,7 +72,7 @@ fn read_scan(first: Line, lines: &mut Lines, cloud: &mut CloudContent) -> Result
         };
         memory::push(
             &mut cloud.points,
-            if point == [0.0; 3] { [f64::NAN; 3] } else { moved(point, &matrix) },
+            if point.iter().all(|x| *x == 0.0) { [f64::NAN; 3] } else { moved(point, &matrix) },
         )?;
         match (&mut cloud.colors, color) {
             // A cast of what is out of range ends at the nearest byte.

@@ -88,7 +88,7 @@ fn place(words: &[&[u8]]) -> Option<[f64; 3]> {
     for (coordinate, word) in place.iter_mut().zip(words.get(..3)?) {
         *coordinate = number(word).filter(|number| number.is_finite())?;
     }
-    (words.len() == 7 && place != [0.0; 3]).then_some(place)
+    (words.len() == 7 && place.iter().any(|x| *x != 0.0)).then_some(place)
 }
 
 fn words<'a>(line: &mut Line<'a>) -> Result<Vec<&'a [u8]>> {
