@@ -80,11 +80,13 @@ def read_depth(
     if divisor is None:
         divisor = 1.0 if image.dtype.kind == "f" else _MILLIMETRES
     rows, columns = np.nonzero(np.isfinite(image) & (image > 0))
-    if len(rows) == 0:
+    with np.errstate(over="ignore", invalid="ignore"):  # what is too far for numbers is left out
+        z = image[rows, columns] / divisor
+        points = np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=1)
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) == 0:
         message = f"{path}: none of its {image.size} pixels has a depth"
         raise InputError(message)
-    z = image[rows, columns] / divisor
-    points = np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=1)
     return PointCloud(points, dropped=image.size - len(points), viewpoint=np.zeros(3))
 
 
