@@ -32,8 +32,8 @@ __all__ = [
 _MEANT = 'give group(Correspondences(source, target), "gtm"), or call gtm(source, target)'
 
 
-@refuse_too_many(_MEANT)
 @report_refused_memory()
+@refuse_too_many(_MEANT)
 def group(
     correspondences: Correspondences,
     method: MethodName | str = "lc",
@@ -98,8 +98,8 @@ def group(
     return compute(info.name, fields, chosen, positions, correspondences.resolution)
 
 
-@explain_wrong_calls
 @report_refused_memory()
+@explain_wrong_calls
 def group_many(
     problems: Iterable[Correspondences],
     method: MethodName | str = "lc",

@@ -117,22 +117,14 @@ def test_a_refusal_leaves_no_older_pose_behind(folder: Path, capsys: Capture) ->
 def test_models_that_are_not_found_leave_no_older_pose_behind(folder: Path, capsys: Capture) -> None:
     out = folder / "out"
     succeed(capsys, "recognize", "source.ply", "--scene", "target.ply")
-    assert sorted(file.name for file in out.iterdir()) == ["source.ply", "source.txt"]
-    mine = {
-        "source-1.txt",
-        "source-4.ply",
-        "source-5.txt",
-        "source-5.ply",
-        "source-b.txt",
-        "source.npy",
-        "notes.txt",
-    }
-    for name in (*mine, "source-2.txt", "source-2.ply", "source-3.txt", "source-3.ply"):
-        (out / name).write_text("of another run, or of somebody else")
+    pose = (out / "source_in_target.txt").read_text()
+    mine = {f"source_in_target{ending}" for ending in ("-1.txt", "-4.ply", "-5.txt", "-b.txt", ".npy")}
+    for name in (*mine, "source_in_target-2.txt", "source_in_target-2.ply", "source_in_target-3.txt"):
+        (out / name).write_text(pose)
     succeed(capsys, "recognize", "source.ply", "--scene", "target.ply")
-    assert {file.name for file in out.iterdir()} == {*mine, "source.txt", "source.ply"}
-    write_cloud("other.ply", standin_pair(seed=5, pixels=60).target)
-    assert run(capsys, "recognize", "source.ply", "--scene", "other.ply")[0] == 3
+    assert {file.name for file in out.iterdir()} == {*mine, "source_in_target.txt", "source_in_target.ply"}
+    write_cloud("target.ply", standin_pair(seed=5, pixels=60).target)
+    assert run(capsys, "recognize", "source.ply", "--scene", "target.ply")[0] == 3
     assert {file.name for file in out.iterdir()} == mine
 
 

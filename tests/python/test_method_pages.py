@@ -153,9 +153,11 @@ MEASURED = re.compile(r"\d (ms|MiB)\b|\d of (the |its )?\d|^\|.*[\d*] / [\d*]")
 
 CHOSEN = (
     *("calls under 20 ms", "beyond 64 MiB", "other matches and 10 of the group's"),
+    "**Two scans, matched:**",
     *("| a tenth or more", "| several motions", "| a first guess", "| overlap below 0.3"),
 )
-"""Parts of lines that look so and are parameters, an output, or words about the tables of their page."""
+"""Parts of lines that look so and are parameters, an output, words about the tables of their page, or what its picture
+shows, which `test_examples.py` computes."""
 
 REPORTS = {"readings", "reproduction"}
 """Pages on one run each, which their tables name."""

@@ -349,8 +349,8 @@ def fine_surfaces(
     )
 
 
-@explain_wrong_calls
 @report_refused_memory()
+@explain_wrong_calls
 def prepare(
     cloud: Cloud | AnyCloud,
     *,

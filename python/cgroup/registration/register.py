@@ -43,8 +43,8 @@ MOVED_BY_REFINING = 0.4
 """Voxels by which refining may move a right pose: half of its probability is left there."""
 
 
-@explain_wrong_calls
 @report_refused_memory()
+@explain_wrong_calls
 def register(
     source: PreparedScan | Cloud | AnyCloud,
     target: PreparedScan | Cloud | AnyCloud,
@@ -144,8 +144,8 @@ def register(
     raise error
 
 
-@explain_wrong_calls
 @report_refused_memory()
+@explain_wrong_calls
 def assess(
     source: PreparedScan | Cloud | AnyCloud,
     target: PreparedScan | Cloud | AnyCloud,
@@ -246,8 +246,8 @@ def assess(
     return replace(done, T_target_source=given, notes=notes, alternatives=others)
 
 
-@explain_wrong_calls
 @report_refused_memory()
+@explain_wrong_calls
 def register_many(
     scans: Sequence[PreparedScan | Cloud | AnyCloud],
     pairs: Iterable[tuple[int, int]] | None = None,

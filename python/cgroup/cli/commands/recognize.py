@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
 
 from cgroup import io
@@ -107,7 +107,7 @@ def recognize_command(
         target = read_cloud(scene, begin)
         earlier = {file: list(_earlier_files(out, file, scene)) for file in models}
         for file, there in earlier.items():
-            check_outputs(there)
+            check_outputs([*_files_of(out, file, scene, 1), *there])
             refuse_others(there[::2], name_frames(file, scene))
         found = recognize(
             clouds,
@@ -119,14 +119,18 @@ def recognize_command(
             progress=begin,
         )
     copies: Counter[str] = Counter()
-    poses: list[Document] = []
-    written: list[Path] = []
-    for name, one in found:
+    outputs: list[tuple[Path, Path]] = []
+    for name, _ in found:
         copies[name] += 1
-        pose, posed = _files_of(make_folder(out), files[name], scene, copies[name])
+        outputs.append(_files_of(out, files[name], scene, copies[name]))
+    written = list(itertools.chain.from_iterable(outputs))
+    check_outputs(written)
+    if found:
+        make_folder(out)
+    poses: list[Document] = []
+    for (name, one), (pose, posed) in zip(found, outputs, strict=True):
         write_pose(pose, one.T_target_source, name_frames(files[name], scene))
         io.write_cloud(posed, clouds[name].transformed(one.T_target_source))
-        written += [pose, posed]
         poses.append(
             {
                 "model": name,
@@ -167,9 +171,9 @@ def _files_of(folder: Path, model: Path, scene: Path, copy: int) -> tuple[Path, 
 
 
 def _earlier_files(folder: Path, model: Path, scene: Path) -> Iterator[Path]:
-    """List the poses and posed clouds of all copies that are there."""
-    for copy in count(1):
+    """List the poses and posed clouds of all copies whose pose is there."""
+    for copy in itertools.count(1):
         files = _files_of(folder, model, scene, copy)
-        if not any(file.exists() for file in files):
+        if not files[0].exists():
             return
         yield from files

@@ -56,8 +56,8 @@ class Recognized(NamedTuple):
     registration: Registration
 
 
-@explain_wrong_calls
 @report_refused_memory()
+@explain_wrong_calls
 def recognize(
     models: Mapping[str, PreparedScan | Cloud | AnyCloud],
     scene: PreparedScan | Cloud | AnyCloud,
