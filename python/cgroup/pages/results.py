@@ -113,10 +113,11 @@ def _lead(registration: Registration, refusal: str | None) -> str:
 def _facts(registration: Registration, truth: FloatArray | None) -> list[tuple[str, str]]:
     pose = registration.T_target_source
     lines = "\n".join(" ".join(f"{number:12.6g}" for number in row) for row in pose)
+    shares = [f"{100 * share:.0f} %" for share in (registration.fitness, registration.target_fitness)]
     facts: list[tuple[str, Any]] = [
         ("pose", f"<pre>{lines}</pre>"),
         ("probability", f"{registration.probability:.3f} that it is right"),
-        ("overlap", f"{100 * registration.fitness:.0f} % of the source lies on the target"),
+        ("overlap", f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source"),
         ("residual", f"{registration.inlier_rmse:.3g} there (root mean square)"),
         ("voxel", f"{registration.voxel:.4g}"),
     ]

@@ -207,14 +207,13 @@ class Registration:
                 np.full((len(cloud), 3), color, np.uint8)
                 for cloud, color in zip(clouds, SCAN_COLORS, strict=True)
             ]
-        voxels = features.voxel_downsample(
+        both = PointCloud(
             np.concatenate([cloud.points for cloud in clouds]),
-            spacing,
-            normals=np.concatenate(normals) if len(normals) == len(clouds) else None,
+            np.concatenate(normals) if len(normals) == len(clouds) else None,
+            colors=np.concatenate(colors),
         )
-        sums = [np.bincount(voxels.indices, channel, len(voxels)) for channel in np.concatenate(colors).T]
-        means = np.column_stack(sums) / np.bincount(voxels.indices)[:, None]
-        return PointCloud(voxels.points, voxels.normals, colors=np.rint(means).astype(np.uint8))
+        voxels = features.voxel_downsample(both, spacing)
+        return PointCloud(voxels.points, voxels.normals, colors=voxels.colors)
 
     def plot(
         self,

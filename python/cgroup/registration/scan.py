@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Viewpoint
-    from cgroup.types import AnyCloud, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 Normals: TypeAlias = Literal["pca", "mesh", "given"]
 NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")
@@ -60,7 +60,8 @@ MOST_STRAYS = 0.05
 _LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud
-_DIRECTIONS, _NEARBY, _LAYERS_APART = 1000, 5, 3.0  # looked at, nearest ones of each, voxels
+_DIRECTIONS, _FEW = 1000, 8  # looked at, of which one in so many first
+_NEARBY, _LAYERS_APART = 5, 3.0  # nearest directions of each, voxels
 _MOST_POINTS = 20_000_000
 _USUAL_POINTS = 40_000
 _MESH_SPACING = 0.5  # voxels between points on a large face
@@ -194,12 +195,20 @@ def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
     if np.quantile(depths, 0.01) < LEAST_DISTANCE * scan.cloud.diagonal:
         return False
     some = np.arange(0, len(rays), len(rays) // _DIRECTIONS + 1)
+    apart = _LAYERS_APART * voxel
+    # Most scans have none: then a few directions suffice.
+    few = _lie_apart(rays, depths, some[::_FEW], apart)
+    return bool(few.any()) and float(_lie_apart(rays, depths, some, apart).mean()) > MOST_LAYERED
+
+
+def _lie_apart(rays: FloatArray, depths: FloatArray, some: IndexArray, least: float) -> BoolArray:
+    """Whether some points lie deeper or less deep, by so much, than all those nearest in direction."""
     found = features.match(rays[some], rays, k=_NEARBY)
     apart = np.abs(depths[found.target_indices] - depths[some[found.source_indices]])
     apart[found.target_indices == some[found.source_indices]] = np.inf
     nearest = np.full(len(some), np.inf)
     np.minimum.at(nearest, found.source_indices, apart)
-    return float((nearest > _LAYERS_APART * voxel).mean()) > MOST_LAYERED
+    return nearest > least
 
 
 def as_point_cloud(name: str, cloud: Cloud | AnyCloud) -> Cloud | AnyCloud:
