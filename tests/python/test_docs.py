@@ -17,6 +17,8 @@ from cgroup.cli import main
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+IS_SDIST = not (ROOT / ".github").exists()
+"""Source distributions have no pictures of Stanford's scans."""
 
 MADE = {"_generated", "gallery", "api"}
 """Folders below docs/ that are made with the site."""
@@ -63,7 +65,8 @@ def test_links_lead_somewhere(page: Path):
             continue
         path, _, anchor = link.partition("#")
         target = (page.parent / path) if path else page
-        assert target.exists(), f"{name(page)}: {link} leads nowhere"
+        is_left_out = IS_SDIST and re.fullmatch(r"(home.*|interactive)\.png", target.name)
+        assert target.exists() or is_left_out, f"{name(page)}: {link} leads nowhere"
         if anchor:
             assert anchor in anchors(target), f"{name(page)}: {link}: {name(target)} has no such heading"
 
