@@ -128,13 +128,13 @@ mod tests {
     fn scans_come_into_one_frame() -> Result<()> {
         let scan = format!("1\n2\n{HEAD}1 2 3 .5 0 1 300\n0 0 0 0 0 0 0\n");
         let cloud = read(&scan)?;
-        assert_eq!(cloud.points[0], [8.0, 21.0, 33.0]);
+        assert_eq!(cloud.points.first(), Some(&[8.0, 21.0, 33.0]));
         assert!(cloud.points[1].iter().all(|x| x.is_nan()));
         assert_eq!(cloud.viewpoint, Some([10.0, 20.0, 30.0]));
         assert_eq!(cloud.colors, Some(vec![[0, 1, 255], [0, 0, 0]]));
         assert_eq!(read(&scan.repeat(2))?.viewpoint, cloud.viewpoint);
         let both = read(&format!("{scan}1\r\n1\r\n{}1 0 0 .5", HEAD.replace("10 20 30", "0 0 0")))?;
-        assert_eq!(both.points[2], [0.0, 1.0, 0.0]);
+        assert_eq!(both.points.get(2), Some(&[0.0, 1.0, 0.0]));
         assert_eq!((both.viewpoint, both.colors), (None, None));
         Ok(())
     }
