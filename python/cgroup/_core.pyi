@@ -73,6 +73,7 @@ __all__ = [
     "lfsh",
     "match_descriptors",
     "mesh_normals",
+    "nearest",
     "normals",
     "parse_cloud",
     "parse_table",
