@@ -55,6 +55,10 @@ _Alignment: TypeAlias = tuple[
     FloatArray, FloatArray, FloatArray, int, _Resistance
 ]  # pose, residuals, deviations, number of samples
 
+_Graph: TypeAlias = tuple[
+    RealArray, IndexArray, RealArray, RealArray, RealArray
+]  # poses, edges, measurements, information, probability
+
 __all__ = [
     "DEBUG_BUILD",
     "DIFFERENT_POSES",
@@ -75,16 +79,19 @@ __all__ = [
     "mesh_normals",
     "nearest",
     "normals",
+    "optimize_poses",
     "parse_cloud",
     "parse_table",
     "places",
     "plane_distances",
+    "pose_covariances",
     "rcs",
     "resolution",
     "rigid_fit",
     "score_poses",
     "shot",
     "shot_lrf",
+    "squared_errors",
     "toldi_lrf",
     "verify",
     "voxel_downsample",
@@ -227,3 +234,8 @@ def plane_distances(
 ) -> FloatArray: ...
 def nearest(points: RealArray, others: RealArray, run_options: RunOptions, radius: float) -> FloatArray: ...
 def within(points: RealArray, others: RealArray, run_options: RunOptions, radius: float) -> BoolArray: ...
+def optimize_poses(
+    graph: _Graph, run_options: RunOptions, chordal: bool, robust: bool
+) -> tuple[FloatArray, BoolArray]: ...
+def squared_errors(graph: _Graph, run_options: RunOptions) -> FloatArray: ...
+def pose_covariances(graph: _Graph, nodes: IndexArray, run_options: RunOptions) -> FloatArray: ...

@@ -91,6 +91,7 @@ pub mod grouping_result;
 pub mod memory;
 pub mod options;
 pub mod points;
+pub mod pose_graph;
 pub mod rule;
 pub mod selection;
 mod simd;

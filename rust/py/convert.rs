@@ -134,6 +134,16 @@ impl Reals<'_, Ix3> {
         self.triples(name)
     }
 
+    /// The numbers of each block.
+    pub fn blocks<const N: usize>(&self) -> PyResult<Vec<[f64; N]>> {
+        checked(match self {
+            Self::Single(array) => {
+                memory::collect(array.as_slice()?.as_chunks().0.iter().map(|block| block.map(f64::from)))
+            }
+            Self::Double(array) => memory::copied(array.as_slice()?.as_chunks().0),
+        })
+    }
+
     /// Frames, one per block.
     pub fn frames(&self) -> PyResult<Frames> {
         checked(match self {

@@ -11,6 +11,7 @@ mod features;
 mod grouping;
 mod heap;
 mod options;
+mod pose_graph;
 mod proximity;
 mod run;
 mod verification;
@@ -34,6 +35,8 @@ mod _core {
     use super::grouping::{group, rigid_fit};
     #[pymodule_export]
     use super::options::describe_methods;
+    #[pymodule_export]
+    use super::pose_graph::{optimize_poses, pose_covariances, squared_errors};
     #[pymodule_export]
     use super::proximity::{nearest, within};
     #[pymodule_export]

@@ -1,0 +1,92 @@
+//! Least squares that drop wrong edges: truncated squares, reached from squares by graduated non-convexity (Yang, Antonante,
+//! Tzoumas, Carlone, *Graduated Non-Convexity for Robust Spatial Perception*, RA-L 2020).
+
+use super::minimum::{FINE, Precision, minimize_weighted};
+use super::{Link, Start, chordal};
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::rigid::Rigid;
+use crate::memory;
+
+/// The quantile .99 of chi-squared with six degrees of freedom: squared errors of right edges are below.
+const LARGEST_SQUARED_ERROR: f64 = 16.811_893_829_770_927;
+const STEP: f64 = 1.4;
+const MOST_STEPS: usize = 100;
+const MOST_CHECKS: usize = 20;
+const COARSE: Precision = Precision { steps: 10, decrease: 1e-3 };
+
+/// Moves the poses of a component, and says which links are kept.
+pub fn optimize(
+    poses: &mut Vec<Rigid>,
+    links: &[Link],
+    start: Start,
+    execution: &Execution,
+) -> Result<Vec<bool>> {
+    let bounds = memory::collect(links.iter().map(|link| bound(link.edge.probability)))?;
+    if start == Start::Chordal {
+        place(poses, links)?;
+    }
+    let mut weights = memory::collect(bounds.iter().map(|&bound| if bound > 0.0 { 1.0 } else { 0.0 }))?;
+    minimize_weighted(poses, weighted(links, &weights), &COARSE, execution)?;
+    let mut squares = squared_errors(poses, links)?;
+    let ratio = |(&square, &bound): (&f64, &f64)| if bound > 0.0 { square / bound } else { 0.0 };
+    let worst = squares.iter().zip(&bounds).map(ratio).fold(0.0, f64::max);
+    let mut sharpness = 1.0 / (2.0 * worst - 1.0);
+    for _ in 0..if worst > 1.0 { MOST_STEPS } else { 0 } {
+        let mut is_decided = true;
+        for ((weight, &square), &bound) in weights.iter_mut().zip(&squares).zip(&bounds) {
+            *weight = truncated(square, bound, sharpness);
+            is_decided &= *weight == 0.0 || *weight == 1.0;
+        }
+        minimize_weighted(poses, weighted(links, &weights), &COARSE, execution)?;
+        squares = squared_errors(poses, links)?;
+        if is_decided {
+            break;
+        }
+        sharpness *= STEP;
+    }
+    let mut kept = memory::collect(squares.iter().zip(&bounds).map(|(square, bound)| square <= bound))?;
+    for _ in 0..MOST_CHECKS {
+        let weights = memory::collect(kept.iter().map(|&kept| if kept { 1.0 } else { 0.0 }))?;
+        minimize_weighted(poses, weighted(links, &weights), &FINE, execution)?;
+        let squares = squared_errors(poses, links)?;
+        let before = memory::copied(&kept)?;
+        kept.iter_mut()
+            .zip(squares.iter().zip(&bounds))
+            .for_each(|(kept, (square, bound))| *kept = square <= bound);
+        if kept == before {
+            break;
+        }
+    }
+    Ok(kept)
+}
+
+/// From the trusted edges where they reach every node; else along the tree of the most probable edges.
+fn place(poses: &mut [Rigid], links: &[Link]) -> Result<()> {
+    let trusted = memory::collect(links.iter().filter(|link| link.edge.probability >= 1.0).copied())?;
+    let parts = super::components(poses.len(), trusted.iter().map(|link| (link.from, link.to)))?;
+    if parts.len() == 1 { chordal::place(poses, &trusted) } else { chordal::follow_tree(poses, links) }
+}
+
+/// The squared error above which an edge of that prior is rather wrong.
+fn bound(probability: f64) -> f64 {
+    LARGEST_SQUARED_ERROR + 2.0 * (probability / (1.0 - probability)).ln()
+}
+
+fn truncated(square: f64, bound: f64, sharpness: f64) -> f64 {
+    if bound <= 0.0 || square >= (sharpness + 1.0) / sharpness * bound {
+        0.0
+    } else if bound == f64::INFINITY || square <= sharpness / (sharpness + 1.0) * bound {
+        1.0
+    } else {
+        (bound * sharpness * (sharpness + 1.0) / square).sqrt() - sharpness
+    }
+}
+
+fn weighted<'a>(links: &'a [Link<'a>], weights: &'a [f64]) -> impl Iterator<Item = (Link<'a>, f64)> {
+    links.iter().copied().zip(weights.iter().copied())
+}
+
+fn squared_errors(poses: &[Rigid], links: &[Link]) -> Result<Vec<f64>> {
+    memory::collect(links.iter().map(|link| link.edge.squared_error(&poses[link.from], &poses[link.to])))
+}
