@@ -6,7 +6,7 @@ The coefficients were fitted on generated worlds and half of the pairs of real s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -88,6 +88,8 @@ class Found:
         That the surfaces leave open.
     cases : tuple of Case
         What speaks for the pose, and for its rivals.
+    places : (c,4,4) array of float64
+        The poses of these.
     """
 
     refined: Alignment
@@ -100,6 +102,7 @@ class Found:
     motions: int = 0
     cases: tuple[Case, ...] = ()
     target_fitness: float = 0.0
+    places: FloatArray = field(default_factory=lambda: np.empty((0, 4, 4)))
 
     def turned(self) -> Found:
         """Return the same with source and target in each other's place."""
@@ -116,6 +119,7 @@ class Found:
             self,
             refined=refined,
             alternatives=np.linalg.inv(self.alternatives),
+            places=np.linalg.inv(self.places),
             matches=turn_matches(self.matches, self.target.described.centroid),
             source=self.target,
             target=self.source,

@@ -225,7 +225,16 @@ class Search:
         several = is_accepted(chance * (1.0 + float(shares.sum())))
         alike = [row for row, share in zip(rows[1:], shares, strict=True) if several and share >= AS_GOOD]
         return Found(
-            best, poses[alike], chance, 0.0, matches, source, target, motions=motions, cases=tuple(cases)
+            best,
+            poses[alike],
+            chance,
+            0.0,
+            matches,
+            source,
+            target,
+            motions=motions,
+            cases=tuple(cases),
+            places=poses[rows],
         )
 
     def _refine(self, found: Found | None) -> Found | None:

@@ -1,0 +1,109 @@
+"""What two scans tell of their pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup._runtime.progress import StageClock, ignore_progress
+from cgroup.registration.covariance import covariance_of
+from cgroup.registration.evidence import gather
+from cgroup.registration.judge import (
+    Case,
+    bound_by_motions,
+    count_open_motions,
+    is_accepted,
+    lead_over_chance,
+    misfit,
+    share_probability,
+)
+from cgroup.registration.prepare import fine_surfaces
+from cgroup.registration.search import Search
+from cgroup.rigid import apply, invert
+from cgroup.verification import align, verify
+
+if TYPE_CHECKING:
+    from cgroup.registration import PreparedScan
+    from cgroup.registration.search import Effort
+    from cgroup.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """Poses of one scan on another, the best first, and what speaks for them.
+
+    Attributes
+    ----------
+    poses : (k,4,4) array of float64
+        Source points into the target's frame: the best one, then its rivals.
+    chances : (k,) array of float64
+        Probability that each is right.
+    covariance : (6,6) array of float64
+        Of the best one, as for `Registration.covariance`.
+    fitness, target_fitness : float
+        Shares of the surfaces that lie on each other under the best one.
+    """
+
+    poses: FloatArray
+    chances: FloatArray
+    covariance: FloatArray
+    fitness: float
+    target_fitness: float
+
+    @property
+    def pose(self) -> FloatArray:
+        """The best pose."""
+        return self.poses[0]
+
+    @property
+    def probability(self) -> float:
+        """That the best pose is right."""
+        return float(self.chances[0])
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether the two scans alone tell that the best pose is right."""
+        return is_accepted(self.probability)
+
+
+def link(
+    source: PreparedScan,
+    target: PreparedScan,
+    axis: FloatArray | None,
+    effort: Effort,
+    proposed: FloatArray | None = None,
+) -> Link | None:
+    """Register two scans; None where no pose can even be guessed."""
+    if source.by_frames or target.by_frames:
+        source, target = source.turned_by_frames, target.turned_by_frames
+    search = Search("lc", {}, axis, effort, 1, StageClock(ignore_progress), proposed=proposed)
+    found = search.run(source, target)
+    if found is None:
+        return None
+    _, shares = share_probability(found.cases[0], found.cases[1:])
+    chances = found.probability * np.concatenate([[1.0], np.minimum(shares, 1.0)])
+    covariance = covariance_of(found.refined, found.source, found.target)
+    places = np.concatenate([found.refined.T_target_source[None], found.places[1:]])
+    return Link(places, chances, covariance, found.fitness, found.target_fitness)
+
+
+def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
+    """Refine a pose that others predict, and weigh it by itself; None where nothing is paired."""
+    if source.by_frames or target.by_frames:
+        source, target = source.turned_by_frames, target.turned_by_frames
+    surfaces = fine_surfaces(source, target)
+    refined = align(*surfaces, pose, threads=1)
+    if len(refined.residuals) == 0:
+        return None
+    placed = refined.T_target_source
+    verified = verify(source.surface, target.surface, placed, threads=1)
+    case = Case(float(verified.scores[0]), 0, misfit(refined, source.voxel), gather(source, target, placed))
+    motions = count_open_motions(refined.information, apply(placed, source.voxels.points))
+    chance = bound_by_motions(float(1.0 / (1.0 + np.exp(-lead_over_chance(case)))), motions)
+    back = verify(target.surface, source.surface, invert(placed), threads=1)
+    covariance = covariance_of(refined, source, target)
+    return Link(placed[None], np.array([chance]), covariance, verified.fitness, back.fitness)
+
+
