@@ -330,8 +330,8 @@ def register_many(
     given = as_items("scans", scans, "give two clouds or more")
     if not given:
         raise InputError("scans", "none", "give two or more")
-    wanted = _as_pairs(pairs, len(given))
-    places = _as_viewpoints(viewpoints, as_viewpoint(viewpoint, view_direction), len(given))
+    wanted = as_pairs(pairs, len(given))
+    places = as_viewpoints(viewpoints, as_viewpoint(viewpoint, view_direction), len(given))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     begin, proposer = as_stage_function(progress), check_method(method, options, register_many)
     rows = range(len(given))
@@ -393,7 +393,7 @@ def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
     return None, None if front == "dense" else PaperFront()
 
 
-def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple[int, int]]:
+def as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple[int, int]]:
     """Check pairs of rows."""
     if pairs is None:
         return [(row, 0) for row in range(1, scans)]
@@ -411,7 +411,7 @@ def _as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple
     return checked
 
 
-def _as_viewpoints(
+def as_viewpoints(
     viewpoints: Sequence[ArrayLike | None] | None, shared: ArrayLike | None, scans: int
 ) -> Sequence[ArrayLike | None]:
     """Return one per scan; check that there is, where each has its own."""

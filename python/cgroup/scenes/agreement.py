@@ -1,0 +1,154 @@
+"""Whether poses between scans agree with each other: round triangles, and with the poses of a scene."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from cgroup.types import FloatArray, IndexArray
+
+DISAGREES = 22.46
+"""Squared error above which two poses differ: the quantile .999 of chi-squared with six degrees of freedom."""
+
+TURN, SHIFT = np.radians(1.0), 0.5
+"""Deviations that every pose has beside its covariance: radians, and voxels at the middle of the source."""
+
+_BY_CHANCE = 0.02  # share of the triangles of wrong poses that close
+_SUREST, _LEAST = 0.99, 0.01
+_ROUNDS = 10
+
+
+def skew(vectors: FloatArray) -> FloatArray:
+    """Matrices of the cross products with vectors, (n,3,3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+
+
+def adjoints(poses: FloatArray) -> FloatArray:
+    """Change of motions by each pose, (n,6,6), as for `cgroup.registration.motions.adjoint`."""
+    changes = np.zeros((len(poses), 6, 6))
+    changes[:, :3, :3] = changes[:, 3:, 3:] = poses[:, :3, :3]
+    changes[:, 3:, :3] = skew(poses[:, :3, 3]) @ poses[:, :3, :3]
+    return changes
+
+
+def rotation_vectors(rotations: FloatArray) -> FloatArray:
+    """Vector of each rotation, (n,3)."""
+    sines = (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]] / 2
+    sine, cosine = np.linalg.norm(sines, axis=1), (np.trace(rotations, axis1=1, axis2=2) - 1) / 2
+    angles = np.arctan2(sine, cosine)
+    return sines * np.where(sine > 1e-9, angles / np.maximum(sine, 1e-300), np.where(cosine < 0, 1e9, 1.0))[:, None]
+
+
+def squared_errors(
+    found: FloatArray, expected: FloatArray, covariance: FloatArray, middles: FloatArray, voxel: float
+) -> FloatArray:
+    """Weigh what leads from expected poses to those found by its covariance, (n,).
+
+    Parameters
+    ----------
+    found, expected : (n,4,4) array of float64
+        Sources into their targets' frames.
+    covariance : (n,6,6) array of float64
+        Of both together, of (rotation vector, translation) in the target's frame.
+    middles : (n,3) array of float64
+        Of each source.
+    voxel : float
+        Which every pose may be off by a part of.
+    """
+    places = np.einsum("nij,nj->ni", expected[:, :3, :3], middles) + expected[:, :3, 3]
+    landed = np.einsum("nij,nj->ni", found[:, :3, :3], middles) + found[:, :3, 3]
+    turns = rotation_vectors(found[:, :3, :3] @ expected[:, :3, :3].transpose(0, 2, 1))
+    errors = np.concatenate([turns, landed - places], axis=1)
+    change = np.tile(np.eye(6), (len(found), 1, 1))
+    change[:, 3:, :3] = -skew(places)
+    spread = change @ covariance @ change.transpose(0, 2, 1)
+    spread += np.diag([TURN**2] * 3 + [(SHIFT * voxel) ** 2] * 3)
+    return np.einsum("ni,ni->n", errors, np.linalg.solve(spread, errors[:, :, None])[:, :, 0])
+
+
+def find_triangles(pairs: IndexArray, count: int) -> IndexArray:
+    """Rows of the three pairs of each triangle of nodes, (t,3): those of (i,j), (i,k), (j,k), i < j < k."""
+    rows: dict[tuple[int, int], list[int]] = {}
+    beyond: list[set[int]] = [set() for _ in range(count)]
+    for row, (one, other) in enumerate(np.sort(pairs, axis=1).tolist()):
+        rows.setdefault((one, other), []).append(row)
+        beyond[one].add(other)
+    found = [
+        triple
+        for (i, j), some in rows.items()
+        for k in sorted(beyond[i] & beyond[j])
+        for triple in itertools.product(some, rows[i, k], rows[j, k])
+    ]
+    return np.array(found, dtype=np.int64).reshape(-1, 3)
+
+
+def weigh_by_triangles(
+    pairs: IndexArray,
+    poses: FloatArray,
+    covariance: FloatArray,
+    prior: FloatArray,
+    middles: FloatArray,
+    voxel: float,
+) -> FloatArray:
+    """Return the probability that each pose is right, given which triangles of poses close.
+
+    A triangle closes if all three are right; else by chance, in one of 50 cases. Probabilities of the other
+    two are those of the round before (loopy belief propagation).
+
+    Parameters
+    ----------
+    pairs : (m,2) array of int
+        Source and target of each pose.
+    poses : (m,4,4) array of float64
+        Source points into the target's frame.
+    covariance : (m,6,6) array of float64
+        Of each, in the target's frame.
+    prior : (m,) array of float64
+        Probabilities that the two scans alone tell.
+    middles : (N,3) array of float64
+        Of the scans.
+    voxel : float
+        Of the scans.
+    """
+    triangles = find_triangles(pairs, len(middles))
+    logits = np.log(np.clip(prior, _LEAST, _SUREST)) - np.log1p(-np.clip(prior, _LEAST, _SUREST))
+    if len(triangles) == 0:
+        return prior.copy()
+    nodes = np.sort(pairs[triangles[:, 0]], axis=1)  # i < j
+    last = pairs[triangles[:, 1]].sum(axis=1) - nodes[:, 0]
+    i, j, k = nodes[:, 0], nodes[:, 1], last
+    ways = [
+        _into(to, pairs, poses, covariance, rows)
+        for rows, to in ((triangles[:, 0], i), (triangles[:, 1], i), (triangles[:, 2], k))
+    ]
+    (direct, one), (first, two), (second, three) = ways
+    turned = adjoints(first)
+    total = one + two + turned @ three @ turned.transpose(0, 2, 1)
+    closes = squared_errors(first @ second, direct, total, middles[j], voxel) < DISAGREES
+    beliefs = logits.copy()
+    for _ in range(_ROUNDS):
+        chances = np.clip(1.0 / (1.0 + np.exp(-beliefs)), 1e-6, _SUREST)
+        updated = logits.copy()
+        for own, others in ((0, (1, 2)), (1, (0, 2)), (2, (0, 1))):
+            both = chances[triangles[:, others[0]]] * chances[triangles[:, others[1]]]
+            told = np.where(closes, np.log(both / _BY_CHANCE + 1 - both), np.log1p(-both))
+            np.add.at(updated, triangles[:, own], told)
+        beliefs = np.clip(0.5 * (beliefs + updated), -30, 30)
+    return 1.0 / (1.0 + np.exp(-beliefs))
+
+
+def _into(
+    to: IndexArray, pairs: IndexArray, poses: FloatArray, covariance: FloatArray, rows: IndexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Poses into the frames of some nodes, whichever way round they were found, and their covariances."""
+    as_found = pairs[rows, 1] == to
+    forward, spread = poses[rows], covariance[rows]
+    back = np.linalg.inv(forward)
+    change = adjoints(back)
+    turned = change @ spread @ change.transpose(0, 2, 1)
+    return np.where(as_found[:, None, None], forward, back), np.where(as_found[:, None, None], spread, turned)

@@ -1,0 +1,179 @@
+"""Decide jointly: which of the poses between scans are right, and what hangs together by them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.registration.covariance import covariance_in
+from cgroup.registration.judge import ACCEPTED, SURE
+from cgroup.rigid import invert
+from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, squared_errors, weigh_by_triangles
+from cgroup.scenes.pose_graph import PoseGraph
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from cgroup.scenes.links import Link
+    from cgroup.types import BoolArray, FloatArray, IndexArray
+
+_LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted whatever the others say
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """Poses of scans in the frames of their components, and the links that these rest on.
+
+    Attributes
+    ----------
+    poses : (N,4,4) array of float64
+        Scan to component.
+    labels : (N,) array of int
+        Component of each scan, the least row in it.
+    kept : dict of (int, int) to float
+        Links that are held to be right, by (source, target), and the probability of each.
+    doubtful : list of (int, int)
+        Links that alone would join two components, and are not sure enough for that.
+    """
+
+    poses: FloatArray
+    labels: IndexArray
+    kept: dict[tuple[int, int], float]
+    doubtful: list[tuple[int, int]]
+
+    @property
+    def components(self) -> list[list[int]]:
+        """Rows of the scans that hang together, the largest first."""
+        parts = [np.flatnonzero(self.labels == label).tolist() for label in np.unique(self.labels)]
+        return sorted(parts, key=lambda part: (-len(part), part[0]))
+
+    def between(self, source: int, target: int) -> FloatArray:
+        """Pose of a scan in the frame of another of its component."""
+        return invert(self.poses[target]) @ self.poses[source]
+
+
+def decide(
+    links: Mapping[tuple[int, int], Link], chances: Mapping[tuple[int, int], float], middles: FloatArray, voxel: float
+) -> Decision:
+    """Decide on links that are likely by themselves.
+
+    Triangles tell which links agree; the most probable ones place each scan; graduated non-convexity drops
+    those that don't fit; and one doubtful link joins nothing.
+    """
+    count = len(middles)
+    rows = [pair for pair in sorted(links) if chances[pair] >= ACCEPTED]
+    pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
+    measured = np.array([links[pair].pose for pair in rows]).reshape(-1, 4, 4)
+    spread = np.array([links[pair].covariance for pair in rows]).reshape(-1, 6, 6)
+    prior = np.array([chances[pair] for pair in rows])
+    posterior = weigh_by_triangles(pairs, measured, spread, prior, middles, voxel)
+    likely = posterior >= ACCEPTED
+    start, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
+    graph = graph_of(start, pairs, measured, spread, posterior, middles, voxel).optimize(robust=True, start="given")
+    kept = graph.kept & likely
+    kept[kept] = hang_firmly(pairs[kept], prior[kept], count)
+    dropped = np.flatnonzero(likely & graph.kept & ~kept)
+    poses, labels = follow_best(pairs[kept], measured[kept], posterior[kept], count)
+    graph = graph_of(poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, voxel)
+    poses = anchor(graph.optimize(start="given").poses, labels)
+    told = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
+    return Decision(poses, labels, told, [rows[row] for row in dropped.tolist()])
+
+
+def graph_of(
+    poses: FloatArray,
+    pairs: IndexArray,
+    measured: FloatArray,
+    spread: FloatArray,
+    chances: FloatArray,
+    middles: FloatArray,
+    voxel: float,
+) -> PoseGraph:
+    """Make a pose graph of links; each may be off a little more than its covariance says."""
+    information = np.empty((len(pairs), 6, 6))
+    for row, (source, _) in enumerate(pairs.tolist()):
+        own = covariance_in("gtsam", spread[row], measured[row])
+        change = np.eye(6)  # from motions about the middle of the source
+        x, y, z = middles[source]
+        change[3:, :3] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        floor = change @ np.diag([TURN**2] * 3 + [(SHIFT * voxel) ** 2] * 3) @ change.T
+        inverse = np.linalg.inv(own + floor)
+        information[row] = (inverse + inverse.T) / 2
+    trusted = np.minimum(chances, _LARGEST_CHANCE)
+    return PoseGraph(poses, pairs[:, ::-1], measured, information, trusted)
+
+
+def follow_best(
+    pairs: IndexArray, measured: FloatArray, chances: FloatArray, count: int
+) -> tuple[FloatArray, IndexArray]:
+    """Place scans along the most probable links, and label them by the least row of their component."""
+    poses, labels = np.tile(np.eye(4), (count, 1, 1)), np.arange(count)
+    for row in np.argsort(-chances, kind="stable").tolist():
+        source, target = pairs[row].tolist()
+        if labels[source] == labels[target]:
+            continue
+        placed = poses[target] @ measured[row] @ invert(poses[source])  # source's component into target's
+        one, other = labels[source], labels[target]
+        moved, change = (one, placed) if one > other else (other, invert(placed))
+        members = labels == moved
+        poses[members] = change @ poses[members]
+        labels[members] = min(one, other)
+    return poses, labels
+
+
+def anchor(poses: FloatArray, labels: IndexArray) -> FloatArray:
+    """Move each component into the frame of its first scan."""
+    return np.array([invert(poses[label]) @ pose for pose, label in zip(poses, labels, strict=True)])
+
+
+def hang_firmly(pairs: IndexArray, chances: FloatArray, count: int) -> BoolArray:
+    """Tell the links that don't join, by doubtful poses alone, what hangs together without them.
+
+    Poses that are wrong for the same reason, as those of a shape on its mirror image, agree with each other
+    however many they are. So parts hang together by a pose that two scans alone are sure of. Two single
+    scans do by any.
+    """
+    firm = label_parts(pairs[chances >= SURE], count)
+    single = np.bincount(firm, minlength=count)[firm] == 1
+    for row in np.argsort(-chances, kind="stable").tolist():
+        one, other = pairs[row]
+        if single[one] and single[other]:
+            firm[firm == max(firm[one], firm[other])] = min(firm[one], firm[other])
+            single[[one, other]] = False
+    return firm[pairs[:, 0]] == firm[pairs[:, 1]]
+
+
+def label_parts(pairs: IndexArray, count: int) -> IndexArray:
+    """Label nodes by the least node that they hang together with."""
+    labels = np.arange(count)
+    for one, other in pairs.tolist():
+        least, most = sorted((labels[one], labels[other]))
+        labels[labels == most] = least
+    return labels
+
+
+def find_agreeing(
+    links: Mapping[tuple[int, int], Link], decision: Decision, middles: FloatArray, voxel: float
+) -> dict[tuple[int, int], float]:
+    """Return the links within components whose pose agrees with the scene, and their squared errors."""
+    rows = [pair for pair in sorted(links) if decision.labels[pair[0]] == decision.labels[pair[1]]]
+    if not rows:
+        return {}
+    errors = errors_of(rows, links, decision, middles, voxel)
+    return {pair: error for pair, error in zip(rows, errors.tolist(), strict=True) if error < DISAGREES}
+
+
+def errors_of(
+    rows: Sequence[tuple[int, int]],
+    links: Mapping[tuple[int, int], Link],
+    decision: Decision,
+    middles: FloatArray,
+    voxel: float,
+) -> FloatArray:
+    """Weigh how far links of one component are from its poses, squared."""
+    found = np.array([links[pair].pose for pair in rows])
+    expected = np.array([decision.between(*pair) for pair in rows])
+    spread = np.array([links[pair].covariance for pair in rows])
+    return squared_errors(found, expected, spread, middles[[pair[0] for pair in rows]], voxel)
