@@ -127,11 +127,14 @@ def _check_lines(edges: IndexArray, information: FloatArray, named: IndexArray, 
 
 
 def singular(information: FloatArray) -> NDArray[np.bool_]:
-    """Tell which matrices are not positive definite; lengths and angles may be of any unit."""
+    """Tell which matrices aren't symmetric and positive definite, whatever the units."""
+    if not len(information):
+        return np.zeros(0, dtype=bool)
     diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", information), 0))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scaled = information / (diagonal[:, :, None] * diagonal[:, None, :])
-    defined = np.isfinite(scaled).all(axis=(1, 2))
+        symmetric = np.abs(scaled - scaled.transpose(0, 2, 1)).max(axis=(1, 2)) < 1e-6
+    defined = symmetric & np.isfinite(scaled).all(axis=(1, 2))
     scaled[~defined] = 0
     return ~(defined & (np.linalg.eigvalsh(scaled)[:, 0] > 1e-12))
 

@@ -15,7 +15,8 @@ const MOST_STEPS: usize = 100;
 const MOST_CHECKS: usize = 20;
 const COARSE: Precision = Precision { steps: 10, decrease: 1e-3 };
 
-/// Moves the poses of a component, and says which links are kept.
+/// Moves the poses of a component, and says which links are kept: the better end of two searches. The first keeps what the
+/// start agrees with, and suits a start that is nearly right; the second begins with all links.
 pub fn optimize(
     poses: &mut Vec<Rigid>,
     links: &[Link],
@@ -26,15 +27,37 @@ pub fn optimize(
     if start == Start::Chordal {
         place(poses, links)?;
     }
+    let mut near = memory::copied(poses)?;
+    let (kept_near, cost_near) = settle(&mut near, links, &bounds, execution)?;
+    if kept_near.iter().zip(&bounds).all(|(&kept, &bound)| kept || bound <= 0.0) {
+        *poses = near;
+        return Ok(kept_near);
+    }
+    graduate(poses, links, &bounds, execution)?;
+    let (kept, cost) = settle(poses, links, &bounds, execution)?;
+    if cost <= cost_near {
+        return Ok(kept);
+    }
+    *poses = near;
+    Ok(kept_near)
+}
+
+/// Goes from squares to truncated squares in steps.
+fn graduate(
+    poses: &mut Vec<Rigid>,
+    links: &[Link],
+    bounds: &[f64],
+    execution: &Execution,
+) -> Result<()> {
     let mut weights = memory::collect(bounds.iter().map(|&bound| if bound > 0.0 { 1.0 } else { 0.0 }))?;
     minimize_weighted(poses, weighted(links, &weights), &COARSE, execution)?;
     let mut squares = squared_errors(poses, links)?;
     let ratio = |(&square, &bound): (&f64, &f64)| if bound > 0.0 { square / bound } else { 0.0 };
-    let worst = squares.iter().zip(&bounds).map(ratio).fold(0.0, f64::max);
+    let worst = squares.iter().zip(bounds).map(ratio).fold(0.0, f64::max);
     let mut sharpness = 1.0 / (2.0 * worst - 1.0);
     for _ in 0..if worst > 1.0 { MOST_STEPS } else { 0 } {
         let mut is_decided = true;
-        for ((weight, &square), &bound) in weights.iter_mut().zip(&squares).zip(&bounds) {
+        for ((weight, &square), &bound) in weights.iter_mut().zip(&squares).zip(bounds) {
             *weight = truncated(square, bound, sharpness);
             is_decided &= *weight == 0.0 || *weight == 1.0;
         }
@@ -45,20 +68,31 @@ pub fn optimize(
         }
         sharpness *= STEP;
     }
-    let mut kept = memory::collect(squares.iter().zip(&bounds).map(|(square, bound)| square <= bound))?;
+    Ok(())
+}
+
+/// Keeps the links that agree with the poses, and moves these, in turns; returns the links and the truncated squares.
+fn settle(
+    poses: &mut Vec<Rigid>,
+    links: &[Link],
+    bounds: &[f64],
+    execution: &Execution,
+) -> Result<(Vec<bool>, f64)> {
+    let mut squares = squared_errors(poses, links)?;
+    let agree =
+        |squares: &[f64]| memory::collect(squares.iter().zip(bounds).map(|(square, bound)| square <= bound));
+    let mut kept = agree(&squares)?;
     for _ in 0..MOST_CHECKS {
         let weights = memory::collect(kept.iter().map(|&kept| if kept { 1.0 } else { 0.0 }))?;
         minimize_weighted(poses, weighted(links, &weights), &FINE, execution)?;
-        let squares = squared_errors(poses, links)?;
-        let before = memory::copied(&kept)?;
-        kept.iter_mut()
-            .zip(squares.iter().zip(&bounds))
-            .for_each(|(kept, (square, bound))| *kept = square <= bound);
+        squares = squared_errors(poses, links)?;
+        let before = std::mem::replace(&mut kept, agree(&squares)?);
         if kept == before {
             break;
         }
     }
-    Ok(kept)
+    let cost = squares.iter().zip(bounds).map(|(square, bound)| square.min(bound.max(0.0))).sum();
+    Ok((kept, cost))
 }
 
 /// From the trusted edges where they reach every node; else along the tree of the most probable edges.
