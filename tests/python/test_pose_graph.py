@@ -1,0 +1,200 @@
+"""Pose graphs: minima, covariances, wrong edges, files."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cgroup.errors import InputError
+from cgroup.scenes import PoseGraph
+from reference import pose_graph as reference
+from shared_data import shared_file
+
+COSTS = {"smallGrid3D": 517.93, "parking-garage": 0.63419, "sphere2500": 675.70, "torus3D": 12117.6}
+"""Of GTSAM 4.3, Levenberg-Marquardt from its chordal start."""
+
+
+def random_graph(seed, nodes=6, noise=0.05, angle=3.0):
+    """Return a connected graph with loops, the truth and noisy measurements of different information."""
+    rng = np.random.default_rng(seed)
+    turns = rng.normal(size=(nodes, 3))
+    turns *= angle * rng.random((nodes, 1)) / np.linalg.norm(turns, axis=1, keepdims=True)
+    truth = np.array([reference.exponential(np.r_[turn, 3 * rng.normal(size=3)]) for turn in turns])
+    edges = [(i, i + 1) for i in range(nodes - 1)] + [(nodes - 1, 0), (2, 0), (1, nodes - 2)]
+    measurements, information = [], []
+    for i, j in edges:
+        root = rng.normal(size=(6, 6)) + 4 * np.eye(6)
+        information.append(root @ root.T)
+        moved = np.linalg.inv(truth[i]) @ truth[j] @ reference.exponential(noise * rng.normal(size=6))
+        measurements.append(moved)
+    return truth, PoseGraph(truth, edges, measurements, information)
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from([1e-9, 1e-3, 0.05]), st.sampled_from([1e-8, 1.0, 3.1]))
+def test_minima_are_those_of_the_equations(seed, noise, angle):
+    truth, graph = random_graph(seed, 5, noise, angle)
+    found = graph.optimize()
+    parts = (graph.edges, graph.measurements, graph.information)
+    expected = reference.optimize(truth, *parts, held={0})
+    assert found.cost == pytest.approx(reference.cost(found.poses, *parts), rel=1e-4, abs=1e-12)
+    assert found.cost <= reference.cost(expected, *parts) * (1 + 1e-4) + 1e-12
+    np.testing.assert_allclose(found.poses[0], truth[0])
+
+
+def test_covariances_are_inverses_of_the_normal_matrix():
+    _, graph = random_graph(3)
+    best = graph.optimize()
+    _, matrix, _ = reference.normal_matrix(
+        best.poses, best.edges, best.measurements, best.information, held={0}
+    )
+    inverse = np.linalg.inv(matrix)
+    for node in range(1, 6):
+        block = inverse[6 * node - 6 : 6 * node, 6 * node - 6 : 6 * node]
+        np.testing.assert_allclose(best.covariance(node), block, rtol=1e-4, atol=1e-8)
+    assert not best.covariance(0).any()
+    with pytest.raises(InputError, match="below 6"):
+        best.covariance(6)
+
+
+def test_the_bits_are_the_same_on_any_number_of_threads():
+    _, graph = random_graph(8, 40)
+    one, two = graph.optimize(threads=1, robust=True), graph.optimize(threads=2, robust=True)
+    np.testing.assert_array_equal(one.poses, two.poses)
+
+
+def test_parts_are_placed_each_by_itself():
+    truth, graph = random_graph(5)
+    twice = PoseGraph(
+        np.concatenate([truth, truth, truth[:1]]),
+        np.concatenate([graph.edges, graph.edges + 6]),
+        np.tile(graph.measurements, (2, 1, 1)),
+        np.tile(graph.information, (2, 1, 1)),
+    )
+    both, alone = twice.optimize(), graph.optimize()
+    np.testing.assert_array_equal(both.poses[:6], alone.poses)
+    np.testing.assert_array_equal(both.poses[6:12], alone.poses)
+    np.testing.assert_array_equal(both.poses[12], truth[0])
+    assert [len(part) for part in both.components()] == [6, 6, 1]
+
+
+def test_no_edges_edges_to_oneself_and_edges_given_twice():
+    assert PoseGraph([], [], [], []).optimize().components() == []
+    lonely = PoseGraph([np.eye(4)] * 2, [], [], []).optimize(robust=True)
+    assert lonely.cost == 0 and len(lonely.components()) == 2
+    shift = np.eye(4)
+    shift[0, 3] = 2
+    graph = PoseGraph([np.eye(4)] * 2, [(0, 0), (0, 1), (0, 1)], [shift, shift, np.eye(4)], [np.eye(6)] * 3)
+    best = graph.optimize()
+    assert best.poses[1, 0, 3] == pytest.approx(1)
+    assert best.cost == pytest.approx(3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_wrong_loops_are_dropped(seed):
+    rng = np.random.default_rng(seed)
+    truth, graph = random_graph(seed, 30, 0.02, 1.0)
+    # Loops enough, so that wrong ones contradict them.
+    pairs = [(i, j) for i, j in rng.integers(0, 30, (60, 2)).tolist() if j != i + 1 and i != j]
+    right = [np.linalg.inv(truth[i]) @ truth[j] for i, j in pairs]
+    wrong = [reference.exponential(np.r_[rng.normal(size=3), 5 * rng.normal(size=3)]) for _ in range(15)]
+    edges = np.concatenate([graph.edges, pairs, pairs[:15]])
+    measured = np.concatenate([graph.measurements, right, wrong])
+    full = PoseGraph(truth, edges, measured, np.tile(25 * np.eye(6), (len(edges), 1, 1)))
+    found = full.optimize(robust=True)
+    np.testing.assert_array_equal(found.kept, np.arange(len(edges)) < len(edges) - 15)
+    clean = PoseGraph(truth, edges[:-15], measured[:-15], full.information[:-15]).optimize()
+    np.testing.assert_allclose(found.poses, clean.poses, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", COSTS)
+def test_minima_of_public_graphs(name):
+    graph = PoseGraph.read(shared_file(f"data/scenes/pose_graphs/{name}.g2o"))
+    assert graph.optimize().cost == pytest.approx(COSTS[name], rel=1e-4)
+
+
+@pytest.mark.parametrize("suffix", ["g2o", "json"])
+def test_graphs_are_read_as_they_were_written(tmp_path, suffix):
+    _, graph = random_graph(11)
+    graph.optimize().write(tmp_path / f"a.{suffix}")
+    first = PoseGraph.read(tmp_path / f"a.{suffix}")
+    for name in ("poses", "measurements", "information"):
+        np.testing.assert_allclose(
+            getattr(first, name), getattr(graph if name != "poses" else graph.optimize(), name), atol=1e-14
+        )
+    np.testing.assert_array_equal(first.edges, graph.edges)
+    np.testing.assert_array_equal(first.information, graph.information)
+    np.testing.assert_array_equal(first.probability, graph.probability)
+    if suffix == "json":
+        np.testing.assert_array_equal(first.measurements, graph.measurements)
+        edge = json.loads((tmp_path / "a.json").read_bytes())["edges"][0]
+        assert (edge["source_node_id"], edge["target_node_id"]) == (
+            1,
+            0,
+        )  # maps points of the source into the target
+
+
+def test_gtsams_text_is_read_as_gtsam_does(tmp_path):
+    diagonal = "1 0 0 0 0 0 2 0 0 0 0 3 0 0 0 4 0 0 5 0 6"
+    lines = f"VERTEX3 0 0 0 0 0 0 0\nVERTEX3 1 1 2 3 .1 .2 .3\nEDGE3 0 1 1 2 3.5 .1 .25 .3 {diagonal}\n"
+    (tmp_path / "a.txt").write_text(lines)
+    graph = PoseGraph.read(tmp_path / "a.txt")
+    assert graph.cost == pytest.approx(0.7390379507580896)  # graph.error of GTSAM 4.3
+    np.testing.assert_array_equal(graph.information[0].diagonal(), [1, 2, 3, 4, 5, 6])
+
+
+UNIT = "1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1"
+VERTEX = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (VERTEX + "VERTEX_SE3:QUAT 1 0 0 nan 0 0 0 1", "line 2: VERTEX_SE3:QUAT needs 8 finite numbers"),
+        (VERTEX + "VERTEX_SE3:QUAT 1 0 0 0 0 0 0 0", "line 2: the quaternion is zero"),
+        (VERTEX + VERTEX, "node 0 is there twice"),
+        (VERTEX + f"EDGE_SE3:QUAT 0 5 0 0 0 0 0 0 1 {UNIT}", "line 2: there is no node 5"),
+        (VERTEX + f"EDGE_SE3:QUAT 0 0 0 0 0 0 0 0 1 {UNIT[:-1]}0", "line 2: the information is not positive"),
+        (VERTEX + "EDGE_SE2 0 1 0 0 0 1 0 0 1 0 1", "line 2: EDGE_SE2 is of a graph in the plane"),
+        (VERTEX + "FIX 3", "line 2: a node that isn't there is held"),
+        (VERTEX + "WORD 3", "line 2: WORD is not read"),
+        ("VERTEX_SE3:QUAT .5 0 0 0 0 0 0 1", "line 1: the number of a node is no whole number"),
+    ],
+)
+def test_bad_lines_are_named(tmp_path, text, message):
+    (tmp_path / "bad.g2o").write_text(text)
+    with pytest.raises(InputError, match=message):
+        PoseGraph.read(tmp_path / "bad.g2o")
+
+
+def test_bad_json_is_refused(tmp_path):
+    for text in ("[]", "{", '{"nodes": [{"pose": [1]}], "edges": []}'):
+        (tmp_path / "bad.json").write_text(text)
+        with pytest.raises(InputError, match=r"no PoseGraph of Open3D"):
+            PoseGraph.read(tmp_path / "bad.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"poses": np.full((2, 4, 4), np.nan)}, r"poses\[0\]"),
+        ({"edges": [(0, 2)]}, "node 2 in row 0"),
+        ({"edges": [(0.0, 1.0)]}, "give \\(M,2\\) whole numbers"),
+        ({"measurements": np.ones((1, 4, 4))}, r"measurements\[0\]"),
+        ({"information": np.triu(np.ones((1, 6, 6)))}, "symmetric positive definite matrix in row 0"),
+        ({"probability": [2.0]}, "between 0 and 1"),
+        ({"kept": [1]}, "truth values"),
+        ({"ids": [1]}, "whole numbers"),
+    ],
+)
+def test_bad_arrays_are_named(change, message):
+    good = {
+        "poses": [np.eye(4)] * 2,
+        "edges": [(0, 1)],
+        "measurements": [np.eye(4)],
+        "information": [np.eye(6)],
+    }
+    with pytest.raises(InputError, match=message):
+        PoseGraph(**(good | change))
