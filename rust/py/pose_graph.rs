@@ -50,6 +50,9 @@ fn rigid(matrix: &[f64; 16]) -> Rigid {
     }
 }
 
+/// Poses, and which edges are kept.
+type PyOptimized<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray1<bool>>);
+
 /// Poses of least cost, and which edges are kept.
 #[pyfunction]
 pub fn optimize_poses<'py>(
@@ -58,7 +61,7 @@ pub fn optimize_poses<'py>(
     run_options: RunOptions,
     chordal: bool,
     robust: bool,
-) -> PyResult<(Bound<'py, PyArray3<f64>>, Bound<'py, PyArray1<bool>>)> {
+) -> PyResult<PyOptimized<'py>> {
     let (poses, edges) = graph.to_core()?;
     let start = if chordal { Start::Chordal } else { Start::Given };
     let found =

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 from cgroup._checks.arrays import as_array, as_floats
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_choice, as_count, as_flag, as_path, refusal
@@ -29,6 +28,8 @@ from cgroup.scenes.graph_files import (
 if TYPE_CHECKING:
     import os
     from collections.abc import Callable
+
+    from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 
 __all__ = ["PoseGraph"]
 
@@ -66,9 +67,9 @@ class PoseGraph:
 
     Notes
     -----
-    The start is that of Carlone and others (*Initialization Techniques for 3D SLAM*, ICRA 2015), the search the
-    Levenberg-Marquardt method. Wrong edges are dropped by graduated non-convexity with truncated squares (Yang
-    and others, RA-L 2020). An edge is kept while e' W e is below 16.8, the quantile .99 of chi-squared, plus
+    The start is that of Carlone and others (*Initialization Techniques for 3D SLAM*, ICRA 2015), the search
+    the Levenberg-Marquardt method. Wrong edges are dropped by graduated non-convexity with truncated squares
+    (Yang and others, RA-L 2020). An edge is kept while e' W e is below 16.8, the quantile .99 of chi-squared, plus
     twice the log-odds of its probability.
 
     Examples
@@ -101,48 +102,16 @@ class PoseGraph:
     def __post_init__(self) -> None:
         """Check shapes and numbers; make arrays read-only copies of what they are given."""
         poses = _motions("poses", self.poses)
-        edges = as_array("edges", self.edges)
-        if edges.size == 0:
-            edges = np.empty((0, 2), np.int64)
-        if edges.ndim != 2 or edges.shape[1] != 2 or edges.dtype.kind not in "iu":
-            raise refusal("edges", self.edges, "give (M,2) whole numbers, the nodes i and j of each edge")
+        edges = _as_edges(self.edges, len(poses))
         count = len(edges)
-        outside = (edges < 0) | (edges >= len(poses))
-        if outside.any():
-            row, column = np.argwhere(outside)[0]
-            raise InputError(
-                "edges", f"node {edges[row, column]} in row {row}", f"there are {len(poses)} poses"
-            )
-        measurements = _motions("measurements", self.measurements, count)
-        information = as_floats("information", self.information)
-        if information.size == 0:
-            information = information.reshape(0, 6, 6)
-        if information.shape != (count, 6, 6):
-            raise InputError("information", f"shape {information.shape}", f"give ({count},6,6)")
-        bad = singular(information)
-        if bad.any():
-            got = f"no symmetric positive definite matrix in row {int(np.argmax(bad))}"
-            raise InputError("information", got, "give the inverse of a covariance")
-        probability = self.probability
-        if probability is None:
-            probability = np.where(np.diff(edges, axis=1)[:, 0] == 1, 1.0, 0.5)
-        probability = as_floats("probability", probability)
-        if probability.shape != (count,) or not ((probability >= 0) & (probability <= 1)).all():
-            raise refusal("probability", self.probability, f"give ({count},) numbers between 0 and 1")
-        kept = np.ones(count, bool) if self.kept is None else as_array("kept", self.kept)
-        if kept.shape != (count,) or kept.dtype != bool:
-            raise refusal("kept", self.kept, f"give ({count},) truth values")
-        ids = np.arange(len(poses)) if self.ids is None else as_array("ids", self.ids)
-        if ids.shape != (len(poses),) or ids.dtype.kind not in "iu":
-            raise refusal("ids", self.ids, f"give ({len(poses)},) whole numbers")
         values = (
             poses,
-            edges.astype(np.int64),
-            measurements,
-            information,
-            probability,
-            kept,
-            ids.astype(np.int64),
+            edges,
+            _motions("measurements", self.measurements, count),
+            _as_information(self.information, count),
+            _as_probability(self.probability, edges),
+            _as_flags(self.kept, count),
+            _as_ids(self.ids, len(poses)),
         )
         for name, value in zip(self.__dataclass_fields__, values, strict=True):
             own = np.array(value)
@@ -151,13 +120,14 @@ class PoseGraph:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> PoseGraph:
-        """Read a graph from a file.
+        r"""Read a graph from a file.
 
         Parameters
         ----------
         path : path-like
             Open3D's JSON by its suffix; else lines of g2o (VERTEX_SE3:QUAT, EDGE_SE3:QUAT) or of TORO and
-            GTSAM (VERTEX3, EDGE3). FIX is accepted, but it is the first node of a component that keeps its pose.
+            GTSAM (VERTEX3, EDGE3). FIX is accepted, but it is the first node of a component that keeps its
+            pose.
 
         Returns
         -------
@@ -175,7 +145,7 @@ class PoseGraph:
         >>> from cgroup.scenes import PoseGraph
         >>> write_file(
         ...     "two.g2o",
-        ...     b"VERTEX_SE3:QUAT 4 0 0 0 0 0 0 1\\nVERTEX_SE3:QUAT 7 1 0 0 0 0 0 1\\n",
+        ...     b"VERTEX_SE3:QUAT 4 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 7 1 0 0 0 0 0 1\\n",
         ... )
         >>> PoseGraph.read("two.g2o").ids
         array([4, 7])
@@ -366,3 +336,52 @@ def _motions(name: str, value: FloatArray, count: int | None = None) -> FloatArr
     for row in np.flatnonzero(~fits | (motions[:, 3] != [0, 0, 0, 1]).any(axis=1)):
         check_rigid(motions[row], f"{name}[{row}]")
     return motions
+
+
+def _as_edges(value: IndexArray, nodes: int) -> IndexArray:
+    edges = as_array("edges", value)
+    if edges.size == 0:
+        edges = np.empty((0, 2), np.int64)
+    if edges.ndim != 2 or edges.shape[1] != 2 or edges.dtype.kind not in "iu":
+        raise refusal("edges", value, "give (M,2) whole numbers, the nodes i and j of each edge")
+    outside = (edges < 0) | (edges >= nodes)
+    if outside.any():
+        row, column = np.argwhere(outside)[0]
+        raise InputError("edges", f"node {edges[row, column]} in row {row}", f"there are {nodes} poses")
+    return edges.astype(np.int64)
+
+
+def _as_information(value: FloatArray, count: int) -> FloatArray:
+    information = as_floats("information", value)
+    if information.size == 0:
+        information = information.reshape(0, 6, 6)
+    if information.shape != (count, 6, 6):
+        raise InputError("information", f"shape {information.shape}", f"give ({count},6,6)")
+    bad = singular(information)
+    if bad.any():
+        got = f"no symmetric positive definite matrix in row {int(np.argmax(bad))}"
+        raise InputError("information", got, "give the inverse of a covariance")
+    return information
+
+
+def _as_probability(value: FloatArray | None, edges: IndexArray) -> FloatArray:
+    if value is None:
+        return np.where(edges[:, 1] - edges[:, 0] == 1, 1.0, 0.5)
+    probability = as_floats("probability", value)
+    if probability.shape != (len(edges),) or not ((probability >= 0) & (probability <= 1)).all():
+        raise refusal("probability", value, f"give ({len(edges)},) numbers between 0 and 1")
+    return probability
+
+
+def _as_flags(value: BoolArray | None, count: int) -> BoolArray:
+    kept = np.ones(count, dtype=bool) if value is None else as_array("kept", value)
+    if kept.shape != (count,) or kept.dtype != bool:
+        raise refusal("kept", value, f"give ({count},) truth values")
+    return kept
+
+
+def _as_ids(value: IndexArray | None, count: int) -> IndexArray:
+    ids = np.arange(count) if value is None else as_array("ids", value)
+    if ids.shape != (count,) or ids.dtype.kind not in "iu":
+        raise refusal("ids", value, f"give ({count},) whole numbers")
+    return ids.astype(np.int64)

@@ -43,12 +43,7 @@ pub fn optimize(
 }
 
 /// Goes from squares to truncated squares in steps.
-fn graduate(
-    poses: &mut Vec<Rigid>,
-    links: &[Link],
-    bounds: &[f64],
-    execution: &Execution,
-) -> Result<()> {
+fn graduate(poses: &mut Vec<Rigid>, links: &[Link], bounds: &[f64], execution: &Execution) -> Result<()> {
     let mut weights = memory::collect(bounds.iter().map(|&bound| if bound > 0.0 { 1.0 } else { 0.0 }))?;
     minimize_weighted(poses, weighted(links, &weights), &COARSE, execution)?;
     let mut squares = squared_errors(poses, links)?;
@@ -59,7 +54,7 @@ fn graduate(
         let mut is_decided = true;
         for ((weight, &square), &bound) in weights.iter_mut().zip(&squares).zip(bounds) {
             *weight = truncated(square, bound, sharpness);
-            is_decided &= *weight == 0.0 || *weight == 1.0;
+            is_decided &= *weight <= 0.0 || *weight >= 1.0;
         }
         minimize_weighted(poses, weighted(links, &weights), &COARSE, execution)?;
         squares = squared_errors(poses, links)?;
