@@ -69,8 +69,8 @@ class PoseGraph:
     -----
     The start is that of Carlone and others (*Initialization Techniques for 3D SLAM*, ICRA 2015), the search
     the Levenberg-Marquardt method. Wrong edges are dropped by graduated non-convexity with truncated squares
-    (Yang and others, RA-L 2020). An edge is kept while e' W e is below 16.8, the quantile .99 of chi-squared, plus
-    twice the log-odds of its probability.
+    (Yang and others, RA-L 2020). An edge is kept while e' W e is below 16.8, the quantile .99 of chi-squared,
+    plus twice the log-odds of its probability.
 
     Examples
     --------
@@ -200,7 +200,9 @@ class PoseGraph:
         threads: int | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> PoseGraph:
-        """Move the poses to the least cost; the first node of each component keeps its pose.
+        """Move the poses to the least cost.
+
+        The first node of each component keeps its pose.
 
         Parameters
         ----------
@@ -246,12 +248,34 @@ class PoseGraph:
 
     @property
     def cost(self) -> float:
-        """Half the weighted squares of the kept edges, as GTSAM's ``graph.error``."""
+        """Half the weighted squares of the kept edges, as GTSAM's ``graph.error``.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.scenes import PoseGraph
+        >>> shift = np.eye(4)
+        >>> shift[0, 3] = 2
+        >>> graph = PoseGraph([np.eye(4)] * 2, [(0, 1)], [shift], [np.eye(6)])
+        >>> graph.cost
+        2.0
+        """
         return 0.5 * float(np.sum(self.residuals[self.kept] ** 2))
 
     @cached_property
     def residuals(self) -> FloatArray:
-        """Square roots of e' W e, one per edge, (M,)."""
+        """Square roots of e' W e, one per edge, (M,).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.scenes import PoseGraph
+        >>> shift = np.eye(4)
+        >>> shift[0, 3] = 2
+        >>> graph = PoseGraph([np.eye(4)] * 2, [(0, 1)], [shift], [np.eye(6)])
+        >>> graph.residuals
+        array([2.])
+        """
         return np.sqrt(_core.squared_errors(self._arrays(), run_options()))
 
     def covariance(self, i: int) -> FloatArray:
