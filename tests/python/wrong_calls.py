@@ -16,6 +16,7 @@ import pandas as pd
 import cgroup
 from cgroup import datasets, registration, types
 from cgroup.benchmark import config, pipelines, solver
+from cgroup.scenes import PoseGraph
 
 CLOUD = types.PointCloud(np.eye(3))
 STONES = datasets.open_dataset("standin-full")
@@ -122,6 +123,11 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.benchmark.tables.exponents": [given(pd.DataFrame())],
     "cgroup.benchmark.tables.load_groups": [given(NOWHERE, "nonsense")],
     "cgroup.benchmark.tables.load": [given(NOWHERE)],
+    "cgroup.scenes.PoseGraph": [given([np.ones((4, 4))], [], [], [])],
+    "cgroup.scenes.PoseGraph.read": [given(NOWHERE)],
+    "cgroup.scenes.PoseGraph.write": [given(PoseGraph([], [], [], []), "graph.txt")],
+    "cgroup.scenes.PoseGraph.optimize": [given(PoseGraph([], [], [], []), start="nonsense")],
+    "cgroup.scenes.PoseGraph.covariance": [given(PoseGraph([], [], [], []), 0)],
     f"{PAPER}.claims.check_claims": [given(pd.DataFrame(), pd.DataFrame(), resamples=-1)],
     f"{PAPER}.claims.bootstrap_verdicts": [given(pd.DataFrame(), pd.DataFrame(), resamples=0)],
     "cgroup.benchmark.stats.rank_methods": [given(pd.DataFrame())],
