@@ -145,7 +145,7 @@ class PoseGraph:
         >>> from cgroup.scenes import PoseGraph
         >>> write_file(
         ...     "two.g2o",
-        ...     b"VERTEX_SE3:QUAT 4 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 7 1 0 0 0 0 0 1\\n",
+        ...     b"VERTEX_SE3:QUAT 4 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 7 1 0 0 0 0 0 1\n",
         ... )
         >>> PoseGraph.read("two.g2o").ids
         array([4, 7])
