@@ -124,7 +124,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.benchmark.tables.load_groups": [given(NOWHERE, "nonsense")],
     "cgroup.benchmark.tables.load": [given(NOWHERE)],
     "cgroup.scenes.PoseGraph": [given([np.ones((4, 4))], [], [], [])],
-    "cgroup.scenes.PoseGraph.read": [given("nowhere.g2o")],
+    "cgroup.scenes.PoseGraph.read": [given(PoseGraph, NOWHERE)],
     "cgroup.scenes.PoseGraph.write": [given(PoseGraph([], [], [], []), "graph.txt")],
     "cgroup.scenes.PoseGraph.optimize": [given(PoseGraph([], [], [], []), start="nonsense")],
     "cgroup.scenes.PoseGraph.covariance": [given(PoseGraph([], [], [], []), 0)],
