@@ -27,9 +27,13 @@ if TYPE_CHECKING:
 IN_A_UNION = 6
 """Scans that are merged around one scan."""
 
-_LEAST_CHANCE = 0.02
+_LEAST_CHANCE = 0.005
+_NEAR, _ALIKE = 3.0, np.radians(5)  # voxels and angle within which two poses put a scan in one place
+_AGREEING = 0.1  # worth of a pose that agrees with another, beside its chance
 _FINEST = 1 / 3  # voxels between the points of a union, as its fine surface needs them
 _PROPOSED = 3
+_TELLING = 0.3  # share of both surfaces from which a pair that does not fit speaks against
+_MOST_NATS = 2.0
 
 
 class Join(NamedTuple):
@@ -96,18 +100,24 @@ def propose_joins(
         some.sort(key=lambda hypothesis: -hypothesis[0])
         poses = np.array([pose for _, _, pose in some])
         chances = np.array([chance for chance, _, _ in some])
-        source, target = some[0][1]
-        center = apply(decision.poses[source], middles[source][None])[0]
+        center = apply(decision.poses[some[0][1][0]], middles[some[0][1][0]][None])[0]
+        support = _support(poses, chances, center, voxel)
         apart = choose_apart(poses, center, voxel)
-        turned = poses[:, :3, :3] @ center + poses[:, :3, 3]
-        support = [float(chances[np.linalg.norm(turned - turned[row], axis=1) < 4 * voxel].sum()) for row in apart]
-        best = [apart[k] for k in np.argsort([-value for value in support], kind="stable")[:_PROPOSED]]
+        best = sorted(apart, key=lambda row: -support[row])[:_PROPOSED]
         source, target = some[best[0]][1]
         back, onwards = invert(decision.poses[target]), decision.poses[source]
         proposed = np.array([back @ poses[row] @ onwards for row in best])
         around = [gather_around(scan, decision, middles) for scan in (source, target)]
-        scored.append((max(support), Join(source, target, *around, proposed)))
+        scored.append((support[best[0]], Join(source, target, *around, proposed)))
     return [join for _, join in sorted(scored, key=lambda pair: -pair[0])]
+
+
+def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: float) -> FloatArray:
+    """Sum up the chances of the poses around each; those that agree count more than they do alone."""
+    landed = poses[:, :3, :3] @ center + poses[:, :3, 3]
+    near = np.linalg.norm(landed[:, None] - landed, axis=2) < _NEAR * voxel
+    turns = np.einsum("nij,mij->nm", poses[:, :3, :3], poses[:, :3, :3])
+    return (near & (turns > 1 + 2 * np.cos(_ALIKE))) @ (chances + _AGREEING) - _AGREEING
 
 
 def gather_around(scan: int, decision: Decision, middles: FloatArray) -> list[int]:
@@ -126,3 +136,50 @@ def task_of(join: Join, decision: Decision, axis: FloatArray | None, effort: Eff
         [decision.between(row, first) for part in (join.around_source, join.around_target) for row in part for first in part[:1]]
     )
     return rows, (len(join.around_source), poses, axis, effort, join.proposed)
+
+
+def cross_tasks(join: Join, decision: Decision, pose: FloatArray) -> list[tuple[tuple[int, int], tuple[FloatArray]]]:
+    """Return the tasks of looking at each pair across a join, where it puts them."""
+    return [
+        ((source, target), (decision.between(join.target, target) @ pose @ decision.between(source, join.source),))
+        for source in join.around_source
+        for target in join.around_target
+    ]
+
+
+def weigh_join(union: Link, across: Sequence[Link | None], agreeing: Sequence[Link]) -> float:
+    """Weigh a join in nats: what the unions tell, each pair across, and the searches that came to it by themselves.
+
+    Shapes that resemble each other fit here and there; the same shape fits wherever two scans overlap. What
+    two scans share too little of speaks for the join only.
+
+    Parameters
+    ----------
+    union : Link
+        Of the two unions.
+    across : sequence of Link or None
+        What each pair tells where the join puts it.
+    agreeing : sequence of Link
+        Pairs whose own search ended there.
+    """
+    total = _nats(union.probability, 2 * _MOST_NATS)
+    for found in across:
+        if found is not None:
+            told = _nats(found.probability, _MOST_NATS)
+            total += told if _tells(found) else max(told, 0.0)
+    accepted = sum(found.is_accepted for found in agreeing)
+    others = sum(not found.is_accepted and not _tells(found) for found in agreeing)
+    return total + _worth(accepted, 2.0) + _worth(others + (accepted > 0), 1.5, 2)
+
+
+def _worth(searches: int, nats: float, most: int = 3) -> float:
+    """Worth of searches that agree: the first proposes, each of the others confirms."""
+    return nats * min(max(searches - 1, 0), most)
+
+
+def _tells(found: Link) -> bool:
+    return min(found.fitness, found.target_fitness) >= _TELLING
+
+
+def _nats(probability: float, most: float) -> float:
+    return float(np.clip(np.log(max(probability, 1e-9) / max(1 - probability, 1e-9)), -most, most))

@@ -19,6 +19,7 @@ from cgroup.registration.judge import (
     misfit,
     share_probability,
 )
+from cgroup.registration.motions import adjoint
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.search import Search
 from cgroup.rigid import apply, invert
@@ -66,6 +67,14 @@ class Link:
     def is_accepted(self) -> bool:
         """Whether the two scans alone tell that the best pose is right."""
         return is_accepted(self.probability)
+
+    @property
+    def turned(self) -> Link:
+        """The same with source and target in each other's place."""
+        back = np.linalg.inv(self.poses)
+        change = adjoint(back[0])  # T^-1 = Exp(-Ad(T^-1) x) T_found^-1
+        covariance = change @ self.covariance @ change.T
+        return Link(back, self.chances, covariance, self.target_fitness, self.fitness)
 
 
 def link(

@@ -14,7 +14,6 @@ from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function, ignore_progress
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
-from cgroup.registration.covariance import covariance_in
 from cgroup.registration.judge import ACCEPTED, SURE
 from cgroup.registration.motions import adjoint
 from cgroup.registration.prepare import agree, as_given
@@ -22,9 +21,9 @@ from cgroup.registration.register import as_pairs, as_viewpoints
 from cgroup.registration.scan import MAX_SIZE_RATIO, as_viewpoint
 from cgroup.registration.search import EFFORTS
 from cgroup.rigid import check_rigid, invert
-from cgroup.scenes.agreement import weigh_by_triangles
+from cgroup.scenes.agreement import DISAGREES, squared_errors, weigh_by_triangles
 from cgroup.scenes.decide import Decision, anchor, decide, errors_of, find_agreeing, follow_best, graph_of
-from cgroup.scenes.join import link_unions, propose_joins, task_of
+from cgroup.scenes.join import cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.links import Link, confirm, link
 from cgroup.scenes.partners import choose_partners, describe_scans
 from cgroup.scenes.refine import find_overlapping, lay_on_each_other
@@ -245,25 +244,41 @@ class _Building:
             asked.update((*join.around_source, -1, *join.around_target) for join in joins)
             tasks = [task_of(join, self.decision, self.axis, self.effort) for join in joins]
             before = len(self.decision.components)
-            for join, found in zip(joins, self.call(link_unions, tasks), strict=True):
-                if DEBUG is not None: DEBUG(self, join, found)
-                if found is not None and found.is_accepted:
-                    self._add_join(join.source, join.target, found)
+            unions = self.call(link_unions, tasks)
+            rows = [
+                (row, cross_tasks(joins[row], self.decision, found.pose))
+                for row, found in enumerate(unions)
+                if found is not None
+            ]
+            told = iter(self.call(confirm, [task for _, some in rows for task in some]))
+            for row, some in rows:
+                found = unions[row]
+                agreeing = {pair: own for pair, start in some if (own := self._agreeing(pair, *start)) is not None}
+                across = [_more_telling(next(told), agreeing.get(pair)) for pair, _ in some]
+                evidence = weigh_join(found, across, list(agreeing.values()))
+                if DEBUG is not None: DEBUG(self, joins[row], found, evidence)
+                if evidence > 0:
+                    self._add_join(joins[row].source, joins[row].target, found)
             self.decision = self._decide()
             if len(self.decision.components) == before:
                 return
 
+    def _agreeing(self, pair: tuple[int, int], expected: FloatArray) -> Link | None:
+        """Return what the search of a pair has found, if that is an expected pose."""
+        found = self.links.get(pair)
+        if found is None and pair[::-1] in self.links:
+            found = self.links[pair[::-1]].turned
+        if found is None:
+            return None
+        error = squared_errors(
+            found.pose[None], expected[None], found.covariance[None], self.middles[[pair[0]]], self.voxel
+        )
+        return found if error[0] < DISAGREES else None
+
     def _add_join(self, source: int, target: int, found: Link) -> None:
         pair = (source, target) if (target, source) not in self.links else (target, source)
         if pair != (source, target):
-            change = adjoint(invert(found.pose))
-            found = Link(
-                np.array([invert(found.pose)]),
-                found.chances[:1],
-                change @ found.covariance @ change.T,
-                found.target_fitness,
-                found.fitness,
-            )
+            found = found.turned
         self.links[pair], self.chances[pair] = found, max(found.probability, SURE)
 
     def finish(self) -> Scene:
@@ -370,6 +385,10 @@ class _Building:
                     reached[other] = through
                     heapq.heappush(queue, (-through, other))
         return reached
+
+
+def _more_telling(one: Link | None, other: Link | None) -> Link | None:
+    return max((found for found in (one, other) if found is not None), key=lambda found: found.probability, default=None)
 
 
 def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
