@@ -62,7 +62,7 @@ UNIT = 0.4
 NORMAL_NEIGHBORS, FEATURE_NEIGHBORS = 30, 100
 """Most neighbours of a voxel's plane, and of its descriptor's support."""
 
-_FINE = (1 / 3, 2 / 3, 4 / 3, 8 / 3, 16 / 3)
+FINE = (1 / 3, 2 / 3, 4 / 3, 8 / 3, 16 / 3)
 """Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes."""
 
 
@@ -334,7 +334,7 @@ def _assemble(
 
 
 def fine_surfaces(
-    source: PreparedScan, target: PreparedScan, shares: Sequence[float] = _FINE
+    source: PreparedScan, target: PreparedScan, shares: Sequence[float] = FINE
 ) -> tuple[FineSurface, FineSurface]:
     """Return both clouds in more detail: at the first share of the voxel that the sparser allows."""
     for share in shares:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from cgroup.types import FloatArray, IndexArray
 
 DISAGREES = 22.46
-"""Squared error above which two poses differ: the quantile .999 of chi-squared with six degrees of freedom."""
+"""Squared error above which two poses differ: quantile .999 of chi-squared with six degrees of freedom."""
 
 TURN, SHIFT = np.radians(1.0), 0.5
 """Deviations that every pose has beside its covariance: radians, and voxels at the middle of the source."""
@@ -41,7 +41,10 @@ def rotation_vectors(rotations: FloatArray) -> FloatArray:
     sines = (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]] / 2
     sine, cosine = np.linalg.norm(sines, axis=1), (np.trace(rotations, axis1=1, axis2=2) - 1) / 2
     angles = np.arctan2(sine, cosine)
-    return sines * np.where(sine > 1e-9, angles / np.maximum(sine, 1e-300), np.where(cosine < 0, 1e9, 1.0))[:, None]
+    return (
+        sines
+        * np.where(sine > 1e-9, angles / np.maximum(sine, 1e-300), np.where(cosine < 0, 1e9, 1.0))[:, None]
+    )
 
 
 def squared_errors(

@@ -55,7 +55,10 @@ class Decision:
 
 
 def decide(
-    links: Mapping[tuple[int, int], Link], chances: Mapping[tuple[int, int], float], middles: FloatArray, voxel: float
+    links: Mapping[tuple[int, int], Link],
+    chances: Mapping[tuple[int, int], float],
+    middles: FloatArray,
+    voxel: float,
 ) -> Decision:
     """Decide on links that are likely by themselves.
 
@@ -71,7 +74,9 @@ def decide(
     posterior = weigh_by_triangles(pairs, measured, spread, prior, middles, voxel)
     likely = posterior >= ACCEPTED
     start, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
-    graph = graph_of(start, pairs, measured, spread, posterior, middles, voxel).optimize(robust=True, start="given")
+    graph = graph_of(start, pairs, measured, spread, posterior, middles, voxel).optimize(
+        robust=True, start="given"
+    )
     kept = graph.kept & likely
     kept[kept] = hang_firmly(pairs[kept], prior[kept], count)
     dropped = np.flatnonzero(likely & graph.kept & ~kept)
@@ -132,26 +137,28 @@ def hang_firmly(pairs: IndexArray, chances: FloatArray, count: int) -> BoolArray
     """Tell the links that don't join, by doubtful poses alone, what hangs together without them.
 
     Poses that are wrong for the same reason, as those of a shape on its mirror image, agree with each other
-    however many they are. So parts hang together by a pose that two scans alone are sure of. Two single
-    scans do by any.
+    however many they are. So the links between two parts are to be as sure together as one that is sure by
+    itself. Two single scans hang together by any.
     """
-    firm = label_parts(pairs[chances >= SURE], count)
-    single = np.bincount(firm, minlength=count)[firm] == 1
+    labels = np.arange(count)
+    nats = np.log(chances / (1 - np.minimum(chances, _LARGEST_CHANCE)))
+    needed = np.log(SURE / (1 - SURE))
+    while True:
+        sides = np.sort(labels[pairs], axis=1)
+        apart = np.flatnonzero(sides[:, 0] != sides[:, 1])
+        joined, rows = np.unique(sides[apart], axis=0, return_inverse=True)
+        sums = np.bincount(rows.reshape(-1), nats[apart], len(joined))
+        if len(sums) == 0 or sums.max() < needed:
+            break
+        least, most = joined[np.argmax(sums)]
+        labels[labels == most] = least
+    single = np.bincount(labels, minlength=count)[labels] == 1
     for row in np.argsort(-chances, kind="stable").tolist():
         one, other = pairs[row]
         if single[one] and single[other]:
-            firm[firm == max(firm[one], firm[other])] = min(firm[one], firm[other])
+            labels[max(one, other)] = min(one, other)
             single[[one, other]] = False
-    return firm[pairs[:, 0]] == firm[pairs[:, 1]]
-
-
-def label_parts(pairs: IndexArray, count: int) -> IndexArray:
-    """Label nodes by the least node that they hang together with."""
-    labels = np.arange(count)
-    for one, other in pairs.tolist():
-        least, most = sorted((labels[one], labels[other]))
-        labels[labels == most] = least
-    return labels
+    return labels[pairs[:, 0]] == labels[pairs[:, 1]]
 
 
 def find_agreeing(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cgroup.registration.search import Effort
     from cgroup.scenes.decide import Decision
     from cgroup.scenes.links import Link
+    from cgroup.scenes.workers import Task
     from cgroup.types import FloatArray
 
 IN_A_UNION = 6
@@ -37,13 +38,18 @@ _MOST_NATS = 2.0
 
 
 class Join(NamedTuple):
-    """Two scans of two components, the scans around each, and where the first may lie in the second's frame."""
+    """Two scans of two components, the scans around each, and where the first may lie on the second."""
 
     source: int
     target: int
     around_source: list[int]
     around_target: list[int]
     proposed: FloatArray
+
+    @property
+    def parts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """The scans of both unions."""
+        return tuple(self.around_source), tuple(self.around_target)
 
 
 def merge_scans(scans: Sequence[PreparedScan], poses: FloatArray) -> PreparedScan:
@@ -57,26 +63,15 @@ def merge_scans(scans: Sequence[PreparedScan], poses: FloatArray) -> PreparedSca
     return shared.prepare(as_scan("scans", PointCloud(thinned)), None, ignore_progress, by_frames=True)
 
 
-def link_unions(*scans_and_arguments: object) -> Link | None:
+def link_unions(*scans_and_arguments: Any) -> Link | None:  # noqa: ANN401 - scans, and what follows
     """Register the union of the first scans to that of the others.
 
-    Arguments are the scans, how many of them are merged into the source, their poses in the frames of the
+    Arguments are the scans, how many of them are merged into the source, their poses in the frame of the
     first scan of either union, the axis, the effort, and proposed poses of the one first scan on the other.
     """
     *scans, count, poses, axis, effort, proposed = scans_and_arguments
-    return _link_unions(scans, count, poses, axis, effort, proposed)  # type: ignore[arg-type]
-
-
-def _link_unions(
-    scans: Sequence[PreparedScan],
-    count: int,
-    poses: FloatArray,
-    axis: FloatArray | None,
-    effort: Effort,
-    proposed: FloatArray,
-) -> Link | None:
     source, target = merge_scans(scans[:count], poses[:count]), merge_scans(scans[count:], poses[count:])
-    return link(source, target, axis, effort, proposed if len(proposed) else None)
+    return link(source, target, axis, effort, proposed)
 
 
 def propose_joins(
@@ -95,21 +90,30 @@ def propose_joins(
             way = (source, target, between) if one > other else (target, source, invert(between))
             key = max(one, other), min(one, other)
             hypotheses.setdefault(key, []).append((chance, way[:2], way[2]))
-    scored: list[tuple[float, Join]] = []
-    for some in hypotheses.values():
-        some.sort(key=lambda hypothesis: -hypothesis[0])
-        poses = np.array([pose for _, _, pose in some])
-        chances = np.array([chance for chance, _, _ in some])
-        center = apply(decision.poses[some[0][1][0]], middles[some[0][1][0]][None])[0]
-        support = _support(poses, chances, center, voxel)
-        apart = choose_apart(poses, center, voxel)
-        best = sorted(apart, key=lambda row: -support[row])[:_PROPOSED]
-        source, target = some[best[0]][1]
-        back, onwards = invert(decision.poses[target]), decision.poses[source]
-        proposed = np.array([back @ poses[row] @ onwards for row in best])
-        around = [gather_around(scan, decision, middles) for scan in (source, target)]
-        scored.append((support[best[0]], Join(source, target, *around, proposed)))
+    scored = [_join_of(some, decision, middles, voxel) for some in hypotheses.values()]
     return [join for _, join in sorted(scored, key=lambda pair: -pair[0])]
+
+
+def _join_of(
+    hypotheses: list[tuple[float, tuple[int, int], FloatArray]],
+    decision: Decision,
+    middles: FloatArray,
+    voxel: float,
+) -> tuple[float, Join]:
+    """Choose where one component may lie on another: chances, pairs, and poses that they put it at."""
+    some = sorted(hypotheses, key=lambda hypothesis: -hypothesis[0])
+    poses = np.array([pose for _, _, pose in some])
+    chances = np.array([chance for chance, _, _ in some])
+    first = some[0][1][0]
+    center = apply(decision.poses[first], middles[first][None])[0]
+    support = _support(poses, chances, center, voxel)
+    apart = choose_apart(poses, center, voxel)
+    best = sorted(apart, key=lambda row: -support[row])[:_PROPOSED]
+    source, target = some[best[0]][1]
+    back, onwards = invert(decision.poses[target]), decision.poses[source]
+    proposed = np.array([back @ poses[row] @ onwards for row in best])
+    around = [gather_around(scan, decision, middles) for scan in (source, target)]
+    return float(support[best[0]]), Join(source, target, *around, proposed)
 
 
 def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: float) -> FloatArray:
@@ -123,32 +127,37 @@ def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: 
 def gather_around(scan: int, decision: Decision, middles: FloatArray) -> list[int]:
     """Rows of a scan and of those of its component that lie next to it."""
     rows = np.flatnonzero(decision.labels == decision.labels[scan])
-    places = np.einsum("nij,nj->ni", decision.poses[rows, :3, :3], middles[rows]) + decision.poses[rows, :3, 3]
+    places = (
+        np.einsum("nij,nj->ni", decision.poses[rows, :3, :3], middles[rows]) + decision.poses[rows, :3, 3]
+    )
     away = np.linalg.norm(places - places[rows == scan], axis=1)
     away[rows == scan] = -1.0
     return rows[np.argsort(away, kind="stable")[:IN_A_UNION]].tolist()
 
 
-def task_of(join: Join, decision: Decision, axis: FloatArray | None, effort: Effort) -> tuple[tuple[int, ...], tuple]:
+def task_of(join: Join, decision: Decision, axis: FloatArray | None, effort: Effort) -> Task:
     """Return the task of registering the two unions."""
-    rows = (*join.around_source, *join.around_target)
-    poses = np.array(
-        [decision.between(row, first) for part in (join.around_source, join.around_target) for row in part for first in part[:1]]
-    )
-    return rows, (len(join.around_source), poses, axis, effort, join.proposed)
+    parts = join.around_source, join.around_target
+    poses = np.array([decision.between(row, part[0]) for part in parts for row in part])
+    return (*parts[0], *parts[1]), (len(parts[0]), poses, axis, effort, join.proposed)
 
 
-def cross_tasks(join: Join, decision: Decision, pose: FloatArray) -> list[tuple[tuple[int, int], tuple[FloatArray]]]:
+def cross_tasks(
+    join: Join, decision: Decision, pose: FloatArray
+) -> list[tuple[tuple[int, int], tuple[FloatArray]]]:
     """Return the tasks of looking at each pair across a join, where it puts them."""
     return [
-        ((source, target), (decision.between(join.target, target) @ pose @ decision.between(source, join.source),))
+        (
+            (source, target),
+            (decision.between(join.target, target) @ pose @ decision.between(source, join.source),),
+        )
         for source in join.around_source
         for target in join.around_target
     ]
 
 
 def weigh_join(union: Link, across: Sequence[Link | None], agreeing: Sequence[Link]) -> float:
-    """Weigh a join in nats: what the unions tell, each pair across, and the searches that came to it by themselves.
+    """Weigh a join in nats: what the unions tell, each pair across, and the searches that came to it.
 
     Shapes that resemble each other fit here and there; the same shape fits wherever two scans overlap. What
     two scans share too little of speaks for the join only.

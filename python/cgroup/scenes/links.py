@@ -71,7 +71,7 @@ class Link:
     @property
     def turned(self) -> Link:
         """The same with source and target in each other's place."""
-        back = np.linalg.inv(self.poses)
+        back = np.array([invert(pose) for pose in self.poses])
         change = adjoint(back[0])  # T^-1 = Exp(-Ad(T^-1) x) T_found^-1
         covariance = change @ self.covariance @ change.T
         return Link(back, self.chances, covariance, self.target_fitness, self.fitness)
@@ -114,5 +114,3 @@ def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Lin
     back = verify(target.surface, source.surface, invert(placed), threads=1)
     covariance = covariance_of(refined, source, target)
     return Link(placed[None], np.array([chance]), covariance, verified.fitness, back.fitness)
-
-

@@ -42,9 +42,7 @@ def describe_scans(scans: Sequence[PreparedScan]) -> FloatArray:
     return np.array([_fisher_vector(((values - mean) / deviation) @ axes, *mixture) for values in drawn])
 
 
-def _fit_mixture(
-    values: FloatArray, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _fit_mixture(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Fit weights, means and variances by expectation maximisation."""
     count = min(_COMPONENTS, len(values))
     means = values[rng.choice(len(values), count, replace=False)]
@@ -58,12 +56,12 @@ def _fit_mixture(
     return weights, means, variances
 
 
-def _share(
-    values: FloatArray, weights: FloatArray, means: FloatArray, variances: FloatArray
-) -> FloatArray:
+def _share(values: FloatArray, weights: FloatArray, means: FloatArray, variances: FloatArray) -> FloatArray:
     """Share each value among the Gaussians, (n,K)."""
     precision = 1.0 / variances
-    squares = values**2 @ precision.T - 2.0 * values @ (means * precision).T + (means**2 * precision).sum(axis=1)
+    squares = (
+        values**2 @ precision.T - 2.0 * values @ (means * precision).T + (means**2 * precision).sum(axis=1)
+    )
     logs = np.log(weights) - 0.5 * (squares + np.log(variances).sum(axis=1))
     shares = np.exp(logs - logs.max(axis=1, keepdims=True))
     return shares / shares.sum(axis=1, keepdims=True)

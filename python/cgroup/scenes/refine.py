@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cgroup.errors import InputError
+from cgroup.registration.covariance import LEAST_DEVIATION
+from cgroup.registration.prepare import FINE
 from cgroup.rigid import apply
 from cgroup.scenes.agreement import DISAGREES, squared_errors
 from cgroup.scenes.links import confirm
+from cgroup.scenes.pose_graph import PoseGraph
+from cgroup.verification import FineSurface, align
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -24,6 +29,7 @@ PARTNERS = 6
 """Scans that each scan is laid on, those that it shares most with."""
 
 _CELL = 3.0  # voxels within which two scans share a place
+_HELD = 1e-4  # of the weight of all pairs, against motions that they leave open
 _LEAST_SHARED, _LEAST_FITNESS = 0.15, 0.1
 
 
@@ -39,7 +45,7 @@ def find_overlapping(
         sizes[row] = len(cells)
         label = int(decision.labels[row])
         for cell in cells.tolist():
-            holders[label, *cell].append(row)
+            holders[(label, *cell)].append(row)
     shared: Counter[tuple[int, int]] = Counter()
     for rows in holders.values():
         shared.update((one, other) for k, one in enumerate(rows) for other in rows[:k])
@@ -78,3 +84,58 @@ def lay_on_each_other(
         for row, error in zip(rows, errors.tolist(), strict=True)
         if error < DISAGREES and min(found[row].fitness, found[row].target_fitness) >= _LEAST_FITNESS
     }
+
+
+def lay_on_unions(call: CallEach, pairs: Sequence[tuple[int, int]], decision: Decision) -> PoseGraph:
+    """Refine each scan on the union of those that it is paired with; return what draws them together."""
+    beside: dict[int, list[int]] = defaultdict(list)
+    for one, other in pairs:
+        beside[one].append(other)
+        beside[other].append(one)
+    rows = sorted(beside)
+    around = [np.array([decision.between(other, row) for other in beside[row]]) for row in rows]
+    found = call(
+        lay_on_union, [((row, *beside[row]), (poses,)) for row, poses in zip(rows, around, strict=True)]
+    )
+    edges: list[tuple[int, int]] = []
+    measured: list[FloatArray] = []
+    information: list[FloatArray] = []
+    for row, one in zip(rows, found, strict=True):
+        if one is not None:
+            edges += [(other, row) for other in beside[row]]
+            measured += [decision.between(row, other) @ one[0] for other in beside[row]]
+            information += len(beside[row]) * [one[1] / len(beside[row])]
+    stiffness = np.array(information).reshape(-1, 6, 6)
+    return PoseGraph(
+        decision.poses,
+        np.array(edges, dtype=np.int64).reshape(-1, 2),
+        np.array(measured).reshape(-1, 4, 4),
+        (stiffness + stiffness.transpose(0, 2, 1)) / 2,
+    )
+
+
+def lay_on_union(*scans_and_poses: Any) -> tuple[FloatArray, FloatArray] | None:  # noqa: ANN401 - both kinds
+    """Refine a scan on the union of others: the first on the rest, whose poses in its frame come last.
+
+    Returns the motion of the scan in its own frame, and the information of the last step; None where it lies
+    on nothing.
+    """
+    *scans, poses = scans_and_poses
+    first = scans[0]
+    placed = [apply(pose, scan.scan.cloud.points) for scan, pose in zip(scans[1:], poses, strict=True)]
+    for share in FINE:
+        own = first.fine_surface(share)
+        if own is None:
+            continue
+        try:
+            union = FineSurface(np.concatenate(placed), share * first.voxel, threads=1)
+        except InputError:
+            continue
+        found = align(own, union, np.eye(4), threads=1)
+        if len(found.residuals) == 0:
+            return None
+        noise = found.rmse**2 + (LEAST_DEVIATION * first.voxel) ** 2
+        weight = _HELD * float(np.trace(found.information[3:, 3:]))
+        held = weight * np.diag([first.voxel**2] * 3 + [1.0] * 3)
+        return found.T_target_source, (found.information + held) / noise
+    return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,27 +12,18 @@ from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_items
 from cgroup._runtime.memory import report_refused_memory
-from cgroup._runtime.progress import StageClock, as_stage_function, ignore_progress
+from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
-from cgroup.registration.judge import ACCEPTED, SURE
-from cgroup.registration.motions import adjoint
 from cgroup.registration.prepare import agree, as_given
 from cgroup.registration.register import as_pairs, as_viewpoints
 from cgroup.registration.scan import MAX_SIZE_RATIO, as_viewpoint
 from cgroup.registration.search import EFFORTS
-from cgroup.rigid import check_rigid, invert
-from cgroup.scenes.agreement import DISAGREES, squared_errors, weigh_by_triangles
-from cgroup.scenes.decide import Decision, anchor, decide, errors_of, find_agreeing, follow_best, graph_of
-from cgroup.scenes.join import cross_tasks, link_unions, propose_joins, task_of, weigh_join
-from cgroup.scenes.links import Link, confirm, link
-from cgroup.scenes.partners import choose_partners, describe_scans
-from cgroup.scenes.refine import find_overlapping, lay_on_each_other
-from cgroup.scenes.scene import Edge, Scene
+from cgroup.rigid import check_rigid
+from cgroup.scenes.building import Building
 from cgroup.scenes.workers import open_workers
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import ArrayLike
@@ -40,19 +32,8 @@ if TYPE_CHECKING:
     from cgroup.registration import PreparedScan
     from cgroup.registration.prepare import Given
     from cgroup.registration.search import Effort
-    from cgroup.scenes.workers import CallEach
+    from cgroup.scenes.scene import Scene
     from cgroup.types import AnyCloud, FloatArray
-
-ALL_PAIRS = 20
-"""Scans up to which every pair is tried."""
-
-PARTNERS, BUDGET = 6, 10
-"""Partners that each scan is tried with at first, and pairs per scan that are tried at most."""
-
-DEBUG=None
-_ROUNDS = 2  # of laying all scans on each other
-_JOINED = 3  # rounds of joining components
-_ODOMETRY = (np.radians(3.0), 2.0)  # deviations of odometry: radians, voxels
 
 
 @report_refused_memory()
@@ -154,249 +135,31 @@ def register_all(
     rows = [row for row, scan in enumerate(ready) if scan is not None]
     prepared = [scan for scan in ready if scan is not None]
     if len(prepared) < 2:
-        raise InputError("scans", f"{len(prepared)} that can be worked with", f"give two or more; {'; '.join(notes)}")
+        raise InputError(
+            "scans", f"{len(prepared)} that can be worked with", f"give two or more; {'; '.join(notes)}"
+        )
     within = {row: k for k, row in enumerate(rows)}
     if wanted is not None:
-        wanted = [(within[one], within[other]) for one, other in wanted if one in within and other in within and one != other]
+        wanted = [
+            (within[one], within[other])
+            for one, other in wanted
+            if one in within and other in within and one != other
+        ]
     with open_workers(prepared, threads, scheduler, keep, begin) as call:
-        building = _Building(prepared, call, direction, effort, clock)
+        building = Building(prepared, call, direction, effort, clock)
         building.register_pairs(wanted, None if moved is None else moved[rows])
         building.join()
         scene = building.finish()
     return _spread(scene, rows, given, called, notes)
 
 
-class _Building:
-    """A scene in the making."""
-
-    def __init__(
-        self, scans: Sequence[PreparedScan], call: CallEach, axis: FloatArray | None, effort: Effort, clock: StageClock
-    ) -> None:
-        self.scans, self.call, self.axis, self.effort, self.clock = scans, call, axis, effort, clock
-        self.voxel = scans[0].voxel
-        self.middles = np.array([scan.described.centroid for scan in scans])
-        self.links: dict[tuple[int, int], Link] = {}
-        self.chances: dict[tuple[int, int], float] = {}
-        self.tried: set[tuple[int, int]] = set()
-        self.decision = self._decide()
-
-    def _decide(self) -> Decision:
-        return decide(self.links, self.chances, self.middles, self.voxel)
-
-    def _register(self, pairs: Sequence[tuple[int, int]], proposed: FloatArray | None = None) -> None:
-        """Register pairs of scans, and decide anew."""
-        starts = [None] * len(pairs) if proposed is None else [pose[None] for pose in proposed]
-        tasks = [(pair, (self.axis, self.effort, start)) for pair, start in zip(pairs, starts, strict=True)]
-        for pair, found in zip(pairs, self.call(link, tasks), strict=True):
-            self.tried.add((max(pair), min(pair)))
-            if found is not None:
-                self.links[pair] = found
-                self.chances[pair] = found.probability
-
-    def register_pairs(self, wanted: list[tuple[int, int]] | None, odometry: FloatArray | None) -> None:
-        """Register the pairs that are wanted, or those that may show the same."""
-        count = len(self.scans)
-        self.clock.start("pairs")
-        if odometry is not None:
-            self._follow_odometry(odometry)
-        if wanted is not None:
-            self._register([pair for pair in wanted if (max(pair), min(pair)) not in self.tried])
-        elif count <= ALL_PAIRS:
-            every = [(one, other) for one in range(count) for other in range(one)]
-            self._register([pair for pair in every if pair not in self.tried])
-        else:
-            vectors = describe_scans(self.scans)
-            similarity = vectors @ vectors.T
-            self._register(choose_partners(similarity, self.tried, None, PARTNERS))
-            while True:
-                self.decision = self._decide()
-                left = BUDGET * count - len(self.tried)
-                more = choose_partners(similarity, self.tried, self.decision.labels.tolist(), 2)[: min(left, count)]
-                if not more:
-                    break
-                self._register(more)
-        self.decision = self._decide()
-
-    def _follow_odometry(self, odometry: FloatArray) -> None:
-        """Link neighbours from where odometry puts them, and by it where their surfaces don't tell."""
-        pairs = [(row, row - 1) for row in range(1, len(self.scans))]
-        moved = np.array([invert(odometry[target]) @ odometry[source] for source, target in pairs])
-        self._register(pairs, moved)
-        turn, shift = _ODOMETRY
-        for pair, pose in zip(pairs, moved, strict=True):
-            if pair not in self.links or not self.links[pair].is_accepted:
-                spread = np.diag([turn**2] * 3 + [(shift * self.voxel) ** 2] * 3)
-                self.links[pair] = Link(pose[None], np.array([SURE]), spread, 0.0, 0.0)
-                self.chances[pair] = SURE
-
-    def join(self) -> None:
-        """Join components by the unions of their scans."""
-        self.clock.start("joins")
-        asked: set[tuple[int, ...]] = set()
-        for _ in range(_JOINED):
-            joins = [
-                join
-                for join in propose_joins(self.links, self.decision, self.middles, self.voxel)
-                if (*join.around_source, -1, *join.around_target) not in asked
-            ][: len(self.scans)]
-            if not joins:
-                return
-            asked.update((*join.around_source, -1, *join.around_target) for join in joins)
-            tasks = [task_of(join, self.decision, self.axis, self.effort) for join in joins]
-            before = len(self.decision.components)
-            unions = self.call(link_unions, tasks)
-            rows = [
-                (row, cross_tasks(joins[row], self.decision, found.pose))
-                for row, found in enumerate(unions)
-                if found is not None
-            ]
-            told = iter(self.call(confirm, [task for _, some in rows for task in some]))
-            for row, some in rows:
-                found = unions[row]
-                agreeing = {pair: own for pair, start in some if (own := self._agreeing(pair, *start)) is not None}
-                across = [_more_telling(next(told), agreeing.get(pair)) for pair, _ in some]
-                evidence = weigh_join(found, across, list(agreeing.values()))
-                if DEBUG is not None: DEBUG(self, joins[row], found, evidence)
-                if evidence > 0:
-                    self._add_join(joins[row].source, joins[row].target, found)
-            self.decision = self._decide()
-            if len(self.decision.components) == before:
-                return
-
-    def _agreeing(self, pair: tuple[int, int], expected: FloatArray) -> Link | None:
-        """Return what the search of a pair has found, if that is an expected pose."""
-        found = self.links.get(pair)
-        if found is None and pair[::-1] in self.links:
-            found = self.links[pair[::-1]].turned
-        if found is None:
-            return None
-        error = squared_errors(
-            found.pose[None], expected[None], found.covariance[None], self.middles[[pair[0]]], self.voxel
-        )
-        return found if error[0] < DISAGREES else None
-
-    def _add_join(self, source: int, target: int, found: Link) -> None:
-        pair = (source, target) if (target, source) not in self.links else (target, source)
-        if pair != (source, target):
-            found = found.turned
-        self.links[pair], self.chances[pair] = found, max(found.probability, SURE)
-
-    def finish(self) -> Scene:
-        """Refine all scans together, and say what the scene consists of."""
-        self.clock.start("refinement")
-        agreeing = find_agreeing(self.links, self.decision, self.middles, self.voxel)
-        kept = {pair: self.decision.kept.get(pair, 0.0) for pair in {*agreeing, *self.decision.kept}}
-        laid: dict[tuple[int, int], Link] = {}
-        for _ in range(_ROUNDS):
-            pairs = find_overlapping(self.scans, self.decision, kept)
-            laid = lay_on_each_other(self.call, pairs, self.decision, self.middles, self.voxel)
-            for pair in kept:
-                laid.setdefault(pair, self.links[pair])
-            self.decision = self._settle(laid)
-        return self._scene(laid, kept)
-
-    def _settle(self, laid: dict[tuple[int, int], Link]) -> Decision:
-        """Move the scans to where all pairs together put them."""
-        rows = sorted(laid)
-        graph = self._graph(rows, laid).optimize(start="given")
-        return replace(self.decision, poses=anchor(graph.poses, self.decision.labels))
-
-    def _graph(self, rows: list[tuple[int, int]], laid: dict[tuple[int, int], Link]) -> Any:
-        pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
-        measured = np.array([laid[pair].pose for pair in rows]).reshape(-1, 4, 4)
-        spread = np.array([laid[pair].covariance for pair in rows]).reshape(-1, 6, 6)
-        chances = np.full(len(rows), SURE)
-        return graph_of(self.decision.poses, pairs, measured, spread, chances, self.middles, 0.02 * self.voxel)
-
-    def _scene(self, laid: dict[tuple[int, int], Link], kept: dict[tuple[int, int], float]) -> Scene:
-        graph = self._graph(sorted(laid), laid)
-        count = len(self.scans)
-        covariance = np.zeros((count, 6, 6))
-        for row in range(count):
-            change = adjoint(self.decision.poses[row])
-            covariance[row] = change @ graph.covariance(row) @ change.T
-        edges = self._edges(kept)
-        return Scene(
-            poses=self.decision.poses,
-            components=self.decision.components,
-            edges=edges,
-            probability=self._probabilities(kept),
-            covariance=covariance,
-            names=[],
-            scans=(),
-            voxel=self.voxel,
-            tried=len(self.tried),
-            notes=(),
-            seconds=self.clock.stop(),
-        )
-
-    def _edges(self, kept: dict[tuple[int, int], float]) -> list[Edge]:
-        """Return what was accepted, and what the others bring back."""
-        edges: list[Edge] = []
-        labels = self.decision.labels
-        for pair, found in sorted(self.links.items()):
-            if not (pair in kept or found.is_accepted):
-                continue
-            together = labels[pair[0]] == labels[pair[1]]
-            residual = np.nan
-            if together:
-                residual = float(errors_of([pair], self.links, self.decision, self.middles, self.voxel)[0] ** 0.5)
-            reason = "" if pair in kept else "the other scans contradict it" if together else "one doubtful pose joins no components"
-            edges.append(
-                Edge(
-                    *pair, found.pose, found.probability, found.covariance, found.fitness, found.target_fitness,
-                    pair in kept, residual, reason,
-                )
-            )
-        return edges
-
-    def _probabilities(self, kept: dict[tuple[int, int], float]) -> FloatArray:
-        """Return the weakest link on the best way from the first scan of its component to each scan."""
-        rows = sorted(kept)
-        pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
-        if not rows:
-            return np.ones(len(self.scans))
-        posterior = weigh_by_triangles(
-            pairs,
-            np.array([self.links[pair].pose for pair in rows]),
-            np.array([self.links[pair].covariance for pair in rows]),
-            np.array([max(kept[pair], ACCEPTED) for pair in rows]),
-            self.middles,
-            self.voxel,
-        )
-        return self._widest(pairs, posterior)
-
-    def _widest(self, pairs: Any, posterior: FloatArray) -> FloatArray:
-        beside: list[list[tuple[int, float]]] = [[] for _ in self.scans]
-        for (one, other), chance in zip(pairs.tolist(), posterior.tolist(), strict=True):
-            beside[one].append((other, chance))
-            beside[other].append((one, chance))
-        reached = np.zeros(len(self.scans))
-        roots = np.unique(self.decision.labels)
-        reached[roots] = 1.0
-        import heapq
-
-        queue = [(-1.0, int(root)) for root in roots]
-        while queue:
-            chance, node = heapq.heappop(queue)
-            for other, step in beside[node]:
-                through = min(-chance, step)
-                if through > reached[other]:
-                    reached[other] = through
-                    heapq.heappush(queue, (-through, other))
-        return reached
-
-
-def _more_telling(one: Link | None, other: Link | None) -> Link | None:
-    return max((found for found in (one, other) if found is not None), key=lambda found: found.probability, default=None)
-
-
 def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
     """Return what scans are called."""
     if names is None:
-        import os
-
-        return [os.path.basename(os.fspath(scan)) if isinstance(scan, str | os.PathLike) else f"scan {row}" for row, scan in enumerate(given)]
+        return [
+            os.path.basename(os.fspath(scan)) if isinstance(scan, str | os.PathLike) else f"scan {row}"
+            for row, scan in enumerate(given)
+        ]
     return [str(name) for name in names]
 
 
@@ -432,7 +195,9 @@ def _prepare_each(
     usual = float(np.median(list(sizes.values()))) if sizes else 0.0
     for row, size in sizes.items():
         if not usual / MAX_SIZE_RATIO**0.5 <= size <= usual * MAX_SIZE_RATIO**0.5:
-            notes[row] = f"{names[row]} is left out: {size:.3g} across where the others are {usual:.3g}; scale it to their unit"
+            notes[row] = (
+                f"{names[row]} is left out: {size:.3g} across where the others are {usual:.3g}; scale it to their unit"
+            )
             clouds[row] = None
     usable = [cloud for cloud in clouds if cloud is not None]
     ready: list[PreparedScan | None] = [None] * len(given)
@@ -463,7 +228,11 @@ def _spread(scene: Scene, rows: list[int], given: Sequence[Any], names: list[str
     found = [*notes]
     if len(scene.components) > 1:
         sizes = ", ".join(str(len(part)) for part in scene.components if len(part) > 1)
-        several = f"{len(scene.components) - alone} scenes of {sizes} scans" if sizes else "no two scans hang together"
+        several = (
+            f"{len(scene.components) - alone} scenes of {sizes} scans"
+            if sizes
+            else "no two scans hang together"
+        )
         found.append(several + (f", and {alone} scans that belong to none" if sizes and alone else ""))
     return replace(
         scene,

@@ -20,7 +20,9 @@ CallEach: TypeAlias = "Callable[[Callable[..., Any], Sequence[Task]], list[Any]]
 
 
 @contextmanager
-def open_workers(scans: Sequence[PreparedScan], threads: int | None, scheduler=None, keep=None, begin=None) -> Generator[CallEach, None, None]:
+def open_workers(
+    scans: Sequence[PreparedScan], threads: int | None, scheduler=None, keep=None, begin=None
+) -> Generator[CallEach, None, None]:
     """Work on the threads of this process."""
 
     def call(function: Callable[..., Any], tasks: Sequence[Task]) -> list[Any]:
