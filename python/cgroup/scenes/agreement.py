@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.rigid import invert
+
 if TYPE_CHECKING:
     from cgroup.types import FloatArray, IndexArray
 
@@ -151,7 +153,7 @@ def _into(
     """Poses into the frames of some nodes, whichever way round they were found, and their covariances."""
     as_found = pairs[rows, 1] == to
     forward, spread = poses[rows], covariance[rows]
-    back = np.linalg.inv(forward)
+    back = np.array([invert(pose) for pose in forward])
     change = adjoints(back)
     turned = change @ spread @ change.transpose(0, 2, 1)
     return np.where(as_found[:, None, None], forward, back), np.where(as_found[:, None, None], spread, turned)

@@ -52,7 +52,8 @@ class Building:
         effort: Effort,
         clock: StageClock,
     ) -> None:
-        self._scans, self._call, self._axis, self._effort, self._clock = scans, call, axis, effort, clock
+        self._scans, self._call, self._axis, self._clock = scans, call, axis, clock
+        self._effort: Effort = effort
         self._voxel = scans[0].voxel
         self._middles = np.array([scan.described.centroid for scan in scans])
         self._links: dict[tuple[int, int], Link] = {}
@@ -120,9 +121,8 @@ class Building:
             proposed = propose_joins(self._links, self._decision, self._middles, self._voxel)
             joins = [join for join in proposed if join.parts not in asked][: len(self._scans)]
             asked.update(join.parts for join in joins)
-            unions = self._call(
-                link_unions, [task_of(join, self._decision, self._axis, self._effort) for join in joins]
-            )
+            tasks = [task_of(join, self._decision, self._axis, self._effort) for join in joins]
+            unions = self._call(link_unions, tasks)
             before = len(self._chances)
             for join, union in zip(joins, unions, strict=True):
                 if union is not None and self._is_confirmed(join, union):

@@ -112,8 +112,8 @@ def _join_of(
     source, target = some[best[0]][1]
     back, onwards = invert(decision.poses[target]), decision.poses[source]
     proposed = np.array([back @ poses[row] @ onwards for row in best])
-    around = [gather_around(scan, decision, middles) for scan in (source, target)]
-    return float(support[best[0]]), Join(source, target, *around, proposed)
+    around, beside = (gather_around(scan, decision, middles) for scan in (source, target))
+    return float(support[best[0]]), Join(source, target, around, beside, proposed)
 
 
 def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: float) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def register_all(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Scene:
-    """Place many scans, in any order, each in its own frame, in one scene; or in several, where they show several.
+    """Place many scans, in any order, each in its own frame, in one scene, or in several.
 
     Scans that look alike as a whole are registered pair by pair. All poses are then decided on together: what
     the others contradict is dropped, what they confirm is kept, even where two scans alone could not tell.
@@ -78,8 +79,8 @@ def register_all(
     axis : (3,) array_like of float, optional
         A direction that all scans share, such as that of gravity; a pose may tilt it by 10 degrees.
     pairs : iterable of (int, int), optional
-        Rows of `scans` that are registered, and no others. By default all of 20 scans; beyond, each with those
-        that look most like it.
+        Rows of `scans` that are registered, and no others. By default all pairs of up to 20 scans; of more, each
+        scan with those that look most like it.
     odometry : (N,4,4) array_like of float, optional
         Poses of the scans, in order, by other sensors. Neighbours are then linked even where their surfaces
         don't tell.
@@ -157,7 +158,7 @@ def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
     """Return what scans are called."""
     if names is None:
         return [
-            os.path.basename(os.fspath(scan)) if isinstance(scan, str | os.PathLike) else f"scan {row}"
+            Path(scan).name if isinstance(scan, str | os.PathLike) else f"scan {row}"
             for row, scan in enumerate(given)
         ]
     return [str(name) for name in names]
@@ -196,7 +197,8 @@ def _prepare_each(
     for row, size in sizes.items():
         if not usual / MAX_SIZE_RATIO**0.5 <= size <= usual * MAX_SIZE_RATIO**0.5:
             notes[row] = (
-                f"{names[row]} is left out: {size:.3g} across where the others are {usual:.3g}; scale it to their unit"
+                f"{names[row]} is left out: {size:.3g} across where the others are {usual:.3g}; scale it to "
+                "their unit"
             )
             clouds[row] = None
     usable = [cloud for cloud in clouds if cloud is not None]

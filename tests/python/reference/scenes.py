@@ -13,7 +13,12 @@ def squared_error(found, expected, covariance, middle, voxel):
     turn = Rotation.from_matrix(found[:3, :3] @ expected[:3, :3].T).as_rotvec()
     error = np.concatenate([turn, landed - place])
     # a motion (w, t) about the origin moves the place by w x place + t
-    change = np.block([[np.eye(3), np.zeros((3, 3))], [np.array([np.cross(axis, place) for axis in np.eye(3)]).T, np.eye(3)]])
+    change = np.block(
+        [
+            [np.eye(3), np.zeros((3, 3))],
+            [np.array([np.cross(axis, place) for axis in np.eye(3)]).T, np.eye(3)],
+        ]
+    )
     floor = np.diag([np.radians(1.0) ** 2] * 3 + [(0.5 * voxel) ** 2] * 3)
     return error @ np.linalg.inv(change @ covariance @ change.T + floor) @ error
 
@@ -23,7 +28,11 @@ def triangles(pairs, count):
     found = set()
     for triple in itertools.combinations(range(len(pairs)), 3):
         nodes = [frozenset(pairs[row]) for row in triple]
-        if len(frozenset().union(*nodes)) == 3 and len(set(nodes)) == 3 and all(len(node) == 2 for node in nodes):
+        if (
+            len(frozenset().union(*nodes)) == 3
+            and len(set(nodes)) == 3
+            and all(len(node) == 2 for node in nodes)
+        ):
             found.add(triple)
     return found
 
