@@ -205,16 +205,17 @@ def _quaternions(poses: FloatArray) -> FloatArray:
 def format_g2o(content: GraphContent) -> bytes:
     """Write lines of g2o."""
     lines = []
-    for name, row in zip(content.ids.tolist(), _motions(content.poses), strict=True):
+    for name, row in zip(content.ids.tolist(), motion_lines(content.poses), strict=True):
         lines.append(f"VERTEX_SE3:QUAT {name} {row}\n")
     upper = swap_blocks(content.information)[:, _UPPER[0], _UPPER[1]].tolist()
     ends = content.ids[content.edges].tolist()
-    for (i, j), row, numbers in zip(ends, _motions(content.measurements), upper, strict=True):
+    for (i, j), row, numbers in zip(ends, motion_lines(content.measurements), upper, strict=True):
         lines.append(f"EDGE_SE3:QUAT {i} {j} {row} {' '.join(map(repr, numbers))}\n")
     return "".join(lines).encode()
 
 
-def _motions(poses: FloatArray) -> list[str]:
+def motion_lines(poses: FloatArray) -> list[str]:
+    """Write x y z qx qy qz qw of poses."""
     rows = np.concatenate([poses[:, :3, 3], _quaternions(poses)], axis=1).tolist()
     return [" ".join(map(repr, row)) for row in rows]
 

@@ -3,10 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup._checks.values import as_count, as_length
+from cgroup._show.notebook import result_table
+from cgroup._show.words import number
+from cgroup.errors import InputError
+from cgroup.io import write_cloud, write_file
+from cgroup.io._files import written_path
+from cgroup.registration.covariance import covariance_in
+from cgroup.scenes.pose_graph import PoseGraph
+from cgroup.scenes.scene_files import POSE_FORMATS, cloud_of, merge, refuse_inputs, scan_colors
 
 if TYPE_CHECKING:
-    from cgroup.types import AnyCloud, FloatArray
+    import os
+
+    from cgroup.types import AnyCloud, FloatArray, PointCloud
+
+_CLOUDS, _GRAPHS = (".ply", ".pcd"), (".g2o", ".json")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,3 +105,209 @@ class Scene:
     tried: int
     notes: tuple[str, ...]
     seconds: dict[str, float]
+
+    @cached_property
+    def graph(self) -> PoseGraph:
+        """The scans that are placed, and the edges between them.
+
+        Nodes are the scans of all components in the order of their rows, which are the graph's ``ids``; edge
+        (i, j) measures ``T_i^-1 T_j`` for target i and source j, with the inverse of its covariance.
+        `PoseGraph.kept` has the edges that the scene holds to be right.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.scenes import register_all
+        >>> pair = standin_pair(pixels=60)
+        >>> scene = register_all([pair.source, pair.target])
+        >>> graph = scene.graph
+        >>> graph.poses.shape, graph.edges.shape, graph.kept
+        ((2, 4, 4), (1, 2), array([ True]))
+        """
+        return self._graph_of(sorted(row for rows in self.components for row in rows))
+
+    def _graph_of(self, rows: list[int]) -> PoseGraph:
+        place = {row: node for node, row in enumerate(rows)}
+        edges = [edge for edge in self.edges if edge.source in place and edge.target in place]
+        information = [
+            np.linalg.inv(covariance_in("gtsam", edge.covariance, edge.T_target_source)) for edge in edges
+        ]
+        return PoseGraph(
+            self.poses[rows],
+            np.array([(place[edge.target], place[edge.source]) for edge in edges], np.int64),
+            np.array([edge.T_target_source for edge in edges]),
+            np.array([(one + one.T) / 2 for one in information]),
+            np.array([edge.probability for edge in edges]),
+            np.array([edge.kept for edge in edges], bool),
+            np.array(rows),
+        )
+
+    def merged(self, *, voxel: float | None = None, component: int = 0) -> PointCloud:
+        """Make one cloud of the scans of a component.
+
+        Parameters
+        ----------
+        voxel : float, optional
+            Edge length of the voxels that it is thinned by, in the unit of the points; the finest point
+            spacing of the scans by default, so that what many show is no denser than the rest.
+        component : int
+            Which of `components`.
+
+        Returns
+        -------
+        PointCloud
+            In the frame of the component. Colours are those of the scans if all have some, else one for each
+            scan; normals where all have some. Scans given as paths are read again.
+
+        Raises
+        ------
+        InputError
+            If there is no such component, a file can't be read again, or the voxel is no length.
+        OutOfMemoryError
+            Where the system gives no memory for the computation.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.scenes import register_all
+        >>> pair = standin_pair(pixels=60)
+        >>> scene = register_all([pair.source, pair.target])
+        >>> both = scene.merged()
+        >>> len(pair.source) < len(both) < len(pair.source) + len(pair.target)
+        True
+        >>> len(scene.merged(voxel=20.0)) < len(both)
+        True
+        """
+        rows = self._component(component)
+        size = None if voxel is None else as_length("voxel", voxel)
+        return merge(self._posed(rows), scan_colors(len(self.scans))[rows], size)
+
+    def _component(self, component: int) -> list[int]:
+        chosen = as_count("component", component, 0)
+        if chosen >= len(self.components):
+            remedy = f"give a number below {len(self.components)}, the count of components"
+            raise InputError("component", str(chosen), remedy)
+        return self.components[chosen]
+
+    def _posed(self, rows: list[int]) -> list[PointCloud]:
+        return [cloud_of(self.names[row], self.scans[row]).transformed(self.poses[row]) for row in rows]
+
+    def write(self, path: str | os.PathLike[str], *, component: int = 0) -> None:
+        """Write poses, the pose graph, or the merged cloud of a component.
+
+        Scans of other components are left out: they have no pose in its frame.
+
+        Parameters
+        ----------
+        path : path-like
+            What is written follows from the suffix. ``.tum``: a line per scan, its row in `scans` in place of
+            the time, then tx ty tz qx qy qz qw. ``.kitti``: a line of 12 numbers per scan, in the order of
+            `components`. ``.log``: Redwood's trajectory, per scan a line with its row twice and the next
+            number, then the 4x4 matrix. ``.g2o``: the graph of kept edges, nodes numbered by row.
+            ``.json``: the same as Open3D's PoseGraph, nodes in the order of their rows. ``.ply``, ``.pcd``:
+            what `merged` returns.
+        component : int
+            Which of `components`.
+
+        Raises
+        ------
+        InputError
+            For another suffix, if there is no such component, if the file would replace a scan, or if it
+            can't be written.
+        OutOfMemoryError
+            Where the system gives no memory for the computation.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.io import read_cloud, read_transforms
+        >>> from cgroup.scenes import PoseGraph, register_all
+        >>> pair = standin_pair(pixels=60)
+        >>> scene = register_all([pair.source, pair.target])
+        >>> for name in ("poses.tum", "graph.g2o", "merged.ply"):
+        ...     scene.write(name)
+        >>> read_transforms("poses.tum").shape
+        (2, 4, 4)
+        >>> len(PoseGraph.read("graph.g2o").edges)
+        1
+        >>> len(read_cloud("merged.ply")) == len(scene.merged())
+        True
+        """
+        path = written_path(path, "scenes", *POSE_FORMATS, *_GRAPHS, *_CLOUDS)
+        rows, suffix = self._component(component), path.suffix.lower()
+        refuse_inputs(path, self.scans)
+        if suffix in _CLOUDS:
+            write_cloud(path, self.merged(component=component))
+        elif suffix in _GRAPHS:
+            self._graph_of(sorted(rows)).write(path)
+        else:
+            write_file(path, POSE_FORMATS[suffix](self.poses[rows], np.array(rows)).encode())
+
+    def plot(self, *, component: int = 0) -> Any:  # noqa: ANN401 - matplotlib's Figure
+        """Draw the merged scans of a component, and the graph of their edges.
+
+        Scans are coloured one by one and seen along their thinnest direction, maps from above. Edges of the
+        graph are coloured by residual; those that were dropped are dashed.
+
+        Parameters
+        ----------
+        component : int
+            Which of `components`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Not shown; notebooks show what a cell returns.
+
+        Raises
+        ------
+        InputError
+            If matplotlib isn't installed, there is no such component, or a file can't be read again.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.scenes import register_all
+        >>> pair = standin_pair(pixels=60)
+        >>> figure = register_all([pair.source, pair.target]).plot()
+        >>> type(figure).__name__
+        'Figure'
+        """
+        try:
+            from cgroup.plots.scans import scans_figure  # noqa: PLC0415 - needs matplotlib
+        except ModuleNotFoundError as missing:
+            message = f"drawing needs {missing.name}; pip install 'cgroup[scans]'"
+            raise InputError(message) from missing
+        rows = self._component(component)
+        place = {row: node for node, row in enumerate(rows)}
+        edges = [
+            (place[edge.source], place[edge.target], edge.residual, edge.kept)
+            for edge in self.edges
+            if edge.source in place and edge.target in place
+        ]
+        clouds = [cloud.points for cloud in self._posed(rows)]
+        colors = scan_colors(len(self.scans))[rows] / 255
+        return scans_figure(clouds, [self.names[row] for row in rows], colors, edges)
+
+    def __repr__(self) -> str:
+        sizes = [len(rows) for rows in self.components]
+        kept = sum(edge.kept for edge in self.edges)
+        return f"Scene(scans={len(self.scans)}, components={sizes}, edges={kept} of {len(self.edges)} kept)"
+
+    def _repr_html_(self) -> str:
+        several = [rows for rows in self.components if len(rows) > 1]
+        alone = [self.names[rows[0]] for rows in self.components if len(rows) == 1]
+        kept = [edge for edge in self.edges if edge.kept]
+        placed = sum(map(len, several))
+        largest = max((edge.residual for edge in kept), default=None)
+        rows = [
+            *((f"component {k}", ", ".join(self.names[i] for i in one)) for k, one in enumerate(several)),
+            ("alone", ", ".join(alone)),
+            ("pairs", f"{self.tried} tried, {len(self.edges)} edges, of which {len(kept)} kept"),
+            ("residual", "" if largest is None else f"{number(largest)} standard deviations at most"),
+            ("voxel", number(self.voxel)),
+            *(("note", note) for note in self.notes),
+            ("time", f"{sum(self.seconds.values()):.2f} s"),
+        ]
+        title = f"Scene: {placed} of {len(self.scans)} scans in {len(several)} component"
+        return result_table(f"{title}{'' if len(several) == 1 else 's'}", placed / len(self.scans), rows)
