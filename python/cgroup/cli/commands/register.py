@@ -237,8 +237,8 @@ def register_command(
     """
     if others:
         message = (
-            f"register: got {2 + len(others)} clouds, and places one on one; register pairs one by one, or "
-            "all at once from Python by register_many of cgroup.registration"
+            f"register: got {2 + len(others)} clouds, and places one on one; cgroup merge places many in one "
+            "scene"
         )
         raise InputError(message)
     if method is not None:

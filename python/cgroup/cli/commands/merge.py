@@ -1,0 +1,328 @@
+"""``cgroup merge``: many scans in, one scene out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from cgroup import io
+from cgroup.cli import options
+from cgroup.cli.command import command, make_app
+from cgroup.cli.options import Point, choice, option
+from cgroup.cli.show.json import Document
+from cgroup.cli.show.tables import Column, print_table, show_length
+from cgroup.cli.show.terminal import print_facts, print_line, show_stages, write_figure
+from cgroup.cli.wording import is_given
+from cgroup.errors import CgroupError
+from cgroup.io._files import check_outputs
+from cgroup.io._results import make_folder, remove_files
+from cgroup.registration import Effort
+from cgroup.registration.covariance import deviations_at
+from cgroup.rigid import apply
+from cgroup.scenes import Edge, Scene, register_all
+from cgroup.scenes.scene_files import refuse_inputs
+
+_SCANS = (
+    Column("scan", is_text=True),
+    Column("component"),
+    Column("probability"),
+    Column("deg", priority=1),
+    Column("length", priority=1),
+)
+_EDGES = (
+    Column("source", is_text=True),
+    Column("target", is_text=True),
+    Column("probability"),
+    Column("residual"),
+    Column("kept", is_text=True),
+    Column("reason", is_text=True, priority=1),
+)
+
+_MOST_EDGES = 40
+"""Edges that are printed; those dropped and those of the greatest residual come first."""
+
+_POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
+_PAGE, _PAIRS = "scene.html", "pairs.sqlite"
+_FILES = {
+    _POSES: "pose of each scan in the frame of the first",
+    _GRAPH: "the edges that were kept",
+    _MERGED: "the scans as one cloud",
+    _PICTURE: "a picture",
+    _PAGE: "a page for the browser",
+    _PAIRS: "finished pairs, for another run",
+}
+"""What is written, of a second component poses_2.tum and so on."""
+
+app = make_app()
+
+
+def _print_scene(document: Document, *, wide: bool) -> None:
+    """Print a scene from its document."""
+    done, files = document["results"], [Path(file) for file in document["files"]]
+    scans, edges = done["scans"], done["edges"]
+    print_table(
+        _SCANS,
+        [
+            (
+                scan["name"],
+                "left out" if scan["component"] is None else str(scan["component"] + 1),
+                _chance(scan["probability"]),
+                "" if scan["deviation_deg"] is None else f"{scan['deviation_deg']:.2g}",
+                "" if scan["deviation"] is None else show_length(scan["deviation"], 2),
+            )
+            for scan in scans
+        ],
+        wide=wide,
+    )
+    print_line("")
+    if edges:
+        shown = sorted(edges, key=lambda edge: (edge["kept"], -(edge["residual"] or 0.0)))[:_MOST_EDGES]
+        print_table(_EDGES, [_row_of(edge, scans) for edge in shown], wide=wide)
+        if len(shown) < len(edges):
+            print_line(f"{len(shown)} of {len(edges)} edges; --json has all")
+        print_line("")
+    kept = sum(edge["kept"] for edge in edges)
+    print_facts(
+        ("components", ", ".join(_say_size(len(rows)) for rows in done["components"])),
+        ("pairs", f"{done['tried']} tried, {len(edges)} edges, of which {kept} were kept"),
+        ("known to", "deg and length of a scan: one standard deviation of its turn and of its middle"),
+        ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
+        ("time", f"{sum(done['seconds'].values()):.2f} s"),
+        *(("note", note) for note in done["notes"]),
+    )
+    width = max((len(file.name) for file in files), default=0)
+    if files:
+        print_line(f"wrote to {files[0].parent}/")
+    for file in files:
+        print_line(f"  {file.name:<{width}}  {_FILES[_first_name(file)]}")
+
+
+def _row_of(edge: Document, scans: Sequence[Document]) -> tuple[str, ...]:
+    names = scans[edge["source"]]["name"], scans[edge["target"]]["name"]
+    residual = "" if edge["residual"] is None else f"{edge['residual']:.2f}"
+    return (*names, _chance(edge["probability"]), residual, "yes" if edge["kept"] else "no", edge["reason"])
+
+
+def _chance(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"
+
+
+def _say_size(count: int) -> str:
+    return "1 scan" if count == 1 else f"{count} scans"
+
+
+def _first_name(file: Path) -> str:
+    """Return what the same file of the first component is called."""
+    return f"{file.stem.partition('_')[0]}{file.suffix}"
+
+
+@command(
+    app,
+    "merge",
+    "cgroup merge scans/*.ply --out scene",
+    "",
+    "# LiDAR scans, each from its own origin, in metres",
+    "cgroup merge *.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1 --out map",
+    "",
+    "# hundreds of scans, on a Dask cluster",
+    "cgroup merge *.ply --scheduler tcp://10.0.0.1:8786 --out scene --json",
+    show=_print_scene,
+)
+def merge_command(
+    context: typer.Context,
+    scans: list[Path] = options.argument(
+        "CLOUD", f"Scans in one unit, each in its own frame, in any order: {options.FORMATS}."
+    ),
+    *,
+    voxel: float | None = option(
+        None,
+        "LENGTH",
+        "Edge length of the voxels, in the files' unit; all radii are multiples of it.",
+        options.CLOUDS,
+        "suits the scans",
+    ),
+    viewpoint: Point | None = option(
+        None,
+        "X Y Z",
+        "Where the scanner stood in every file, if each is one single scan: tells far more.",
+        options.CLOUDS,
+        "as the files say, if they do",
+    ),
+    view_direction: Point | None = option(
+        None,
+        "X Y Z",
+        "Where the scanner looked, in every file, where its place isn't known.",
+        options.CLOUDS,
+    ),
+    axis: Point | None = option(
+        None,
+        "X Y Z",
+        "Direction that all scans share, such as gravity; poses may tilt it by 10 degrees.",
+        options.CLOUDS,
+    ),
+    effort: Effort = choice("normal", Effort, "How long to search where a pose is not sure.", options.SEARCH),
+    scheduler: str | None = option(
+        None,
+        "ADDRESS",
+        "Dask scheduler whose workers register the pairs; local starts one here.",
+        "Machines",
+        "this process",
+    ),
+    threads: int | None = option(None, "COUNT", "Threads to compute on.", "Machines", "all cores", min=1),
+    out: Path = options.OUT,
+    html: bool = options.HTML,
+) -> Document:
+    """Place many scans in one scene, or in several where they don't hang together (exit status 3).
+
+    Writes the poses, the graph of edges, the merged cloud and a picture of each component of two scans or
+    more: poses.tum, graph.g2o, merged.ply, scene.png; of a second one poses_2.tum and so on. What is finished
+    stays in pairs.sqlite, and a run that was killed goes on from there.
+    """
+    for file in _all_files(out, len(scans)):
+        refuse_inputs(file, scans)
+    with _folder_if_needed(out), show_stages() as begin:
+        scene = register_all(
+            scans,
+            names=_names_of(scans),
+            viewpoint=viewpoint,
+            view_direction=view_direction,
+            axis=axis,
+            voxel=voxel,
+            effort=effort,
+            keep=out / _PAIRS,
+            scheduler=scheduler,
+            threads=threads,
+            progress=begin,
+        )
+        placed = _describe(scene, scans, begin)
+        begin("writing")
+        files = _write(scene, out, html=html)
+    said: Document = {
+        "inputs": [{"role": "scan", "file": file, **one} for file, one in zip(scans, placed[0], strict=True)],
+        "results": {
+            "components": scene.components,
+            "scans": placed[1],
+            "edges": [_describe_edge(edge) for edge in scene.edges],
+            "tried": scene.tried,
+            "voxel": scene.voxel,
+            "notes": scene.notes,
+            "seconds": scene.seconds,
+        },
+        "files": files,
+    }
+    if len(scene.components) > 1:
+        hint = (
+            ""
+            if is_given(context, "viewpoint")
+            else "; if each is one single scan, say where the scanner stood: --viewpoint"
+        )
+        sizes = ", ".join(_say_size(len(rows)) for rows in scene.components[:5])
+        more = ", ..." if len(scene.components) > 5 else ""
+        said["refusal"] = f"the scans make {len(scene.components)} components ({sizes}{more}), not one{hint}"
+    return said
+
+
+@contextmanager
+def _folder_if_needed(folder: Path) -> Generator[None]:
+    """Make the folder, which takes finished pairs, and remove it where nothing came into it."""
+    was_there = folder.exists()
+    make_folder(folder)
+    try:
+        yield
+    except CgroupError:
+        with suppress(OSError):  # it holds something
+            if not was_there:
+                folder.rmdir()
+        raise
+
+
+def _names_of(files: Sequence[Path]) -> list[str]:
+    """Return the names of files, with their folders where two are called the same."""
+    count = Counter(file.name for file in files)
+    return [file.name if count[file.name] == 1 else str(file) for file in files]
+
+
+def _all_files(folder: Path, scans: int) -> list[Path]:
+    """List all files that a run on so many scans may write."""
+    of_components = (_POSES, _GRAPH, _MERGED, _PICTURE)
+    further = (_file(folder, name, k) for k in range(1, scans // 2) for name in of_components)
+    return [*(folder / name for name in _FILES), *further]
+
+
+def _file(folder: Path, name: str, component: int) -> Path:
+    path = folder / name
+    return path.with_stem(f"{path.stem}_{component + 1}") if component else path
+
+
+def _describe(scene: Scene, files: Sequence[Path], begin: Any) -> tuple[list[Document], list[Document]]:
+    """List what a document says of the files, and of the scans."""
+    component = {row: k for k, rows in enumerate(scene.components) for row in rows}
+    inputs: list[Document] = []
+    scans: list[Document] = []
+    for row, file in enumerate(files):
+        if row not in component:
+            inputs.append({"points": None, "dropped": None, "centroid": None})
+            scans.append(_describe_scan(scene, row, None, (None, None)))
+            continue
+        begin(f"reading {file.name}")
+        cloud = io.read_cloud(file)
+        middle = cloud.points.mean(axis=0)
+        deviations = deviations_at(scene.covariance[row], apply(scene.poses[row], middle[None])[0])
+        inputs.append({"points": len(cloud), "dropped": cloud.dropped, "centroid": middle})
+        scans.append(_describe_scan(scene, row, component[row], deviations))
+    return inputs, scans
+
+
+def _describe_scan(
+    scene: Scene, row: int, component: int | None, deviations: tuple[float | None, float | None]
+) -> Document:
+    return {
+        "name": scene.names[row],
+        "component": component,
+        "T_component_scan": None if component is None else scene.poses[row],
+        "probability": scene.probability[row],
+        "covariance": None if component is None else scene.covariance[row],
+        "deviation_deg": deviations[0],
+        "deviation": deviations[1],
+    }
+
+
+def _describe_edge(edge: Edge) -> Document:
+    return {
+        "source": edge.source,
+        "target": edge.target,
+        "T_target_source": edge.T_target_source,
+        "probability": edge.probability,
+        "covariance": edge.covariance,
+        "fitness": edge.fitness,
+        "target_fitness": edge.target_fitness,
+        "kept": edge.kept,
+        "residual": edge.residual,
+        "reason": edge.reason,
+    }
+
+
+def _write(scene: Scene, folder: Path, *, html: bool) -> list[Path]:
+    """Write the files of each component of two scans or more; remove what an earlier run has left."""
+    written: list[Path] = []
+    check_outputs(_all_files(folder, len(scene.scans)))
+    for k, rows in enumerate(scene.components):
+        if len(rows) < 2:
+            break
+        for name in (_POSES, _GRAPH, _MERGED):
+            scene.write(_file(folder, name, k), component=k)
+            written.append(_file(folder, name, k))
+        written.append(write_figure(_file(folder, _PICTURE, k), scene.plot(component=k)))
+    if html:
+        from cgroup.pages import scene_page, write_page  # noqa: PLC0415 - slow to load
+
+        write_page(folder / _PAGE, scene_page(scene))
+        written.append(folder / _PAGE)
+    pairs = folder / _PAIRS
+    remove_files(file for file in _all_files(folder, len(scene.scans)) if file not in [*written, pairs])
+    return [*written, *([pairs] if pairs.exists() else [])]
