@@ -109,7 +109,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Scores": "precision_recall_figure",
     },
     "cgroup.pages": {
-        "Pages of a result": "registration_page comparison_page",
+        "Pages of a result": "registration_page scene_page comparison_page",
         "Any page": "write_page",
         "Rerun": "log_to_rerun",
     },

@@ -7,10 +7,12 @@ Pages need plotly, which comes with ``cgroup[scans]``; recordings for the viewer
 from cgroup.pages.page import write_page
 from cgroup.pages.recording import log_to_rerun
 from cgroup.pages.results import comparison_page, registration_page
+from cgroup.pages.scans import scene_page
 
 __all__ = [
     "comparison_page",
     "log_to_rerun",
     "registration_page",
+    "scene_page",
     "write_page",
 ]

@@ -29,7 +29,7 @@ MAX_LINES = 300
 """Lines of one kind in a figure."""
 
 _GAP = 0.25  # between the two clouds, in widths of the wider one
-_LEVELS = 255
+LEVELS = 255
 _TO_LIGHT = LIGHT / np.linalg.norm(LIGHT)
 _STOPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a line: where the mouse finds it
 _DISTANCE = 1.05  # of the camera, in sizes of the scene
@@ -83,8 +83,8 @@ def scene_of(source: FloatArray, target: FloatArray, pose: FloatArray) -> Scene:
     aside = (here.min() - there.max() - gap) * axes[0]
     faces = planes(posed), planes(target)
     return Scene(
-        SceneCloud(rows[0], source - centers[0], faces[0], _light(faces[0], axes), centers[0]),
-        SceneCloud(rows[1], target - centers[1], faces[1], _light(faces[1], axes), centers[1]),
+        SceneCloud(rows[0], source - centers[0], faces[0], lit(faces[0], axes), centers[0]),
+        SceneCloud(rows[1], target - centers[1], faces[1], lit(faces[1], axes), centers[1]),
         given=_shifted(centers[0] - centers[1]),
         apart=_shifted(aside) @ placed,
         placed=placed,
@@ -100,11 +100,11 @@ def _shifted(by: FloatArray) -> FloatArray:
     return shift
 
 
-def _light(planes: FloatArray, axes: FloatArray) -> NDArray[np.uint8]:
+def lit(planes: FloatArray, axes: FloatArray) -> NDArray[np.uint8]:
     """(k,) how much light falls on the plane about each point, whichever side faces the viewer."""
     facing = np.where(planes.any(axis=1, keepdims=True), planes @ axes.T, _TO_LIGHT)
     facing *= np.where(facing[:, 2:] < 0.0, -1.0, 1.0)
-    return np.round(_LEVELS * np.clip(facing @ _TO_LIGHT, 0.0, 1.0)).astype(np.uint8)
+    return np.round(LEVELS * np.clip(facing @ _TO_LIGHT, 0.0, 1.0)).astype(np.uint8)
 
 
 def cloud_traces(scene: Scene) -> list[dict[str, Any]]:
@@ -123,7 +123,7 @@ def _cloud_trace(
         "size": 2.2 if len(cloud.points) > 2_000 else 3.5,
         "color": cloud.light,
         "cmin": 0,
-        "cmax": _LEVELS,
+        "cmax": LEVELS,
         "colorscale": [[end, _css(part * np.array(tint))] for end, part in ((0, AMBIENT), (1, 1.0))],
         "showscale": False,
         "line": {"width": 0},

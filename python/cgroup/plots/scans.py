@@ -34,7 +34,7 @@ _APART = 0.08
 """Of the graph's width, between nodes and their nearest ones: nearer, they are put on a circle."""
 
 _RESIDUALS = LinearSegmentedColormap.from_list("residuals", style.DISTANCE_COLORS)
-_LEAST_RANGE = 3.0
+LEAST_RANGE = 3.0
 """Standard deviations that the colours reach to at the least."""
 
 
@@ -50,7 +50,7 @@ def scans_figure(
     """
     figure = Figure(figsize=(11, 5.2), dpi=style.DOTS_PER_INCH, layout="constrained")
     left, right = figure.subplots(1, 2)
-    view = _look_at(clouds)
+    view = look_at(clouds)
     points = sum(map(len, clouds))
     _draw_scans(left, clouds, colors, view)
     caption(left, "merged", f"{len(clouds)} scans, {points:,} points")
@@ -64,10 +64,11 @@ def scans_figure(
     return figure
 
 
-def _look_at(clouds: Sequence[FloatArray]) -> View:
+def look_at(clouds: Sequence[FloatArray]) -> View:
     """Look along the thinnest direction; at a map from above."""
     few = np.concatenate([cloud[thin(cloud, _MOST_POINTS // len(clouds))] for cloud in clouds])
-    above = few.mean(axis=0) + [0.0, 0.0, 1e3 * float(np.ptp(few, axis=0).max())]
+    above = few.mean(axis=0)
+    above[2] += 1e3 * float(np.ptp(few, axis=0).max())
     return face_broadside(few, above)
 
 
@@ -104,7 +105,7 @@ def _draw_graph(
     edges: Sequence[tuple[int, int, float, bool]],
 ) -> ScalarMappable:
     kept = [edge[2] for edge in edges if edge[3]]
-    scale = ScalarMappable(Normalize(0.0, max([_LEAST_RANGE, *kept])), _RESIDUALS)
+    scale = ScalarMappable(Normalize(0.0, max([LEAST_RANGE, *kept])), _RESIDUALS)
     for wanted, dashes in ((False, (0, (3, 2))), (True, "-")):
         chosen = [edge for edge in edges if edge[3] == wanted]
         lines = [places[[source, target]] for source, target, *_ in chosen]

@@ -31,8 +31,8 @@ _SCANS = (
     Column("scan", is_text=True),
     Column("component"),
     Column("probability"),
-    Column("deg", priority=1),
-    Column("length", priority=1),
+    Column("sd deg", priority=1),
+    Column("sd length", priority=1),
 )
 _EDGES = (
     Column("source", is_text=True),
@@ -90,7 +90,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
     print_facts(
         ("components", ", ".join(_say_size(len(rows)) for rows in done["components"])),
         ("pairs", f"{done['tried']} tried, {len(edges)} edges, of which {kept} were kept"),
-        ("known to", "deg and length of a scan: one standard deviation of its turn and of its middle"),
+        ("sd", "standard deviation of a scan's turn, and of the place of its middle"),
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
         ("time", f"{sum(done['seconds'].values()):.2f} s"),
         *(("note", note) for note in done["notes"]),
