@@ -64,6 +64,10 @@ GROUPS: dict[str, dict[str, str]] = {
         "Choices": "DESCRIPTORS Descriptor DETECTORS Detector EFFORTS Effort NORMALS Normals",
         "From cgroup.features": "DescribedCloud ORIGIN Viewpoint",
     },
+    "cgroup.scenes": {
+        "Many scans": "register_all Scene Edge",
+        "Pose graphs": "PoseGraph",
+    },
     "cgroup.verification": {
         "Poses on surfaces": "Surface verify Verification score_poses",
         "Where points lie": "places Place",

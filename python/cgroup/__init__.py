@@ -48,11 +48,13 @@ if _TYPE_CHECKING:
     from cgroup import pages as pages
     from cgroup import plots as plots
     from cgroup import registration as registration
+    from cgroup import scenes as scenes
     from cgroup import verification as verification
     from cgroup._show.drawing import Drawing as _Drawing
     from cgroup.io import read_cloud as read_cloud
     from cgroup.io import write_cloud as write_cloud
     from cgroup.registration import register as register
+    from cgroup.scenes import register_all as register_all
     from cgroup.types import PointCloud as _PointCloud
 
 __all__ = [
@@ -83,9 +85,15 @@ _ROOMS = (
     "pages",
     "plots",
     "registration",
+    "scenes",
     "verification",
 )
-_FROM_ROOMS = {"read_cloud": "io", "register": "registration", "write_cloud": "io"}
+_FROM_ROOMS = {
+    "read_cloud": "io",
+    "register": "registration",
+    "register_all": "scenes",
+    "write_cloud": "io",
+}
 
 
 def __getattr__(name: str) -> _Any:  # noqa: ANN401 - a module or a function

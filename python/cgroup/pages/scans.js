@@ -95,6 +95,7 @@
     each.addEventListener("click", toggle);
     each.addEventListener("keydown", (event) => { if (event.key === "Enter") toggle(); });
   }
+  addEventListener("resize", () => draw());
   await draw();
   document.body.dataset.ready = "yes";
 })();

@@ -33,8 +33,8 @@ _POINTS = 150_000
 _GAP = 0.15
 """Between what lies side by side, in sides of a square as large as the average of them."""
 
-_WIDE = 1.7
-"""Width of what lies side by side beside its height."""
+_WIDE = 1.5
+"""Sides of what is laid out: width over height."""
 
 _GRAPH = 300.0
 """Sides of a graph, in pixels."""
@@ -124,9 +124,13 @@ def _posed(scene: Scene) -> dict[int, FloatArray]:
 def _place(scene: Scene, clouds: dict[int, FloatArray], axes: FloatArray) -> list[_Placed]:
     """Lay components side by side, and scans."""
     seen = {row: points @ axes.T for row, points in clouds.items()}
-    boxes = [_bounds([seen[row] for row in rows]) for rows in scene.components]
-    middles = {row: (low + high) / 2 for row, (low, high) in ((row, _bounds([seen[row]])) for row in seen)}
-    sizes = {row: np.ptp(points, axis=0) for row, points in seen.items()}
+    bounds = {row: _bounds(points) for row, points in seen.items()}
+    middles = {row: (low + high) / 2 for row, (low, high) in bounds.items()}
+    sizes = {row: high - low for row, (low, high) in bounds.items()}
+    boxes = [
+        (np.min([bounds[row][0] for row in rows], axis=0), np.max([bounds[row][1] for row in rows], axis=0))
+        for rows in scene.components
+    ]
     together = _lay_out([high - low for low, high in boxes])
     alone = dict(zip(sizes, _lay_out(list(sizes.values())), strict=True))
     placed: list[_Placed] = []
@@ -138,24 +142,35 @@ def _place(scene: Scene, clouds: dict[int, FloatArray], axes: FloatArray) -> lis
     return placed
 
 
-def _bounds(clouds: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    lows, highs = zip(*((cloud.min(axis=0), cloud.max(axis=0)) for cloud in clouds), strict=True)
-    return np.min(lows, axis=0), np.max(highs, axis=0)
+def _bounds(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the box about a scan, without the one point in 500 that lies far out on either side."""
+    low, high = np.quantile(points, (0.002, 0.998), axis=0)
+    room = 0.05 * (high - low).max()
+    return np.maximum(low - room, points.min(axis=0)), np.minimum(high + room, points.max(axis=0))
 
 
 def _lay_out(sizes: Sequence[FloatArray]) -> list[FloatArray]:
     """Return middles of boxes that lie in lines below each other, none of which hides another."""
     gap = _GAP * float(np.sqrt(np.mean([size[0] * size[1] for size in sizes])))
-    area = sum((size[0] + gap) * (size[1] + gap) for size in sizes)
-    width = max(np.sqrt(_WIDE * area), *(size[0] for size in sizes))
-    middles: list[FloatArray] = []
+    widths = np.cumsum([size[0] + gap for size in sizes])
+    layouts = [_fill_lines(sizes, gap, width) for width in widths]
+
+    def side(layout: FloatArray) -> float:
+        ends = layout[:, :2] + np.array(sizes)[:, :2] / 2 * [1, -1]
+        return max(ends[:, 0].max() / _WIDE, -ends[:, 1].min())
+
+    return list(min(layouts, key=side))
+
+
+def _fill_lines(sizes: Sequence[FloatArray], gap: float, width: float) -> FloatArray:
+    middles: list[tuple[float, float, float]] = []
     left = top = height = 0.0
-    for size in sizes:
-        if left and left + size[0] > width:
+    for wide, high, _ in sizes:
+        if left and left + wide > width:
             left, top, height = 0.0, top - height - gap, 0.0
-        middles.append(np.array([left + size[0] / 2, top - size[1] / 2, 0.0]))
-        left, height = left + size[0] + gap, max(height, size[1])
-    return middles
+        middles.append((left + wide / 2, top - high / 2, 0.0))
+        left, height = left + wide + gap, max(height, high)
+    return np.array(middles)
 
 
 def _box(placed: Sequence[_Placed], name: str) -> list[list[float]]:
@@ -232,7 +247,6 @@ def _legend(scene: Scene, colors: Sequence[str]) -> str:
             f'<span class="count">{_chance(scene.probability[row])}</span></label>'
             for row in rows
         )
-    everything = '<button type="button" id="all" disabled>Show all</button>'
     return (
         f'<fieldset class="scans"><legend>Scans, and how sure their places are</legend>{parts}</fieldset>'
         '<button type="button" id="all" disabled>Show all</button>'

@@ -1,0 +1,166 @@
+"""``cgroup merge``: what it prints, writes and refuses. Placing the scans is tested elsewhere."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_lines import fail, run, succeed
+from placed_scenes import known_scene
+
+from cgroup import InputError
+from cgroup.cli.commands import merge
+from cgroup.io import read_cloud, read_transforms, write_cloud
+from cgroup.scenes import PoseGraph, Scene
+
+Capture = pytest.CaptureFixture[str]
+NAMES = ["front.ply", "side.ply", "again.ply", "stranger.ply"]
+
+
+@pytest.fixture
+def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """Write the scans of a known scene; collect what they are placed with."""
+    monkeypatch.chdir(tmp_path)
+    for name, cloud in zip(NAMES, known_scene().scans, strict=True):
+        write_cloud(name, cloud)
+    given: list[dict[str, Any]] = []
+
+    def place(scans: list[Path], **options: Any) -> Scene:
+        given.append({"scans": scans, **options})
+        options["progress"]("pair 1 of 6")
+        options["keep"].write_bytes(b"finished")
+        rows = [row for row, scan in enumerate(scans) if scan.exists()]
+        components = [[row for row in rows if row < 3], [row for row in rows if row >= 3]]
+        return known_scene(
+            scans=tuple(scans), names=options["names"], components=[rows for rows in components if rows]
+        )
+
+    monkeypatch.setattr(merge, "register_all", place)
+    return given
+
+
+def test_one_scene(calls: list[dict[str, Any]], capsys: Capture) -> None:
+    options = [
+        "--voxel",
+        5,
+        "--viewpoint",
+        0,
+        0,
+        0,
+        "--effort",
+        "high",
+        "--threads",
+        1,
+        "--scheduler",
+        "local",
+    ]
+    (Path("stranger.ply")).unlink()
+    out = succeed(capsys, "merge", *NAMES, "--out", "scene", *options)
+    (given,) = calls
+    assert (given["voxel"], given["viewpoint"], given["effort"]) == (5.0, (0.0, 0.0, 0.0), "high")
+    assert (given["threads"], given["scheduler"], given["keep"]) == (1, "local", Path("scene/pairs.sqlite"))
+    assert given["names"] == NAMES
+    lines = out.splitlines()
+    assert lines[0].split() == ["scan", "component", "probability", "sd", "deg", "sd", "length"]
+    assert [line.split()[0] for line in lines[1:5]] == NAMES
+    assert "left out" in lines[4]
+    edges = lines[7:10]
+    assert edges[0].split()[:2] == ["again.ply", "front.ply"]  # dropped ones first
+    assert edges[0].endswith("other edges contradict it")
+    assert "components  3 scans" in out
+    assert "note        stranger.ply belongs to no other scan" in out
+    names = ["graph.g2o", "merged.ply", "pairs.sqlite", "poses.tum", "scene.png"]
+    assert sorted(file.name for file in Path("scene").iterdir()) == names
+    assert all(f"  {name}" in out for name in names)
+    assert len(read_transforms("scene/poses.tum")) == 3
+    assert len(PoseGraph.read("scene/graph.g2o").edges) == 2
+
+
+@pytest.mark.usefixtures("calls")
+def test_several_components_end_with_status_3(capsys: Capture) -> None:
+    status, out, err = run(capsys, "merge", *NAMES, "--out", "scene")
+    assert status == 3
+    assert "components  3 scans, 1 scan" in out
+    assert "2 components (3 scans, 1 scan), not one; if each is one single scan" in err
+    assert "--viewpoint" in err
+    assert not Path("scene/merged_2.ply").exists()  # of one scan
+    assert "--viewpoint" not in run(capsys, "merge", *NAMES, "--viewpoint", 0, 0, 0)[2]
+
+
+def test_each_component_of_several_scans_has_its_files(
+    calls: list[dict[str, Any]], capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = merge.register_all
+    halves = [[0, 1], [2, 3]]
+
+    def split(*scans: Any, **options: Any) -> Scene:
+        placed = place(*scans, **options)
+        edges = placed.edges[:1]
+        return known_scene(scans=placed.scans, names=placed.names, components=halves, edges=edges)
+
+    monkeypatch.setattr(merge, "register_all", split)
+    assert run(capsys, "merge", *NAMES, "--out", "scene")[0] == 3
+    assert calls
+    for number, rows in (("", 2), ("_2", 2)):
+        assert len(read_transforms(f"scene/poses{number}.tum")) == rows
+        assert len(read_cloud(f"scene/merged{number}.ply")) > 100
+        assert Path(f"scene/graph{number}.g2o").exists()
+        assert Path(f"scene/scene{number}.png").exists()
+    monkeypatch.setattr(merge, "register_all", place)
+    run(capsys, "merge", *NAMES, "--out", "scene")
+    assert not list(Path("scene").glob("*_2*"))  # of the earlier run
+
+
+@pytest.mark.usefixtures("calls")
+def test_the_document(capsys: Capture) -> None:
+    status, out, _ = run(capsys, "merge", *NAMES, "--out", "scene", "--html", "--json")
+    assert status == 3
+    said = json.loads(out)
+    assert said["command"] == "merge"
+    assert [one["file"] for one in said["inputs"]] == NAMES
+    done, known = said["results"], known_scene()
+    assert done["components"] == [[0, 1, 2], [3]]
+    assert [scan["component"] for scan in done["scans"]] == [0, 0, 0, 1]
+    assert np.array_equal(done["scans"][1]["T_component_scan"], known.poses[1])
+    assert done["scans"][0]["deviation"] == 0.0
+    assert done["scans"][1]["deviation"] > 0.1
+    assert [edge["kept"] for edge in done["edges"]] == [True, True, False]
+    assert done["edges"][2]["reason"] == "other edges contradict it"
+    assert Path("scene/scene.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert "scene/scene.html" in said["files"]
+
+
+def test_names_that_are_the_same_get_their_folder(calls: list[dict[str, Any]], capsys: Capture) -> None:
+    Path("again").mkdir()
+    write_cloud("again/side.ply", read_cloud("side.ply"))
+    succeed(capsys, "merge", "front.ply", "side.ply", "again/side.ply")
+    assert calls[0]["names"] == ["front.ply", "side.ply", "again/side.ply"]
+
+
+def test_no_output_replaces_a_scan(calls: list[dict[str, Any]], capsys: Capture) -> None:
+    write_cloud("merged.ply", read_cloud("front.ply"))
+    before = Path("merged.ply").read_bytes()
+    assert "merged.ply: is one of the scans" in fail(capsys, "merge", "merged.ply", *NAMES, "--out", ".")
+    assert not calls  # before there is any work
+    assert Path("merged.ply").read_bytes() == before
+
+
+def test_what_is_refused_leaves_no_folder(
+    calls: list[dict[str, Any]], capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any, **__: Any) -> Scene:
+        raise InputError("scans", "1", "give at least two; `voxel` is no matter")
+
+    monkeypatch.setattr(merge, "register_all", refuse)
+    err = fail(capsys, "merge", "front.ply", "--out", "scene")
+    assert "--voxel" in err
+    assert not Path("scene").exists()
+    Path("mine").mkdir()
+    fail(capsys, "merge", "front.ply", "--out", "mine")
+    assert Path("mine").exists()
+    assert not calls
+
+
+def test_register_points_to_merge(capsys: Capture) -> None:
+    assert "cgroup merge places many" in fail(capsys, "register", "a.ply", "b.ply", "c.ply")
