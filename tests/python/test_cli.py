@@ -365,7 +365,7 @@ WRONG = [
     ("register {source} {target} --descriptor fpfh3", "cgroup: Invalid value for '--descriptor': 'fpfh3' is"),
     (
         "register {source} {target} {scene}",
-        "got 3 clouds, and places one on one; register pairs one by one, or",
+        "got 3 clouds, and places one on one; cgroup merge places many in one scene",
     ),
     ("register {source} {target} --normals mesh", "--normals: belongs to --front paper"),
     ("register {source} {target} --front paper --support 4", "--support: belongs to --front dense"),

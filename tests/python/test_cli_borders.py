@@ -134,6 +134,7 @@ WRITING = (
     "detect {}",
     "describe {}",
     "register {} {}",
+    "merge {} {}",
     "compare {} {} --truth {}",
     "recognize {} --scene {}",
     "group {}",

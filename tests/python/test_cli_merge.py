@@ -129,6 +129,9 @@ def test_the_document(capsys: Capture) -> None:
     assert done["edges"][2]["reason"] == "other edges contradict it"
     assert Path("scene/scene.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert "scene/scene.html" in said["files"]
+    page = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+    for key in (*said, *said["inputs"][0], *done, *done["scans"][0], *done["edges"][0]):
+        assert f"`{key}`" in page, key
 
 
 def test_names_that_are_the_same_get_their_folder(calls: list[dict[str, Any]], capsys: Capture) -> None:

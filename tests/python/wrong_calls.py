@@ -12,6 +12,7 @@ from unittest import mock
 
 import numpy as np
 import pandas as pd
+from placed_scenes import known_scene
 
 import cgroup
 from cgroup import datasets, registration, types
@@ -19,6 +20,7 @@ from cgroup.benchmark import config, pipelines, solver
 from cgroup.scenes import PoseGraph
 
 CLOUD = types.PointCloud(np.eye(3))
+SCENE = known_scene()
 STONES = datasets.open_dataset("standin-full")
 PROBLEM = datasets.make_problem(np.random.default_rng(0), 12)
 PAIR = datasets.standin_pair(pixels=60)
@@ -71,6 +73,9 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
         lambda covariance_in: covariance_in(registration.register(PAIR.source, PAIR.target), "ceres"),
     ],
     "cgroup.registration.PreparedScan.resized": [given(registration.prepare(PAIR.source, voxel=6.0), 100)],
+    "cgroup.scenes.Scene.merged": [given(SCENE, component=2), given(SCENE, voxel=-1)],
+    "cgroup.scenes.Scene.plot": [given(SCENE, component=2)],
+    "cgroup.scenes.Scene.write": [given(SCENE, "poses.txt")],
     **{
         f"cgroup.datasets.Dataset.{name}": [lambda _, name=name: getattr(STONES, name)("nonsense")]
         for name in ("load", "origin_of", "protocols_of", "subject_of", "check_name")
@@ -97,6 +102,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.pages.comparison_page": [given(CLOUD, CLOUD, BARE, [], np.eye(4))],
     "cgroup.pages.log_to_rerun": [given(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5]))],
     "cgroup.pages.registration_page": [given(CLOUD, CLOUD, 3)],
+    "cgroup.pages.scene_page": [given(PAIR)],
     "cgroup.pages.write_page": [given(NOWHERE / "page.html", "")],
     "cgroup.benchmark.solver.Solver.group": [lambda _: solver.candidate("", "lc", {}).group(BARE)],
     "cgroup.benchmark.solver.Solver.parameters": [

@@ -54,7 +54,7 @@ class _Placed(NamedTuple):
 
 
 def scene_page(scene: Scene, *, title: str = "Scene") -> str:
-    """Make the page of a scene: its scans to turn around, the graph, and a table of the edges.
+    """Make the page of a scene: scans to turn around, the graph, a table of edges.
 
     Parameters
     ----------

@@ -49,6 +49,15 @@ class Edge:
         NaN between two components.
     reason : str
         Why it was dropped; "" where it is kept.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.scenes import register_all
+    >>> pair = standin_pair(pixels=60)
+    >>> (edge,) = register_all([pair.source, pair.target]).edges
+    >>> sorted([edge.source, edge.target]), edge.probability > 0.9, edge.kept
+    ([0, 1], True, True)
     """
 
     source: int
@@ -92,6 +101,17 @@ class Scene:
         What a user should know: sentences.
     seconds : dict of str to float
         Wall time of each stage, in order.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.scenes import register_all
+    >>> pair = standin_pair(pixels=60)
+    >>> scene = register_all([pair.source, pair.target])
+    >>> scene
+    Scene(scans=2, components=[2], edges=1 of 1 kept)
+    >>> scene.components, scene.poses.shape
+    ([[0, 1]], (2, 4, 4))
     """
 
     poses: FloatArray
