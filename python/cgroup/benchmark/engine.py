@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import itertools
 import json
-import logging
 import os
 import pickle
 import queue
@@ -13,10 +12,11 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from cgroup._runtime.cluster import WorkersDiedError, reach_cluster, work_on_cluster
 from cgroup.benchmark.worker import ALL_CORES, START, end_group, make_ready, read_message, write_message
 from cgroup.errors import InputError
 
@@ -38,9 +38,8 @@ Tuples are drawn as workers become free, so that they needn't all be in memory. 
 seconds, if there is one. The result of a call that killed its workers or took longer is the `WorkerError`.
 """
 
+_IF_LOST = "run the same command again to continue"
 _TRIES = 3  # so that a process ended from outside isn't blamed on the call
-_PER_THREAD = 2  # tasks handed out per thread of a cluster: one to work on, one to go on with
-_LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
 _THREAD_VARIABLES = (
     *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"),
     *("VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS"),
@@ -190,7 +189,7 @@ def open_workers(
         raise InputError("backend", repr(backend), f"choose one of {', '.join(BACKENDS)}")
     count = count or os.cpu_count() or 1
     if backend == "dask":
-        opened = _open_cluster(scheduler)
+        opened = _open_cluster(scheduler, count)
     elif backend == "processes":
         opened = _open_processes(count)
     else:
@@ -260,44 +259,17 @@ def _open_threads(count: int, call: Callable[..., Any]) -> Generator[CallUnorder
 
 
 @contextmanager
-def _open_cluster(scheduler: str | None) -> Generator[CallUnordered, None, None]:
+def _open_cluster(scheduler: str | None, count: int) -> Generator[CallUnordered, None, None]:
     """Reach a cluster, whose workers may come and go.
 
     Arguments travel with their task through the scheduler, so that a lost worker takes none with it.
     """
-    try:
-        from distributed import Client  # noqa: PLC0415 - optional
-    except ModuleNotFoundError as error:
-        remedy = "dask isn't installed; pip install 'dask[distributed]'"
-        raise InputError("backend", remedy=remedy) from error
     address = scheduler or os.environ.get(SCHEDULER)
     if not address:
         remedy = f"needed by the dask backend; give its address, or set {SCHEDULER}"
         raise InputError("scheduler", remedy=remedy)
-    with _hold_back_logs():
-        try:
-            client = Client(address, set_as_default=False)
-        except (OSError, ValueError) as error:
-            remedy = f"{address} can't be reached: {error}"
-            raise InputError("scheduler", remedy=remedy) from error
-        with client:
-            yield functools.partial(_call_on_cluster, client)
-
-
-@contextmanager
-def _hold_back_logs() -> Generator[None, None, None]:
-    """Keep Dask from printing tracebacks of errors that are reported here."""
-    loggers = [logging.getLogger(name) for name in _LOGGERS]
-    before = [(logger, logger.handlers[:], logger.propagate) for logger in loggers]
-    for logger in loggers:
-        logger.handlers[:] = [logging.NullHandler()]
-        logger.propagate = False
-    try:
-        yield
-    finally:
-        for logger, handlers, propagate in before:
-            logger.handlers[:] = handlers
-            logger.propagate = propagate
+    with reach_cluster(address, count) as client:
+        yield functools.partial(_call_on_cluster, client)
 
 
 def _call_on_cluster(
@@ -306,31 +278,11 @@ def _call_on_cluster(
     tasks: Iterable[TaskArguments],
     limit: float | None,
 ) -> Iterator[tuple[TaskArguments, Any]]:
-    from distributed import KilledWorker, as_completed  # noqa: PLC0415 - optional
+    def submit(task: TaskArguments) -> Any:  # noqa: ANN401 - a future of Dask
+        return client.submit(_call_in_process, function, limit, *task, pure=False)
 
-    waiting = iter(tasks)
-    under_way: dict[object, tuple[Any, TaskArguments]] = {}
-    done = as_completed(loop=client.loop, raise_errors=False)
-    try:
-        while True:
-            with _report_lost_scheduler():
-                # As many tasks as the workers that are there now can take.
-                threads = max(sum(client.nthreads().values()), 1)
-                for task in itertools.islice(waiting, max(0, _PER_THREAD * threads - len(under_way))):
-                    future = client.submit(_call_in_process, function, limit, *task, pure=False)
-                    under_way[future.key] = future, task
-                    done.add(future)
-                if not under_way:
-                    return
-                future, task = under_way.pop(next(done).key)
-                try:
-                    result = future.result()
-                except KilledWorker:  # one worker after the other
-                    result = ProcessDiedError()
-            yield task, result
-    finally:
-        with suppress(OSError, CancelledError):
-            client.cancel([future for future, _ in under_way.values()])
+    for task, result in work_on_cluster(client, submit, tasks, _IF_LOST):
+        yield task, ProcessDiedError() if isinstance(result, WorkersDiedError) else result
 
 
 _of_thread = threading.local()
@@ -341,12 +293,3 @@ def _call_in_process(function: Callable[..., Any], limit: float | None, *argumen
     if not hasattr(_of_thread, "worker"):
         _of_thread.worker = Worker(threads=1)
     return _call_or_tell(_of_thread.worker, function, limit, *arguments)
-
-
-@contextmanager
-def _report_lost_scheduler() -> Generator[None, None, None]:
-    try:
-        yield
-    except (OSError, CancelledError) as error:
-        remedy = f"the connection is lost ({error}); run the same command again to continue"
-        raise InputError("scheduler", remedy=remedy) from error

@@ -1,13 +1,23 @@
-"""Work on pairs of scans, side by side."""
+"""Work on pairs of scans, side by side: on threads of this process, or on a Dask cluster."""
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeAlias
+import pickle
+import warnings
+from contextlib import closing, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from cgroup import __version__
+from cgroup._checks.values import as_path
+from cgroup._runtime.cluster import WorkersDiedError, reach_cluster, work_on_cluster
+from cgroup._runtime.progress import ignore_progress
 from cgroup._runtime.workers import count_workers, work_side_by_side
+from cgroup.errors import InputError
+from cgroup.scenes.kept_links import KeptLinks
+from cgroup.scenes.links import Link
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Callable, Generator, Sequence
 
     from cgroup.registration import PreparedScan
@@ -16,21 +26,145 @@ Task: TypeAlias = tuple[tuple[int, ...], tuple[Any, ...]]
 """Rows of the scans that a function is called with, and its further arguments."""
 
 CallEach: TypeAlias = "Callable[[Callable[..., Any], Sequence[Task]], list[Any]]"
-"""Calls a function with the scans and arguments of each task; returns the results in the order of the tasks."""
+"""Calls a function with the scans and arguments of each task; returns results in the order of the tasks."""
+
+
+class _Job(NamedTuple):
+    """A function that is called with some of the tasks; `take` is told of each result as it is ready."""
+
+    function: Callable[..., Any]
+    tasks: Sequence[Task]
+    numbers: Sequence[int]
+    begin: Callable[[int], None]
+    take: Callable[[int, Any], None]
+
+
+_Run: TypeAlias = "Callable[[_Job], None]"
 
 
 @contextmanager
 def open_workers(
-    scans: Sequence[PreparedScan], threads: int | None, scheduler=None, keep=None, begin=None
+    scans: Sequence[PreparedScan],
+    threads: int | None,
+    scheduler: object = None,
+    keep: str | os.PathLike[str] | None = None,
+    begin: Callable[[str], Any] = ignore_progress,
 ) -> Generator[CallEach, None, None]:
-    """Work on the threads of this process."""
+    """Work on threads of this process, or on a Dask cluster; results are the same bits.
 
-    def call(function: Callable[..., Any], tasks: Sequence[Task]) -> list[Any]:
-        def work(task: Task, stop_with_the_others: Callable[[], None]) -> Any:  # noqa: ANN401 - whatever it returns
+    `scheduler` is an address, a `distributed.Client`, or "local" for as many processes as there would be
+    threads. `keep` is a file of finished links, which are not computed again. `begin` is told of each pair.
+
+    Raises
+    ------
+    InputError
+        If the cluster can't be reached, or the file not be used; later, if the scheduler is lost, or a pair
+        ends several workers.
+    """
+    workers = count_workers(threads)
+    file = nullcontext() if keep is None else closing(KeptLinks(as_path("keep", keep), scans))
+    on_threads = scheduler is None
+    with (
+        file as kept,
+        _use_threads(scans, workers) if on_threads else _use_cluster(scans, scheduler, workers) as run,
+    ):
+
+        def call(function: Callable[..., Any], tasks: Sequence[Task]) -> list[Any]:
+            keys = [] if kept is None else [kept.key(function, *task) for task in tasks]
+            results: dict[int, Any] = {} if kept is None else {**kept.find(keys)}
+
+            def begin_one(number: int) -> None:
+                begin(f"pair {number + 1} of {len(tasks)}")
+
+            def take(number: int, result: object) -> None:
+                if kept is not None and (result is None or isinstance(result, Link)):
+                    kept.add(keys[number], result)
+                results[number] = result
+
+            left = [number for number in range(len(tasks)) if number not in results]
+            run(_Job(function, tasks, left, begin_one, take))
+            return [results[number] for number in range(len(tasks))]
+
+        yield call
+
+
+@contextmanager
+def _use_threads(scans: Sequence[PreparedScan], workers: int) -> Generator[_Run, None, None]:
+    def run(job: _Job) -> None:
+        def work(number: int, stop_with_the_others: Callable[[], None]) -> None:
             stop_with_the_others()
-            rows, arguments = task
-            return function(*(scans[row] for row in rows), *arguments)
+            job.begin(number)
+            rows, arguments = job.tasks[number]
+            job.take(number, job.function(*(scans[row] for row in rows), *arguments))
 
-        return work_side_by_side(tasks, work, count_workers(threads))
+        work_side_by_side(job.numbers, work, workers)
 
-    yield call
+    yield run
+
+
+# --- Dask ------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _use_cluster(
+    scans: Sequence[PreparedScan], scheduler: object, processes: int
+) -> Generator[_Run, None, None]:
+    """Reach a cluster, whose workers may come and go.
+
+    Each scan that is needed travels to the scheduler once. Workers make theirs of that, or take another's.
+    """
+    sent: dict[int, Any] = {}
+
+    def send(row: int) -> Any:  # noqa: ANN401 - a future of Dask
+        if row not in sent:
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Sending large graph")  # it stays there for all tasks
+                sent[row] = client.submit(_SentScan, pickle.dumps(scans[row]), __version__, pure=False)
+        return sent[row]
+
+    def run(job: _Job) -> None:
+        def submit(number: int) -> Any:  # noqa: ANN401 - as above
+            job.begin(number)
+            rows, arguments = job.tasks[number]
+            called = pickle.dumps((job.function, arguments))
+            return client.submit(_call, called, *(send(row) for row in rows), pure=False)
+
+        if_lost = "once it is there again, call again: with `keep`, finished pairs are not computed anew"
+        with closing(work_on_cluster(client, submit, job.numbers, if_lost)) as finished:
+            for number, result in finished:
+                if isinstance(result, WorkersDiedError):
+                    rows = " and ".join(str(row) for row in job.tasks[number][0])
+                    remedy = f"workers die of scans {rows}; give workers more memory, or leave these out"
+                    raise InputError("scheduler", remedy=remedy) from result
+                job.take(number, pickle.loads(result))  # noqa: S301 - from a cluster that runs our code
+
+    with reach_cluster(scheduler, processes) as client:
+        try:
+            yield run
+        finally:
+            sent.clear()  # so that the cluster forgets them
+
+
+class _SentScan:
+    """A scan on a worker, which goes on to others as a pickle.
+
+    Left to itself, Dask would lay arrays of what it receives at odd addresses.
+    """
+
+    def __init__(self, pickled: bytes, version: str) -> None:
+        if version != __version__:
+            remedy = f"its workers have cgroup {__version__}, not {version} as here; install the same"
+            raise InputError("scheduler", remedy=remedy)
+        self.scan: PreparedScan = pickle.loads(pickled)  # noqa: S301 - from who runs code here anyway
+        self._bytes = len(pickled)
+
+    def __reduce__(self) -> tuple[type[_SentScan], tuple[bytes, str]]:
+        return _SentScan, (pickle.dumps(self.scan), __version__)
+
+    def __sizeof__(self) -> int:  # by which Dask decides where to work and what to store
+        return self._bytes
+
+
+def _call(called: bytes, *sent: _SentScan) -> bytes:
+    function, arguments = pickle.loads(called)  # noqa: S301 - as above
+    return pickle.dumps(function(*(one.scan for one in sent), *arguments))

@@ -1,0 +1,141 @@
+"""Reach a Dask cluster, and work on it."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from cgroup._checks.values import refusal
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Iterable
+
+_Task = TypeVar("_Task")
+
+LOCAL = "local"
+"""In place of an address: processes of this machine, started for the occasion."""
+
+_PER_THREAD = 2  # tasks handed out per thread of a cluster: one to work on, one to go on with
+_LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
+
+
+class WorkersDiedError(Exception):
+    """A task has ended several workers, one after the other."""
+
+
+@contextmanager
+def reach_cluster(scheduler: object, processes: int = 1) -> Generator[Any, None, None]:
+    """Return the client of a cluster: the one given, or one by the scheduler's address.
+
+    `LOCAL` starts so many processes with a thread each. A client that is given stays open.
+
+    Raises
+    ------
+    InputError
+        If Dask is not installed, or no scheduler can be reached.
+    """
+    try:
+        from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
+    except ModuleNotFoundError as error:
+        remedy = "dask isn't installed; pip install 'dask[distributed]'"
+        raise InputError("scheduler", remedy=remedy) from error
+    with _hold_back_logs(), ExitStack() as opened:
+        if isinstance(scheduler, Client):
+            if scheduler.asynchronous:
+                raise InputError("scheduler", "an asynchronous client", "give a synchronous one")
+            yield scheduler
+            return
+        if not isinstance(scheduler, str):
+            raise refusal("scheduler", scheduler, f"give an address, a distributed.Client, or {LOCAL!r}")
+        address: Any = scheduler
+        if scheduler == LOCAL:
+            options = {"n_workers": processes, "threads_per_worker": 1, "silence_logs": logging.CRITICAL}
+            try:
+                address = opened.enter_context(LocalCluster(**options, dashboard_address=None))
+            except RuntimeError as error:
+                remedy = (
+                    f"the processes of {LOCAL!r} don't start ({error}); call it under "
+                    '`if __name__ == "__main__":`, since each of them runs the program\'s file first'
+                )
+                raise InputError("scheduler", remedy=remedy) from error
+        try:
+            client = opened.enter_context(Client(address, set_as_default=False))
+        except (OSError, ValueError) as error:
+            remedy = f"{scheduler} can't be reached: {error}"
+            raise InputError("scheduler", remedy=remedy) from error
+        yield client
+
+
+def work_on_cluster(
+    client: Any,  # noqa: ANN401 - of Dask, which may not be installed
+    submit: Callable[[_Task], Any],
+    tasks: Iterable[_Task],
+    if_lost: str,
+) -> Generator[tuple[_Task, Any], None, None]:
+    """Hand out tasks as workers become free; yield each with its result once it is ready.
+
+    `submit` gives a task to the client and returns the future. A task that has ended several workers has a
+    `WorkersDiedError` as its result. What is under way at the end is cancelled.
+
+    Raises
+    ------
+    InputError
+        If the scheduler is lost; `if_lost` says what to do then.
+    """
+    from distributed import KilledWorker, as_completed  # noqa: PLC0415 - optional
+
+    waiting = iter(tasks)
+    under_way: dict[object, tuple[Any, _Task]] = {}
+    done = as_completed(loop=client.loop, raise_errors=False)
+    try:
+        while True:
+            with _report_lost_scheduler(if_lost):
+                # As many tasks as the workers that are there now can take.
+                threads = max(sum(client.nthreads().values()), 1)
+                for task in itertools.islice(waiting, max(0, _PER_THREAD * threads - len(under_way))):
+                    future = submit(task)
+                    under_way[future.key] = future, task
+                    done.add(future)
+                if not under_way:
+                    return
+                future, task = under_way.pop(next(done).key)
+                error = future.exception()
+                if isinstance(error, CancelledError):
+                    raise error
+                result = future.result() if error is None else None
+            if isinstance(error, KilledWorker):
+                result = WorkersDiedError()
+            elif error is not None:
+                raise error
+            yield task, result
+    finally:
+        with suppress(OSError, CancelledError):
+            client.cancel([future for future, _ in under_way.values()])
+
+
+@contextmanager
+def _hold_back_logs() -> Generator[None, None, None]:
+    """Keep Dask from printing tracebacks of errors that are reported here."""
+    loggers = [logging.getLogger(name) for name in _LOGGERS]
+    before = [(logger, logger.handlers[:], logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers[:] = [logging.NullHandler()]
+        logger.propagate = False
+    try:
+        yield
+    finally:
+        for logger, handlers, propagate in before:
+            logger.handlers[:] = handlers
+            logger.propagate = propagate
+
+
+@contextmanager
+def _report_lost_scheduler(remedy: str) -> Generator[None, None, None]:
+    try:
+        yield
+    except (OSError, CancelledError) as error:
+        raise InputError("scheduler", remedy=f"the connection is lost ({error}); {remedy}") from error
