@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from dask_clusters import make_cluster
 
 import benchmark_fakes
 from benchmark_runs import (
@@ -20,7 +18,6 @@ from benchmark_runs import (
     contents,
     finish,
     is_sound,
-    make_environment,
     serial,
     start_benchmark,
 )
@@ -34,6 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from dask_clusters import Cluster
+
 KILLS = 40 if os.environ.get("HYPOTHESIS_PROFILE") == "thorough" else 1
 
 
@@ -45,34 +44,9 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[object, ...
 
 
 @pytest.fixture
-def cluster(
-    tmp_path: Path, request: pytest.FixtureRequest
-) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """As in `make_cluster`; the parameter is how many lost workers a task may have been on."""
+def cluster(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Cluster]:
+    """Three workers and a scheduler; the parameter is how many lost workers a task may have been on."""
     yield from make_cluster(tmp_path, getattr(request, "param", 3))
-
-
-def make_cluster(folder: Path, failures: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Three Dask workers and, last, their scheduler, as on several machines."""
-    folder.mkdir(exist_ok=True)
-    file = folder / "scheduler.json"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    dask = [sys.executable, "-m", "dask"]
-    common = ["--scheduler-file", str(file), "--no-dashboard"]
-    patient = make_environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=str(failures))
-    scheduler = subprocess.Popen([*dask, "scheduler", *common, "--port", "0"], env=patient, **quiet)  # pyright: ignore[reportArgumentType]
-    command = [*dask, "worker", *common, "--nthreads", "1", "--no-nanny"]
-    workers = [subprocess.Popen(command, env=make_environment(), cwd=folder, **quiet) for _ in range(3)]  # pyright: ignore[reportArgumentType]
-    try:
-        deadline = time.monotonic() + 30
-        while not (file.exists() and file.read_text()):
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        yield json.loads(file.read_text())["address"], [*workers, scheduler]
-    finally:
-        for process in (*workers, scheduler):
-            process.kill()
-            process.wait()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
@@ -98,9 +72,7 @@ def test_a_dask_cluster_that_loses_a_worker(
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("cluster", [0], indirect=True)
-def test_a_task_that_kills_dask_workers_is_recorded(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
-) -> None:
+def test_a_task_that_kills_dask_workers_is_recorded(cluster: Cluster, tmp_path: Path) -> None:
     text = MATCHES.replace('"ransac"', '"benchmark_fakes:deadly"') + 'pairs = ["m0", "m4"]'
     assert benchmark_fakes.Matches().load("m4").correspondences.source[0, 0] > 90
     run(parse_config(text), tmp_path / "out", backend="dask", scheduler=cluster[0])
@@ -111,7 +83,7 @@ def test_a_task_that_kills_dask_workers_is_recorded(
 
 @pytest.mark.filterwarnings("default")
 def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], expected: list[tuple[object, ...]], tmp_path: Path
+    cluster: Cluster, expected: list[tuple[object, ...]], tmp_path: Path
 ) -> None:
     address, (*_, scheduler) = cluster
 

@@ -40,6 +40,7 @@ def reach_cluster(scheduler: object, processes: int = 1) -> Generator[Any, None,
     """
     try:
         from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
+        from distributed.comm import get_address_host_port  # noqa: PLC0415
     except ModuleNotFoundError as error:
         remedy = "dask isn't installed; pip install 'dask[distributed]'"
         raise InputError("scheduler", remedy=remedy) from error
@@ -51,22 +52,30 @@ def reach_cluster(scheduler: object, processes: int = 1) -> Generator[Any, None,
             return
         if not isinstance(scheduler, str):
             raise refusal("scheduler", scheduler, f"give an address, a distributed.Client, or {LOCAL!r}")
-        address: Any = scheduler
-        if scheduler == LOCAL:
-            options = {"n_workers": processes, "threads_per_worker": 1, "silence_logs": logging.CRITICAL}
-            try:
-                address = opened.enter_context(LocalCluster(**options, dashboard_address=None))
-            except RuntimeError as error:
-                remedy = (
-                    f"the processes of {LOCAL!r} don't start ({error}); call it under "
-                    '`if __name__ == "__main__":`, since each of them runs the program\'s file first'
-                )
-                raise InputError("scheduler", remedy=remedy) from error
         try:
+            if scheduler == LOCAL:
+                cluster = LocalCluster(
+                    n_workers=processes,
+                    threads_per_worker=1,
+                    dashboard_address="127.0.0.1:0",  # Dask opens a port even without a dashboard
+                    scheduler_kwargs={"dashboard": False},
+                    silence_logs=logging.CRITICAL,
+                )
+                address: Any = opened.enter_context(cluster)
+            else:
+                address = scheduler
+                get_address_host_port(address)  # else the client, which can't read it, hangs at its end
             client = opened.enter_context(Client(address, set_as_default=False))
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            remedy = (
+                f"its processes don't start ({reason}); they run the program's file first: call this under "
+                '`if __name__ == "__main__":` there'
+            )
+            raise InputError("scheduler", repr(scheduler), remedy) from error
         except (OSError, ValueError) as error:
-            remedy = f"{scheduler} can't be reached: {error}"
-            raise InputError("scheduler", remedy=remedy) from error
+            remedy = f"it can't be reached: {error}"
+            raise InputError("scheduler", repr(scheduler), remedy) from error
         yield client
 
 
@@ -84,7 +93,7 @@ def work_on_cluster(
     Raises
     ------
     InputError
-        If the scheduler is lost; `if_lost` says what to do then.
+        If the scheduler is lost (`if_lost` says what to do then), or workers lack a package.
     """
     from distributed import KilledWorker, as_completed  # noqa: PLC0415 - optional
 
@@ -109,6 +118,9 @@ def work_on_cluster(
                 result = future.result() if error is None else None
             if isinstance(error, KilledWorker):
                 result = WorkersDiedError()
+            elif isinstance(error, ImportError):
+                remedy = f"its workers can't import what they need ({error}); install there what is here"
+                raise InputError("scheduler", remedy=remedy) from error
             elif error is not None:
                 raise error
             yield task, result
@@ -138,4 +150,5 @@ def _report_lost_scheduler(remedy: str) -> Generator[None, None, None]:
     try:
         yield
     except (OSError, CancelledError) as error:
-        raise InputError("scheduler", remedy=f"the connection is lost ({error}); {remedy}") from error
+        reason = getattr(error, "reason", error)  # a cancelled future tells more, in several lines
+        raise InputError("scheduler", remedy=f"the connection is lost ({reason}); {remedy}") from error
