@@ -73,7 +73,6 @@ GROUPS: dict[str, dict[str, str]] = {
         "Where points lie": "places Place",
         "The last refinement": "FineSurface align Alignment",
     },
-    "cgroup.scenes": {"Pose graphs": "PoseGraph"},
     "cgroup.io": {
         "Clouds": "read_cloud read_depth write_cloud PointCloud",
         "Poses": "read_transform read_transforms write_transform check_rigid RIGID_TOLERANCE",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
 _LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted whatever the others say
+_MOST_NATS = 10.0  # that others say of a link
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,7 @@ def decide(
         robust=True, start="given"
     )
     kept = graph.kept & likely
+    kept = drop_contradicted(pairs, kept, prior, posterior, count)
     kept[kept] = hang_firmly(pairs[kept], prior[kept], count)
     dropped = np.flatnonzero(likely & graph.kept & ~kept)
     poses, labels = follow_best(pairs[kept], measured[kept], posterior[kept], count)
@@ -133,7 +135,16 @@ def anchor(poses: FloatArray, labels: IndexArray) -> FloatArray:
     return np.array([invert(poses[label]) @ pose for pose, label in zip(poses, labels, strict=True)])
 
 
-def hang_firmly(pairs: IndexArray, chances: FloatArray, count: int) -> BoolArray:
+def drop_contradicted(
+    pairs: IndexArray, kept: BoolArray, prior: FloatArray, posterior: FloatArray, count: int
+) -> BoolArray:
+    """Drop all links of the scans whose dropped links are surer than what others say of their kept ones."""
+    balance = np.where(kept, np.minimum(_nats(posterior), _MOST_NATS), -_nats(prior))
+    sums = np.bincount(pairs.ravel(), np.repeat(balance, 2), count)
+    return kept & (sums[pairs] > 0).all(axis=1)
+
+
+def hang_firmly(pairs: IndexArray, prior: FloatArray, count: int) -> BoolArray:
     """Tell the links that don't join, by doubtful poses alone, what hangs together without them.
 
     Poses that are wrong for the same reason, as those of a shape on its mirror image, agree with each other
@@ -141,24 +152,27 @@ def hang_firmly(pairs: IndexArray, chances: FloatArray, count: int) -> BoolArray
     itself. Two single scans hang together by any.
     """
     labels = np.arange(count)
-    nats = np.log(chances / (1 - np.minimum(chances, _LARGEST_CHANCE)))
-    needed = np.log(SURE / (1 - SURE))
     while True:
         sides = np.sort(labels[pairs], axis=1)
         apart = np.flatnonzero(sides[:, 0] != sides[:, 1])
-        joined, rows = np.unique(sides[apart], axis=0, return_inverse=True)
-        sums = np.bincount(rows.reshape(-1), nats[apart], len(joined))
-        if len(sums) == 0 or sums.max() < needed:
+        parts, rows = np.unique(sides[apart], axis=0, return_inverse=True)
+        sums = np.bincount(rows.reshape(-1), _nats(prior[apart]), len(parts))
+        if len(parts) == 0 or sums.max() < np.log(SURE / (1 - SURE)):
             break
-        least, most = joined[np.argmax(sums)]
+        least, most = parts[np.argmax(sums)]
         labels[labels == most] = least
     single = np.bincount(labels, minlength=count)[labels] == 1
-    for row in np.argsort(-chances, kind="stable").tolist():
+    for row in np.argsort(-prior, kind="stable").tolist():
         one, other = pairs[row]
         if single[one] and single[other]:
             labels[max(one, other)] = min(one, other)
             single[[one, other]] = False
     return labels[pairs[:, 0]] == labels[pairs[:, 1]]
+
+
+def _nats(chances: FloatArray) -> FloatArray:
+    bounded = np.clip(chances, 1 - _LARGEST_CHANCE, _LARGEST_CHANCE)
+    return np.log(bounded / (1 - bounded))
 
 
 def find_agreeing(

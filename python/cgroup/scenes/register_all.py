@@ -79,8 +79,8 @@ def register_all(
     axis : (3,) array_like of float, optional
         A direction that all scans share, such as that of gravity; a pose may tilt it by 10 degrees.
     pairs : iterable of (int, int), optional
-        Rows of `scans` that are registered, and no others. By default all pairs of up to 20 scans; of more, each
-        scan with those that look most like it.
+        Rows of `scans` that are registered, and no others. By default all pairs of up to 20 scans; of
+        more, each scan with those that look most like it.
     odometry : (N,4,4) array_like of float, optional
         Poses of the scans, in order, by other sensors. Neighbours are then linked even where their surfaces
         don't tell.

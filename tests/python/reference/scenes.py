@@ -23,7 +23,7 @@ def squared_error(found, expected, covariance, middle, voxel):
     return error @ np.linalg.inv(change @ covariance @ change.T + floor) @ error
 
 
-def triangles(pairs, count):
+def triangles(pairs):
     """All triples of rows of pairs whose nodes are three, each in two of them."""
     found = set()
     for triple in itertools.combinations(range(len(pairs)), 3):
