@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from cgroup.plots import style
 from cgroup.plots.agreement import thin
 from cgroup.plots.scene import caption, show
-from cgroup.plots.shading import Picture, face_broadside, paint
+from cgroup.plots.shading import face_broadside, paint
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,8 +30,11 @@ MOST_NAMED = 24
 """Scans that are named in a figure; more names hide each other."""
 
 _MOST_POINTS = 300_000
-_APART = 0.08
-"""Of the graph's width, between nodes and their nearest ones: nearer, they are put on a circle."""
+_APART = 0.06
+"""Of the graph's width, between the two nearest nodes: nearer, all are put on a circle."""
+
+_HOLE = 0.75
+"""Grey of cells that the picture fills from those around."""
 
 _RESIDUALS = LinearSegmentedColormap.from_list("residuals", style.DISTANCE_COLORS)
 LEAST_RANGE = 3.0
@@ -73,16 +76,21 @@ def look_at(clouds: Sequence[FloatArray]) -> View:
 
 
 def _draw_scans(axes: Axes, clouds: Sequence[FloatArray], colors: FloatArray, view: View) -> None:
+    """Draw each cell in the colour of the scan whose point is nearest there."""
     few = [view.project(cloud[thin(cloud, _MOST_POINTS // len(clouds))]) for cloud in clouds]
-    every, sizes = np.concatenate(few), [len(cloud) for cloud in few]
-    parts = [
-        paint(every, np.repeat(colors[:, part], sizes), lambda mean: np.repeat(mean[..., None], 3, axis=-1))
-        for part in range(3)
-    ]
-    channels = [picture.rgba[..., part] for part, picture in enumerate(parts)]
-    picture = Picture(np.stack([*channels, parts[0].rgba[..., 3]], axis=-1), parts[0].extent)
-    picture.rgba[np.isnan(picture.rgba)] = 0.0  # of cells without a point, which are transparent
+    every, scan = np.concatenate(few), np.repeat(np.arange(len(few)), [len(cloud) for cloud in few])
+    picture = paint(every, np.zeros(len(every)), lambda mean: np.ones((*mean.shape, 3)))
+    height, width = picture.rgba.shape[:2]
+    left, right, bottom, top = picture.extent
+    column = ((every[:, 0] - left) / (right - left) * width).astype(np.int64)
+    row = ((every[:, 1] - bottom) / (top - bottom) * height).astype(np.int64)
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    order = np.flatnonzero(inside)[np.argsort(every[inside, 2], kind="stable")]  # the nearest last
+    tints = np.full((height, width, 3), _HOLE)
+    tints[row[order], column[order]] = colors[scan[order]]
+    picture.rgba[..., :3] *= tints
     show(axes, picture)
+    axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
 
 
@@ -91,7 +99,7 @@ def place_nodes(clouds: Sequence[FloatArray], axes: FloatArray) -> FloatArray:
     places = np.array([cloud.mean(axis=0) for cloud in clouds]) @ axes[:2].T
     apart = np.linalg.norm(places[:, None] - places, axis=-1)
     apart[np.diag_indices(len(places))] = np.inf
-    if len(places) > MOST_NAMED or np.median(apart.min(axis=0)) > _APART * np.ptp(places, axis=0).max():
+    if len(places) > MOST_NAMED or apart.min() > _APART * np.ptp(places, axis=0).max():
         return places
     angles = np.pi / 2 - 2 * np.pi * np.arange(len(places)) / len(places)
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -109,7 +117,7 @@ def _draw_graph(
     for wanted, dashes in ((False, (0, (3, 2))), (True, "-")):
         chosen = [edge for edge in edges if edge[3] == wanted]
         lines = [places[[source, target]] for source, target, *_ in chosen]
-        values = scale.to_rgba([edge[2] for edge in chosen])
+        values = scale.to_rgba(np.array([edge[2] for edge in chosen]))
         axes.add_collection(LineCollection(lines, colors=values, linewidths=1.6, linestyles=[dashes]))
     size = 60 if len(places) <= MOST_NAMED else 14
     axes.scatter(*places.T, s=size, color=colors, edgecolors="white", linewidths=0.8, zorder=3)
@@ -128,6 +136,6 @@ def _draw_graph(
                 color=style.TEXT,
             )
     axes.margins(0.3, 0.12)
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
     return scale

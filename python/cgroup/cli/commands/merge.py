@@ -40,7 +40,7 @@ _EDGES = (
     Column("probability"),
     Column("residual"),
     Column("kept", is_text=True),
-    Column("reason", is_text=True, priority=1),
+    Column("reason", is_text=True),
 )
 
 _MOST_EDGES = 40
@@ -82,7 +82,8 @@ def _print_scene(document: Document, *, wide: bool) -> None:
     print_line("")
     if edges:
         shown = sorted(edges, key=lambda edge: (edge["kept"], -(edge["residual"] or 0.0)))[:_MOST_EDGES]
-        print_table(_EDGES, [_row_of(edge, scans) for edge in shown], wide=wide)
+        columns = len(_EDGES) - all(edge["kept"] for edge in shown)  # none has a reason
+        print_table(_EDGES[:columns], [_row_of(edge, scans) for edge in shown], wide=wide)
         if len(shown) < len(edges):
             print_line(f"{len(shown)} of {len(edges)} edges; --json has all")
         print_line("")
