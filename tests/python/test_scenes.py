@@ -1,5 +1,6 @@
 """Many scans in, scenes out: what agrees, what hangs together, and whole runs on generated scans."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -186,6 +187,16 @@ def test_threads_do_not_change_a_bit(bag, scene):
     alone = register_all(bag[0], threads=1)
     assert np.array_equal(alone.poses, scene.poses)
     assert np.array_equal(alone.covariance, scene.covariance)
+
+
+def test_a_scan_is_added_to_a_scene(bag, scene):
+    first = register_all(bag[0][:-1])
+    grown = first.add(bag[0][-1])
+    assert [sorted(part) for part in grown.components] == [sorted(part) for part in scene.components]
+    assert len(grown.poses) == len(grown.names) == len(grown.scans) == 6
+    assert np.abs(grown.poses - scene.poses).max() < 0.1
+    with pytest.raises(InputError, match="register_all"):
+        dataclasses.replace(first, made=None).add(bag[0][-1])
 
 
 def test_prepared_scans_and_given_pairs(bag):

@@ -273,8 +273,8 @@ def register_many(
     scans : sequence of PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         Two or more, in the same unit.
     pairs : iterable of (int, int), optional
-        Rows of `scans`: which is moved, and which it is moved to. By default each of the others is registered
-        to the first.
+        Rows of `scans`: which is moved, and which it is moved to. By default all pairs, each scan moved to
+        those before it.
     voxel : float, optional
         Edge length of the voxels, in the unit of the points; by default such that some 4,500 are
         left, on average of all scans.
@@ -320,8 +320,8 @@ def register_many(
     >>> from cgroup.registration import register_many
     >>> pair, other = standin_pair(pixels=60), standin_pair(seed=1, pixels=60)
     >>> found = register_many([pair.target, pair.source, other.source])
-    >>> [done is not None and done.ok for done in found]
-    [True, False]
+    >>> [done is not None and done.ok for done in found]  # (1, 0), (2, 0), (2, 1)
+    [True, False, False]
     """
     as_choice("effort", effort, EFFORTS)
     workers = count_workers(threads)
@@ -396,7 +396,7 @@ def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
 def as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple[int, int]]:
     """Check pairs of rows."""
     if pairs is None:
-        return [(row, 0) for row in range(1, scans)]
+        return [(source, target) for source in range(scans) for target in range(source)]
     checked: list[tuple[int, int]] = []
     remedy = "give two rows of scans, source and target"
     for number, pair in enumerate(as_items("pairs", pairs, f"for each pair {remedy}")):

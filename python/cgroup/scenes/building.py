@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._runtime.progress import StageClock, ignore_progress
 from cgroup.registration.judge import ACCEPTED, SURE
 from cgroup.registration.motions import adjoint
 from cgroup.rigid import invert
@@ -22,7 +23,6 @@ from cgroup.scenes.scene import Edge, Scene
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cgroup._runtime.progress import StageClock
     from cgroup.registration import PreparedScan
     from cgroup.registration.search import Effort
     from cgroup.scenes.pose_graph import PoseGraph
@@ -52,7 +52,7 @@ class Building:
         effort: Effort,
         clock: StageClock,
     ) -> None:
-        self._scans, self._call, self._axis, self._clock = scans, call, axis, clock
+        self.scans, self._call, self._axis, self._clock = scans, call, axis, clock
         self._effort: Effort = effort
         self._voxel = scans[0].voxel
         self._middles = np.array([scan.described.centroid for scan in scans])
@@ -68,7 +68,7 @@ class Building:
 
     def register_pairs(self, wanted: list[tuple[int, int]] | None, odometry: FloatArray | None) -> None:
         """Register the pairs that are wanted, or those that may show the same."""
-        count = len(self._scans)
+        count = len(self.scans)
         self._clock.start("pairs")
         if odometry is not None:
             self._follow_odometry(odometry)
@@ -82,13 +82,13 @@ class Building:
 
     def _register_alike(self) -> None:
         """Register each scan with those most like it; then what is not linked yet, until a budget ends."""
-        vectors = describe_scans(self._scans)
+        vectors = describe_scans(self.scans)
         similarity = vectors @ vectors.T
         wanted = choose_partners(similarity, self._tried, None, PARTNERS)
         while wanted:
             self._register(wanted)
             labels = self._decide().labels.tolist()
-            left = BUDGET * len(self._scans) - len(self._tried)
+            left = BUDGET * len(self.scans) - len(self._tried)
             wanted = choose_partners(similarity, self._tried, labels, _MORE)[: max(left, 0)]
 
     def _register(self, pairs: Sequence[tuple[int, int]], proposed: FloatArray | None = None) -> None:
@@ -101,7 +101,7 @@ class Building:
 
     def _follow_odometry(self, odometry: FloatArray) -> None:
         """Register neighbours from where odometry puts them; link them by it where surfaces don't tell."""
-        pairs = [(row, row - 1) for row in range(1, len(self._scans))]
+        pairs = [(row, row - 1) for row in range(1, len(self.scans))]
         moved = np.array([invert(odometry[target]) @ odometry[source] for source, target in pairs])
         self._register(pairs, moved)
         spread = np.diag([_TURN**2] * 3 + [(_SHIFT * self._voxel) ** 2] * 3)
@@ -111,15 +111,30 @@ class Building:
                 self._links[pair] = Link(pose[None], np.array([SURE]), spread, 0.0, 0.0)
                 self._chances[pair] = SURE
 
+    def grown(self, scan: PreparedScan, call: CallEach) -> Building:
+        """Return a new one with one more scan, registered with those most like it."""
+        clock = StageClock(ignore_progress)
+        grown = Building([*self.scans, scan], call, self._axis, self._effort, clock)
+        grown._links, grown._chances, grown._tried = dict(self._links), dict(self._chances), set(self._tried)
+        row = len(self.scans)
+        order = list(range(row))
+        if row >= ALL_PAIRS:
+            vectors = describe_scans(grown.scans)
+            order = np.argsort(-(vectors @ vectors[row])[:row], kind="stable")[: 2 * PARTNERS].tolist()
+        clock.start("pairs")
+        grown._register([(row, other) for other in order])
+        grown._decision = grown._decide()
+        return grown
+
     # --- joins -----------------------------------------------------------------------------------------
 
-    def join(self) -> None:
+    def _join(self) -> None:
         """Join components by the unions of their scans."""
         self._clock.start("joins")
         asked: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
         for _ in range(_JOINS):
             proposed = propose_joins(self._links, self._decision, self._middles, self._voxel)
-            joins = [join for join in proposed if join.parts not in asked][: len(self._scans)]
+            joins = [join for join in proposed if join.parts not in asked][: len(self.scans)]
             asked.update(join.parts for join in joins)
             tasks = [task_of(join, self._decision, self._axis, self._effort) for join in joins]
             unions = self._call(link_unions, tasks)
@@ -170,18 +185,19 @@ class Building:
     # --- refinement ------------------------------------------------------------------------------------
 
     def finish(self) -> Scene:
-        """Refine all scans together, and say what the scene consists of."""
+        """Join components, refine all scans together, and say what the scene consists of."""
+        self._join()
         self._clock.start("refinement")
         agreeing = find_agreeing(self._links, self._decision, self._middles, self._voxel)
         kept = {pair: self._decision.kept.get(pair, 0.0) for pair in {*agreeing, *self._decision.kept}}
-        pairs = find_overlapping(self._scans, self._decision, kept)
+        pairs = find_overlapping(self.scans, self._decision, kept)
         laid = lay_on_each_other(self._call, pairs, self._decision, self._middles, self._voxel)
         laid = {pair: self._links[pair] for pair in kept} | laid
         self._move(self._graph(laid))
         for _ in range(_UNIONS):
             self._move(lay_on_unions(self._call, sorted(laid), self._decision))
         graph = self._graph(laid)
-        covariance = np.zeros((len(self._scans), 6, 6))
+        covariance = np.zeros((len(self.scans), 6, 6))
         for row, pose in enumerate(self._decision.poses):
             change = adjoint(pose)
             covariance[row] = change @ graph.covariance(row) @ change.T
@@ -253,11 +269,11 @@ class Building:
             self._middles,
             self._voxel,
         )
-        beside: list[list[tuple[int, float]]] = [[] for _ in self._scans]
+        beside: list[list[tuple[int, float]]] = [[] for _ in self.scans]
         for (one, other), chance in zip(rows, posterior.tolist(), strict=True):
             beside[one].append((other, chance))
             beside[other].append((one, chance))
-        reached = np.zeros(len(self._scans))
+        reached = np.zeros(len(self.scans))
         first = np.unique(self._decision.labels).tolist()
         reached[first] = 1.0
         waiting = [(-1.0, row) for row in first]

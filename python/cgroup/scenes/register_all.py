@@ -13,7 +13,7 @@ from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_items
 from cgroup._runtime.memory import report_refused_memory
-from cgroup._runtime.progress import StageClock, as_stage_function
+from cgroup._runtime.progress import StageClock, as_stage_function, ignore_progress
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.registration.prepare import agree, as_given
@@ -149,9 +149,23 @@ def register_all(
     with open_workers(prepared, threads, scheduler, keep, begin) as call:
         building = Building(prepared, call, direction, effort, clock)
         building.register_pairs(wanted, None if moved is None else moved[rows])
-        building.join()
         scene = building.finish()
-    return _spread(scene, rows, given, called, notes)
+    return _spread(scene, rows, given, called, tuple(notes), building)
+
+
+def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: ArrayLike | None) -> Scene:
+    """Return the scene with one more scan."""
+    if scene.made is None:
+        raise InputError("scene", "one that was put together by hand", "make it by `register_all`")
+    building, rows, notes = scene.made
+    name, row = f"scans[{len(scene.scans)}]", len(scene.scans)
+    shared = agree([as_given(name, building.scans[0])], None, None, None)._replace(threads=1)
+    ready = shared.finish(as_given(name, scan, viewpoint, or_stored=True), ignore_progress)
+    with open_workers([*building.scans, ready], None) as call:
+        grown = building.grown(ready, call)
+        found = grown.finish()
+    names = [*scene.names, *_as_names(None, [*scene.scans, scan])[row:]]
+    return _spread(found, [*rows, row], [*scene.scans, scan], names, notes, grown)
 
 
 def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
@@ -220,7 +234,14 @@ def _prepare_each(
     return ready, [notes[row] for row in sorted(notes)]
 
 
-def _spread(scene: Scene, rows: list[int], given: Sequence[Any], names: list[str], notes: list[str]) -> Scene:
+def _spread(
+    scene: Scene,
+    rows: list[int],
+    given: Sequence[Any],
+    names: list[str],
+    notes: tuple[str, ...],
+    building: Building,
+) -> Scene:
     """Return the scene by the rows that were given, among which some were left out."""
     count = len(given)
     poses, covariance = np.full((count, 4, 4), np.nan), np.full((count, 6, 6), np.nan)
@@ -246,4 +267,5 @@ def _spread(scene: Scene, rows: list[int], given: Sequence[Any], names: list[str
         names=names,
         scans=tuple(given),
         notes=tuple(found),
+        made=(building, rows, notes),
     )

@@ -21,6 +21,10 @@ from cgroup.scenes.scene_files import POSE_FORMATS, cloud_of, merge, refuse_inpu
 if TYPE_CHECKING:
     import os
 
+    from numpy.typing import ArrayLike
+
+    from cgroup.features import Cloud
+    from cgroup.registration import PreparedScan
     from cgroup.types import AnyCloud, FloatArray, PointCloud
 
 _CLOUDS, _GRAPHS = (".ply", ".pcd"), (".g2o", ".json")
@@ -101,6 +105,8 @@ class Scene:
         What a user should know: sentences.
     seconds : dict of str to float
         Wall time of each stage, in order.
+    made : object, optional
+        What `add` goes on from: prepared scans, and the poses of their pairs.
 
     Examples
     --------
@@ -125,6 +131,42 @@ class Scene:
     tried: int
     notes: tuple[str, ...]
     seconds: dict[str, float]
+    made: Any = None
+
+    def add(self, scan: PreparedScan | Cloud | AnyCloud, *, viewpoint: ArrayLike | None = None) -> Scene:
+        """Add a scan: register it with those that look most like it, and decide and refine anew.
+
+        Parameters
+        ----------
+        scan : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
+            In the same unit. Its row is the last.
+        viewpoint : (3,) array_like of float, optional
+            Where its scanner stood.
+
+        Returns
+        -------
+        Scene
+            A new one.
+
+        Raises
+        ------
+        InputError
+            If the scan can't be worked with, or the scene was not made by `register_all`.
+        OutOfMemoryError
+            Where the system gives no memory for the computation.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.scenes import register_all
+        >>> one, other = (standin_pair(seed=1, turn=turn, pixels=60) for turn in (40, 80))
+        >>> scene = register_all([one.source, one.target])
+        >>> scene.add(other.target).components
+        [[0, 1, 2]]
+        """
+        from cgroup.scenes.register_all import add_scan  # noqa: PLC0415 - which makes scenes
+
+        return add_scan(self, scan, viewpoint)
 
     @cached_property
     def graph(self) -> PoseGraph:
