@@ -88,7 +88,7 @@ def work_on_cluster(
     """Hand out tasks as workers become free; yield each with its result once it is ready.
 
     `submit` gives a task to the client and returns the future. A task that has ended several workers has a
-    `WorkersDiedError` as its result. What is under way at the end is cancelled.
+    `WorkersDiedError` as its result. What is under way, or has failed, is cancelled at the end.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def work_on_cluster(
                     done.add(future)
                 if not under_way:
                     return
-                future, task = under_way.pop(next(done).key)
+                future, task = under_way[next(done).key]
                 error = future.exception()
                 if isinstance(error, CancelledError):
                     raise error
@@ -123,6 +123,7 @@ def work_on_cluster(
                 raise InputError("scheduler", remedy=remedy) from error
             elif error is not None:
                 raise error
+            del under_way[future.key]
             yield task, result
     finally:
         with suppress(OSError, CancelledError):
