@@ -23,16 +23,12 @@ def make_cluster(folder: Path, failures: int = 3, workers: int = 3) -> Iterator[
     """
     folder.mkdir(exist_ok=True)
     file = folder / "scheduler.json"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     dask = [sys.executable, "-m", "dask"]
     common = ["--scheduler-file", str(file), "--no-dashboard"]
     patient = make_environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=str(failures))
-    scheduler = subprocess.Popen([*dask, "scheduler", *common, "--port", "0"], env=patient, **quiet)  # pyright: ignore[reportArgumentType]
     command = [*dask, "worker", *common, "--nthreads", "1", "--no-nanny"]
-    started = [
-        subprocess.Popen(command, env=make_environment(), cwd=folder, **quiet)  # pyright: ignore[reportArgumentType]
-        for _ in range(workers)
-    ]
+    scheduler = _start([*dask, "scheduler", *common, "--port", "0"], folder, patient)
+    started = [_start(command, folder, make_environment()) for _ in range(workers)]
     try:
         wait_until(lambda: file.exists() and file.read_text(), "no scheduler")
         yield json.loads(file.read_text())["address"], [*started, scheduler]
@@ -40,3 +36,8 @@ def make_cluster(folder: Path, failures: int = 3, workers: int = 3) -> Iterator[
         for process in (*started, scheduler):
             process.kill()
             process.wait()
+
+
+def _start(command: list[str], folder: Path, environment: dict[str, str]) -> subprocess.Popen[bytes]:
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(command, env=environment, cwd=folder, stdout=quiet, stderr=quiet)

@@ -59,7 +59,7 @@ def bits_of(links: Sequence[Link | None]) -> Bits:
 
 @pytest.fixture(scope="module")
 def expected(scans: list[PreparedScan]) -> Bits:
-    links = [link(scans[source], scans[target], *rest) for (source, target), rest in PAIRS]
+    links = [link(scans[source], scans[target], None, "normal") for (source, target), _ in PAIRS]
     confirmed = [confirm(scans[rows[0]], scans[rows[1]], *rest) for rows, rest in confirmations(links)]
     assert len(confirmed) == 3
     return bits_of([*links, *confirmed])
@@ -253,9 +253,13 @@ with open_workers(scans, 2, keep={str(keep)!r}) as call:
     if sys.argv[1:]:
         call(gated, [((1, 0), ({folder!r},))])
 """
-    command, pipes = [sys.executable, "-c", program], {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     started = [
-        subprocess.Popen([*command, *rest], env=make_environment(), **pipes)  # pyright: ignore[reportArgumentType]
+        subprocess.Popen(
+            [sys.executable, "-c", program, *rest],
+            env=make_environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
         for rest in (["gated"], [], [])
     ]
     for process in started:

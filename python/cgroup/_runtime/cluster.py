@@ -20,6 +20,7 @@ LOCAL = "local"
 """In place of an address: processes of this machine, started for the occasion."""
 
 _PER_THREAD = 2  # tasks handed out per thread of a cluster: one to work on, one to go on with
+_LEAVE_CTRL_C = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 _LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
 
 
@@ -40,7 +41,7 @@ def reach_cluster(scheduler: object, processes: int = 1) -> Generator[Any, None,
     """
     try:
         from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
-        from distributed.comm import get_address_host_port  # noqa: PLC0415
+        from distributed.comm.addressing import get_address_host_port  # noqa: PLC0415
     except ModuleNotFoundError as error:
         remedy = "dask isn't installed; pip install 'dask[distributed]'"
         raise InputError("scheduler", remedy=remedy) from error
@@ -60,6 +61,7 @@ def reach_cluster(scheduler: object, processes: int = 1) -> Generator[Any, None,
                     dashboard_address="127.0.0.1:0",  # Dask opens a port even without a dashboard
                     scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
+                    preload=_LEAVE_CTRL_C,
                 )
                 address: Any = opened.enter_context(cluster)
             else:

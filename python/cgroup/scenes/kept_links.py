@@ -103,8 +103,8 @@ class KeptLinks:
             fields = json.loads(text)
             if fields is None:
                 return None
-            arrays = {name: np.array(fields[name], dtype=np.float64) for name in _ARRAYS}
-            return Link(**arrays, **{name: float(fields[name]) for name in _NUMBERS})
+            poses, chances, covariance = (np.array(fields[name], dtype=np.float64) for name in _ARRAYS)
+            return Link(poses, chances, covariance, *(float(fields[name]) for name in _NUMBERS))
         except (ValueError, TypeError, KeyError) as error:
             raise _unusable(self._path, f"damaged ({error})") from error
 
