@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import sqlite3
 import subprocess
 import sys
@@ -407,6 +408,34 @@ with Client({cluster[0]!r}, set_as_default=False) as client:
 """
     monkeypatch.setenv("PYTHONPATH", make_environment()["PYTHONPATH"])
     assert interrupt(program, after="computing") == "interrupted\n8 2\n"
+
+
+@posix_only
+def test_ctrl_c_in_a_terminal_ends_the_processes_of_this_machine_in_silence(tmp_path: Path) -> None:
+    """A terminal sends it to all processes of the group."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        """
+from cgroup.scenes.workers import open_workers
+from scene_tasks import count_voxels
+if __name__ == "__main__":
+    def tell(pair):
+        if pair.startswith("pair 9 "):  # so the first has come back
+            print("computing", flush=True)
+    try:
+        with open_workers([range(3)], 2, "local", begin=tell) as call:
+            call(count_voxels, [((0,), ("FOLDER",))] * 10_000)
+    except KeyboardInterrupt:
+        print("interrupted")
+""".replace("FOLDER", str(tmp_path))
+    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    command = [sys.executable, str(program)]
+    with subprocess.Popen(command, env=make_environment(), start_new_session=True, **pipes) as process:  # pyright: ignore[reportCallIssue]
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"computing\n"
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.communicate() == (b"interrupted\n", b"")
 
 
 def test_workers_of_another_version_are_refused(
