@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from command_lines import fail, run, succeed
-from placed_scenes import known_scene
+from placed_scenes import PAIR, known_scene
 
 from cgroup import InputError
 from cgroup.cli.commands import merge
 from cgroup.io import read_cloud, read_transforms, write_cloud
+from cgroup.rigid import rotation_error
 from cgroup.scenes import PoseGraph, Scene
 
 Capture = pytest.CaptureFixture[str]
@@ -75,6 +76,23 @@ def test_one_scene(calls: list[dict[str, Any]], capsys: Capture) -> None:
     assert all(f"  {name}" in out for name in names)
     assert len(read_transforms("scene/poses.tum")) == 3
     assert len(PoseGraph.read("scene/graph.g2o").edges) == 2
+
+
+def test_scans_are_placed_and_finished_pairs_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_cloud("source.ply", PAIR.source)
+    write_cloud("target.ply", PAIR.target)
+    line = ("merge", "target.ply", "source.ply", "missing.ply", "--voxel", 5, "--out", "scene", "--json")
+    done = json.loads(succeed(capsys, *line))["results"]
+    pose = read_transforms("scene/poses.tum")[1]
+    assert rotation_error(pose, PAIR.T_target_source) < 1.0
+    assert done["components"] == [[0, 1]]
+    assert done["scans"][2]["component"] is None
+    assert "missing.ply" in done["notes"][0]
+    again = json.loads(succeed(capsys, *line))["results"]
+    assert {**again, "seconds": None} == {**done, "seconds": None}
 
 
 @pytest.mark.usefixtures("calls")

@@ -25,7 +25,7 @@ def test_a_scene_in_few_words() -> None:
     assert "3 of 4 scans in 1 component<" in table
     assert "front.ply, side.ply, again.ply" in table
     assert "stranger.ply belongs to no other scan" in table
-    assert "6 tried, 3 edges, of which 2 kept" in table
+    assert "6 tried; of the edges 2 kept, 1 dropped" in table
     nothing = known_scene(components=[[k] for k in range(4)], edges=[])._repr_html_()
     assert "0 of 4 scans in 0 components" in nothing
     assert "None" not in table + nothing

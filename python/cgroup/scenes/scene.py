@@ -49,7 +49,8 @@ class Edge:
     kept : bool
         Whether the scene holds it to be right.
     residual : float
-        How far it is from the poses of the scene, in standard deviations: the square root of ``e^T C^-1 e``;
+        How far it is from the poses of the scene, in standard deviations: the square root of ``e^T C^-1 e``,
+        C its covariance and what any pose may be off besides (1 degree, half a voxel at the source's middle);
         NaN between two components.
     reason : str
         Why it was dropped; "" where it is kept.
@@ -365,7 +366,10 @@ class Scene:
         rows = [
             *((f"component {k}", ", ".join(self.names[i] for i in one)) for k, one in enumerate(several)),
             ("alone", ", ".join(alone)),
-            ("pairs", f"{self.tried} tried, {len(self.edges)} edges, of which {len(kept)} kept"),
+            (
+                "pairs",
+                f"{self.tried} tried; of the edges {len(kept)} kept, {len(self.edges) - len(kept)} dropped",
+            ),
             ("residual", "" if largest is None else f"{number(largest)} standard deviations at most"),
             ("voxel", number(self.voxel)),
             *(("note", note) for note in self.notes),

@@ -90,7 +90,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
     kept = sum(edge["kept"] for edge in edges)
     print_facts(
         ("components", ", ".join(_say_size(len(rows)) for rows in done["components"])),
-        ("pairs", f"{done['tried']} tried, {len(edges)} edges, of which {kept} were kept"),
+        ("pairs", f"{done['tried']} tried; of the edges {kept} kept, {len(edges) - kept} dropped"),
         ("sd", "standard deviation of a scan's turn, and of the place of its middle"),
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
         ("time", f"{sum(done['seconds'].values()):.2f} s"),
