@@ -73,6 +73,8 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
         lambda covariance_in: covariance_in(registration.register(PAIR.source, PAIR.target), "ceres"),
     ],
     "cgroup.registration.PreparedScan.resized": [given(registration.prepare(PAIR.source, voxel=6.0), 100)],
+    "cgroup.scenes.register_all": [given([CLOUD])],
+    "cgroup.scenes.Scene.add": [given(SCENE, CLOUD)],
     "cgroup.scenes.Scene.merged": [given(SCENE, component=2), given(SCENE, voxel=-1)],
     "cgroup.scenes.Scene.plot": [given(SCENE, component=2)],
     "cgroup.scenes.Scene.write": [given(SCENE, "poses.txt")],

@@ -135,7 +135,7 @@ class Scene:
     made: Any = None
 
     def add(self, scan: PreparedScan | Cloud | AnyCloud, *, viewpoint: ArrayLike | None = None) -> Scene:
-        """Add a scan: register it with those that look most like it, and decide and refine anew.
+        """Add a scan, registered with those that look most like it; all are refined anew.
 
         Parameters
         ----------
