@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 _POINTS = 150_000
 """Points of all scans together that are drawn."""
 
+_SIZES = ((60_000, 1.6), (4_000, 2.2), (0, 3.5))
+"""Pixels of a point, by how many more than that are drawn."""
+
 _GAP = 0.15
 """Between what lies side by side, in sides of a square as large as the average of them."""
 
@@ -181,7 +184,8 @@ def _box(placed: Sequence[_Placed], name: str) -> list[list[float]]:
 
 def _chart(placed: Sequence[_Placed], scene: Scene, colors: Sequence[str]) -> str:
     hidden = {"visible": False, "showspikes": False}
-    size = 2.2 if sum(len(each.points) for each in placed) > 4_000 else 3.5
+    count = sum(len(each.points) for each in placed)
+    size = next(size for least, size in _SIZES if count > least)
     figure = {
         "data": [_trace(each, chart_text(scene.names[each.row]), colors[each.row], size) for each in placed],
         "layout": {
@@ -325,7 +329,10 @@ def _table(scene: Scene) -> str:
     if not scene.edges:
         return ""
     end = _scale(scene)
-    lines = "".join(_line(scene, number, edge, end) for number, edge in enumerate(scene.edges))
+    ordered = sorted(  # dropped ones first, then by residual
+        enumerate(scene.edges), key=lambda one: (one[1].kept, -np.nan_to_num(one[1].residual))
+    )
+    lines = "".join(_line(scene, number, edge, end) for number, edge in ordered)
     names = ("source", "target", "probability", "overlap", "residual", "")
     head = "".join(f'<th scope="col">{name}</th>' for name in names)
     return (
