@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from cgroup.scenes.workers import Task
     from cgroup.types import FloatArray
 
-IN_A_UNION = 6
+IN_A_UNION = 8
 """Scans that are merged around one scan."""
 
 _LEAST_CHANCE = 0.005
@@ -35,6 +35,7 @@ _FINEST = 1 / 3  # voxels between the points of a union, as its fine surface nee
 _PROPOSED = 3
 _TELLING = 0.3  # share of both surfaces from which a pair that does not fit speaks against
 _MOST_NATS = 2.0
+_CONFIRMED = 1.5  # nats of a search that came to the same pose
 
 
 class Join(NamedTuple):
@@ -176,14 +177,8 @@ def weigh_join(union: Link, across: Sequence[Link | None], agreeing: Sequence[Li
         if found is not None:
             told = _nats(found.probability, _MOST_NATS)
             total += told if _tells(found) else max(told, 0.0)
-    accepted = sum(found.is_accepted for found in agreeing)
-    others = sum(not found.is_accepted and not _tells(found) for found in agreeing)
-    return total + _worth(accepted, 2.0) + _worth(others + (accepted > 0), 1.5, 2)
-
-
-def _worth(searches: int, nats: float, most: int = 3) -> float:
-    """Worth of searches that agree: the first proposes, each of the others confirms."""
-    return nats * min(max(searches - 1, 0), most)
+    confirming = sum(found.is_accepted or not _tells(found) for found in agreeing) - 1  # the first proposes
+    return total + _CONFIRMED * min(max(confirming, 0), 2)
 
 
 def _tells(found: Link) -> bool:
