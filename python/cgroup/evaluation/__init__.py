@@ -1,6 +1,6 @@
-"""Evaluate a group against the true pose: which matches are correct, and how good the group is.
+"""Evaluate groups, and poses of many scans, against the true poses.
 
-Knows nothing of the methods that made the group.
+Knows nothing of the methods that made them.
 """
 
 from cgroup.evaluation.ground_truth import (
@@ -14,22 +14,26 @@ from cgroup.evaluation.ground_truth import (
 )
 from cgroup.evaluation.metrics import GroupScore, Scores, score_counts, score_group
 from cgroup.evaluation.protocols import PROTOCOLS, Protocol
+from cgroup.evaluation.scenes import SceneScore, ecdf, score_scene
 from cgroup.rigid import rotation_error, translation_error
 
 __all__ = [
     "PROTOCOLS",
     "GroupScore",
     "Protocol",
+    "SceneScore",
     "Scores",
     "alignment_error",
     "clutter_and_occlusion",
     "correct_matches",
+    "ecdf",
     "match_errors",
     "mean_displacement",
     "overlap",
     "rotation_error",
     "score_counts",
     "score_group",
+    "score_scene",
     "translation_error",
     "within",
 ]

@@ -1,0 +1,193 @@
+"""Score the poses of many scans against the true ones, by pairs of scans and by components."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup._checks.arrays import as_floats
+from cgroup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import FloatArray, IndexArray
+
+ROTATION_LIMITS = (3.0, 5.0, 10.0, 30.0, 45.0)
+"""Rotation errors at which ScanNet's protocol reads the distribution, in degrees."""
+
+TRANSLATION_LIMITS = (0.05, 0.1, 0.25, 0.5, 0.75)
+"""The same of translation errors, in m."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneScore:
+    """How the poses of many scans compare with the true ones.
+
+    Attributes
+    ----------
+    rotation, translation : (P,) array of float64
+        Errors of the relative pose of every two scans of one place, in degrees and in the data's unit;
+        infinite for two scans that aren't in one component.
+    right, mixed : int
+        Components that hold all scans of one place and no others, and those with scans of several places.
+    found, wanted : int
+        Components of at least two scans, and places with at least two scans.
+    placed : int
+        Scans in components of at least two.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import score_scene
+    >>> poses = np.tile(np.eye(4), (3, 1, 1))
+    >>> score = score_scene(poses, [[0, 1], [2]], poses, ["here", "here", "there"])
+    >>> score.right, score.mixed, score.found, score.wanted, score.placed
+    (1, 0, 1, 1, 2)
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+    right: int
+    mixed: int
+    found: int
+    wanted: int
+    placed: int
+
+    def summarize(self) -> dict[str, float]:
+        """Median, mean and largest errors of the pairs that are in one component; NaN if there are none.
+
+        Returns
+        -------
+        dict of str to float
+            "rotation_median" and so on, in degrees and in the data's unit.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.evaluation import score_scene
+        >>> poses = np.tile(np.eye(4), (2, 1, 1))
+        >>> score_scene(poses, [[0, 1]], poses, ["here", "here"]).summarize()[
+        ...     "rotation_median"
+        ... ]
+        0.0
+        """
+        summary: dict[str, float] = {}
+        for name, errors in (("rotation", self.rotation), ("translation", self.translation)):
+            known = errors[np.isfinite(errors)]
+            for word, of in (("median", np.median), ("mean", np.mean), ("largest", np.max)):
+                summary[f"{name}_{word}"] = float(of(known)) if len(known) else float("nan")
+        return summary
+
+
+def score_scene(
+    poses: ArrayLike, components: Sequence[Sequence[int]], truth: ArrayLike, labels: Sequence[str]
+) -> SceneScore:
+    """Score poses of many scans.
+
+    Every two scans of one place count, whether they overlap or not, as in ScanNet's protocol (Gojcic et al.:
+    Learning multiview 3D point cloud registration, CVPR 2020).
+
+    Parameters
+    ----------
+    poses : (N,4,4) array_like of float
+        Map points of each scan into the frame of its component; those of scans in no component are not read.
+    components : sequence of sequences of int
+        Rows of the scans that hang together; each scan is in one at most.
+    truth : (N,4,4) array_like of float
+        Map points of each scan into the frame of its place.
+    labels : sequence of str
+        The place of each scan.
+
+    Returns
+    -------
+    SceneScore
+        In the order of the upper triangle.
+
+    Raises
+    ------
+    InputError
+        If the shapes don't fit, or a component names a scan that isn't there or is in another too.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import score_scene
+    >>> truth = np.tile(np.eye(4), (2, 1, 1))
+    >>> poses = truth.copy()
+    >>> poses[1, 0, 3] = 0.5
+    >>> score_scene(poses, [[0, 1]], truth, ["here", "here"]).translation
+    array([0.5])
+    """
+    estimated, true = as_floats("poses", poses), as_floats("truth", truth)
+    count = len(labels)
+    for name, array in (("poses", estimated), ("truth", true)):
+        if array.shape != (count, 4, 4):
+            raise InputError(name, f"shape {array.shape}", f"give ({count},4,4): one pose for each label")
+    rows = np.array([row for component in components for row in component], dtype=np.int64)
+    if len(rows) and (rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) < len(rows)):
+        raise InputError("components", f"rows {rows.tolist()}", f"give each of the {count} rows once at most")
+    part = np.full(count, -1)
+    for number, component in enumerate(components):
+        part[np.asarray(component, dtype=np.int64)] = number
+    _, place = np.unique(np.asarray(labels, dtype=str), return_inverse=True)
+    first, second = np.triu_indices(count, 1)
+    together = place[first] == place[second]
+    first, second = first[together], second[together]
+    rotation, translation = (np.full(len(first), np.inf) for _ in range(2))
+    joined = (part[first] == part[second]) & (part[first] >= 0)
+    rotation[joined], translation[joined] = _compare(estimated, true, first[joined], second[joined])
+    members = {frozenset(np.flatnonzero(place == each).tolist()) for each in np.unique(place)}
+    several = [frozenset(component) for component in components if len(component) > 1]
+    return SceneScore(
+        rotation,
+        translation,
+        right=sum(each in members for each in several),
+        mixed=sum(len({int(place[row]) for row in each}) > 1 for each in several),
+        found=len(several),
+        wanted=sum(len(each) > 1 for each in members),
+        placed=sum(map(len, several)),
+    )
+
+
+def ecdf(errors: FloatArray, limits: Sequence[float]) -> FloatArray:
+    """Shares of errors up to limits.
+
+    Parameters
+    ----------
+    errors : (P,) array of float64
+        Infinite for what failed.
+    limits : sequence of float
+        In the unit of the errors.
+
+    Returns
+    -------
+    (L,) array of float64
+        One share per limit; NaN without errors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import ecdf
+    >>> ecdf(np.array([1.0, 4.0, np.inf, 2.0]), [1.0, 3.0, 5.0])
+    array([0.25, 0.5 , 0.75])
+    """
+    if not len(errors):
+        return np.full(len(limits), np.nan)
+    return np.searchsorted(np.sort(errors), limits, side="right") / len(errors)
+
+
+def _compare(
+    estimated: FloatArray, true: FloatArray, source: IndexArray, target: IndexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Angles in degrees and distances between relative poses."""
+    relative, right = (np.linalg.solve(each[target], each[source]) for each in (estimated, true))
+    turned, wanted = relative[:, :3, :3], right[:, :3, :3]
+    # The chord keeps small angles, whose cosine is 1; 2 sqrt(2) sin(angle / 2) is its length.
+    chord = np.linalg.norm(turned - wanted, axis=(1, 2))
+    angle = 2 * np.arcsin(np.clip(chord / np.sqrt(8), 0, 1))
+    return np.degrees(angle), np.linalg.norm(relative[:, :3, 3] - right[:, :3, 3], axis=1)
