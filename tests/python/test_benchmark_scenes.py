@@ -2,10 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
+from shared_data import data_folder
 
 from cgroup.datasets.generated.shapes import random_pose
+from cgroup.datasets.scan_sets import load_scan_set
 from cgroup.errors import InputError
 from cgroup.evaluation import ecdf, rotation_error, score_scene, translation_error
+from cgroup.features import resolution
+from cgroup.rigid import apply
 
 LABELS = ["a", "b", "a", "b", "a", "c"]
 
@@ -68,3 +73,44 @@ def test_rows_that_cannot_be_are_refused(truth, components):
 def test_shapes_that_do_not_fit_are_refused(truth):
     with pytest.raises(InputError, match=r"poses: got shape \(5, 4, 4\)"):
         score_scene(truth[:5], [], truth, LABELS)
+
+
+def gaps_under_the_truth(bag, label):
+    """Distances of points of each scan of a place from all the others, in its frame."""
+    rows = [row for row, each in enumerate(bag.labels) if each == label]
+    placed = [apply(bag.truth[row], bag.scans[row]) for row in rows]
+    for row, points in enumerate(placed):
+        others = np.concatenate([each for other, each in enumerate(placed) if other != row])
+        yield cKDTree(others).query(points)[0]
+
+
+def test_scans_of_a_bag_meet_under_their_true_poses_mirrored_ones_too():
+    bag = load_scan_set(["stone:0", "stone:1"], None, seed=3, mirrored=True)
+    assert sorted(set(bag.labels)) == ["stone 0", "stone 0, mirrored", "stone 1", "stone 1, mirrored"]
+    assert len(bag.scans) == len(bag.truth) == 24
+    assert np.linalg.det(bag.truth[:, :3, :3]) == pytest.approx(np.ones(24))
+    for label in set(bag.labels):
+        for gaps in gaps_under_the_truth(bag, label):
+            assert np.median(gaps) < 2 * resolution(bag.scans[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "scans"),
+    [("stanford_views/bunny", 10), ("stanford_views/happy_stand", 15), ("scenes/redkitchen_2_3", None)],
+)
+def test_real_scans_meet_under_their_true_poses(name, scans):
+    bag = load_scan_set([name], data_folder(name), seed=0)
+    assert scans in {None, len(bag.scans)}
+    shares = [
+        np.mean(gaps < 3 * resolution(bag.scans[0])) for gaps in gaps_under_the_truth(bag, bag.labels[0])
+    ]
+    assert min(shares) > 0.3
+
+
+def test_folders_without_poses_are_refused(tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=r"no scans with poses; they come with a set\.json"):
+        load_scan_set(["empty"], tmp_path, seed=0)
+    (tmp_path / "empty" / "set.json").write_text('{"scans": [{"file": "a.ply"}]}')
+    with pytest.raises(InputError, match="not a list of scans"):
+        load_scan_set(["empty"], tmp_path, seed=0)

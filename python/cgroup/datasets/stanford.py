@@ -142,6 +142,12 @@ def _read_configuration(path: Path) -> tuple[dict[str, _View], list[str]]:
     return views, absent
 
 
+def read_views(folder: Path) -> list[tuple[Path, FloatArray]]:
+    """Read the files of an object's views, and the poses that map them into its frame."""
+    found = (_read_configuration(path)[0] for path in sorted(folder.glob("*.conf")))
+    return [(view.path, view.T_world_view) for views in found for view in views.values()]
+
+
 def _between(source: _View, target: _View) -> FloatArray:
     return invert(target.T_world_view) @ source.T_world_view
 

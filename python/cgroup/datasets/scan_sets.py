@@ -1,0 +1,152 @@
+"""Sets of scans with true poses: of one place, or of several places and objects in one bag."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup.datasets.base import data_root
+from cgroup.datasets.generated.shapes import random_pose
+from cgroup.datasets.generated.stones import standin_pair
+from cgroup.datasets.pose_lists import read_log
+from cgroup.datasets.stanford import read_views
+from cgroup.errors import InputError
+from cgroup.io import read_cloud
+from cgroup.io._files import load_text
+from cgroup.rigid import apply, check_rigid, invert
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from cgroup.types import FloatArray
+
+_TURNS, _PIXELS = (0.0, 36.0, 72.0, 108.0, 144.0, 180.0), 90
+_MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class ScanSet:
+    """Scans in frames of their own, with true poses.
+
+    Attributes
+    ----------
+    scans : list of (n,3) array of float64
+        Points of each scan.
+    truth : (N,4,4) array of float64
+        Map each scan into the frame of its place.
+    labels : list of str
+        The place or object of each scan.
+    """
+
+    scans: list[FloatArray]
+    truth: FloatArray
+    labels: list[str]
+
+    def mirrored(self) -> ScanSet:
+        """Reflect every place; its scans fit each other as before, and no scan of the place itself."""
+        scans = [points @ _MIRROR[:3, :3] for points in self.scans]
+        return ScanSet(scans, _MIRROR @ self.truth @ _MIRROR, [f"{each}, mirrored" for each in self.labels])
+
+
+def pool_sets(sets: Iterable[ScanSet], rng: np.random.Generator) -> ScanSet:
+    """Put sets into one bag: shuffled, each scan in a random frame about its middle."""
+    parts = list(sets)
+    pool = [each for part in parts for each in zip(part.scans, part.truth, part.labels, strict=True)]
+    scans: list[FloatArray] = []
+    truth: list[FloatArray] = []
+    labels: list[str] = []
+    for row in rng.permutation(len(pool)):
+        points, pose, label = pool[row]
+        frame = np.eye(4)
+        frame[:3, :3] = random_pose(rng)[:3, :3]
+        spread = points.std(axis=0).max()
+        frame[:3, 3] = spread * rng.normal(size=3) - frame[:3, :3] @ points.mean(axis=0)
+        scans.append(apply(frame, points))
+        truth.append(pose @ invert(frame))
+        labels.append(label)
+    return ScanSet(scans, np.array(truth), labels)
+
+
+def make_views(seed: int) -> ScanSet:
+    """Scan a generated stone from six sides, 36 degrees apart; unit mm."""
+    pairs = [standin_pair(seed=seed, turn=turn, pixels=_PIXELS) for turn in _TURNS[1:]]
+    scans = [pairs[0].source.points, *(pair.target.points for pair in pairs)]
+    truth = [np.eye(4), *(invert(pair.T_target_source) for pair in pairs)]
+    return ScanSet([np.asarray(each, np.float64) for each in scans], np.array(truth), [f"stone {seed}"] * 6)
+
+
+def read_folder(folder: Path) -> ScanSet:
+    """Read a folder with a ``set.json``, whose `scans` have a `file` and the pose `world_from_scan`.
+
+    Raises
+    ------
+    InputError
+        If a file can't be read, or isn't what it should be.
+    """
+    path = folder / "set.json"
+    try:
+        entries: Any = json.loads(load_text(path))["scans"]
+        files = [(str(each["file"]), each["world_from_scan"]) for each in entries]
+    except (ValueError, KeyError, TypeError) as error:
+        message = f"{path}: not a list of scans, each with `file` and `world_from_scan` ({error!r})"
+        raise InputError(message) from error
+    truth = np.array([check_rigid(pose, f"{path}: {file}") for file, pose in files])
+    return ScanSet([_read(folder / file) for file, _ in files], truth, [folder.name] * len(files))
+
+
+def read_stanford(folder: Path) -> ScanSet:
+    """Read the views of one object, placed by the ``.conf`` file in its folder; unit m."""
+    views = read_views(folder)
+    truth = np.array([pose for _, pose in views])
+    return ScanSet([_read(path) for path, _ in views], truth, [folder.name] * len(views))
+
+
+def read_fragments(folder: Path) -> ScanSet:
+    """Read the fragments of a scene of 3DMatch, placed by chains of pairs of its ``gt.log``; unit m."""
+    pairs = read_log(folder / "gt.log")
+    poses: dict[int, FloatArray] = {min(row for both in pairs for row in both): np.eye(4)}
+    grown = True
+    while grown:
+        known = len(poses)
+        for (first, second), pose in pairs.items():
+            if first in poses and second not in poses:
+                poses[second] = poses[first] @ pose
+            elif second in poses and first not in poses:
+                poses[first] = poses[second] @ invert(pose)
+        grown = len(poses) > known
+    rows = [row for row in sorted(poses) if (folder / f"cloud_bin_{row}.ply").is_file()]
+    scans = [_read(folder / f"cloud_bin_{row}.ply") for row in rows]
+    return ScanSet(scans, np.array([poses[row] for row in rows]), [folder.name] * len(rows))
+
+
+def load_scan_set(names: Iterable[str], root: Path | None, seed: int, *, mirrored: bool = False) -> ScanSet:
+    """Load places into one bag; each is ``stone:SEED``, or a folder below the data root.
+
+    Raises
+    ------
+    InputError
+        If a folder isn't there, or has none of ``set.json``, ``gt.log`` and a ``.conf`` file.
+    """
+    parts = [_load(name, root) for name in names]
+    if mirrored:
+        parts += [each.mirrored() for each in parts]
+    return pool_sets(parts, np.random.default_rng(seed))
+
+
+def _load(name: str, root: Path | None) -> ScanSet:
+    if name.startswith("stone:"):
+        return make_views(int(name.removeprefix("stone:")))
+    folder = data_root(root) / name
+    for pattern, read in (("set.json", read_folder), ("gt.log", read_fragments), ("*.conf", read_stanford)):
+        if any(folder.glob(pattern)):
+            return read(folder)
+    message = f"{folder}: no scans with poses; they come with a set.json, a gt.log or a .conf file"
+    raise InputError(message)
+
+
+def _read(path: Path) -> FloatArray:
+    return np.asarray(read_cloud(path).points, dtype=np.float64)
