@@ -17,6 +17,7 @@ from cgroup.benchmark.pipelines.answer import Answer
 if TYPE_CHECKING:
     from cgroup._runtime.progress import StageClock
     from cgroup.benchmark.pipelines.answer import Clouds
+    from cgroup.features import Viewpoint
     from cgroup.types import FloatArray
 
 ITERATIONS, CONFIDENCE = 100_000, 0.999
@@ -38,8 +39,13 @@ def open3d_ransac(clouds: Clouds, clock: StageClock) -> Answer:
     o3d, (source, target) = _describe(clouds, clock)
     clock.start("pose")
     o3d.utility.random.seed(clouds.seed)
-    registration, reach = o3d.pipelines.registration, REACH * clouds.voxel
-    found = registration.registration_ransac_based_on_feature_matching(
+    return _answer(ransac(o3d, source, target, REACH * clouds.voxel))
+
+
+def ransac(o3d: Any, source: tuple[Any, Any], target: tuple[Any, Any], reach: float) -> Any:  # noqa: ANN401
+    """Register two clouds with their features by Open3D's RANSAC."""
+    registration = o3d.pipelines.registration
+    return registration.registration_ransac_based_on_feature_matching(
         source[0],
         target[0],
         source[1],
@@ -54,7 +60,6 @@ def open3d_ransac(clouds: Clouds, clock: StageClock) -> Answer:
         ],
         registration.RANSACConvergenceCriteria(ITERATIONS, CONFIDENCE),
     )
-    return _answer(found)
 
 
 def open3d_fgr(clouds: Clouds, clock: StageClock) -> Answer:
@@ -74,21 +79,21 @@ def open3d_fgr(clouds: Clouds, clock: StageClock) -> Answer:
 
 def _describe(clouds: Clouds, clock: StageClock) -> tuple[Any, list[tuple[Any, Any]]]:
     o3d = importlib.import_module("open3d")
-    o3d.utility.set_verbosity_level(o3d.utility.VerbosityLevel.Error)
-    hybrid, voxel = o3d.geometry.KDTreeSearchParamHybrid, clouds.voxel
     clock.start("features")
-    described: list[tuple[Any, Any]] = []
-    for points, viewpoint in (
-        (clouds.source, clouds.source_viewpoint),
-        (clouds.target, clouds.target_viewpoint),
-    ):
-        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel)
-        cloud.estimate_normals(hybrid(radius=2 * voxel, max_nn=30))
-        if viewpoint is not None:
-            cloud.orient_normals_towards_camera_location(viewpoint)
-        search = hybrid(radius=5 * voxel, max_nn=100)
-        described.append((cloud, o3d.pipelines.registration.compute_fpfh_feature(cloud, search)))
-    return o3d, described
+    both = (clouds.source, clouds.source_viewpoint), (clouds.target, clouds.target_viewpoint)
+    return o3d, [describe(o3d, points, viewpoint, clouds.voxel) for points, viewpoint in both]
+
+
+def describe(o3d: Any, points: FloatArray, viewpoint: Viewpoint | None, voxel: float) -> tuple[Any, Any]:  # noqa: ANN401
+    """Return the voxels of a cloud and their FPFH features, by Open3D."""
+    o3d.utility.set_verbosity_level(o3d.utility.VerbosityLevel.Error)
+    hybrid = o3d.geometry.KDTreeSearchParamHybrid
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel)
+    cloud.estimate_normals(hybrid(radius=2 * voxel, max_nn=30))
+    if viewpoint is not None:
+        cloud.orient_normals_towards_camera_location(viewpoint)
+    search = hybrid(radius=5 * voxel, max_nn=100)
+    return cloud, o3d.pipelines.registration.compute_fpfh_feature(cloud, search)
 
 
 def _answer(found: Any) -> Answer:  # noqa: ANN401 - Open3D has no types
