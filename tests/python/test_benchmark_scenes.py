@@ -5,11 +5,14 @@ import pytest
 from scipy.spatial import cKDTree
 from shared_data import data_folder
 
+from cgroup._runtime.progress import StageClock
+from cgroup.benchmark.pipelines import scenes
+from cgroup.datasets import standin_pair
 from cgroup.datasets.generated.shapes import random_pose
-from cgroup.datasets.scan_sets import load_scan_set
+from cgroup.datasets.scan_sets import ScanSet, load_scan_set, pool_sets
 from cgroup.errors import InputError
 from cgroup.evaluation import ecdf, rotation_error, score_scene, translation_error
-from cgroup.features import resolution
+from cgroup.features import choose_voxel, resolution
 from cgroup.rigid import apply
 
 LABELS = ["a", "b", "a", "b", "a", "c"]
@@ -114,3 +117,21 @@ def test_folders_without_poses_are_refused(tmp_path):
     (tmp_path / "empty" / "set.json").write_text('{"scans": [{"file": "a.ply"}]}')
     with pytest.raises(InputError, match="not a list of scans"):
         load_scan_set(["empty"], tmp_path, seed=0)
+
+
+@pytest.mark.parametrize(
+    ("run", "modules"),
+    [(scenes.open3d_multiway, ["open3d"]), (scenes.kiss_matcher_gnc, ["kiss_matcher", "gtsam"])],
+)
+def test_other_libraries_place_views_that_overlap_much(run, modules):
+    for module in modules:
+        pytest.importorskip(module, reason=f"{module} isn't installed; pip install 'cgroup[peers]'")
+    pairs = [standin_pair(seed=0, turn=turn, pixels=90) for turn in (12.0, 24.0, 36.0)]
+    points = [pairs[0].source.points, *(pair.target.points for pair in pairs)]
+    truth = np.array([np.eye(4), *(np.linalg.inv(pair.T_target_source) for pair in pairs)])
+    bag = pool_sets([ScanSet(points, truth, ["stone"] * 4)], np.random.default_rng(0))
+    voxel = choose_voxel(bag.scans[0], bag.scans[1])
+    answer = run(scenes.Scans(bag.scans, voxel, threads=2), StageClock())
+    assert (answer.components, answer.tried) == ([[0, 1, 2, 3]], 6)
+    errors = score_scene(answer.poses, answer.components, bag.truth, bag.labels).summarize()
+    assert errors["rotation_largest"] < 5
