@@ -88,6 +88,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Which matches are right": "correct_matches match_errors",
         "How good a group is": "score_group score_counts GroupScore Scores",
         "How good a pose is": "alignment_error mean_displacement rotation_error translation_error",
+        "How good a scene is": "score_scene SceneScore ecdf",
         "Registered or not": "Protocol PROTOCOLS",
         "How hard a pair is": "overlap clutter_and_occlusion within",
     },

@@ -168,6 +168,13 @@ def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
             "alignment_error": matched | poses | tolerance,
             "mean_displacement": {"points": POINTS} | poses,
             "clutter_and_occlusion": mesh | {"T_scene_model": np.eye(4)} | tolerance,
+            "ecdf": {"errors": [1.0, 2.0], "limits": [1.5]},
+            "score_scene": {
+                "poses": [np.eye(4)] * 2,
+                "components": [[0, 1]],
+                "truth": [np.eye(4)] * 2,
+                "labels": ["here", "here"],
+            },
             "score_counts": dict.fromkeys(("matches", "correct", "selected", "selected_correct"), 3),
             "score_group": {"mask": [True, False], "correct": [True, True]},
         },

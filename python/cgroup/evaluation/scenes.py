@@ -59,12 +59,12 @@ class SceneScore:
     placed: int
 
     def summarize(self) -> dict[str, float]:
-        """Median, mean and largest errors of the pairs that are in one component; NaN if there are none.
+        """Median, mean and largest errors of the pairs in one component.
 
         Returns
         -------
         dict of str to float
-            "rotation_median" and so on, in degrees and in the data's unit.
+            "rotation_median" and so on, in degrees and in the data's unit; NaN without such pairs.
 
         Examples
         --------
@@ -154,20 +154,25 @@ def score_scene(
     )
 
 
-def ecdf(errors: FloatArray, limits: Sequence[float]) -> FloatArray:
+def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
     """Shares of errors up to limits.
 
     Parameters
     ----------
-    errors : (P,) array of float64
+    errors : (P,) array_like of float
         Infinite for what failed.
-    limits : sequence of float
+    limits : (L,) array_like of float
         In the unit of the errors.
 
     Returns
     -------
     (L,) array of float64
         One share per limit; NaN without errors.
+
+    Raises
+    ------
+    InputError
+        If they aren't numbers.
 
     Examples
     --------
@@ -176,9 +181,10 @@ def ecdf(errors: FloatArray, limits: Sequence[float]) -> FloatArray:
     >>> ecdf(np.array([1.0, 4.0, np.inf, 2.0]), [1.0, 3.0, 5.0])
     array([0.25, 0.5 , 0.75])
     """
-    if not len(errors):
-        return np.full(len(limits), np.nan)
-    return np.searchsorted(np.sort(errors), limits, side="right") / len(errors)
+    values, bounds = as_floats("errors", errors).ravel(), as_floats("limits", limits).ravel()
+    if not len(values):
+        return np.full(len(bounds), np.nan)
+    return np.searchsorted(np.sort(values), bounds, side="right") / len(values)
 
 
 def _compare(
