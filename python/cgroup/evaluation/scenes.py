@@ -124,11 +124,17 @@ def score_scene(
     array([0.5])
     """
     estimated, true = as_floats("poses", poses), as_floats("truth", truth)
-    count = len(labels)
+    try:
+        count = len(labels)
+    except TypeError as error:
+        raise InputError("labels", repr(labels)[:80], "give a list of str") from error
     for name, array in (("poses", estimated), ("truth", true)):
         if array.shape != (count, 4, 4):
             raise InputError(name, f"shape {array.shape}", f"give ({count},4,4): one pose for each label")
-    rows = np.array([row for component in components for row in component], dtype=np.int64)
+    try:
+        rows = np.array([row for component in components for row in component], dtype=np.int64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError("components", repr(components)[:80], "give lists of rows") from error
     if len(rows) and (rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) < len(rows)):
         raise InputError("components", f"rows {rows.tolist()}", f"give each of the {count} rows once at most")
     part = np.full(count, -1)
