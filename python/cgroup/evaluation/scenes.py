@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup._checks.arrays import as_floats
+from cgroup._checks.values import refusal
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -127,14 +128,14 @@ def score_scene(
     try:
         count = len(labels)
     except TypeError as error:
-        raise InputError("labels", repr(labels)[:80], "give a list of str") from error
+        raise refusal("labels", labels, "give a list of str") from error
     for name, array in (("poses", estimated), ("truth", true)):
         if array.shape != (count, 4, 4):
             raise InputError(name, f"shape {array.shape}", f"give ({count},4,4): one pose for each label")
     try:
         rows = np.array([row for component in components for row in component], dtype=np.int64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError("components", repr(components)[:80], "give lists of rows") from error
+        raise refusal("components", components, "give lists of rows") from error
     if len(rows) and (rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) < len(rows)):
         raise InputError("components", f"rows {rows.tolist()}", f"give each of the {count} rows once at most")
     part = np.full(count, -1)
