@@ -127,14 +127,14 @@ def score_scene(
     estimated, true = as_floats("poses", poses), as_floats("truth", truth)
     try:
         count = len(labels)
-    except TypeError as error:
+    except Exception as error:  # whatever the object's own conversion raises
         raise refusal("labels", labels, "give a list of str") from error
     for name, array in (("poses", estimated), ("truth", true)):
         if array.shape != (count, 4, 4):
             raise InputError(name, f"shape {array.shape}", f"give ({count},4,4): one pose for each label")
     try:
         rows = np.array([row for component in components for row in component], dtype=np.int64)
-    except (TypeError, ValueError, OverflowError) as error:
+    except Exception as error:  # whatever the object's own conversion raises
         raise refusal("components", components, "give lists of rows") from error
     if len(rows) and (rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) < len(rows)):
         raise InputError("components", f"rows {rows.tolist()}", f"give each of the {count} rows once at most")
