@@ -39,6 +39,8 @@ from .methods import *  # noqa: F403 - the methods, as they list themselves
 if _TYPE_CHECKING:
     from os import PathLike as _PathLike
 
+    from numpy.typing import ArrayLike as _ArrayLike
+
     from cgroup import comparison as comparison
     from cgroup import datasets as datasets
     from cgroup import evaluation as evaluation
@@ -54,7 +56,9 @@ if _TYPE_CHECKING:
     from cgroup.io import read_cloud as read_cloud
     from cgroup.io import write_cloud as write_cloud
     from cgroup.registration import register as register
+    from cgroup.scenes import Scene as _Scene
     from cgroup.scenes import register_all as register_all
+    from cgroup.types import AnyCloud as _AnyCloud
     from cgroup.types import PointCloud as _PointCloud
 
 __all__ = [
@@ -128,6 +132,12 @@ def _draw_interactive(drawing: _Drawing) -> _Any:  # noqa: ANN401 - plotly's Fig
     return figure_of(drawing)
 
 
+def _add_scan(scene: _Scene, scan: _AnyCloud, viewpoint: _ArrayLike | None) -> _Scene:
+    from cgroup.scenes.register_all import add_scan  # noqa: PLC0415 - as above
+
+    return add_scan(scene, scan, viewpoint)
+
+
 def _read_cloud(path: str | _PathLike[str]) -> _PointCloud:
     from cgroup.io import read_cloud  # noqa: PLC0415 - as above
 
@@ -135,7 +145,7 @@ def _read_cloud(path: str | _PathLike[str]) -> _PointCloud:
 
 
 _reserve_linear_algebra()
-_fill_hooks(cloud=_read_cloud, explanation=_explain, figure=_draw, chart=_draw_interactive)
+_fill_hooks(cloud=_read_cloud, explanation=_explain, figure=_draw, chart=_draw_interactive, scene=_add_scan)
 
 if _core.DEBUG_BUILD:
     _warnings.warn(

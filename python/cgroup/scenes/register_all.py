@@ -58,8 +58,9 @@ def register_all(
 ) -> Scene:
     """Place many scans, each in its own frame, in one scene, or in several.
 
-    Scans may come in any order. Those that look alike as a whole are registered pair by pair. All poses are then decided on together: what
-    the others contradict is dropped, what they confirm is kept, even where two scans alone could not tell.
+    Scans may come in any order. Those that look alike as a whole are registered pair by pair. All poses are
+    then decided on together: what the others contradict is dropped, what they confirm is kept, even where two
+    scans alone could not tell.
     Components that pairs don't join are registered as unions. At last all scans are refined together on their
     surfaces.
 

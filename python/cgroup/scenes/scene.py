@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cgroup._checks.hooks import call_hook
 from cgroup._checks.values import as_count, as_length
 from cgroup._show.notebook import result_table
 from cgroup._show.words import number
@@ -165,9 +166,7 @@ class Scene:
         >>> scene.add(other.target).components
         [[0, 1, 2]]
         """
-        from cgroup.scenes.register_all import add_scan  # noqa: PLC0415 - which makes scenes
-
-        return add_scan(self, scan, viewpoint)
+        return call_hook("scene", self, scan, viewpoint)
 
     @cached_property
     def graph(self) -> PoseGraph:
