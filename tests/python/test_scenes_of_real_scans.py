@@ -1,0 +1,68 @@
+"""Scenes of real scans, whose true poses are known."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from shared_data import data_folder
+
+from cgroup.datasets.scan_sets import load_scan_set
+from cgroup.io import read_cloud
+from cgroup.rigid import apply, invert, rotation_error
+from cgroup.scenes import register_all
+
+
+def errors_of(scene, part, true, middles):
+    """Errors of all pairs of a component: turns in degrees, and shifts of the middles of the scans."""
+    turns, shifts = [], []
+    for one, other in itertools.combinations(part, 2):
+        found = invert(scene.poses[one]) @ scene.poses[other]
+        expected = invert(true[one]) @ true[other]
+        turns.append(rotation_error(found, expected))
+        shifts.append(np.linalg.norm(apply(found, middles[[other]]) - apply(expected, middles[[other]])))
+    return np.array(turns), np.array(shifts)
+
+
+@pytest.mark.parametrize(
+    ("name", "viewpoint", "degrees", "meters"),
+    [
+        ("eth_facade_7", None, 0.1, 0.01),
+        ("kitti07_submaps_5", None, 0.5, 0.1),
+        ("airsim_blocks_20", None, 0.1, 0.05),
+        ("vlp16_indoor_11", (0, 0, 0), 2.0, 0.1),  # rings 2 degrees apart
+    ],
+)
+def test_stations_and_drives_become_one_scene(name, viewpoint, degrees, meters):
+    folder = data_folder("scenes") / "scenes" / name
+    described = json.loads((folder / "set.json").read_text())["scans"]
+    scans = [read_cloud(folder / scan["file"]) for scan in described]
+    true = np.array([scan["world_from_scan"] for scan in described])
+    scene = register_all(scans, viewpoint=viewpoint)
+    assert [len(part) for part in scene.components] == [len(scans)]
+    turns, shifts = errors_of(
+        scene, scene.components[0], true, np.array([scan.points.mean(axis=0) for scan in scans])
+    )
+    assert np.median(turns) < degrees
+    assert turns.max() < 5
+    assert np.median(shifts) < meters
+    for edge in scene.edges:
+        if edge.kept:
+            assert rotation_error(edge.T_target_source, invert(true[edge.target]) @ true[edge.source]) < 10
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_bag_of_views_and_their_mirror_images_becomes_its_objects(seed):
+    root = data_folder("stanford_views")
+    bag = load_scan_set(["stanford_views/bunny", "stanford_views/happy_stand"], root, seed, mirrored=True)
+    scene = register_all(bag.scans)
+    labels = np.array(bag.labels)
+    assert [len(part) for part in scene.components] == [15, 15, 10, 10]
+    middles = np.array([points.mean(axis=0) for points in bag.scans])
+    for part in scene.components:
+        assert len(set(labels[part])) == 1
+        turns, shifts = errors_of(scene, part, bag.truth, middles)
+        assert np.median(turns) < 0.5
+        assert turns.max() < 2
+        assert np.median(shifts) < 0.0015  # of scans whose points lie .0005 to .001 apart
+    assert all(labels[edge.source] == labels[edge.target] for edge in scene.edges if edge.kept)
