@@ -6,6 +6,7 @@
 
 mod chordal;
 mod components;
+mod growth;
 mod linearization;
 mod minimum;
 pub mod motion;

@@ -2,7 +2,7 @@
 //! Tzoumas, Carlone, *Graduated Non-Convexity for Robust Spatial Perception*, RA-L 2020).
 
 use super::minimum::{FINE, Precision, minimize_weighted};
-use super::{Link, Start, chordal};
+use super::{Link, Start, chordal, growth};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
@@ -15,8 +15,9 @@ const MOST_STEPS: usize = 100;
 const MOST_CHECKS: usize = 20;
 const COARSE: Precision = Precision { steps: 10, decrease: 1e-3 };
 
-/// Moves the poses of a component, and says which links are kept: the better end of two searches. The first keeps what the
-/// start agrees with, and suits a start that is nearly right; the second begins with all links.
+/// Moves the poses of a component, and says which links are kept. Where trusted links reach every node, loops are taken in from
+/// these; else it is the better end of two searches. The first keeps what the start agrees with, and suits a start that is nearly
+/// right; the second begins with all links.
 pub fn optimize(
     poses: &mut Vec<Rigid>,
     links: &[Link],
@@ -24,8 +25,17 @@ pub fn optimize(
     execution: &Execution,
 ) -> Result<Vec<bool>> {
     let bounds = memory::collect(links.iter().map(|link| bound(link.edge.probability)))?;
+    let trusted = memory::collect(links.iter().filter(|link| link.edge.probability >= 1.0).copied())?;
+    let parts = super::components(poses.len(), trusted.iter().map(|link| (link.from, link.to)))?;
+    let is_framed = parts.len() == 1;
     if start == Start::Chordal {
-        place(poses, links)?;
+        if is_framed { chordal::place(poses, &trusted)? } else { chordal::follow_tree(poses, links)? }
+    }
+    if is_framed {
+        let held = growth::grow(poses, links, &bounds, execution)?;
+        let weights = memory::collect(held.iter().map(|&held| if held { 1.0 } else { 0.0 }))?;
+        minimize_weighted(poses, weighted(links, &weights), &FINE, execution)?;
+        return Ok(settle(poses, links, &bounds, execution)?.0);
     }
     let mut near = memory::copied(poses)?;
     let (kept_near, cost_near) = settle(&mut near, links, &bounds, execution)?;
@@ -33,7 +43,7 @@ pub fn optimize(
         *poses = near;
         return Ok(kept_near);
     }
-    graduate(poses, links, &bounds, execution)?;
+    graduate(poses, links, &bounds, start, execution)?;
     let (kept, cost) = settle(poses, links, &bounds, execution)?;
     if cost <= cost_near {
         return Ok(kept);
@@ -43,9 +53,17 @@ pub fn optimize(
 }
 
 /// Goes from squares to truncated squares in steps.
-fn graduate(poses: &mut Vec<Rigid>, links: &[Link], bounds: &[f64], execution: &Execution) -> Result<()> {
+fn graduate(
+    poses: &mut Vec<Rigid>,
+    links: &[Link],
+    bounds: &[f64],
+    start: Start,
+    execution: &Execution,
+) -> Result<()> {
     let mut weights = memory::collect(bounds.iter().map(|&bound| if bound > 0.0 { 1.0 } else { 0.0 }))?;
-    minimize_weighted(poses, weighted(links, &weights), &COARSE, execution)?;
+    if start == Start::Chordal {
+        minimize_weighted(poses, weighted(links, &weights), &COARSE, execution)?;
+    }
     let mut squares = squared_errors(poses, links)?;
     let ratio = |(&square, &bound): (&f64, &f64)| if bound > 0.0 { square / bound } else { 0.0 };
     let worst = squares.iter().zip(bounds).map(ratio).fold(0.0, f64::max);
@@ -88,13 +106,6 @@ fn settle(
     }
     let cost = squares.iter().zip(bounds).map(|(square, bound)| square.min(bound.max(0.0))).sum();
     Ok((kept, cost))
-}
-
-/// From the trusted edges where they reach every node; else along the tree of the most probable edges.
-fn place(poses: &mut [Rigid], links: &[Link]) -> Result<()> {
-    let trusted = memory::collect(links.iter().filter(|link| link.edge.probability >= 1.0).copied())?;
-    let parts = super::components(poses.len(), trusted.iter().map(|link| (link.from, link.to)))?;
-    if parts.len() == 1 { chordal::place(poses, &trusted) } else { chordal::follow_tree(poses, links) }
 }
 
 /// The squared error above which an edge of that prior is rather wrong.

@@ -1,0 +1,170 @@
+//! Loops taken in from a trusted frame, nearest first: a loop is judged by the motion that the links held so far foretell, with
+//! the covariance along the shortest path of them, so that drift doesn't condemn a right loop, nor excuse a wrong one.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use nalgebra::{Cholesky, Matrix6};
+use rayon::prelude::*;
+
+use super::minimum::{Precision, minimize_weighted};
+use super::{Link, motion};
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::rigid::Rigid;
+use crate::memory;
+
+/// The quantile .999 of chi-squared with six degrees of freedom.
+const LARGEST_INNOVATION: f64 = 22.457_744;
+const MEDIAN_INNOVATION: f64 = 5.348_121;
+/// Loops whose innovations tell how much the covariances are overstated, and the room that their median gets.
+const ENOUGH: usize = 30;
+const ROOM: f64 = 4.0;
+/// The first reach in mean lengths of trusted links; it doubles.
+const FIRST_REACH: f64 = 4.0;
+const MOST_TURNS: usize = 6;
+const COARSE: Precision = Precision { steps: 5, decrease: 1e-2 };
+
+/// Takes in the loops that fit, and moves the poses; returns which links are held. Links of infinite bound reach every node.
+pub fn grow(
+    poses: &mut Vec<Rigid>,
+    links: &[Link],
+    bounds: &[f64],
+    execution: &Execution,
+) -> Result<Vec<bool>> {
+    let mut held = memory::collect(bounds.iter().map(|&bound| bound == f64::INFINITY))?;
+    let mut open = memory::collect((0..links.len()).filter(|&k| !held[k] && bounds[k] > 0.0))?;
+    open.sort_by_key(|&k| links[k].from);
+    let lengths = memory::collect(links.iter().map(|link| link.edge.information.determinant().powf(-1.0 / 6.0)))?;
+    let trusted = lengths.iter().zip(&held).filter(|(_, held)| **held);
+    let (sum, count) = trusted.fold((0.0, 0), |(sum, count), (length, _)| (sum + length, count + 1));
+    let mut reach = FIRST_REACH * sum / f64::from(count.max(1));
+    let mut taken = Vec::new();
+    while !open.is_empty() {
+        let mut sees_all = false;
+        for _ in 0..MOST_TURNS {
+            let found = innovations(poses, links, &lengths, &held, &open, reach, execution)?;
+            sees_all = found.iter().all(Option::is_some);
+            let gate = LARGEST_INNOVATION * overstatement(&mut taken);
+            let mut fitting = memory::collect(
+                open.iter().zip(&found).filter_map(|(&k, found)| Some((k, (*found)?))).filter(|one| one.1 < gate),
+            )?;
+            if fitting.is_empty() {
+                break;
+            }
+            fitting.sort_by(|a, b| a.1.total_cmp(&b.1));
+            fitting.truncate(fitting.len().div_ceil(2).max(8));
+            for &(k, innovation) in &fitting {
+                held[k] = true;
+                memory::push(&mut taken, innovation)?;
+            }
+            let weighted = links.iter().copied().zip(held.iter().map(|&held| f64::from(u8::from(held))));
+            minimize_weighted(poses, weighted, &COARSE, execution)?;
+            for (k, link) in links.iter().enumerate() {
+                held[k] &= link.edge.squared_error(&poses[link.from], &poses[link.to]) <= bounds[k];
+            }
+            open.retain(|&k| !held[k]);
+        }
+        if sees_all {
+            break;
+        }
+        reach *= 2.0;
+    }
+    Ok(held)
+}
+
+/// At most 1: the share of the stated covariances that the loops taken so far show.
+fn overstatement(taken: &mut [f64]) -> f64 {
+    if taken.len() < ENOUGH {
+        return 1.0;
+    }
+    let middle = taken.len() / 2;
+    let (_, median, _) = taken.select_nth_unstable_by(middle, f64::total_cmp);
+    (ROOM * *median / MEDIAN_INNOVATION).min(1.0)
+}
+
+/// How far each open loop is from what the held links foretell, squared, by the covariances of both; none beyond the reach.
+fn innovations(
+    poses: &[Rigid],
+    links: &[Link],
+    lengths: &[f64],
+    held: &[bool],
+    open: &[usize],
+    reach: f64,
+    execution: &Execution,
+) -> Result<Vec<Option<f64>>> {
+    let mut ways = memory::filled(Vec::new(), poses.len())?;
+    for (k, link) in links.iter().enumerate().filter(|(k, link)| held[*k] && link.from != link.to) {
+        memory::push(&mut ways[link.from], (link.to, k))?;
+        memory::push(&mut ways[link.to], (link.from, k))?;
+    }
+    let mut found = memory::with_capacity(open.len())?;
+    for group in open.chunk_by(|&a, &b| links[a].from == links[b].from).collect::<Vec<_>>().chunks(256) {
+        execution.check()?;
+        let parts = memory::par_collect(group.par_iter().map(|loops| {
+            let source = links[loops[0]].from;
+            let arrived = shortest_paths(source, loops.iter().map(|&k| links[k].to), &ways, lengths, reach)?;
+            memory::collect(loops.iter().map(|&k| innovation(&links[k], poses, links, &arrived)))
+        }))?;
+        for part in parts {
+            memory::extend(&mut found, &part?)?;
+        }
+    }
+    Ok(found)
+}
+
+/// By which link, and from where, each node is reached from the source.
+type Arrivals = Vec<Option<(usize, usize)>>;
+
+fn shortest_paths(
+    source: usize,
+    targets: impl Iterator<Item = usize>,
+    ways: &[Vec<(usize, usize)>],
+    lengths: &[f64],
+    reach: f64,
+) -> Result<Arrivals> {
+    let mut arrived: Arrivals = memory::filled(None, ways.len())?;
+    let mut length = memory::filled(f64::INFINITY, ways.len())?;
+    let mut missing = memory::collect(targets)?;
+    let mut waiting = BinaryHeap::from([Reverse((0, source))]); // bits of lengths above 0 rise with them
+    length[source] = 0.0;
+    while let Some(Reverse((bits, node))) = waiting.pop() {
+        let here = f64::from_bits(bits);
+        if here > length[node] {
+            continue;
+        }
+        missing.retain(|&target| target != node);
+        if missing.is_empty() {
+            break;
+        }
+        for &(next, link) in &ways[node] {
+            let there = here + lengths[link];
+            if there < length[next] && there <= reach {
+                (length[next], arrived[next]) = (there, Some((link, node)));
+                waiting.push(Reverse((there.to_bits(), next)));
+            }
+        }
+    }
+    missing.iter().for_each(|&target| arrived[target] = None);
+    Ok(arrived)
+}
+
+fn innovation(one: &Link, poses: &[Rigid], links: &[Link], arrived: &Arrivals) -> Option<f64> {
+    if one.from == one.to {
+        return Some(one.edge.squared_error(&poses[one.from], &poses[one.to]));
+    }
+    let mut covariance = inverse(&one.edge.information)?;
+    let mut node = one.to;
+    while node != one.from {
+        let (link, before) = arrived[node]?;
+        let carried = motion::adjoint(&motion::between(&poses[one.to], &poses[links[link].to]));
+        covariance += carried * inverse(&links[link].edge.information)? * carried.transpose();
+        node = before;
+    }
+    let error = one.edge.error(&poses[one.from], &poses[one.to]);
+    Some(error.dot(&Cholesky::new(covariance)?.solve(&error)))
+}
+
+fn inverse(information: &Matrix6<f64>) -> Option<Matrix6<f64>> {
+    Some(Cholesky::new(*information)?.inverse())
+}
