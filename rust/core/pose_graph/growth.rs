@@ -16,9 +16,11 @@ use crate::memory;
 
 /// The quantile .999 of chi-squared with six degrees of freedom.
 const LARGEST_INNOVATION: f64 = 22.457_744;
-const MEDIAN_INNOVATION: f64 = 5.348_121;
-/// Loops whose innovations tell how much the covariances are overstated, and the room that their median gets.
+/// The quantile .25: what a quarter of the loops stay below, even where half of all are wrong.
+const QUARTER_INNOVATION: f64 = 3.454_599;
+/// Loops that tell by how much the covariances are overstated: at least, at most; and room for their noise.
 const ENOUGH: usize = 30;
+const SAMPLE: usize = 500;
 const ROOM: f64 = 4.0;
 /// The first reach in mean lengths of trusted links; it doubles.
 const FIRST_REACH: f64 = 4.0;
@@ -39,13 +41,12 @@ pub fn grow(
     let trusted = lengths.iter().zip(&held).filter(|(_, held)| **held);
     let (sum, count) = trusted.fold((0.0, 0), |(sum, count), (length, _)| (sum + length, count + 1));
     let mut reach = FIRST_REACH * sum / f64::from(count.max(1));
-    let mut taken = Vec::new();
+    let gate = LARGEST_INNOVATION * overstatement(poses, links, &lengths, &held, &open, execution)?;
     while !open.is_empty() {
         let mut sees_all = false;
         for _ in 0..MOST_TURNS {
             let found = innovations(poses, links, &lengths, &held, &open, reach, execution)?;
             sees_all = found.iter().all(Option::is_some);
-            let gate = LARGEST_INNOVATION * overstatement(&mut taken);
             let mut fitting = memory::collect(
                 open.iter().zip(&found).filter_map(|(&k, found)| Some((k, (*found)?))).filter(|one| one.1 < gate),
             )?;
@@ -54,10 +55,7 @@ pub fn grow(
             }
             fitting.sort_by(|a, b| a.1.total_cmp(&b.1));
             fitting.truncate(fitting.len().div_ceil(2).max(8));
-            for &(k, innovation) in &fitting {
-                held[k] = true;
-                memory::push(&mut taken, innovation)?;
-            }
+            fitting.iter().for_each(|&(k, _)| held[k] = true);
             let weighted = links.iter().copied().zip(held.iter().map(|&held| f64::from(u8::from(held))));
             minimize_weighted(poses, weighted, &COARSE, execution)?;
             for (k, link) in links.iter().enumerate() {
@@ -73,14 +71,24 @@ pub fn grow(
     Ok(held)
 }
 
-/// At most 1: the share of the stated covariances that the loops taken so far show.
-fn overstatement(taken: &mut [f64]) -> f64 {
-    if taken.len() < ENOUGH {
-        return 1.0;
+/// At most 1: the share of the stated covariances that the trusted links and the loops show.
+fn overstatement(
+    poses: &[Rigid],
+    links: &[Link],
+    lengths: &[f64],
+    held: &[bool],
+    open: &[usize],
+    execution: &Execution,
+) -> Result<f64> {
+    let sample = memory::collect(open.iter().step_by(open.len().div_ceil(SAMPLE).max(1)).copied())?;
+    let found = innovations(poses, links, lengths, held, &sample, f64::INFINITY, execution)?;
+    let mut found = memory::collect(found.into_iter().flatten())?;
+    if found.len() < ENOUGH {
+        return Ok(1.0);
     }
-    let middle = taken.len() / 2;
-    let (_, median, _) = taken.select_nth_unstable_by(middle, f64::total_cmp);
-    (ROOM * *median / MEDIAN_INNOVATION).min(1.0)
+    let place = found.len() / 4;
+    let (_, quarter, _) = found.select_nth_unstable_by(place, f64::total_cmp);
+    Ok((ROOM * *quarter / QUARTER_INNOVATION).min(1.0))
 }
 
 /// How far each open loop is from what the held links foretell, squared, by the covariances of both; none beyond the reach.
