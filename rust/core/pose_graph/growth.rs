@@ -37,7 +37,8 @@ pub fn grow(
     let mut held = memory::collect(bounds.iter().map(|&bound| bound == f64::INFINITY))?;
     let mut open = memory::collect((0..links.len()).filter(|&k| !held[k] && bounds[k] > 0.0))?;
     open.sort_by_key(|&k| links[k].from);
-    let lengths = memory::collect(links.iter().map(|link| link.edge.information.determinant().powf(-1.0 / 6.0)))?;
+    let lengths =
+        memory::collect(links.iter().map(|link| link.edge.information.determinant().powf(-1.0 / 6.0)))?;
     let trusted = lengths.iter().zip(&held).filter(|(_, held)| **held);
     let (sum, count) = trusted.fold((0.0, 0), |(sum, count), (length, _)| (sum + length, count + 1));
     let mut reach = FIRST_REACH * sum / f64::from(count.max(1));
@@ -48,7 +49,10 @@ pub fn grow(
             let found = innovations(poses, links, &lengths, &held, &open, reach, execution)?;
             sees_all = found.iter().all(Option::is_some);
             let mut fitting = memory::collect(
-                open.iter().zip(&found).filter_map(|(&k, found)| Some((k, (*found)?))).filter(|one| one.1 < gate),
+                open.iter()
+                    .zip(&found)
+                    .filter_map(|(&k, found)| Some((k, (*found)?)))
+                    .filter(|one| one.1 < gate),
             )?;
             if fitting.is_empty() {
                 break;
