@@ -68,8 +68,9 @@ class PoseGraph:
     Notes
     -----
     The start is that of Carlone and others (*Initialization Techniques for 3D SLAM*, ICRA 2015), the search
-    the Levenberg-Marquardt method. Wrong edges are dropped by graduated non-convexity with truncated squares
-    (Yang and others, RA-L 2020). An edge is kept while e' W e is below 16.8, the quantile .99 of chi-squared,
+    the Levenberg-Marquardt method. Where trusted edges reach every node, other edges are taken in from these,
+    nearest first; else wrong edges are dropped by graduated non-convexity with truncated squares (Yang and
+    others, RA-L 2020). An edge is kept while e' W e is below 16.8, the quantile .99 of chi-squared,
     plus twice the log-odds of its probability.
 
     Examples
