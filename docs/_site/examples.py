@@ -16,6 +16,7 @@ _ORDER = (
     "register_real_scans.py",
     "compare_methods.py",
     "explain_a_dropped_match.py",
+    "merge_views.py",
     "close_lidar_loops.py",
     "find_what_is_on_the_table.py",
     "*",
