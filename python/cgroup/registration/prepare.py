@@ -154,6 +154,7 @@ class PreparedScan:
     threads: int | None
     _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
     _cells: dict[float, IndexArray] = field(default_factory=dict)
+    _thinned: dict[float, FloatArray] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Callable[..., PreparedScan], tuple[Any, ...]]:
         """Pickle what took long; surfaces are made anew."""
@@ -188,6 +189,34 @@ class PreparedScan:
                 surface = None
             self._fine_surfaces[share] = surface
         return self._fine_surfaces[share]
+
+    def thinned(self, share: float) -> FloatArray:
+        """Return the points of the cloud, one for each cell of a share of the voxel.
+
+        Parameters
+        ----------
+        share : float
+            Edge length of the cells, in voxels.
+
+        Returns
+        -------
+        (n,3) array of float64
+            Made once for each share.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+        >>> len(scan) < len(scan.thinned(0.5)) < len(scan.scan.cloud)
+        True
+        """
+        if share not in self._thinned:
+            size = share * self.voxel
+            self._thinned[share] = features.voxel_downsample(
+                self.scan.cloud, size, threads=self.threads
+            ).points
+        return self._thinned[share]
 
     @cached_property
     def turned_by_frames(self) -> PreparedScan:

@@ -12,7 +12,7 @@ from cgroup._runtime.progress import StageClock, ignore_progress
 from cgroup.registration.judge import ACCEPTED, SURE
 from cgroup.registration.motions import adjoint
 from cgroup.rigid import invert
-from cgroup.scenes.agreement import DISAGREES, squared_errors, weigh_by_triangles
+from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, squared_errors, weigh_by_triangles
 from cgroup.scenes.decide import Decision, anchor, decide, errors_of, find_agreeing, graph_of
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.links import Link, confirm, link
@@ -38,7 +38,7 @@ PARTNERS, BUDGET = 6, 8
 _MORE = 2  # partners of each scan that are tried in each further round
 _JOINS, _UNIONS = 3, 3  # rounds of joining components, and of laying each scan on the others
 _TURN, _SHIFT = np.radians(3.0), 2.0  # deviations of odometry: radians, voxels
-_EXACT = 0.02  # voxels that a refined pose may be off beside what its covariance says
+_EXACT = 0.2  # part of the deviation of links that is left where scans were refined together
 
 
 class Building:
@@ -229,7 +229,7 @@ class Building:
             np.array([laid[pair].covariance for pair in rows]).reshape(-1, 6, 6),
             np.full(len(rows), SURE),
             self._middles,
-            _EXACT * self._voxel,
+            (_EXACT * TURN, _EXACT * SHIFT * self._voxel),
         )
 
     def _edges(self, kept: dict[tuple[int, int], float]) -> list[Edge]:

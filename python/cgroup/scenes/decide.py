@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.registration.covariance import covariance_in
-from cgroup.registration.judge import ACCEPTED, SURE
+from cgroup.registration.judge import ACCEPTED
 from cgroup.rigid import invert
 from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, squared_errors, weigh_by_triangles
 from cgroup.scenes.pose_graph import PoseGraph
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
     from cgroup.scenes.links import Link
     from cgroup.types import BoolArray, FloatArray, IndexArray
+
+FIRM = 0.85
+"""Probability that the links between two parts need together, for the parts to hang together."""
 
 _LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted whatever the others say
 _MOST_NATS = 10.0  # that others say of a link
@@ -75,7 +78,7 @@ def decide(
     posterior = weigh_by_triangles(pairs, measured, spread, prior, middles, voxel)
     likely = posterior >= ACCEPTED
     start, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
-    graph = graph_of(start, pairs, measured, spread, posterior, middles, voxel).optimize(
+    graph = graph_of(start, pairs, measured, spread, posterior, middles, (TURN, SHIFT * voxel)).optimize(
         robust=True, start="given"
     )
     kept = graph.kept & likely
@@ -83,7 +86,9 @@ def decide(
     kept[kept] = hang_firmly(pairs[kept], prior[kept], count)
     dropped = np.flatnonzero(likely & graph.kept & ~kept)
     poses, labels = follow_best(pairs[kept], measured[kept], posterior[kept], count)
-    graph = graph_of(poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, voxel)
+    graph = graph_of(
+        poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, (TURN, SHIFT * voxel)
+    )
     poses = anchor(graph.optimize(start="given").poses, labels)
     told = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
     return Decision(poses, labels, told, [rows[row] for row in dropped.tolist()])
@@ -96,16 +101,16 @@ def graph_of(
     spread: FloatArray,
     chances: FloatArray,
     middles: FloatArray,
-    voxel: float,
+    least: tuple[float, float],
 ) -> PoseGraph:
-    """Make a pose graph of links; each may be off a little more than its covariance says."""
+    """Make a pose graph of links; each may be off, in turn and shift, beside what its covariance says."""
     information = np.empty((len(pairs), 6, 6))
     for row, (source, _) in enumerate(pairs.tolist()):
         own = covariance_in("gtsam", spread[row], measured[row])
         change = np.eye(6)  # from motions about the middle of the source
         x, y, z = middles[source]
         change[3:, :3] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        floor = change @ np.diag([TURN**2] * 3 + [(SHIFT * voxel) ** 2] * 3) @ change.T
+        floor = change @ np.diag([least[0] ** 2] * 3 + [least[1] ** 2] * 3) @ change.T
         inverse = np.linalg.inv(own + floor)
         information[row] = (inverse + inverse.T) / 2
     trusted = np.minimum(chances, _LARGEST_CHANCE)
@@ -157,7 +162,7 @@ def hang_firmly(pairs: IndexArray, prior: FloatArray, count: int) -> BoolArray:
         apart = np.flatnonzero(sides[:, 0] != sides[:, 1])
         parts, rows = np.unique(sides[apart], axis=0, return_inverse=True)
         sums = np.bincount(rows.reshape(-1), _nats(prior[apart]), len(parts))
-        if len(parts) == 0 or sums.max() < np.log(SURE / (1 - SURE)):
+        if len(parts) == 0 or sums.max() < _nats(np.array(FIRM)):
             break
         least, most = parts[np.argmax(sums)]
         labels[labels == most] = least

@@ -58,7 +58,7 @@ def merge_scans(scans: Sequence[PreparedScan], poses: FloatArray) -> PreparedSca
     first = scans[0]
     if len(scans) == 1:
         return first
-    moved = [apply(pose, scan.scan.cloud.points) for scan, pose in zip(scans, poses, strict=True)]
+    moved = [apply(pose, scan.thinned(_FINEST)) for scan, pose in zip(scans, poses, strict=True)]
     thinned = features.voxel_downsample(np.concatenate(moved), _FINEST * first.voxel, threads=1).points
     shared = Preparation(first.voxel, first.front, 1)
     return shared.prepare(as_scan("scans", PointCloud(thinned)), None, ignore_progress, by_frames=True)

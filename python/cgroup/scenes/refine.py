@@ -122,11 +122,11 @@ def lay_on_union(*scans_and_poses: Any) -> tuple[FloatArray, FloatArray] | None:
     """
     *scans, poses = scans_and_poses
     first = scans[0]
-    placed = [apply(pose, scan.scan.cloud.points) for scan, pose in zip(scans[1:], poses, strict=True)]
     for share in FINE:
         own = first.fine_surface(share)
         if own is None:
             continue
+        placed = [apply(pose, scan.thinned(share)) for scan, pose in zip(scans[1:], poses, strict=True)]
         try:
             union = FineSurface(np.concatenate(placed), share * first.voxel, threads=1)
         except InputError:

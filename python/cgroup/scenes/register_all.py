@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -176,7 +177,10 @@ def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
             Path(scan).name if isinstance(scan, str | os.PathLike) else f"scan {row}"
             for row, scan in enumerate(given)
         ]
-    return [str(name) for name in names]
+    told = [str(name) for name in as_items("names", names, "give one per scan")]
+    if len(told) != len(given):
+        raise InputError("names", f"{len(told)} for {len(given)} scans", "give one per scan")
+    return told
 
 
 def _as_odometry(odometry: ArrayLike, count: int) -> FloatArray:
@@ -204,7 +208,7 @@ def _prepare_each(
         try:
             clouds[row] = as_given(f"scans[{row}]", given[row], places[row], or_stored=True)
         except (InputError, OSError) as error:
-            notes[row] = f"{names[row]} is left out: {error}"
+            notes[row] = f"{names[row]} is left out: {_cause(error, names[row])}"
 
     work_side_by_side(range(len(given)), check, workers)
     sizes = {row: cloud.whole.cloud.diagonal for row, cloud in enumerate(clouds) if cloud is not None}
@@ -229,10 +233,20 @@ def _prepare_each(
             try:
                 ready[row] = shared.finish(cloud, lambda _: stop_with_the_others())
             except InputError as error:
-                notes[row] = f"{names[row]} is left out: {error}"
+                notes[row] = f"{names[row]} is left out: {_cause(error, names[row])}"
 
         work_side_by_side(range(len(given)), prepare, workers)
     return ready, [notes[row] for row in sorted(notes)]
+
+
+def _cause(error: Exception, name: str) -> str:
+    """Say why a scan is left out, without its names, which stand before."""
+    message = re.sub(r"^scans\[\d+\]: ", "", str(error))
+    return message.removeprefix(f"{name}: ")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _spread(
@@ -253,11 +267,11 @@ def _spread(
     if len(scene.components) > 1:
         sizes = ", ".join(str(len(part)) for part in scene.components if len(part) > 1)
         several = (
-            f"{len(scene.components) - alone} scenes of {sizes} scans"
+            f"{_count(len(scene.components) - alone, 'scene')} of {sizes} scans"
             if sizes
             else "no two scans hang together"
         )
-        found.append(several + (f", and {alone} scans that belong to none" if sizes and alone else ""))
+        found.append(several + (f", and {_count(alone, 'scan')} alone" if sizes and alone else ""))
     return replace(
         scene,
         poses=poses,
