@@ -309,8 +309,10 @@ class PoseGraph:
         node = as_count("i", i, 0)
         if node >= len(self.poses):
             raise InputError("i", node, f"give the number of a node, below {len(self.poses)}")
-        arrays = tuple(array[self.kept] for array in self._arrays()[1:])
-        return _core.pose_covariances((self.poses, *arrays), np.array([node]), run_options())[0]
+        kept = self.kept
+        parts = self.measurements[kept], self.information[kept], self.probability[kept]
+        graph = (self.poses, self.edges[kept], parts[0], parts[1], parts[2])
+        return _core.pose_covariances(graph, np.array([node]), run_options())[0]
 
     def components(self) -> list[IndexArray]:
         """Find the nodes that hang together by kept edges.
