@@ -38,6 +38,7 @@ PARTNERS, BUDGET = 6, 8
 _MORE = 2  # partners of each scan that are tried in each further round
 _JOINS, _UNIONS = 3, 3  # rounds of joining components, and of laying each scan on the others
 _TURN, _SHIFT = np.radians(3.0), 2.0  # deviations of odometry: radians, voxels
+_DENIED = 0.05  # probability of a pose on the surfaces, below which it is not kept whatever its link says
 _EXACT = 0.2  # part of the deviation of links that is left where scans were refined together
 
 
@@ -59,10 +60,24 @@ class Building:
         self._links: dict[tuple[int, int], Link] = {}
         self._chances: dict[tuple[int, int], float] = {}
         self._tried: set[tuple[int, int]] = set()
+        self._seen: set[tuple[int, int]] = set()  # links that the surfaces do not deny
         self._decision = self._decide()
 
     def _decide(self) -> Decision:
-        return decide(self._links, self._chances, self._middles, self._voxel)
+        """Decide on all links; those that are kept, but that the surfaces deny, are left out."""
+        while True:
+            decision = decide(self._links, self._chances, self._middles, self._voxel)
+            unseen = [pair for pair in decision.kept if pair not in self._seen]
+            self._seen.update(unseen)
+            told = self._call(confirm, [(pair, (self._links[pair].pose,)) for pair in unseen])
+            denied = [
+                pair
+                for pair, found in zip(unseen, told, strict=True)
+                if found is None or found.probability < _DENIED
+            ]
+            if not denied:
+                return decision
+            self._chances.update(dict.fromkeys(denied, 0.0))
 
     # --- pairs -----------------------------------------------------------------------------------------
 
@@ -110,12 +125,14 @@ class Building:
             if found is None or not found.is_accepted:
                 self._links[pair] = Link(pose[None], np.array([SURE]), spread, 0.0, 0.0)
                 self._chances[pair] = SURE
+                self._seen.add(pair)
 
     def grown(self, scan: PreparedScan, call: CallEach) -> Building:
         """Return a new one with one more scan, registered with those most like it."""
         clock = StageClock(ignore_progress)
         grown = Building([*self.scans, scan], call, self._axis, self._effort, clock)
-        grown._links, grown._chances, grown._tried = dict(self._links), dict(self._chances), set(self._tried)
+        grown._links, grown._chances = dict(self._links), dict(self._chances)
+        grown._tried, grown._seen = set(self._tried), set(self._seen)
         row = len(self.scans)
         order = list(range(row))
         if row >= ALL_PAIRS:
@@ -181,6 +198,7 @@ class Building:
         if (target, source) in self._links:
             pair, union = (target, source), union.turned
         self._links[pair], self._chances[pair] = union, max(union.probability, SURE)
+        self._seen.add(pair)
 
     # --- refinement ------------------------------------------------------------------------------------
 
