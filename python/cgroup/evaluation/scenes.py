@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._checks.arrays import as_floats
+from cgroup._checks.arrays import as_floats, as_rows
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError
 
@@ -126,22 +127,27 @@ def score_scene(
     """
     estimated, true = as_floats("poses", poses), as_floats("truth", truth)
     try:
-        count = len(labels)
+        count = len(true)
+        places = [str(label) for label in itertools.islice(labels, count + 1)]
     except Exception as error:  # whatever the object's own conversion raises
         raise refusal("labels", labels, "give a list of str") from error
+    if len(places) != count:
+        raise InputError("labels", f"{len(places)}", f"give one for each of the {count} true poses")
     for name, array in (("poses", estimated), ("truth", true)):
         if array.shape != (count, 4, 4):
             raise InputError(name, f"shape {array.shape}", f"give ({count},4,4): one pose for each label")
     try:
-        rows = np.array([row for component in components for row in component], dtype=np.int64)
+        listed = list(itertools.islice(components, count + 1))
     except Exception as error:  # whatever the object's own conversion raises
         raise refusal("components", components, "give lists of rows") from error
+    parts = [as_rows(f"components[{number}]", part) for number, part in enumerate(listed)]
+    rows = np.concatenate([np.empty(0, np.int64), *parts])
     if len(rows) and (rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) < len(rows)):
         raise InputError("components", f"rows {rows.tolist()}", f"give each of the {count} rows once at most")
     part = np.full(count, -1)
-    for number, component in enumerate(components):
-        part[np.asarray(component, dtype=np.int64)] = number
-    _, place = np.unique(np.asarray(labels, dtype=str), return_inverse=True)
+    for number, members in enumerate(parts):
+        part[members] = number
+    _, place = np.unique(places, return_inverse=True)
     first, second = np.triu_indices(count, 1)
     together = place[first] == place[second]
     first, second = first[together], second[together]
