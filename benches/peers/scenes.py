@@ -2,8 +2,8 @@
 
 python -m peers.scenes SET... [--mirrored] [--solvers cgroup open3d kiss-matcher] [--seed 0]
 
-A set is "stone:SEED" or a folder below $CGROUP_DATA, such as "scenes/eth_facade_7"; all that are named go into
-one bag, shuffled, each scan in a random frame.
+A set is "stone:SEED" or a folder below $CGROUP_DATA, such as "scenes/eth_facade_7"; all that are named go
+into one bag, shuffled, each scan in a random frame.
 """
 
 from __future__ import annotations

@@ -330,13 +330,14 @@ def register_many(
     given = as_items("scans", scans, "give two clouds or more")
     if not given:
         raise InputError("scans", "none", "give two or more")
-    wanted = as_pairs(pairs, len(given))
+    checked = None if pairs is None else as_pairs(pairs, len(given))
     places = as_viewpoints(viewpoints, as_viewpoint(viewpoint, view_direction), len(given))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     begin, proposer = as_stage_function(progress), check_method(method, options, register_many)
     rows = range(len(given))
     clouds = [as_given(f"scans[{row}]", given[row], places[row], or_stored=True) for row in rows]
     shared = agree(clouds, voxel, front, threads)._replace(threads=1)
+    wanted = [(source, target) for source in rows for target in range(source)] if checked is None else checked
 
     def make_ready(row: int, stop_with_the_others: Callable[[], None]) -> PreparedScan:
         if not clouds[row].is_ready:
@@ -393,10 +394,8 @@ def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
     return None, None if front == "dense" else PaperFront()
 
 
-def as_pairs(pairs: Iterable[tuple[int, int]] | None, scans: int) -> list[tuple[int, int]]:
+def as_pairs(pairs: Iterable[tuple[int, int]], scans: int) -> list[tuple[int, int]]:
     """Check pairs of rows."""
-    if pairs is None:
-        return [(source, target) for source in range(scans) for target in range(source)]
     checked: list[tuple[int, int]] = []
     remedy = "give two rows of scans, source and target"
     for number, pair in enumerate(as_items("pairs", pairs, f"for each pair {remedy}")):
