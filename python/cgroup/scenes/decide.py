@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cgroup.scenes.links import Link
     from cgroup.types import BoolArray, FloatArray, IndexArray
 
-FIRM = 0.85
+FIRM = 0.9
 """Probability that the links between two parts need together, for the parts to hang together."""
 
 _LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted whatever the others say
