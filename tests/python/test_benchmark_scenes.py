@@ -1,5 +1,7 @@
 """Scores of scenes, and the comparison of ways to make them."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -71,6 +73,16 @@ def test_shares_without_errors_are_unknown():
 def test_rows_that_cannot_be_are_refused(truth, components):
     with pytest.raises(InputError, match="components"):
         score_scene(truth, components, truth, LABELS)
+
+
+def test_components_are_read_once(truth):
+    score = score_scene(truth, (part for part in ([0, 2, 4], [1, 3])), truth, LABELS)
+    assert (score.right, score.mixed, score.found, score.placed) == (2, 0, 2, 5)
+
+
+def test_components_without_end_are_refused(truth):
+    with pytest.raises(InputError, match="components: got more than 6"):
+        score_scene(truth, itertools.repeat([]), truth, LABELS)
 
 
 def test_shapes_that_do_not_fit_are_refused(truth):

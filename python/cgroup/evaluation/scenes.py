@@ -140,6 +140,8 @@ def score_scene(
         listed = list(itertools.islice(components, count + 1))
     except Exception as error:  # whatever the object's own conversion raises
         raise refusal("components", components, "give lists of rows") from error
+    if len(listed) > count:
+        raise InputError("components", f"more than {count}", f"give each of the {count} rows once at most")
     parts = [as_rows(f"components[{number}]", part) for number, part in enumerate(listed)]
     rows = np.concatenate([np.empty(0, np.int64), *parts])
     if len(rows) and (rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) < len(rows)):
@@ -155,7 +157,7 @@ def score_scene(
     joined = (part[first] == part[second]) & (part[first] >= 0)
     rotation[joined], translation[joined] = _compare(estimated, true, first[joined], second[joined])
     members = {frozenset(np.flatnonzero(place == each).tolist()) for each in np.unique(place)}
-    several = [frozenset(component) for component in components if len(component) > 1]
+    several = [frozenset(component.tolist()) for component in parts if len(component) > 1]
     return SceneScore(
         rotation,
         translation,
