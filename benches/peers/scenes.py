@@ -2,13 +2,14 @@
 
 python -m peers.scenes SET... [--mirrored] [--solvers cgroup open3d kiss-matcher] [--seed 0]
 
-A set is "stone:SEED" or a folder below $CGROUP_DATA, such as "scenes/eth_facade_7"; all that are named go
-into one bag, shuffled, each scan in a random frame.
+A set is "stone:SEED" (generated, in mm) or a folder below $CGROUP_DATA (in m), such as "scenes/eth_facade_7";
+all that are named go into one bag, shuffled, each scan in a random frame.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -17,26 +18,31 @@ import numpy as np
 
 from cgroup import features
 from cgroup._runtime.progress import StageClock
-from cgroup.benchmark.pipelines import scenes
-from cgroup.datasets.scan_sets import load_scan_set
 from cgroup.evaluation import ecdf, score_scene
 from cgroup.evaluation.scenes import ROTATION_LIMITS, TRANSLATION_LIMITS
+from peers import scene_solvers
+from peers.scan_sets import load_scan_set
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
-SOLVERS = {"cgroup": scenes.own, "open3d": scenes.open3d_multiway, "kiss-matcher": scenes.kiss_matcher_gnc}
+SOLVERS = {
+    "cgroup": scene_solvers.own,
+    "open3d": scene_solvers.open3d_multiway,
+    "kiss-matcher": scene_solvers.kiss_matcher_gnc,
+}
+_NEEDED = {"open3d": ("open3d",), "kiss-matcher": ("kiss_matcher", "gtsam")}
 _VOXELS = 4500  # that a scan is thinned to, about
 
 
-def measure(names: Sequence[str], solvers: Sequence[str], seed: int, *, mirrored: bool) -> list[str]:
-    """Run solvers on a bag; return a row of a table for each."""
+def measure(names: Sequence[str], solvers: Sequence[str], seed: int, *, mirrored: bool) -> Iterator[str]:
+    """Run solvers on a bag; give a row of a table for each as soon as it is done."""
     bag = load_scan_set(names, None, seed, mirrored=mirrored)
     voxel = features.choose_voxel(*(features.Cloud(points) for points in bag.scans), voxels=_VOXELS)
-    rows: list[str] = []
+    described = " + ".join(names) + (", mirrored too" if mirrored else "")
     for name in solvers:
         begun = time.perf_counter()
-        answer = SOLVERS[name](scenes.Scans(bag.scans, voxel, threads=2, seed=seed), StageClock())
+        answer = SOLVERS[name](scene_solvers.Scans(bag.scans, voxel, threads=2, seed=seed), StageClock())
         seconds = time.perf_counter() - begun
         score = score_scene(answer.poses, answer.components, bag.truth, bag.labels)
         turned, moved = score.rotation, score.translation
@@ -50,6 +56,7 @@ def measure(names: Sequence[str], solvers: Sequence[str], seed: int, *, mirrored
             for errors, limits in ((turned, ROTATION_LIMITS), (moved, TRANSLATION_LIMITS))
         ]
         cells = [
+            described,
             name,
             f"{score.right} of {score.wanted}, {score.mixed} mixed",
             f"{score.placed} of {len(bag.scans)}",
@@ -58,8 +65,13 @@ def measure(names: Sequence[str], solvers: Sequence[str], seed: int, *, mirrored
             f"{answer.tried}",
             f"{seconds:.1f}",
         ]
-        rows.append(f"| {' | '.join(cells)} |")
-    return rows
+        yield f"| {' | '.join(cells)} |"
+
+
+def load_libraries(solvers: Sequence[str]) -> None:
+    """Import what solvers need, before the clock starts."""
+    for module in ("cgroup.scenes", *(module for name in solvers for module in _NEEDED.get(name, ()))):
+        importlib.import_module(module)
 
 
 def main() -> None:
@@ -70,12 +82,18 @@ def main() -> None:
     parser.add_argument("--mirrored", action="store_true", help="each place once more, mirrored")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    head = ["", "components right", "placed", "degrees, median / largest", "shift, median / largest"]
+    try:
+        load_libraries(given.solvers)
+    except ModuleNotFoundError as error:
+        parser.error(f"{error.name} isn't installed; pip install 'cgroup[peers]', or leave its solver out")
+    head = ["set", "solver", "components right", "placed", "degrees, median / largest of those joined"]
+    head += ["shift, median / largest of those joined"]
     head += [f"% within {', '.join(f'{limit:g}' for limit in ROTATION_LIMITS)} degrees"]
     head += [f"% within {', '.join(f'{limit:g}' for limit in TRANSLATION_LIMITS)}", "pairs tried", "s"]
-    rows = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-    rows += measure(given.sets, given.solvers, given.seed, mirrored=given.mirrored)
-    sys.stdout.write("\n".join(rows) + "\n")
+    sys.stdout.write(f"| {' | '.join(head)} |\n|{'---|' * len(head)}\n")
+    for row in measure(given.sets, given.solvers, given.seed, mirrored=given.mirrored):
+        sys.stdout.write(f"{row}\n")
+        sys.stdout.flush()
 
 
 if __name__ == "__main__":
