@@ -15,7 +15,13 @@ from cgroup.io import write_cloud
 from cgroup.registration import prepare
 from cgroup.rigid import invert
 from cgroup.scenes import register_all
-from cgroup.scenes.agreement import find_triangles, squared_errors, weigh_by_triangles
+from cgroup.scenes.agreement import (
+    DISAGREES,
+    find_triangles,
+    rotation_vectors,
+    squared_errors,
+    weigh_by_triangles,
+)
 from cgroup.scenes.decide import decide, drop_contradicted, hang_firmly
 from cgroup.scenes.links import Link
 from cgroup.scenes.partners import _fisher_vector, choose_partners, describe_scans
@@ -48,6 +54,16 @@ def test_errors_are_weighed_as_the_equations_say(seed):
     told = squared_errors(np.array(found), np.array(expected), np.array(covariance), middles, voxel)
     cases = zip(found, expected, covariance, middles, strict=True)
     assert told == pytest.approx([reference.squared_error(*case, voxel) for case in cases], rel=1e-6)
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.6, 0, 0.8)])
+def test_half_a_turn_is_an_error(axis):
+    turned = np.eye(4)
+    turned[:3, :3] = 2 * np.outer(axis, axis) - np.eye(3)
+    (vector,) = rotation_vectors(turned[None, :3, :3])
+    assert np.abs(vector) == pytest.approx(np.pi * np.array(axis))
+    ends = turned[None], np.eye(4)[None], np.zeros((1, 6, 6)), np.zeros((1, 3))
+    assert squared_errors(*ends, 1.0)[0] > DISAGREES
 
 
 @settings(deadline=None)

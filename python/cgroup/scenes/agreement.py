@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.rigid import invert
+from cgroup.rigid import axis_of, invert
 
 if TYPE_CHECKING:
     from cgroup.types import FloatArray, IndexArray
@@ -21,6 +21,7 @@ TURN, SHIFT = np.radians(1.0), 0.5
 _BY_CHANCE = 0.02  # share of the triangles of wrong poses that close
 _SUREST, _LEAST = 0.99, 0.01
 _ROUNDS = 10
+_FADED = 1e-9  # sine below which it is rounding
 
 
 def skew(vectors: FloatArray) -> FloatArray:
@@ -42,11 +43,11 @@ def rotation_vectors(rotations: FloatArray) -> FloatArray:
     """Vector of each rotation, (n,3)."""
     sines = (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]] / 2
     sine, cosine = np.linalg.norm(sines, axis=1), (np.trace(rotations, axis1=1, axis2=2) - 1) / 2
-    angles = np.arctan2(sine, cosine)
-    return (
-        sines
-        * np.where(sine > 1e-9, angles / np.maximum(sine, 1e-300), np.where(cosine < 0, 1e9, 1.0))[:, None]
-    )
+    vectors = sines * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-300))[:, None]
+    vectors[sine < _FADED] = sines[sine < _FADED]
+    for row in np.flatnonzero((sine < _FADED) & (cosine < 0)):  # half a turn, which sines don't tell
+        vectors[row] = np.pi * axis_of(rotations[row])
+    return vectors
 
 
 def squared_errors(
