@@ -15,7 +15,7 @@ from cgroup.rigid import invert
 from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, squared_errors, weigh_by_triangles
 from cgroup.scenes.decide import Decision, anchor, decide, errors_of, find_agreeing, graph_of
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
-from cgroup.scenes.links import Link, confirm, link
+from cgroup.scenes.links import Link, link, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
 from cgroup.scenes.refine import find_overlapping, lay_on_each_other, lay_on_unions
 from cgroup.scenes.scene import Edge, Scene
@@ -69,7 +69,7 @@ class Building:
             decision = decide(self._links, self._chances, self._middles, self._voxel)
             unseen = [pair for pair in decision.kept if pair not in self._seen]
             self._seen.update(unseen)
-            told = self._call(confirm, [(pair, (self._links[pair].pose,)) for pair in unseen])
+            told = self._call(weigh_pose, [(pair, (self._links[pair].pose,)) for pair in unseen])
             denied = [
                 pair
                 for pair, found in zip(unseen, told, strict=True)
@@ -167,7 +167,7 @@ class Building:
     def _is_confirmed(self, join: Join, union: Link) -> bool:
         """Whether the pairs across a join speak for it."""
         tasks = cross_tasks(join, self._decision, union.pose)
-        told = self._call(confirm, tasks)
+        told = self._call(weigh_pose, tasks)
         agreeing = [self._agreeing(pair, *expected) for pair, expected in tasks]
         across = [
             max(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from cgroup.registration import PreparedScan
     from cgroup.registration.search import Effort
     from cgroup.types import FloatArray
+    from cgroup.verification import Alignment
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class Link:
     chances : (k,) array of float64
         Probability that each is right.
     covariance : (6,6) array of float64
-        Of the best one, as for `Registration.covariance`.
+        Of the best one, as for `Registration.covariance`; NaN where it was not asked for.
     fitness, target_fitness : float
         Shares of the surfaces that lie on each other under the best one.
     """
@@ -85,8 +86,7 @@ def link(
     proposed: FloatArray | None = None,
 ) -> Link | None:
     """Register two scans; None where no pose can even be guessed."""
-    if source.by_frames or target.by_frames:
-        source, target = source.turned_by_frames, target.turned_by_frames
+    source, target = _oriented_alike(source, target)
     search = Search("lc", {}, axis, effort, 1, StageClock(ignore_progress), proposed=proposed)
     found = search.run(source, target)
     if found is None:
@@ -100,17 +100,38 @@ def link(
 
 def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
     """Refine a pose that others predict, and weigh it by itself; None where nothing is paired."""
-    if source.by_frames or target.by_frames:
-        source, target = source.turned_by_frames, target.turned_by_frames
-    surfaces = fine_surfaces(source, target)
-    refined = align(*surfaces, pose, threads=1)
-    if len(refined.residuals) == 0:
+    source, target = _oriented_alike(source, target)
+    refined = _refine(source, target, pose)
+    if refined is None:
         return None
+    return replace(_weigh(source, target, refined), covariance=covariance_of(refined, source, target))
+
+
+def weigh_pose(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
+    """Do the same without the covariance, which takes longest."""
+    source, target = _oriented_alike(source, target)
+    refined = _refine(source, target, pose)
+    return None if refined is None else _weigh(source, target, refined)
+
+
+def _oriented_alike(source: PreparedScan, target: PreparedScan) -> tuple[PreparedScan, PreparedScan]:
+    """Return both with normals to the same side."""
+    if source.by_frames or target.by_frames:
+        return source.turned_by_frames, target.turned_by_frames
+    return source, target
+
+
+def _refine(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Alignment | None:
+    refined = align(*fine_surfaces(source, target), pose, threads=1)
+    return refined if len(refined.residuals) else None
+
+
+def _weigh(source: PreparedScan, target: PreparedScan, refined: Alignment) -> Link:
     placed = refined.T_target_source
     verified = verify(source.surface, target.surface, placed, threads=1)
     case = Case(float(verified.scores[0]), 0, misfit(refined, source.voxel), gather(source, target, placed))
     motions = count_open_motions(refined.information, apply(placed, source.voxels.points))
     chance = bound_by_motions(float(1.0 / (1.0 + np.exp(-lead_over_chance(case)))), motions)
     back = verify(target.surface, source.surface, invert(placed), threads=1)
-    covariance = covariance_of(refined, source, target)
-    return Link(placed[None], np.array([chance]), covariance, verified.fitness, back.fitness)
+    unknown = np.full((6, 6), np.nan)
+    return Link(placed[None], np.array([chance]), unknown, verified.fitness, back.fitness)
