@@ -267,6 +267,7 @@ def test_the_same_scan_twice_and_scans_that_share_nothing(bag):
         ([np.zeros((50, 3))], {}, "scans: got 1; give two or more"),
         ([np.zeros((3, 3)), np.zeros((3, 3))], {}, "0 that can be worked with"),
         (None, {"odometry": np.eye(4)}, "odometry"),
+        (None, {"odometry": "drive.tum"}, "odometry"),
         (None, {"pairs": [(0, 9)]}, "there are 6 scans"),
         (None, {"effort": "great"}, "effort"),
         (None, {"viewpoints": [None]}, "viewpoints"),

@@ -13,7 +13,7 @@ from cgroup.registration.judge import ACCEPTED, SURE
 from cgroup.registration.motions import adjoint
 from cgroup.rigid import invert
 from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, squared_errors, weigh_by_triangles
-from cgroup.scenes.decide import Decision, anchor, decide, errors_of, find_agreeing, graph_of
+from cgroup.scenes.decide import Decision, anchor, decide, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.links import Link, link, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
@@ -206,7 +206,7 @@ class Building:
         """Join components, refine all scans together, and say what the scene consists of."""
         self._join()
         self._clock.start("refinement")
-        agreeing = find_agreeing(self._links, self._decision, self._middles, self._voxel)
+        agreeing = {pair for pair, error in self._residuals().items() if error < DISAGREES}
         kept = {pair: self._decision.kept.get(pair, 0.0) for pair in {*agreeing, *self._decision.kept}}
         pairs = find_overlapping(self.scans, self._decision, kept)
         laid = lay_on_each_other(self._call, pairs, self._decision, self._middles, self._voxel)
@@ -233,6 +233,9 @@ class Building:
             seconds=self._clock.stop(),
         )
 
+    def _residuals(self) -> dict[tuple[int, int], float]:
+        return weigh_residuals(self._links, self._decision, self._middles, self._voxel)
+
     def _move(self, graph: PoseGraph) -> None:
         """Move the scans to where a graph puts them."""
         poses = anchor(graph.optimize(start="given").poses, self._decision.labels)
@@ -253,14 +256,13 @@ class Building:
     def _edges(self, kept: dict[tuple[int, int], float]) -> list[Edge]:
         """Return what was accepted, and what the others bring back."""
         edges: list[Edge] = []
-        labels = self._decision.labels
+        residuals = self._residuals()
         for pair, found in sorted(self._links.items()):
             if pair not in kept and not found.is_accepted:
                 continue
             residual, reason = np.nan, "doubtful poses alone don't join components"
-            if labels[pair[0]] == labels[pair[1]]:
-                error = errors_of([pair], self._links, self._decision, self._middles, self._voxel)[0]
-                residual, reason = float(error**0.5), "the other scans contradict it"
+            if pair in residuals:
+                residual, reason = residuals[pair] ** 0.5, "the other scans contradict it"
             edges.append(
                 Edge(
                     *pair,

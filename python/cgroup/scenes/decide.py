@@ -9,12 +9,13 @@ import numpy as np
 
 from cgroup.registration.covariance import covariance_in
 from cgroup.registration.judge import ACCEPTED
+from cgroup.registration.motions import about
 from cgroup.rigid import invert
-from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, squared_errors, weigh_by_triangles
+from cgroup.scenes.agreement import SHIFT, TURN, squared_errors, weigh_by_triangles
 from cgroup.scenes.pose_graph import PoseGraph
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from cgroup.scenes.links import Link
     from cgroup.types import BoolArray, FloatArray, IndexArray
@@ -38,14 +39,11 @@ class Decision:
         Component of each scan, the least row in it.
     kept : dict of (int, int) to float
         Links that are held to be right, by (source, target), and the probability of each.
-    doubtful : list of (int, int)
-        Links that alone would join two components, and are not sure enough for that.
     """
 
     poses: FloatArray
     labels: IndexArray
     kept: dict[tuple[int, int], float]
-    doubtful: list[tuple[int, int]]
 
     @property
     def components(self) -> list[list[int]]:
@@ -84,14 +82,13 @@ def decide(
     kept = graph.kept & likely
     kept = drop_contradicted(pairs, kept, prior, posterior, count)
     kept[kept] = hang_firmly(pairs[kept], prior[kept], count)
-    dropped = np.flatnonzero(likely & graph.kept & ~kept)
     poses, labels = follow_best(pairs[kept], measured[kept], posterior[kept], count)
     graph = graph_of(
         poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, (TURN, SHIFT * voxel)
     )
     poses = anchor(graph.optimize(start="given").poses, labels)
     told = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
-    return Decision(poses, labels, told, [rows[row] for row in dropped.tolist()])
+    return Decision(poses, labels, told)
 
 
 def graph_of(
@@ -107,9 +104,7 @@ def graph_of(
     information = np.empty((len(pairs), 6, 6))
     for row, (source, _) in enumerate(pairs.tolist()):
         own = covariance_in("gtsam", spread[row], measured[row])
-        change = np.eye(6)  # from motions about the middle of the source
-        x, y, z = middles[source]
-        change[3:, :3] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        change = about(-middles[source])  # from motions about the middle of the source
         floor = change @ np.diag([least[0] ** 2] * 3 + [least[1] ** 2] * 3) @ change.T
         inverse = np.linalg.inv(own + floor)
         information[row] = (inverse + inverse.T) / 2
@@ -180,26 +175,15 @@ def _nats(chances: FloatArray) -> FloatArray:
     return np.log(bounded / (1 - bounded))
 
 
-def find_agreeing(
+def weigh_residuals(
     links: Mapping[tuple[int, int], Link], decision: Decision, middles: FloatArray, voxel: float
 ) -> dict[tuple[int, int], float]:
-    """Return the links within components whose pose agrees with the scene, and their squared errors."""
+    """Weigh how far the links within components are from the poses of the scene, squared."""
     rows = [pair for pair in sorted(links) if decision.labels[pair[0]] == decision.labels[pair[1]]]
     if not rows:
         return {}
-    errors = errors_of(rows, links, decision, middles, voxel)
-    return {pair: error for pair, error in zip(rows, errors.tolist(), strict=True) if error < DISAGREES}
-
-
-def errors_of(
-    rows: Sequence[tuple[int, int]],
-    links: Mapping[tuple[int, int], Link],
-    decision: Decision,
-    middles: FloatArray,
-    voxel: float,
-) -> FloatArray:
-    """Weigh how far links of one component are from its poses, squared."""
     found = np.array([links[pair].pose for pair in rows])
     expected = np.array([decision.between(*pair) for pair in rows])
     spread = np.array([links[pair].covariance for pair in rows])
-    return squared_errors(found, expected, spread, middles[[pair[0] for pair in rows]], voxel)
+    errors = squared_errors(found, expected, spread, middles[[pair[0] for pair in rows]], voxel)
+    return dict(zip(rows, errors.tolist(), strict=True))

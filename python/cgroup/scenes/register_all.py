@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._checks.arrays import as_direction
+from cgroup._checks.arrays import as_direction, as_floats
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_items
 from cgroup._runtime.memory import report_refused_memory
@@ -61,9 +61,8 @@ def register_all(
 
     Scans may come in any order. Those that look alike as a whole are registered pair by pair. All poses are
     then decided on together: what the others contradict is dropped, what they confirm is kept, even where two
-    scans alone could not tell.
-    Components that pairs don't join are registered as unions. At last all scans are refined together on their
-    surfaces.
+    scans alone could not tell. Components that pairs don't join are registered as unions. At last all scans
+    are refined together on their surfaces.
 
     Parameters
     ----------
@@ -184,7 +183,7 @@ def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
 
 
 def _as_odometry(odometry: ArrayLike, count: int) -> FloatArray:
-    poses = np.asarray(odometry, dtype=np.float64)
+    poses = as_floats("odometry", odometry)
     if poses.shape != (count, 4, 4):
         raise InputError("odometry", f"shape {poses.shape}", f"give ({count},4,4), the pose of each scan")
     return np.array([check_rigid(pose, f"odometry[{row}]") for row, pose in enumerate(poses)])
