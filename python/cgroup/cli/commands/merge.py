@@ -49,7 +49,7 @@ _MOST_EDGES = 40
 _POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
 _PAGE, _PAIRS = "scene.html", "pairs.sqlite"
 _FILES = {
-    _POSES: "pose of each scan in the frame of the first",
+    _POSES: "pose of each scan in the frame of the first of its component",
     _GRAPH: "the edges that were kept",
     _MERGED: "the scans as one cloud",
     _PICTURE: "a picture",
