@@ -134,9 +134,12 @@ GROUPS: dict[str, dict[str, str]] = {
         "Statistics": "bootstrap Interval LEVEL RESAMPLES",
     },
     "cgroup.benchmark.solver": {
-        "Methods and ways to register": "Solver candidate make_pipeline IN_RESOLUTIONS",
+        "Methods and ways to register": "Solver candidate make_pipeline make_scene_solver IN_RESOLUTIONS",
     },
-    "cgroup.benchmark.pipelines": {"Ways to register": "PIPELINES Clouds Answer"},
+    "cgroup.benchmark.pipelines": {
+        "Ways to register two clouds": "PIPELINES Clouds Answer",
+        "Ways to register many scans": "SCENE_SOLVERS Scans SceneAnswer",
+    },
     "cgroup.benchmark.paper.claims": {
         "The paper's claims": "check_claims CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
         "How sure verdicts are": "bootstrap_verdicts Stability RESAMPLES",

@@ -14,7 +14,7 @@ import numpy as np
 
 from cgroup import Correspondences, Grouping, group
 from cgroup.benchmark import pipelines
-from cgroup.benchmark.pipelines import Answer
+from cgroup.benchmark.pipelines import Answer, SceneAnswer
 from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
 from cgroup.datasets.generated.shapes import stone
 from cgroup.errors import InputError
@@ -261,6 +261,16 @@ def stuck(_clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
     """Never return."""
     threading.Event().wait()
     raise AssertionError
+
+
+def placing(scans: pipelines.Scans, _clock: StageClock, *, joined: int | None = None) -> SceneAnswer:
+    """Put all scans into components of so many, of all by default, as they are."""
+    log("place")
+    hold("place")
+    rows = list(range(len(scans.points)))
+    step = joined or len(rows)
+    parts = [rows[start : start + step] for start in rows[::step]]
+    return SceneAnswer(np.tile(np.eye(4), (len(rows), 1, 1)), parts, len(rows) * (len(rows) - 1) // 2)
 
 
 NOT_A_FUNCTION = 3

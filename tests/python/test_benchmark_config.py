@@ -76,7 +76,7 @@ WRONG = [
     ('experiment = [{id = "x"}]', "experiment[0].dataset: Field required"),
     (f'seed = "much"\n{BARE}', "seed: Input should be a valid integer"),
     (f"seed = {2**64}\n{BARE}", f"seed: Input should be less than or equal to {2**64 - 1}"),
-    ("", "experiment, registration, trials: none is there"),
+    ("", "experiment, registration, scenes, trials: none is there"),
     ("experiment = [", "not TOML"),
 ]
 
@@ -148,14 +148,13 @@ def test_other_methods_can_take_the_place_of_the_configurations() -> None:
 
 
 def test_presets_can_be_read() -> None:
-    assert {"smoke", "paper-small", "paper", "registration", "matches", "3dmatch", "kitti"} <= set(
-        preset_names()
-    )
+    named = {"smoke", "paper-small", "paper", "registration", "scenes", "matches", "3dmatch", "kitti"}
+    assert named <= set(preset_names())
     ids = ["noise", "density", "clutter", "occlusion", "overlap", "epsilon", "matches", "combinations"]
     for name in preset_names():
         preset = read_config(name)
         assert preset.name == name
-        if preset.registration is not None or preset.trials is not None:
+        if not preset.experiment:
             continue
         assert set(ids) <= {entry.id for entry in preset.experiment}
         assert preset.timing is not None

@@ -250,7 +250,7 @@ def test_another_layout_is_refused(tmp_path: Path) -> None:
 def test_kinds_of_results_are_checked(clouds: Path) -> None:
     with pytest.raises(InputError, match="kind: got 'trials'; choose one of experiment"):
         tables.load(clouds, "trials")  # pyright: ignore[reportArgumentType]
-    for kind in ("registration", "matches", "timing"):
+    for kind in ("registration", "scenes", "matches", "timing"):
         frame = tables.load(clouds, kind)
         assert frame.empty
         assert {"dataset", "pair", "seconds"} <= set(frame.columns)

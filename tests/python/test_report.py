@@ -104,6 +104,7 @@ def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> rep
         "config": {"name": "made-up", "seed": 3, "experiment": ["noise"], "registration": None},
         "missing": {},
         "registrations": pd.DataFrame(),
+        "scenes": pd.DataFrame(),
         "trials": pd.DataFrame(),
     }
     return report.ReportData(**(fields | changes))
@@ -345,7 +346,7 @@ def test_numbers_that_are_missing_sort_last() -> None:
 
 
 def test_no_failures() -> None:
-    assert failure_table(paper_frame("noise"), pd.DataFrame(), pd.DataFrame()).rows == []
+    assert failure_table(paper_frame("noise"), *[pd.DataFrame()] * 3).rows == []
 
 
 def test_one_evidence_serves_claims_and_figures() -> None:

@@ -2,12 +2,12 @@
 
 import itertools
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 from shared_data import data_folder
 
+from cgroup.datasets.scan_sets import load_scan_set
 from cgroup.io import read_cloud
 from cgroup.rigid import apply, invert, rotation_error
 from cgroup.scenes import register_all
@@ -52,13 +52,9 @@ def test_stations_and_drives_become_one_scene(name, viewpoint, alone, degrees, m
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_bag_of_views_and_their_mirror_images_becomes_its_objects(seed, monkeypatch):
+def test_a_bag_of_views_and_their_mirror_images_becomes_its_objects(seed):
     root = data_folder("stanford_views")
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benches")
-    scan_sets = pytest.importorskip("peers.scan_sets", reason="the benches are not part of this copy")
-    bag = scan_sets.load_scan_set(
-        ["stanford_views/bunny", "stanford_views/happy_stand"], root, seed, mirrored=True
-    )
+    bag = load_scan_set(["stanford_views/bunny", "stanford_views/happy_stand"], root, seed, mirrored=True)
     scene = register_all(bag.scans)
     labels = np.array(bag.labels)
     assert [len(part) for part in scene.components] == [15, 15, 10, 10]

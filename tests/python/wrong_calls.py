@@ -115,8 +115,14 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
             pipelines.Clouds(PROBLEM.source, PROBLEM.target, None, None, voxel=-1)
         ),
     ],
+    "cgroup.benchmark.solver.Solver.register_scans": [
+        lambda _: solver.make_scene_solver("", "register-all", {}).register_scans(
+            pipelines.Scans([PROBLEM.source, PROBLEM.target], voxel=-1)
+        ),
+    ],
     "cgroup.benchmark.solver.candidate": [given("", "nonsense", {})],
     "cgroup.benchmark.solver.make_pipeline": [given("", "nonsense", {})],
+    "cgroup.benchmark.solver.make_scene_solver": [given("", "nonsense", {})],
     **{
         f"cgroup.benchmark.config.{name}": [given(nonsense=1)]
         for name in ("Config", *(name for name in config.__all__ if name.endswith("Entry")))

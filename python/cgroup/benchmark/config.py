@@ -21,7 +21,7 @@ from pydantic import (
 
 from cgroup._checks.values import LARGEST_COUNT
 from cgroup.benchmark.problem import COMBINATIONS, DENSE_MATCHES, Task
-from cgroup.benchmark.solver import Solver, candidate, make_pipeline
+from cgroup.benchmark.solver import Solver, candidate, make_pipeline, make_scene_solver
 from cgroup.datasets.generated_matches import Recipe, read_recipe
 from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PROTOCOLS
@@ -128,6 +128,14 @@ class PipelineEntry(MethodEntry):
         return make_pipeline(self.label, self.name, self.options, refined=self.refined)
 
 
+class SceneSolverEntry(MethodEntry):
+    """A way to register many scans, its options, and the label that tells it from its variants."""
+
+    def solver(self) -> Solver:
+        """Make what the runner runs; the name stands in for a missing label."""
+        return make_scene_solver(self.label, self.name, self.options)
+
+
 Methods = Annotated[tuple[MethodEntry, ...], BeforeValidator(_expand_method_sets), Field(min_length=1)]
 
 
@@ -156,15 +164,20 @@ class FrontEntry(Table):
 
 
 class SetEntry(Table):
-    """A set of problems; the tables of the three tasks add to it."""
+    """A set of problems; the tables of the tasks add to it."""
 
     task: ClassVar[Task]
     id: str
     dataset: Several[str]
+
+
+class PairsEntry(SetEntry):
+    """A set of problems, each a pair of a data set."""
+
     pairs: AtLeastOne | tuple[str, ...] | None = None
 
 
-class ExperimentEntry(SetEntry):
+class ExperimentEntry(PairsEntry):
     """Pairs of data sets at every level and combination, for grouping methods; entries may share an id."""
 
     task: ClassVar[Task] = "experiment"
@@ -191,7 +204,7 @@ class ExperimentEntry(SetEntry):
         return self
 
 
-class UnrelatedSetEntry(SetEntry):
+class UnrelatedSetEntry(PairsEntry):
     """Pairs, and as many mirrored and mixed ones, whose poses are judged by two limits."""
 
     loose: RotationLimit
@@ -207,6 +220,14 @@ class PairSetEntry(UnrelatedSetEntry):
     task: ClassVar[Task] = "registration"
     split_overlap: Annotated[float, Field(gt=0, lt=1)] | None = None
     without: tuple[str, ...] = ()
+
+
+class SceneSetEntry(SetEntry):
+    """Scans of all these places in one bag, drawn anew for each seed."""
+
+    task: ClassVar[Task] = "scenes"
+    mirrored: bool = False
+    seeds: Annotated[tuple[Seed, ...], BeforeValidator(as_list)] = ()
 
 
 class GridEntry(Table):
@@ -290,6 +311,22 @@ class RegistrationEntry(Table):
         return self
 
 
+class ScenesEntry(Table):
+    """Ways to register many scans, each run alone on every bag."""
+
+    threads: AtLeastOne = 2
+    limit: Positive = 600.0
+    solvers: Several[SceneSolverEntry]
+    sets: Several[SceneSetEntry]
+
+    @model_validator(mode="after")
+    def _fits(self) -> ScenesEntry:
+        _refuse_twins("sets", [each.id for each in self.sets], "each an id")
+        labels = [entry.solver().label for entry in self.solvers]
+        _refuse_twins("solvers", labels, "each variant a label")
+        return self
+
+
 class TrialsEntry(Table):
     """Grouping methods, each run alone on every set of matches."""
 
@@ -324,6 +361,8 @@ class Config(Table):
         Runs after the experiments, alone.
     registration : RegistrationEntry, optional
         Ways to register, compared; runs alone.
+    scenes : ScenesEntry, optional
+        Ways to register many scans, compared; runs alone.
     trials : TrialsEntry, optional
         Grouping methods on matches of any kind, compared; runs last, alone.
 
@@ -349,6 +388,7 @@ class Config(Table):
     experiment: tuple[ExperimentEntry, ...] = ()
     timing: TimingEntry | None = None
     registration: RegistrationEntry | None = None
+    scenes: ScenesEntry | None = None
     trials: TrialsEntry | None = None
 
     @property
@@ -361,14 +401,15 @@ class Config(Table):
         >>> {entry.task for entry in read_config("smoke").sets}
         {'experiment'}
         """
-        registration = self.registration.sets if self.registration else ()
-        return (*self.experiment, *registration, *(self.trials.sets if self.trials else ()))
+        alone = (self.registration, self.scenes, self.trials)
+        return (*self.experiment, *(each for table in alone if table for each in table.sets))
 
     @model_validator(mode="after")
     def _fits(self) -> Config:
         if not self.sets:
-            names = "experiment, registration, trials"
-            raise InputError(names, remedy="none is there; give [[experiment]], [registration] or [trials]")
+            names = "experiment, registration, scenes, trials"
+            tables = "[[experiment]], [registration], [scenes] or [trials]"
+            raise InputError(names, remedy=f"none is there; give {tables}")
         fronts: dict[tuple[str, str, str], FrontEntry] = {}
         for entry in self.experiment:
             for at in itertools.product([entry.id], entry.dataset, entry.combinations):

@@ -7,10 +7,11 @@ import json
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from cgroup.benchmark.config import ExperimentEntry, TrialSetEntry, UnrelatedSetEntry
-from cgroup.benchmark.problem import READY_MADE, Problem, keyed_rng
+from cgroup.benchmark.config import ExperimentEntry, PairsEntry, TrialSetEntry, UnrelatedSetEntry
+from cgroup.benchmark.problem import AND, READY_MADE, Problem, keyed_rng
 from cgroup.datasets import mixed_names, open_dataset
 from cgroup.datasets.generated_matches import GeneratedMatches
+from cgroup.datasets.scan_sets import find_scan_set
 from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PROTOCOLS
 from cgroup.registry import PRESETS
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from cgroup.benchmark.config import Config, SetEntry, TimingEntry
+    from cgroup.benchmark.config import Config, MethodEntry, SceneSetEntry, SetEntry, TimingEntry
     from cgroup.benchmark.problem import Kind, Task
     from cgroup.benchmark.solver import Solver
     from cgroup.datasets import Dataset
@@ -86,7 +87,7 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     opened = _OpenDatasets(root)
     planned = list(_plan_sets(config, opened))
     missing = dict(opened.missing)
-    if not opened.found:
+    if not opened.found and not any(each.problems for each in planned):
         name, why = next(iter(missing.items()))
         remedy = f"none of the data sets is at hand; {name}: {why}"
         raise InputError("data", remedy=remedy)
@@ -122,7 +123,16 @@ class _OpenDatasets:
         """Whether pairs of a data set are correspondences without clouds."""
         return self.found[name].role == "correspondences"
 
-    def draw_pairs(self, entry: SetEntry, name: str, seed: int) -> list[str]:
+    def find_scans(self, names: Sequence[str]) -> bool:
+        """Return whether the scans of all places are at hand."""
+        for name in names:
+            try:
+                find_scan_set(name, self._root)
+            except InputError as error:  # noqa: PERF203 - a few at most
+                self.missing[name] = str(error)
+        return not self.missing.keys() & set(names)
+
+    def draw_pairs(self, entry: PairsEntry, name: str, seed: int) -> list[str]:
         """Choose pairs of a data set, in its order unless they are named; without those that lack files.
 
         A smaller draw is part of every larger one, so that problems are shared.
@@ -143,7 +153,12 @@ class _OpenDatasets:
 def _plan_sets(config: Config, opened: _OpenDatasets) -> Iterator[PlannedSet]:
     """Plan all sets but the timing; pipelines that aren't installed become missing."""
 
-    def plan(entry: SetEntry, solvers: Iterable[Solver], **how: Any) -> PlannedSet:  # noqa: ANN401
+    def at_hand(entries: Iterable[MethodEntry]) -> list[Solver]:
+        reasons = {each: each.why_missing() for each in (entry.solver() for entry in entries)}
+        opened.missing |= {each.label: why for each, why in reasons.items() if why}
+        return [each for each, why in reasons.items() if not why]
+
+    def plan(entry: PairsEntry, solvers: Iterable[Solver], **how: Any) -> PlannedSet:  # noqa: ANN401
         names = [name for name in entry.dataset or (GeneratedMatches.name,) if opened.open(name)]
         problems = (each for name in names for each in _list_problems(entry, name, opened, config.seed))
         return PlannedSet(entry, entry.task, tuple(dict.fromkeys(problems)), tuple(solvers), **how)
@@ -153,11 +168,16 @@ def _plan_sets(config: Config, opened: _OpenDatasets) -> Iterator[PlannedSet]:
         yield plan(entry, (each.solver() for each in methods), epsilons=entry.epsilons, limit=entry.limit)
     if (registration := config.registration) is not None:
         for entry in registration.sets:
-            wanted = (each.solver() for each in registration.pipelines)
-            reasons = {each: each.why_missing() for each in wanted if each.label not in entry.without}
-            at_hand = (each for each, why in reasons.items() if not why)
-            yield plan(entry, at_hand, threads=(registration.threads,), limit=registration.limit)
-            opened.missing |= {each.label: why for each, why in reasons.items() if why}
+            pipelines = (each for each in registration.pipelines if each.solver().label not in entry.without)
+            solvers = at_hand(pipelines)
+            yield plan(entry, solvers, threads=(registration.threads,), limit=registration.limit)
+    if (scenes := config.scenes) is not None:
+        for entry in scenes.sets:
+            bags = _list_bags(entry, config.seed) if opened.find_scans(entry.dataset) else ()
+            solvers, threads = at_hand(scenes.solvers), (scenes.threads,)
+            yield PlannedSet(
+                entry, entry.task, tuple(bags), tuple(solvers), threads=threads, limit=scenes.limit
+            )
     if (trials := config.trials) is not None:
         for entry in trials.sets:
             methods = entry.methods or trials.methods or config.methods
@@ -171,7 +191,13 @@ def _with_preset(method: Solver, preset: str) -> Solver:
     return replace(method, options=json.dumps({**options, **json.loads(method.options)}, sort_keys=True))
 
 
-def _list_problems(entry: SetEntry, name: str, opened: _OpenDatasets, seed: int) -> Iterator[Problem]:
+def _list_bags(entry: SceneSetEntry, seed: int) -> Iterator[Problem]:
+    kind = "mirrored" if entry.mirrored else "related"
+    for each in dict.fromkeys(entry.seeds or (seed,)):
+        yield Problem("scenes", AND.join(entry.dataset), f"seed {each}", kind, seed=each)
+
+
+def _list_problems(entry: PairsEntry, name: str, opened: _OpenDatasets, seed: int) -> Iterator[Problem]:
     if isinstance(entry, TrialSetEntry) and entry.grid is not None:
         for recipe in entry.grid.recipes():
             kind = "related" if recipe.inliers else "mixed"
@@ -205,7 +231,7 @@ def _list_problems(entry: SetEntry, name: str, opened: _OpenDatasets, seed: int)
         yield Problem(entry.task, name, pair, kind, other, **rest)
 
 
-def _check_role(entry: SetEntry, name: str, *, ready_made: bool) -> None:
+def _check_role(entry: PairsEntry, name: str, *, ready_made: bool) -> None:
     """Refuse a set that asks for clouds where there are matches, or the other way round."""
     asking, refusal = _ASKING_FOR_CLOUDS[entry.task]
     message = ""

@@ -1,4 +1,4 @@
-"""Problems to be solved: a pair disturbed and matched in one way, two clouds to be registered, or matches."""
+"""Problems to be solved: a pair disturbed and matched in one way, clouds to be registered, or matches."""
 
 from __future__ import annotations
 
@@ -42,10 +42,14 @@ three nearest; or with the nearest by descriptors of unit length, as for publish
 READY_MADE = ""
 """In place of a combination where pairs come as correspondences."""
 
-Task: TypeAlias = Literal["experiment", "registration", "matches", "timing"]
-"""The paper's experiments; clouds to be registered; matches to be grouped, each method alone; the timing."""
+Task: TypeAlias = Literal["experiment", "registration", "scenes", "matches", "timing"]
+"""The paper's experiments; two clouds, or many scans, to be registered; matches to be grouped, each method
+alone; the timing."""
 
 Kind: TypeAlias = Literal["related", "mirrored", "mixed"]
+
+AND = " + "
+"""Stands between the names of places whose scans are in one bag."""
 
 OVERLAP_SAMPLE = 1000
 """Source points in the overlap on which the error of an estimated pose is measured, at most."""
@@ -56,6 +60,7 @@ _PAIRS_KEPT = 2  # loaded pairs that a worker keeps: its next task is often abou
 _KEY_FIELDS: dict[Task, tuple[str, ...]] = {
     "experiment": ("dataset", "pair", "nuisance", "level", "matches", "nms_radius", "seed", "front"),
     "registration": ("dataset", "pair", "kind", "other", "voxel", "seed"),
+    "scenes": ("task", "dataset", "kind", "seed"),
     "matches": ("dataset", "pair", "kind", "other", "matches", "voxel", "epsilon", "seed"),
     "timing": ("task", "dataset", "pair", "size", "seed"),
 }
@@ -67,11 +72,12 @@ class Problem:
 
     Attributes
     ----------
-    task : {"experiment", "registration", "matches", "timing"}
+    task : {"experiment", "registration", "scenes", "matches", "timing"}
         The kind of set that asks for it.
     dataset, pair, kind, other : str
         The pair itself, mirrored, or mixed: its source with the target of another pair. Ready-made matches
-        without a right one are "mixed".
+        without a right one are "mixed". Of scenes `dataset` names all places by `AND` between them, and
+        "mirrored" has each of them once more, mirrored.
     nuisance, level : str, float or None
         Disturbance of the pair and its amount, if any.
     matches : str

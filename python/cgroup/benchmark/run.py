@@ -1,6 +1,6 @@
 """Running a configuration: whatever lacks a result is computed, so that a stopped run continues.
 
-Problems of experiments are matched and grouped by many workers, then scored. The timing, the comparison of
+Problems of experiments are matched and grouped by many workers, then scored. The timing, the comparisons of
 ways to register and that of methods on matches follow, with nothing else at work.
 """
 
@@ -56,7 +56,8 @@ class Summary:
     Attributes
     ----------
     counts : dict of str to Counts
-        Done, failed and wanted results of each stage: "correspond", "group", "score", "register", "try".
+        Done, failed and wanted results of each stage: "correspond", "group", "score", "register", "place",
+        "try".
     missing : dict of str to str
         Data sets and pipelines that are not at hand, and why.
     damaged : str
@@ -310,6 +311,9 @@ class _Runner:
         if config.registration is not None:
             self._begin("register")
             self._work_through("registration", self._register)
+        if config.scenes is not None:
+            self._begin("place")
+            self._work_through("scenes", self._place)
         if config.trials is not None:
             self._begin("try")
             with closing(Worker(ALL_CORES)) as maker:
@@ -329,18 +333,22 @@ class _Runner:
                         self._add([result])
 
     def _register(self, pending: Pending, worker: Worker) -> list[Result]:
-        """Register a pair by all pipelines that lack a result."""
-        problem, threads, pipelines = pending.problem, pending.threads, pending.solvers
-        work = solving.register_pair, problem, threads, pipelines, self._root
+        """Register by all solvers that lack a result."""
+        problem, threads, solvers = pending.problem, pending.threads, pending.solvers
+        work = solving.register, problem, threads, solvers, self._root
         try:
             return worker.call(*work, limit=pending.limit)
         except WorkerError as error:
-            if len(pipelines) == 1:
+            if len(solvers) == 1:
                 why = _describe(error, pending.limit)
-                return [Result(problem.key, pipelines[0].key, threads, error=why)]
+                return [Result(problem.key, solvers[0].key, threads, error=why)]
         # One of them did it; each alone shows which.
-        alone = (self._register(pending._replace(solvers=(each,)), worker) for each in pipelines)
-        return list(itertools.chain.from_iterable(alone))
+        return list(self._place(pending, worker))
+
+    def _place(self, pending: Pending, worker: Worker) -> Iterator[Result]:
+        """Register by each solver alone, which may take minutes: what is done before a stop is kept."""
+        for each in pending.solvers:
+            yield from self._register(pending._replace(solvers=(each,)), worker)
 
     def _try(
         self,

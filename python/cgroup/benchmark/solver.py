@@ -1,4 +1,4 @@
-"""The solvers that take part: grouping methods and ways to register, the package's own and others."""
+"""The solvers that take part: grouping methods, and ways to register two clouds or many scans."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from cgroup._checks.values import as_named, guess_word, refuse_word
 from cgroup._runtime.plugins import load_plugin
 from cgroup._runtime.progress import StageClock
-from cgroup.benchmark.pipelines import PIPELINES
+from cgroup.benchmark.pipelines import PIPELINES, SCENE_SOLVERS
 from cgroup.benchmark.pipelines.libraries import refine
 from cgroup.errors import InputError
 from cgroup.group import group
@@ -25,13 +25,14 @@ from cgroup.types import OPTIONAL_FIELDS, Correspondences, Grouping
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
 
-    from cgroup.benchmark.pipelines import Answer, Clouds
+    from cgroup.benchmark.pipelines import Answer, Clouds, Scans, SceneAnswer
 
 __all__ = [
     "IN_RESOLUTIONS",
     "Solver",
     "candidate",
     "make_pipeline",
+    "make_scene_solver",
 ]
 
 IN_RESOLUTIONS = "_pr"
@@ -39,24 +40,25 @@ IN_RESOLUTIONS = "_pr"
 
 _FIELDS = ("source", "target", *OPTIONAL_FIELDS)
 _OTHERWISE = ", or give module:function"
+_BUILT_IN = {"pipeline": PIPELINES, "scene solver": SCENE_SOLVERS}
 
 
 @dataclass(frozen=True)
 class Solver:
-    """A grouping method or a way to register, with its options and its label.
+    """A grouping method or a way to register two clouds or many scans, with its options and its label.
 
-    `candidate` and `make_pipeline` make one that is sure to exist.
+    `candidate`, `make_pipeline` and `make_scene_solver` make one that is sure to exist.
 
     Attributes
     ----------
     label : str
         Name in records.
     name : str
-        One of `METHODS`, spelt as there; one of `PIPELINES`; or ``module:function``.
+        One of `METHODS`, spelt as there; of `PIPELINES` or `SCENE_SOLVERS`; or ``module:function``.
     options : str
         JSON object with sorted keys; a method's option ending in ``_pr`` is a length in pr.
     refined : bool, optional
-        Whether small_gicp refines the pose of a way to register; None for a grouping method.
+        Whether small_gicp refines the pose of a way to register two clouds; None for another solver.
 
     Examples
     --------
@@ -206,6 +208,42 @@ class Solver:
             answer = replace(answer, T_target_source=refine(clouds, answer.T_target_source))
         return answer, clock.stop()
 
+    def register_scans(self, scans: Scans) -> tuple[SceneAnswer, dict[str, float]]:
+        """Register many scans.
+
+        Parameters
+        ----------
+        scans : Scans
+            All scans, and what is known of them.
+
+        Returns
+        -------
+        answer : SceneAnswer
+            Poses and components.
+        seconds : dict of str to float
+            Wall time of each stage, in order.
+
+        Raises
+        ------
+        InputError
+            If scans or options can't be worked with, or the function can't be imported. Errors of other
+            libraries and of functions from outside are passed on.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.pipelines import Scans
+        >>> from cgroup.benchmark.solver import make_scene_solver
+        >>> from cgroup.datasets import standin_pair
+        >>> pair = standin_pair(pixels=60)
+        >>> scans = Scans([pair.source.points, pair.target.points], voxel=6.0)
+        >>> answer, _ = make_scene_solver("", "register-all", {}).register_scans(scans)
+        >>> answer.components, answer.tried
+        ([[0, 1]], 1)
+        """
+        clock = StageClock()
+        answer = _find("scene solver", self.name)(scans, clock, **json.loads(self.options))
+        return answer, clock.stop()
+
     def why_missing(self) -> str:
         """Name the library that isn't installed.
 
@@ -220,11 +258,11 @@ class Solver:
         >>> make_pipeline("", "cgroup", {}).why_missing()
         ''
         """
-        needed = PIPELINES[self.name].needs if self.refined is not None and self.name in PIPELINES else ""
-        for module in filter(None, (needed, "small_gicp" if self.refined else "")):
+        needed = [infos[self.name].needs for infos in _BUILT_IN.values() if self.name in infos]
+        for module in " ".join([*needed, "small_gicp" if self.refined else ""]).split():
             try:
                 importlib.import_module(module)
-            except (ImportError, OSError) as error:  # noqa: PERF203 - two at most
+            except (ImportError, OSError) as error:  # noqa: PERF203 - a few at most
                 return f"{module} can't be imported ({error}); pip install {module.replace('_', '-')}"
         return ""
 
@@ -297,8 +335,46 @@ def make_pipeline(label: str, name: str, options: Mapping[str, Any], *, refined:
     'ours, quick'
     """
     as_named("options", options, "give a dict of values by the name of the option")
-    known = list(inspect.signature(_find("pipeline", name)).parameters)[2:]
-    return _make("pipeline", known, options, Solver(label or name, name, _as_json(options), refined))
+    return _make_timed("pipeline", Solver(label or name, name, _as_json(options), refined), options)
+
+
+def make_scene_solver(label: str, name: str, options: Mapping[str, Any]) -> Solver:
+    """Make a solver that registers many scans.
+
+    Parameters
+    ----------
+    label : str
+        Name in records; the solver's if empty.
+    name : str
+        One of `SCENE_SOLVERS`, or ``module:function`` for a function that takes `Scans`, a clock (call its
+        `start` with the name of each stage) and options, and returns a `SceneAnswer`.
+    options : mapping
+        Keyword arguments that JSON can hold.
+
+    Returns
+    -------
+    Solver
+        The way to register with its options and label.
+
+    Raises
+    ------
+    InputError
+        For an unknown solver or option, options that aren't by name, or a function that can't be imported.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.solver import make_scene_solver
+    >>> make_scene_solver("ours, quick", "register-all", {"effort": "low"}).label
+    'ours, quick'
+    """
+    as_named("options", options, "give a dict of values by the name of the option")
+    return _make_timed("scene solver", Solver(label or name, name, _as_json(options)), options)
+
+
+def _make_timed(kind: str, solver: Solver, options: Mapping[str, Any]) -> Solver:
+    """Return a solver if its function takes the options beside its input and a clock."""
+    known = list(inspect.signature(_find(kind, solver.name)).parameters)[2:]
+    return _make(kind, known, options, solver)
 
 
 def _make(kind: str, known: Collection[str], given: Iterable[str], solver: Solver) -> Solver:
@@ -322,7 +398,7 @@ def _method_options(name: str) -> tuple[str, ...]:
 
 
 def _find(kind: str, name: str) -> Callable[..., Any]:
-    """Find the function of a "method" or "pipeline"."""
+    """Find the function of a "method", "pipeline" or "scene solver"."""
     if ":" in name:
         function = load_plugin(kind, name)
         if not callable(function):
@@ -331,6 +407,7 @@ def _find(kind: str, name: str) -> Callable[..., Any]:
         return function
     if kind == "method":
         return find_method(name, _OTHERWISE).function
-    if name not in PIPELINES:
-        refuse_word(kind, name, PIPELINES, guess_word(name, PIPELINES), _OTHERWISE)
-    return PIPELINES[name].run
+    known = _BUILT_IN[kind]
+    if name not in known:
+        refuse_word(kind, name, known, guess_word(name, known), _OTHERWISE)
+    return known[name].run

@@ -13,13 +13,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from cgroup import features
-from cgroup.benchmark.pipelines import Clouds
-from cgroup.benchmark.problem import known_resolution, open_once
+from cgroup.benchmark.pipelines import Clouds, Scans
+from cgroup.benchmark.problem import AND, known_resolution, open_once
 from cgroup.benchmark.results import (
     Result,
     Score,
@@ -31,8 +31,9 @@ from cgroup.benchmark.results import (
     unpack,
     unpack_mask,
 )
+from cgroup.datasets.scan_sets import load_scan_set
 from cgroup.errors import NoConsensusError
-from cgroup.evaluation import match_errors, rotation_error, score_group, translation_error
+from cgroup.evaluation import match_errors, rotation_error, score_group, score_scene, translation_error
 from cgroup.evaluation.protocols import PROTOCOLS
 from cgroup.registration.matching import group_poses
 from cgroup.registration.motions import vector_of
@@ -52,6 +53,8 @@ REPEATS, REPEATED_FOR = 3, 0.1
 
 ERRORS = ("rotation_error", "translation_error", "rmse_pr")
 """Errors of a pose: in degrees, in the data's unit, and the mean displacement over the overlap in pr."""
+
+_SCAN_VOXELS = 4500  # that a scan of many is thinned to, about
 
 _STATUS, _CLEAR_REFS = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 _RESET_PEAK = "5"
@@ -161,57 +164,91 @@ def score_grouping(
 
 # --- registration ----------------------------------------------------------------------------------
 
+Outcome: TypeAlias = "tuple[FloatArray | None, dict[str, Any], dict[str, float]]"
+"""Pose or poses, if any; numbers; and seconds of each stage."""
 
-def register_pair(
-    problem: Problem, threads: int, pipelines: Sequence[Solver], root: str | None
-) -> list[Result]:
-    """Register two clouds by one pipeline after the other; `root` is the folder with the data."""
+
+def register(problem: Problem, threads: int, solvers: Sequence[Solver], root: str | None) -> list[Result]:
+    """Register two clouds or many scans by one solver after the other; `root` is the folder with the data."""
+    load = _load_scans if problem.task == "scenes" else _load_clouds
     try:
-        loaded = problem.load(root)
-        source, target = (np.asarray(points, dtype=np.float64) for points in loaded.points)
-        clouds = loaded.clouds
-        assert clouds is not None  # noqa: S101 - loading has seen to that
-        told = open_once(problem.dataset, root).single_views
-        given = Clouds(
-            source,
-            target,
-            clouds.source_viewpoint if told else None,
-            clouds.target_viewpoint if told else None,
-            problem.voxel or features.choose_voxel(source, target),
-            threads,
-            problem.seed,
-        )
-        pr = loaded.measure_pr()
-        sample = loaded.draw_sample(pr, problem.rng("sample"))
-    except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair alone
+        known, solve = load(problem, threads, root)
+    except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem alone
         message = describe_error(error)
-        return [Result(problem.key, each.key, threads, error=message) for each in pipelines]
-    known = {"voxel": given.voxel, "pr": pr, "overlap": loaded.overlap}
+        return [Result(problem.key, each.key, threads, error=message) for each in solvers]
     results: list[Result] = []
-    for each in pipelines:
+    for each in solvers:
         result = partial(Result, problem.key, each.key, threads)
         try:
-            answer, seconds = each.register(given)
-        except Exception as error:  # noqa: BLE001 - whatever it is concerns this pair and pipeline alone
+            pose, numbers, seconds = solve(each)
+        except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem and solver alone
             results.append(result(numbers=json.dumps(known), error=describe_error(error)))
             continue
-        pose = answer.T_target_source
         stages = {stage: round(value, 6) for stage, value in seconds.items()}
-        numbers: dict[str, Any] = known | _name_errors(pose, loaded.truth, sample, pr)
+        results.append(
+            result(
+                seconds=sum(stages.values()) if stages else None,
+                pose=None if pose is None else floats_as_bytes(pose),
+                numbers=json.dumps(known | numbers | {"stages": stages}),
+            )
+        )
+    return results
+
+
+def _load_clouds(
+    problem: Problem, threads: int, root: str | None
+) -> tuple[dict[str, Any], Callable[[Solver], Outcome]]:
+    """Return what is known of two clouds, and what registers them."""
+    loaded = problem.load(root)
+    source, target = (np.asarray(points, dtype=np.float64) for points in loaded.points)
+    clouds = loaded.clouds
+    assert clouds is not None  # noqa: S101 - loading has seen to that
+    told = open_once(problem.dataset, root).single_views
+    given = Clouds(
+        source,
+        target,
+        clouds.source_viewpoint if told else None,
+        clouds.target_viewpoint if told else None,
+        problem.voxel or features.choose_voxel(source, target),
+        threads,
+        problem.seed,
+    )
+    pr = loaded.measure_pr()
+    sample = loaded.draw_sample(pr, problem.rng("sample"))
+
+    def solve(solver: Solver) -> Outcome:
+        answer, seconds = solver.register(given)
+        pose = answer.T_target_source
+        numbers: dict[str, Any] = _name_errors(pose, loaded.truth, sample, pr)
         numbers["ok"] = bool(answer.ok) and pose is not None
         numbers["probability"] = none_unless_finite(answer.probability)
         if pose is not None and answer.covariance is not None and loaded.truth is not None:
             error = vector_of(loaded.truth @ invert(pose), np.zeros(3))
             numbers["nees"] = none_unless_finite(float(error @ np.linalg.solve(answer.covariance, error)))
-        numbers["stages"] = stages
-        results.append(
-            result(
-                seconds=sum(stages.values()) if stages else None,
-                pose=None if pose is None else floats_as_bytes(pose),
-                numbers=json.dumps(numbers),
-            )
-        )
-    return results
+        return pose, numbers, seconds
+
+    return {"voxel": given.voxel, "pr": pr, "overlap": loaded.overlap}, solve
+
+
+def _load_scans(
+    problem: Problem, threads: int, root: str | None
+) -> tuple[dict[str, Any], Callable[[Solver], Outcome]]:
+    """Return what is known of many scans, and what registers them."""
+    folder = None if root is None else Path(root)
+    mirrored = problem.kind == "mirrored"
+    bag = load_scan_set(problem.dataset.split(AND), folder, problem.seed, mirrored=mirrored)
+    voxel = features.choose_voxel(*(features.Cloud(points) for points in bag.scans), voxels=_SCAN_VOXELS)
+    given = Scans(bag.scans, voxel, threads, problem.seed)
+
+    def solve(solver: Solver) -> Outcome:
+        answer, seconds = solver.register_scans(given)
+        score = score_scene(answer.poses, answer.components, bag.truth, bag.labels)
+        numbers: dict[str, Any] = vars(score) | {"tried": answer.tried}
+        for name in ("rotation", "translation"):
+            numbers[name] = [none_unless_finite(float(f"{error:.6g}")) for error in numbers[name]]
+        return answer.poses, numbers, seconds
+
+    return {"voxel": voxel, "scans": len(bag.scans)}, solve
 
 
 # --- matches, each method alone --------------------------------------------------------------------

@@ -90,6 +90,7 @@ _CASE_ORDER = "dataset, pair, nuisance, level, nms_radius, matches"
 _ORDERS = {
     "experiment": f"{_CASE_ORDER}, w.problem, w.solver",
     "registration": "dataset, pair, kind, other, w.problem, w.solver",
+    "scenes": "w.entry, w.place, w.solver_place",
     "matches": "w.threads, w.entry, w.place, w.problem, w.solver_place",
     "timing": "size, w.solver_place, w.threads desc",
 }
@@ -118,6 +119,7 @@ from wanted_matches join problems on key = problem where wanted_matches.task = '
 select count(s.problem), 0, count(*) from wanted_scores left join scores s using (problem, solver, epsilon)
 """,
     "register": f"{_RESULTS}'registration'",
+    "place": f"{_RESULTS}'scenes'",
     "try": f"{_RESULTS}'matches'",
 }
 """Statement that counts what is done, failed and wanted, by stage."""

@@ -83,6 +83,10 @@ _NUMBERS: dict[str, dict[str, Any]] = {
         "nees": math.nan,
         **dict.fromkeys(_ERRORS, math.nan),
     },
+    "scenes": {
+        "voxel": math.nan,
+        **dict.fromkeys(("scans", "right", "mixed", "found", "wanted", "placed", "tried"), 0),
+    },
     "matches": {
         **dict.fromkeys(("n", "correct"), 0),
         **dict.fromkeys(("resolution", "pr", "overlap"), math.nan),
@@ -106,17 +110,18 @@ def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
     ----------
     path : path
         Folder of a run, or its SQLite file. A run may be at work in it.
-    kind : {"experiment", "registration", "matches", "timing"}
-        Results of the experiments, of ways to register, of methods alone on matches, or of the timing.
+    kind : {"experiment", "registration", "scenes", "matches", "timing"}
+        Results of the experiments, of ways to register two clouds or many scans, of methods alone on matches,
+        or of the timing.
 
     Returns
     -------
     DataFrame
         Of every kind: `dataset, pair`; `seconds` of the solver; `version, machine`; but for the timing
-        `origin` and `error`: "" or what went wrong, and then the numbers are NaN or 0. No rows without such
-        results. Errors of a pose are `rotation_error` (degrees), `translation_error` (data unit) and
-        `rmse_pr`, NaN without a pose; `right, accurate` say whether they keep the set's limits, false for
-        unrelated clouds.
+        `error`: "" or what went wrong, and then the numbers are NaN or 0; but for timing and scenes `origin`.
+        No rows without such results. Errors of a pose are `rotation_error` (degrees), `translation_error`
+        (data unit) and `rmse_pr`, NaN without a pose; `right, accurate` say whether they keep the set's
+        limits, false for unrelated clouds.
 
         "experiment", one row per problem, method and threshold: `nuisance, level, combination, detector,
         descriptor, nms_radius`, with "" and NaN for fields that don't apply, `seed`, and the problem's hash
@@ -133,6 +138,12 @@ def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
         `ok, probability`: the pipeline's trust in its pose; `nees`: normalized estimation error squared, by
         the pipeline's covariance, 6 on average where that holds; errors and limits; `stages`: dict of
         seconds, of which `seconds` is the sum.
+
+        "scenes", one row per bag of scans and solver: `set`; `dataset`: all places in the bag; `pair`: its
+        seed; `kind`: "mirrored" where each place is there once more, mirrored; `solver, name, threads`;
+        `voxel, scans`: of the bag; `right, mixed, found, wanted, placed` and, as tuples, `rotation,
+        translation`: as in `cgroup.evaluation.SceneScore`; `tried`: pairs of scans that were registered;
+        `stages` as above.
 
         "matches", one row per problem, method and number of threads: `set, kind, other, matches, voxel,
         epsilon, case`: the problem; `loose, strict, preset, whole`: of its set, as configured; `scene, size,
@@ -168,6 +179,7 @@ def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
     makers = {
         "experiment": _make_experiments,
         "registration": _make_registrations,
+        "scenes": _make_scenes,
         "matches": _make_matches,
         "timing": _make_times,
     }
@@ -310,6 +322,18 @@ def _make_registrations(path: Path) -> pd.DataFrame:
     splits = zip(frame["set"], definitions, frame["overlap"], strict=True)
     frame["column"] = [_name_column(name, known["split_overlap"], overlap) for name, known, overlap in splits]
     return frame.drop(columns=["matches", "epsilon", "n", "skipped", "case"])
+
+
+def _make_scenes(path: Path) -> pd.DataFrame:
+    frame = _query_results(path, "scenes").rename(columns={"method": "solver"})
+    numbers = _parse(frame, "numbers")
+    _add_columns(frame, numbers, _NUMBERS["scenes"])
+    for name in ("rotation", "translation"):
+        errors = (each.get(name, ()) for each in numbers)
+        frame[name] = [tuple(math.inf if each is None else each for each in row) for row in errors]
+    frame["stages"] = [each.get("stages", {}) for each in numbers]
+    unused = ["definition", "origin", "other", "matches", "epsilon", "n", "refined", "skipped", "case"]
+    return frame.drop(columns=unused)
 
 
 def _make_matches(path: Path) -> pd.DataFrame:

@@ -40,6 +40,7 @@ _MOST_COLUMNS, _LETTERS, _HANDLE = 9, 110, 6.5  # of a legend: columns, letters 
 _DOTS = (0, (1, 2.5))  # a line to levels of few pairs
 _SPREAD = 0.32  # of the methods around a name
 _SHORT_NAME = 4
+_MANY = 300  # times the least place on a logarithmic axis: more than fits with 2 and 5 named
 _NAMES_TURNED = 40  # degrees, for names on the x axis
 
 
@@ -207,7 +208,7 @@ def _draw_panel(axes: Axes, panel: Panel, looks: Mapping[str, MethodStyle]) -> N
             "registered", (x, y), xycoords=(across, up), xytext=(3, 2), textcoords="offset points",
             fontsize=7, color=style.QUIET_TEXT, horizontalalignment="left" if axis == "x" else "right",
         )  # fmt: skip
-    if panel.kind == "lines":
+    if panel.kind == "lines" and not panel.logarithmic:
         axes.set_xlim(0, 1)
 
 
@@ -260,7 +261,8 @@ def _place_levels(axes: Axes, panel: Panel) -> None:
             axes.set_xticks([float(level) for level in panel.at], [f"{level:,}" for level in panel.at])
             axes.tick_params(axis="x", rotation=30)
         else:
-            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=8))
+            low, high = axes.get_xlim()
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < _MANY * low else (1.0,)))
             axes.xaxis.set_major_formatter(lambda tick, _: f"{tick:g}")
         axes.minorticks_off()
     if "y" in panel.logarithmic:

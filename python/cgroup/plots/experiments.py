@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from cgroup.evaluation import ecdf
 from cgroup.evaluation.metrics import REGISTERED_PRECISION
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
 from cgroup.plots import style
@@ -48,10 +49,14 @@ _FAMILIES = {
     "open3d-ransac": _REDS,
     "open3d-fgr": _REDS,
     "kiss-matcher": _PURPLES,
+    "register-all": _BLUES,
+    "open3d-multiway": _REDS,
+    "kiss-matcher-gnc": _PURPLES,
 }
 """Shades of each kind of pipeline; others are drawn as methods from outside are."""
 
 _MARKERS = "osD^v<>PXhpd"
+_STEPS = 100  # of a distribution
 
 
 class Estimate(NamedTuple):
@@ -280,6 +285,30 @@ def trials_chart(
         for column, title in (("right", "registered"), ("f_score", "F"))
     ]  # fmt: skip
     return Chart(panels, looks)
+
+
+def scenes_chart(good: pd.DataFrame) -> Chart:
+    """Chart the share of pairs of scans up to each error, set by set: degrees, and shifts."""
+    looks = _style_pipelines(good.assign(pipeline=good["solver"], refined=False))
+    columns = {"rotation": "degrees", "translation": "shift, in the data's unit"}
+    panels = [
+        Panel(
+            f"{name}: {column}", x_title, "share of pairs up to it",
+            _distributions(of_set.groupby("solver", sort=False)[column].sum().to_dict()),
+            kind="lines", logarithmic="x",
+        )
+        for name, of_set in good.groupby("set", sort=False)
+        for column, x_title in columns.items()
+    ]  # fmt: skip
+    return Chart(panels, looks)
+
+
+def _distributions(errors: Mapping[str, tuple[float, ...]]) -> list[Series]:
+    """Find the shares of each solver's errors up to the same places; infinite ones lie above all."""
+    every = np.array([error for each in errors.values() for error in each])
+    known = every[np.isfinite(every) & (every > 0)]
+    at = np.geomspace(known.min(), known.max(), _STEPS) if len(known) else np.empty(0)
+    return [Series(key, y=ecdf(each, at).tolist(), x=at.tolist()) for key, each in errors.items()]
 
 
 def pipelines_chart(frame: pd.DataFrame, estimate: Estimator = estimate_means) -> Chart:

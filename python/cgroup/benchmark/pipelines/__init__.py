@@ -1,22 +1,23 @@
-"""Ways to register two clouds, from the points to the pose: cgroup's and those of other libraries."""
+"""Ways to register two clouds, or many scans: cgroup's and those of other libraries."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cgroup.benchmark.pipelines import libraries, own
+from cgroup.benchmark.pipelines import libraries, own, scene_solvers
 from cgroup.benchmark.pipelines.answer import Answer, Clouds
+from cgroup.benchmark.pipelines.scene_solvers import Scans, SceneAnswer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["PIPELINES", "Answer", "Clouds"]
+__all__ = ["PIPELINES", "SCENE_SOLVERS", "Answer", "Clouds", "Scans", "SceneAnswer"]
 
 
 class PipelineInfo(NamedTuple):
-    """A built-in pipeline: its function, the module that it needs if any, and a title for people."""
+    """A built-in pipeline or solver: its function, the modules that it needs, and a title for people."""
 
-    run: Callable[..., Answer]
+    run: Callable[..., Any]
     needs: str
     title: str
 
@@ -30,3 +31,14 @@ PIPELINES = {
     "kiss-matcher": PipelineInfo(libraries.kiss_matcher, "kiss_matcher", "KISS-Matcher"),
 }
 """Built-in pipelines."""
+
+SCENE_SOLVERS = {
+    "register-all": PipelineInfo(scene_solvers.own, "", "register_all"),
+    "open3d-multiway": PipelineInfo(
+        scene_solvers.open3d_multiway, "open3d", "Open3D: FPFH, RANSAC, pose graph with line process"
+    ),
+    "kiss-matcher-gnc": PipelineInfo(
+        scene_solvers.kiss_matcher_gnc, "kiss_matcher gtsam", "KISS-Matcher, pose graph by GTSAM's GNC"
+    ),
+}
+"""Built-in solvers of many scans."""

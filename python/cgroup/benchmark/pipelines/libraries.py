@@ -111,7 +111,8 @@ def kiss_matcher(clouds: Clouds, clock: StageClock) -> Answer:
     matcher = library.KISSMatcher(library.KISSMatcherConfig(VOXEL))
     found = matcher.estimate(source, target)
     total = clock.stop().pop("pose")
-    clock.seconds |= _split(matcher, total)
+    for stage, seconds in _split(matcher, total).items():
+        clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
     if not found.valid:
         return Answer(None, ok=False)
     pose = np.eye(4)

@@ -18,6 +18,7 @@ from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.paper.verdicts import as_markdown, count_verdicts
 from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.benchmark.report.registration import make_registration_section
+from cgroup.benchmark.report.scenes import make_scene_section
 from cgroup.benchmark.report.sections import (
     chart_pairs,
     chart_times,
@@ -60,6 +61,8 @@ class ReportData:
         Data sets and pipelines that weren't at hand, and why.
     registrations : DataFrame
         How pipelines registered pairs.
+    scenes : DataFrame
+        How many scans were registered.
     trials : DataFrame
         How methods grouped matches, each alone.
     """
@@ -72,6 +75,7 @@ class ReportData:
     config: dict[str, Any]
     missing: dict[str, str]
     registrations: pd.DataFrame
+    scenes: pd.DataFrame
     trials: pd.DataFrame
 
     @classmethod
@@ -86,6 +90,7 @@ class ReportData:
             tables.load_config(out),
             tables.load_missing(out),
             tables.load(out, "registration"),
+            tables.load(out, "scenes"),
             tables.load(out, "matches"),
         )
 
@@ -165,6 +170,7 @@ def _make_parts(data: ReportData, evidence: Evidence, pictures: PictureBook) -> 
         "pairs": chart_pairs(evidence, pictures),
         "times": chart_times(data.timing, pictures),
         "registration": make_registration_section(data.registrations, pictures),
+        "scenes": make_scene_section(data.scenes, pictures),
         "trials": make_trial_sections(data.trials, data.machines, pictures),
         "overview": overview_table(data.trials) if len(data.trials) else None,
         "scores": [score_table(samples, how) for how in hows] if samples else [],
@@ -186,9 +192,9 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
         missing=data.missing,
         version=cgroup.__version__,
         date=datetime.now(tz=timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
-        totals=_count_totals(frame, data.registrations, data.trials),
+        totals=_count_totals(frame, data.registrations, data.scenes, data.trials),
         datasets=dataset_table(frame, data.datasets) if len(frame) else plain_table("Data sets", frame),
-        failures=failure_table(frame, data.registrations, data.trials),
+        failures=failure_table(frame, data.registrations, data.scenes, data.trials),
         sources=plain_table("Data sets", data.datasets),
         machines=plain_table("Machines", data.machines),
         skips=plain_table("Not timed", data.skips),
@@ -210,6 +216,7 @@ def _list_contents(**parts: Any) -> list[tuple[str, str]]:  # noqa: ANN401 - as 
     return [
         *([("ranking", "Overall ranking")] if parts["standings"] else []),
         *([("registration", "Registration")] if parts["registration"] else []),
+        *([("scenes", "Many scans")] if parts["scenes"] else []),
         *([("methods", "Methods on matches")] if parts["trials"] else []),
         *((f"trials-{place}", section.title) for place, section in enumerate(parts["trials"], start=1)),
         *((id_, EXPERIMENTS[id_].title) for id_ in parts["experiments"]),
@@ -228,16 +235,20 @@ def _read_part(name: str) -> str:
     return parts.joinpath(name).read_text(encoding="utf-8")
 
 
-def _count_totals(frame: pd.DataFrame, registrations: pd.DataFrame, trials: pd.DataFrame) -> dict[str, int]:
+def _count_totals(
+    frame: pd.DataFrame, registrations: pd.DataFrame, scenes: pd.DataFrame, trials: pd.DataFrame
+) -> dict[str, int]:
     """Count what there is, by what it is called on the page."""
     cases = frame.drop_duplicates("case")
-    failed = sum(int((each["error"] != "").sum()) for each in (frame, registrations, trials) if len(each))
+    frames = (frame, registrations, scenes, trials)
+    failed = sum(int((each["error"] != "").sum()) for each in frames if len(each))
     counts = {
         "pairs": len(frame.drop_duplicates(["dataset", "pair"])),
         "cases": len(cases),
         "groupings": len(frame.drop_duplicates(["case", "method"])),
         "records": len(frame),
         "registrations": len(registrations),
+        "scenes": len(scenes),
         "problems": trials["case"].nunique() if len(trials) else 0,
         "trials": len(trials),
     }

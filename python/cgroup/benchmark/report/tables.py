@@ -104,12 +104,15 @@ def dataset_table(frame: pd.DataFrame, known: pd.DataFrame) -> Table:
     return Table("Data sets", headers, rows)
 
 
-def failure_table(frame: pd.DataFrame, registrations: pd.DataFrame, trials: pd.DataFrame) -> Table:
+def failure_table(
+    frame: pd.DataFrame, registrations: pd.DataFrame, scenes: pd.DataFrame, trials: pd.DataFrame
+) -> Table:
     """List what failed, with the error."""
     rows = _list_failures(frame, "method", "case") if len(frame) else []
     rows += _list_failures(registrations, "pipeline", "pair") if len(registrations) else []
+    rows += _list_failures(scenes, "solver", "pair") if len(scenes) else []
     rows += _list_failures(trials, "method", "case") if len(trials) else []
-    headers = ("data set", "error", "methods or pipelines", "cases", "for example")
+    headers = ("data set", "error", "methods or solvers", "cases", "for example")
     return Table("Failures", headers, rows)
 
 

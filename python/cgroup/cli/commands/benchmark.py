@@ -43,6 +43,7 @@ _DONE = {
     "score": "scores",
     "time": "times",
     "register": "registrations",
+    "place": "scenes",
     "try": "trials",
     "judge": "readings judged",
 }

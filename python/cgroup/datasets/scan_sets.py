@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from cgroup.io._files import load_text
 from cgroup.rigid import apply, check_rigid, invert
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
     from cgroup.types import FloatArray
@@ -129,21 +130,32 @@ def load_scan_set(names: Iterable[str], root: Path | None, seed: int, *, mirrore
     Raises
     ------
     InputError
-        If a folder isn't there, or has none of ``set.json``, ``gt.log`` and a ``.conf`` file.
+        As `find_scan_set`, or if a file can't be read.
     """
-    parts = [_load(name, root) for name in names]
+    parts = [find_scan_set(name, root)() for name in names]
     if mirrored:
         parts += [each.mirrored() for each in parts]
     return pool_sets(parts, np.random.default_rng(seed))
 
 
-def _load(name: str, root: Path | None) -> ScanSet:
+def find_scan_set(name: str, root: Path | None) -> Callable[[], ScanSet]:
+    """Find scans of one place, and return what loads them.
+
+    Raises
+    ------
+    InputError
+        If the seed of a stone is none, or a folder isn't there, or has none of ``set.json``, ``gt.log`` and a
+        ``.conf`` file.
+    """
     if name.startswith("stone:"):
-        return make_views(int(name.removeprefix("stone:")))
+        seed = name.removeprefix("stone:")
+        if not seed.isdecimal():
+            raise InputError("stone", repr(seed), "give its seed, a whole number, as in stone:0")
+        return partial(make_views, int(seed))
     folder = data_root(root) / name
     for pattern, read in (("set.json", read_folder), ("gt.log", read_fragments), ("*.conf", read_stanford)):
         if any(folder.glob(pattern)):
-            return read(folder)
+            return partial(read, folder)
     message = f"{folder}: no scans with poses; they come with a set.json, a gt.log or a .conf file"
     raise InputError(message)
 

@@ -16,11 +16,13 @@ import numpy as np
 from cgroup.benchmark.pipelines import libraries
 from cgroup.benchmark.pipelines.answer import Clouds
 from cgroup.rigid import invert
+from cgroup.scenes import register_all
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from cgroup._runtime.progress import StageClock
+    from cgroup.registration.search import Effort
     from cgroup.types import FloatArray
 
 ROTATION_SIGMA, TRANSLATION_SIGMA = 0.02, 1.0
@@ -35,7 +37,27 @@ INLIER_WEIGHT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Scans:
-    """Scans to be registered, in frames of their own, at one voxel."""
+    """Scans to be registered.
+
+    Attributes
+    ----------
+    points : sequence of (n,3) array of float64
+        Points of each scan in a frame of its own, all in one unit.
+    voxel : float
+        Edge length of the voxels that scans are thinned out to.
+    threads : int
+        Threads to compute on, for solvers that can be told.
+    seed : int
+        For solvers that draw random numbers.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.pipelines import Scans
+    >>> from cgroup.datasets import standin_pair
+    >>> pair = standin_pair(pixels=60)
+    >>> Scans([pair.source.points, pair.target.points], voxel=4.0).threads
+    1
+    """
 
     points: Sequence[FloatArray]
     voxel: float
@@ -45,7 +67,27 @@ class Scans:
 
 @dataclass(frozen=True, eq=False)
 class SceneAnswer:
-    """Poses (N,4,4) of scans in the frames of their components, rows of these, and pairs tried."""
+    """The answer of a solver on many scans.
+
+    Attributes
+    ----------
+    poses : (N,4,4) array of float64
+        Map each scan into the frame of its component.
+    components : list of list of int
+        Rows of the scans that hang together.
+    tried : int
+        Pairs of scans that were registered.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.benchmark.pipelines import SceneAnswer
+    >>> def apart(scans, clock):  # named "module:apart" in a configuration
+    ...     count = len(scans.points)
+    ...     return SceneAnswer(
+    ...         np.tile(np.eye(4), (count, 1, 1)), [[row] for row in range(count)], 0
+    ...     )
+    """
 
     poses: FloatArray
     components: list[list[int]]
@@ -59,17 +101,15 @@ class _Pair(NamedTuple):
     weight: float
 
 
-def own(scans: Scans, clock: StageClock, *, effort: str = "normal") -> SceneAnswer:
+def own(scans: Scans, clock: StageClock, *, effort: Effort = "normal") -> SceneAnswer:
     """Run `register_all`, told nothing but the voxel."""
-    register_all = importlib.import_module("cgroup.scenes").register_all
-    found = register_all(
-        scans.points, voxel=scans.voxel, effort=effort, threads=scans.threads, progress=clock.start
-    )
+    clock.start("scene")
+    found = register_all(scans.points, voxel=scans.voxel, effort=effort, threads=scans.threads)
     return SceneAnswer(found.poses, found.components, found.tried)
 
 
 def open3d_multiway(scans: Scans, clock: StageClock) -> SceneAnswer:
-    """FPFH and RANSAC on every pair, each uncertain; then Open3D's global optimization with line process."""
+    """Run FPFH and RANSAC on every pair, each uncertain, and Open3D's optimization with line process."""
     o3d = importlib.import_module("open3d")
     registration = o3d.pipelines.registration
     clock.start("features")
@@ -112,7 +152,7 @@ def open3d_multiway(scans: Scans, clock: StageClock) -> SceneAnswer:
 
 
 def kiss_matcher_gnc(scans: Scans, clock: StageClock) -> SceneAnswer:
-    """KISS-Matcher on every pair, and GTSAM's GNC on those that it holds to be right."""
+    """Run KISS-Matcher on every pair, and GTSAM's GNC on those that it holds to be right."""
     gtsam = importlib.import_module("gtsam")
     pairs: list[_Pair] = []
     for source, target in itertools.combinations(range(len(scans.points)), 2):
