@@ -45,7 +45,7 @@ _BUILT_IN = {"pipeline": PIPELINES, "scene solver": SCENE_SOLVERS}
 
 @dataclass(frozen=True)
 class Solver:
-    """A grouping method or a way to register two clouds or many scans, with its options and its label.
+    """A grouping method or a way to register, with its options and its label.
 
     `candidate`, `make_pipeline` and `make_scene_solver` make one that is sure to exist.
 

@@ -142,7 +142,7 @@ def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
         "scenes", one row per bag of scans and solver: `set`; `dataset`: all places in the bag; `pair`: its
         seed; `kind`: "mirrored" where each place is there once more, mirrored; `solver, name, threads`;
         `voxel, scans`: of the bag; `right, mixed, found, wanted, placed` and, as tuples, `rotation,
-        translation`: as in `cgroup.evaluation.SceneScore`; `tried`: pairs of scans that were registered;
+        translation`: of `cgroup.evaluation.SceneScore`; `tried`: pairs of scans that were registered;
         `stages` as above.
 
         "matches", one row per problem, method and number of threads: `set, kind, other, matches, voxel,

@@ -12,8 +12,8 @@ import numpy as np
 from cgroup.datasets.base import data_root
 from cgroup.datasets.generated.shapes import random_pose
 from cgroup.datasets.generated.stones import standin_pair
-from cgroup.datasets.pose_lists import read_log
 from cgroup.datasets.stanford import read_views
+from cgroup.datasets.threedmatch import ThreeDMatch
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import load_text
@@ -107,21 +107,36 @@ def read_stanford(folder: Path) -> ScanSet:
 
 
 def read_fragments(folder: Path) -> ScanSet:
-    """Read the fragments of a scene of 3DMatch, placed by chains of pairs of its ``gt.log``; unit m."""
-    pairs = read_log(folder / "gt.log")
-    poses: dict[int, FloatArray] = {min(row for both in pairs for row in both): np.eye(4)}
-    grown = True
-    while grown:
-        known = len(poses)
-        for (first, second), pose in pairs.items():
-            if first in poses and second not in poses:
-                poses[second] = poses[first] @ pose
-            elif second in poses and first not in poses:
-                poses[first] = poses[second] @ invert(pose)
-        grown = len(poses) > known
-    rows = [row for row in sorted(poses) if (folder / f"cloud_bin_{row}.ply").is_file()]
-    scans = [_read(folder / f"cloud_bin_{row}.ply") for row in rows]
-    return ScanSet(scans, np.array([poses[row] for row in rows]), [folder.name] * len(rows))
+    """Read the fragments of a scene of 3DMatch, placed by chains of its pairs; unit m.
+
+    Raises
+    ------
+    InputError
+        If no poses of the scene are there, or a file can't be read.
+    """
+    dataset = ThreeDMatch(folder.parents[1])
+    names = [name for name in dataset.pair_names() if dataset.subject_of(name) == folder.name]
+    pairs = {name: tuple(map(int, name.split("/")[-1].split("-"))) for name in names}
+    if not pairs:
+        message = f"{folder}: no poses of this scene; put its gt.log into {folder}-evaluation"
+        raise InputError(message)
+    poses: dict[int, FloatArray] = {}
+    scans: dict[int, FloatArray] = {}
+    while reached := next(
+        (each for each in pairs if not poses or len(poses.keys() & pairs[each]) == 1), None
+    ):
+        pair = dataset.load(reached)
+        target, source = pairs[reached]
+        if not poses or target in poses:
+            poses[source] = poses.setdefault(target, np.eye(4)) @ pair.T_target_source
+        else:
+            poses[target] = poses[source] @ invert(pair.T_target_source)
+        for row, cloud in ((target, pair.target), (source, pair.source)):
+            scans[row] = np.asarray(cloud.points, dtype=np.float64)
+    rows = sorted(poses)
+    return ScanSet(
+        [scans[row] for row in rows], np.array([poses[row] for row in rows]), [folder.name] * len(rows)
+    )
 
 
 def load_scan_set(names: Iterable[str], root: Path | None, seed: int, *, mirrored: bool = False) -> ScanSet:
@@ -144,8 +159,7 @@ def find_scan_set(name: str, root: Path | None) -> Callable[[], ScanSet]:
     Raises
     ------
     InputError
-        If the seed of a stone is none, or a folder isn't there, or has none of ``set.json``, ``gt.log`` and a
-        ``.conf`` file.
+        If the seed of a stone is none, or a folder isn't there, or has no scans with poses.
     """
     if name.startswith("stone:"):
         seed = name.removeprefix("stone:")
@@ -153,10 +167,14 @@ def find_scan_set(name: str, root: Path | None) -> Callable[[], ScanSet]:
             raise InputError("stone", repr(seed), "give its seed, a whole number, as in stone:0")
         return partial(make_views, int(seed))
     folder = data_root(root) / name
-    for pattern, read in (("set.json", read_folder), ("gt.log", read_fragments), ("*.conf", read_stanford)):
+    for pattern, read in (
+        ("set.json", read_folder),
+        ("cloud_bin_*", read_fragments),
+        ("*.conf", read_stanford),
+    ):
         if any(folder.glob(pattern)):
             return partial(read, folder)
-    message = f"{folder}: no scans with poses; they come with a set.json, a gt.log or a .conf file"
+    message = f"{folder}: no scans with poses: no set.json, no .conf file, no cloud_bin_* of 3DMatch"
     raise InputError(message)
 
 
