@@ -172,12 +172,10 @@ def _plan_sets(config: Config, opened: _OpenDatasets) -> Iterator[PlannedSet]:
             solvers = at_hand(pipelines)
             yield plan(entry, solvers, threads=(registration.threads,), limit=registration.limit)
     if (scenes := config.scenes) is not None:
+        solvers, threads = tuple(at_hand(scenes.solvers)), (scenes.threads,)
         for entry in scenes.sets:
             bags = _list_bags(entry, config.seed) if opened.find_scans(entry.dataset) else ()
-            solvers, threads = at_hand(scenes.solvers), (scenes.threads,)
-            yield PlannedSet(
-                entry, entry.task, tuple(bags), tuple(solvers), threads=threads, limit=scenes.limit
-            )
+            yield PlannedSet(entry, entry.task, tuple(bags), solvers, threads=threads, limit=scenes.limit)
     if (trials := config.trials) is not None:
         for entry in trials.sets:
             methods = entry.methods or trials.methods or config.methods
