@@ -43,19 +43,19 @@ def mymodule() -> ModuleType:
 def test_every_block_of_code_is_there() -> None:
     assert len(blocks("extending", "python")) == 5
     assert len(blocks("extending", "toml")) == 3
-    assert len(blocks("benchmark", "toml")) == 3
+    assert len(blocks("benchmark", "toml")) == 4
 
 
 def configurations() -> list[str]:
     return [block for page in PAGES for block in blocks(page, "toml")]
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(7))
 @pytest.mark.usefixtures("mymodule")
 def test_configurations_are_read(number: int) -> None:
     text = configurations()[number]
     config = parse_config(text if text.startswith("name") else f'name = "a part"\n{text}')
-    assert config.experiment or config.registration or config.trials
+    assert config.sets
 
 
 @pytest.mark.usefixtures("mymodule")
