@@ -17,7 +17,7 @@ from cgroup.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from cgroup._checks.array_types import FloatArray, RealArray
+    from cgroup._checks.array_types import BoolArray, FloatArray, RealArray
 
 __all__ = [
     "RIGID_TOLERANCE",
@@ -153,6 +153,28 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     return matrix
 
 
+def are_rigid(poses: FloatArray) -> BoolArray:
+    """Tell which of many 4x4 matrices `check_rigid` accepts."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        rotations = poses[:, :3, :3]
+        deviations = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
+        last = np.isclose(poses[:, 3], (0, 0, 0, 1), atol=1e-9).all(axis=1)
+        rigid = (deviations <= RIGID_TOLERANCE) & (np.linalg.det(rotations) > 0) & last
+    return rigid & np.isfinite(poses).all(axis=(1, 2))
+
+
+def as_poses(name: str, value: ArrayLike, count: int | None = None) -> FloatArray:
+    """Return rigid transforms (N,4,4), as many as told."""
+    poses = as_floats(name, value)
+    if poses.size == 0:
+        poses = poses.reshape(0, 4, 4)
+    if poses.shape[1:] != (4, 4) or count not in (None, len(poses)):
+        raise InputError(name, f"shape {poses.shape}", f"give ({'N' if count is None else count},4,4)")
+    for row in np.flatnonzero(~are_rigid(poses)):
+        check_rigid(poses[row], f"{name}[{row}]")
+    return poses
+
+
 def _matrix(name: str, transform: ArrayLike) -> FloatArray:
     matrix = as_floats(name, transform)
     if matrix.shape == (3, 4):
@@ -242,7 +264,7 @@ def axis_of(transform: FloatArray) -> FloatArray:
 
 def turn(x: ArrayLike, y: ArrayLike, z: ArrayLike, w: ArrayLike) -> FloatArray:
     """Rotations (...,3,3) of unit quaternions, whose parts (...) are given one by one."""
-    x, y, z, w = (np.asarray(part, dtype=np.float64) for part in (x, y, z, w))
+    x, y, z, w = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in (x, y, z, w)))
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],

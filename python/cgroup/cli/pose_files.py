@@ -9,6 +9,7 @@ from pathlib import Path
 from cgroup import io
 from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
+from cgroup.io._files import number_lines
 from cgroup.types import FloatArray
 
 _LONGEST = 100
@@ -29,8 +30,7 @@ def name_frames(source: Path, target: Path) -> str:
 
 def write_pose(file: Path, pose: FloatArray, frames: str) -> None:
     """Write a pose, exact to the last bit, and below it the line that tells its pair."""
-    rows = (" ".join(repr(float(number)) for number in row) for row in pose)
-    io.write_file(file, "\n".join([*rows, frames, ""]).encode())
+    io.write_file(file, "\n".join([*number_lines(pose), frames, ""]).encode())
 
 
 def refuse_others(files: Iterable[Path], frames: str) -> None:

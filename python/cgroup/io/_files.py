@@ -220,3 +220,8 @@ def load_numbers(content: bytes) -> FloatArray:
 def load_text(path: str | os.PathLike[str]) -> str:
     """Read a text: UTF-8, with or without its mark; bytes that aren't become question marks."""
     return read_content(path).decode("utf-8-sig", errors="replace")
+
+
+def number_lines(rows: FloatArray) -> list[str]:
+    """Write each row of numbers as a line, exact to the last bit."""
+    return [" ".join(map(repr, row)) for row in rows.tolist()]

@@ -10,9 +10,9 @@ import numpy as np
 from cgroup._checks.arrays import as_floats
 from cgroup._checks.values import as_path
 from cgroup.errors import InputError
-from cgroup.io._files import load_numbers, parse_file
+from cgroup.io._files import load_numbers, number_lines, parse_file
 from cgroup.io._numpy_files import load_npy, write_array
-from cgroup.rigid import RIGID_TOLERANCE, check_rigid, turn
+from cgroup.rigid import RIGID_TOLERANCE, are_rigid, check_rigid, turn
 
 if TYPE_CHECKING:
     import os
@@ -159,7 +159,7 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
     """
     path = as_path("path", path)
     matrix = check_rigid(transform)
-    write_array(path, matrix, (" ".join(repr(float(number)) for number in row) for row in matrix))
+    write_array(path, matrix, number_lines(matrix))
 
 
 def _find_poses(name: str, numbers: NDArray[Any]) -> FloatArray:
@@ -172,7 +172,7 @@ def _find_poses(name: str, numbers: NDArray[Any]) -> FloatArray:
     elif table.ndim == 2 and rows and columns in (12, 16):
         poses = _with_last_row(table.reshape(rows, -1, 4))
         turned = _with_last_row(table.reshape(rows, 4, -1).transpose(0, 2, 1))
-        if not _are_rigid(poses).all() and _are_rigid(turned).all():
+        if not are_rigid(poses).all() and are_rigid(turned).all():
             remedy = f"its {columns} numbers are a pose column by column; transpose it: write row by row"
             raise InputError(name, remedy=remedy)
     elif (
@@ -181,7 +181,7 @@ def _find_poses(name: str, numbers: NDArray[Any]) -> FloatArray:
         poses = _with_last_row(table.reshape(-1, min(rows, 4), 4))
     else:
         raise _refusal(name, values)
-    for row in np.flatnonzero(~_are_rigid(poses)):
+    for row in np.flatnonzero(~are_rigid(poses)):
         check_rigid(poses[row], _pose_name(name, int(row), len(poses)))
     return poses
 
@@ -211,15 +211,6 @@ def from_quaternions(name: str, rows: FloatArray) -> FloatArray:
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = turn(x, y, z, w), rows[:, :3]
     return poses
-
-
-def _are_rigid(poses: FloatArray) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore", over="ignore"):
-        rotations = poses[:, :3, :3]
-        deviations = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
-        last = np.isclose(poses[:, 3], (0, 0, 0, 1), atol=1e-9).all(axis=1)
-        rigid = (deviations <= RIGID_TOLERANCE) & (np.linalg.det(rotations) > 0) & last
-    return rigid & np.isfinite(poses).all(axis=(1, 2))
 
 
 def _pose_name(name: str, row: int, count: int) -> str:
