@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.arrays import as_array, as_floats
+from cgroup._checks.arrays import as_array
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_choice, as_count, as_flag, as_path, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
-from cgroup.io._files import naming, read_content, written_path
-from cgroup.rigid import RIGID_TOLERANCE, check_rigid
+from cgroup.io._files import load_text, naming, written_path
+from cgroup.rigid import as_poses
 from cgroup.scenes.graph_files import (
     GraphContent,
     format_g2o,
@@ -23,11 +23,14 @@ from cgroup.scenes.graph_files import (
     parse_json,
     parse_text,
     singular,
+    trust_steps,
 )
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
 
     from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 
@@ -102,19 +105,27 @@ class PoseGraph:
 
     def __post_init__(self) -> None:
         """Check shapes and numbers; make arrays read-only copies of what they are given."""
-        poses = _motions("poses", self.poses)
-        edges = _as_edges(self.edges, len(poses))
-        count = len(edges)
-        values = (
-            poses,
-            edges,
-            _motions("measurements", self.measurements, count),
-            _as_information(self.information, count),
-            _as_probability(self.probability, edges),
-            _as_flags(self.kept, count),
-            _as_ids(self.ids, len(poses)),
-        )
-        for name, value in zip(self.__dataclass_fields__, values, strict=True):
+        poses = as_poses("poses", self.poses)
+        measurements = as_poses("measurements", self.measurements)
+        count, nodes = len(measurements), len(poses)
+        edges = _as_numbers("edges", self.edges, np.int64, (count, 2), "whole numbers, two for a measurement")
+        if (outside := np.argwhere((edges < 0) | (edges >= nodes))).size:
+            row, column = outside[0]
+            raise InputError("edges", f"node {edges[row, column]} in row {row}", f"there are {nodes} poses")
+        information = _as_numbers("information", self.information, np.float64, (count, 6, 6), "numbers")
+        if (bad := np.flatnonzero(singular(information))).size:
+            got = f"no symmetric positive definite matrix in row {bad[0]}"
+            raise InputError("information", got, "give the inverse of a covariance")
+        probability = trust_steps(edges) if self.probability is None else self.probability
+        probability = _as_numbers("probability", probability, np.float64, (count,), "numbers")
+        if not ((probability >= 0) & (probability <= 1)).all():
+            raise refusal("probability", self.probability, "give numbers between 0 and 1")
+        kept = np.ones(count, bool) if self.kept is None else self.kept
+        kept = _as_numbers("kept", kept, np.bool_, (count,), "truth values")
+        ids = np.arange(nodes) if self.ids is None else self.ids
+        ids = _as_numbers("ids", ids, np.int64, (nodes,), "whole numbers")
+        checked = poses, edges, measurements, information, probability, kept, ids
+        for name, value in zip(self.__dataclass_fields__, checked, strict=True):
             own = np.array(value)
             own.flags.writeable = False
             object.__setattr__(self, name, own)
@@ -127,8 +138,7 @@ class PoseGraph:
         ----------
         path : path-like
             Open3D's JSON by its suffix; else lines of g2o (VERTEX_SE3:QUAT, EDGE_SE3:QUAT) or of TORO and
-            GTSAM (VERTEX3, EDGE3). FIX is accepted, but it is the first node of a component that keeps its
-            pose.
+            GTSAM (VERTEX3, EDGE3). FIX is passed over: the first node of a component keeps its pose.
 
         Returns
         -------
@@ -152,12 +162,10 @@ class PoseGraph:
         array([4, 7])
         """
         path = as_path("path", path)
-        content = read_content(path)
+        parse = parse_json if path.suffix.lower() == ".json" else parse_text
+        content = load_text(path)
         with naming(path):
-            is_json = path.suffix.lower() == ".json"
-            found = parse_json(content) if is_json else parse_text(content)
-            probability = None if found.uncertain is None else np.where(found.uncertain, 0.5, 1.0)
-            return cls(*found[:4], probability, None, found.ids)  # type: ignore[arg-type]
+            return cls(**parse(content)._asdict())
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the poses and the kept edges.
@@ -182,16 +190,8 @@ class PoseGraph:
         1
         """
         path = written_path(path, "pose graphs", ".g2o", ".json")
-        kept = self.kept
-        content = GraphContent(
-            self.poses,
-            self.edges[kept],
-            self.measurements[kept],
-            self.information[kept],
-            self.ids,
-            self.probability[kept] < 1,
-        )
-        write_file(path, format_json(content) if path.suffix.lower() == ".json" else format_g2o(content))
+        form = format_json if path.suffix.lower() == ".json" else format_g2o
+        write_file(path, form(GraphContent(*self._arrays(self.kept), self.ids)).encode())
 
     def optimize(
         self,
@@ -309,10 +309,7 @@ class PoseGraph:
         node = as_count("i", i, 0)
         if node >= len(self.poses):
             raise InputError("i", node, f"give the number of a node, below {len(self.poses)}")
-        kept = self.kept
-        parts = self.measurements[kept], self.information[kept], self.probability[kept]
-        graph = (self.poses, self.edges[kept], parts[0], parts[1], parts[2])
-        return _core.pose_covariances(graph, np.array([node]), run_options())[0]
+        return _core.pose_covariances(self._arrays(self.kept), np.array([node]), run_options())[0]
 
     def components(self) -> list[IndexArray]:
         """Find the nodes that hang together by kept edges.
@@ -329,86 +326,27 @@ class PoseGraph:
         >>> PoseGraph([np.eye(4)] * 3, [(0, 2)], [np.eye(4)], [np.eye(6)]).components()
         [array([0, 2]), array([1])]
         """
-        label = np.arange(len(self.poses))
-        edges = self.edges[self.kept]
-        while True:
-            before = label.copy()
-            least = np.minimum(label[edges[:, 0]], label[edges[:, 1]])
-            np.minimum.at(label, edges.ravel(), np.repeat(least, 2))
-            np.minimum.at(label, before[edges].ravel(), np.repeat(least, 2))
-            label = label[label]
-            if np.array_equal(before, label):
-                break
-        parts = [np.flatnonzero(label == first) for first in np.unique(label)]
+        labels, edges = np.arange(len(self.poses)), self.edges[self.kept]
+        while len(apart := labels[edges][labels[edges[:, 0]] != labels[edges[:, 1]]]):
+            np.minimum.at(labels, apart.max(axis=1), apart.min(axis=1))
+            while (labels != labels[labels]).any():
+                labels = labels[labels]
+        parts = [np.flatnonzero(labels == label) for label in np.unique(labels)]
         return sorted(parts, key=len, reverse=True)
 
-    def _arrays(self) -> tuple[FloatArray, IndexArray, FloatArray, FloatArray, FloatArray]:
-        return self.poses, self.edges, self.measurements, self.information, self.probability
+    def _arrays(
+        self, rows: BoolArray | slice = slice(None)
+    ) -> tuple[FloatArray, IndexArray, FloatArray, FloatArray, FloatArray]:
+        """Return what the compiled core takes, with some of the edges."""
+        edges, probability = self.edges[rows], self.probability[rows]
+        return self.poses, edges, self.measurements[rows], self.information[rows], probability
 
 
-def _motions(name: str, value: FloatArray, count: int | None = None) -> FloatArray:
-    motions = as_floats(name, value)
-    if motions.size == 0:
-        motions = motions.reshape(0, 4, 4)
-    if motions.shape[1:] != (4, 4) or count not in (None, len(motions)):
-        expected = "N" if count is None else count
-        raise InputError(name, f"shape {motions.shape}", f"give ({expected},4,4)")
-    turned = motions[:, :3, :3]
-    with np.errstate(invalid="ignore", over="ignore"):
-        squares = np.einsum("nij,nik->njk", turned, turned) - np.eye(3)
-        fits = (np.abs(squares) < RIGID_TOLERANCE / 2).all(axis=(1, 2)) & np.isfinite(motions).all(
-            axis=(1, 2)
-        )
-        fits &= np.einsum("ni,ni->n", np.cross(turned[:, 0], turned[:, 1]), turned[:, 2]) > 0
-    for row in np.flatnonzero(~fits | (motions[:, 3] != [0, 0, 0, 1]).any(axis=1)):
-        check_rigid(motions[row], f"{name}[{row}]")
-    return motions
-
-
-def _as_edges(value: IndexArray, nodes: int) -> IndexArray:
-    edges = as_array("edges", value)
-    if edges.size == 0:
-        edges = np.empty((0, 2), np.int64)
-    if edges.ndim != 2 or edges.shape[1] != 2 or edges.dtype.kind not in "iu":
-        raise refusal("edges", value, "give (M,2) whole numbers, the nodes i and j of each edge")
-    outside = (edges < 0) | (edges >= nodes)
-    if outside.any():
-        row, column = np.argwhere(outside)[0]
-        raise InputError("edges", f"node {edges[row, column]} in row {row}", f"there are {nodes} poses")
-    return edges.astype(np.int64)
-
-
-def _as_information(value: FloatArray, count: int) -> FloatArray:
-    information = as_floats("information", value)
-    if information.size == 0:
-        information = information.reshape(0, 6, 6)
-    if information.shape != (count, 6, 6):
-        raise InputError("information", f"shape {information.shape}", f"give ({count},6,6)")
-    bad = singular(information)
-    if bad.any():
-        got = f"no symmetric positive definite matrix in row {int(np.argmax(bad))}"
-        raise InputError("information", got, "give the inverse of a covariance")
-    return information
-
-
-def _as_probability(value: FloatArray | None, edges: IndexArray) -> FloatArray:
-    if value is None:
-        return np.where(edges[:, 1] - edges[:, 0] == 1, 1.0, 0.5)
-    probability = as_floats("probability", value)
-    if probability.shape != (len(edges),) or not ((probability >= 0) & (probability <= 1)).all():
-        raise refusal("probability", value, f"give ({len(edges)},) numbers between 0 and 1")
-    return probability
-
-
-def _as_flags(value: BoolArray | None, count: int) -> BoolArray:
-    kept = np.ones(count, dtype=bool) if value is None else as_array("kept", value)
-    if kept.shape != (count,) or kept.dtype != bool:
-        raise refusal("kept", value, f"give ({count},) truth values")
-    return kept
-
-
-def _as_ids(value: IndexArray | None, count: int) -> IndexArray:
-    ids = np.arange(count) if value is None else as_array("ids", value)
-    if ids.shape != (count,) or ids.dtype.kind not in "iu":
-        raise refusal("ids", value, f"give ({count},) whole numbers")
-    return ids.astype(np.int64)
+def _as_numbers(name: str, value: ArrayLike, kind: type, shape: tuple[int, ...], what: str) -> NDArray[Any]:
+    """Return an array of one shape; what is empty stands for one without rows."""
+    array = as_array(name, value)
+    if array.size == 0:
+        array = np.empty((0, *shape[1:]), kind)
+    if array.shape != shape or not np.can_cast(array.dtype, kind, "same_kind"):
+        raise refusal(name, value, f"give ({','.join(map(str, shape))}) {what}")
+    return array.astype(kind, copy=False)
