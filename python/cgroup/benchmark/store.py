@@ -13,6 +13,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import astuple, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from cgroup._runtime.sqlite import Layout, open_or_make
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.solver import Solver
 from cgroup.errors import InputError
@@ -27,15 +28,12 @@ if TYPE_CHECKING:
 RECORDS = "records.sqlite"
 """Name of the file in a run's folder."""
 
-LAYOUT, _APPLICATION = 1, 0x63677270
-"""Number of the file's layout, which is its `user_version`; its `application_id` is "cgrp"."""
-
 _LARGEST_INTEGER = 2**63 - 1
 
 _FIELDS = [field.name for field in fields(Problem)]
 _PROBLEM = ", ".join(f"p.{name}" for name in _FIELDS)
 
-SCHEMA = f"""
+_SCHEMA = f"""
 create table machines (id text primary key, cpu text, cores integer, system text, python text, numpy text);
 create table datasets (name text primary key, title text, role text, origin text, citation text);
 create table solvers (key text primary key, name text, options text, refined integer);
@@ -84,6 +82,9 @@ create view wanted_matches as
     select distinct problem, task from plan_sets join plan_problems using (entry)
     where task in ('experiment', 'timing');
 """
+
+RECORDS_LAYOUT = Layout(0x63677270, 1, _SCHEMA)
+"""Its `application_id` is "cgrp"."""
 
 # Problems of one pair follow each other, so that a worker loads it once.
 _CASE_ORDER = "dataset, pair, nuisance, level, nms_radius, matches"
@@ -189,22 +190,12 @@ def only_writer(folder: Path) -> Generator[None, None, None]:
         yield
 
 
-def check_layout(connection: sqlite3.Connection, path: Path) -> None:
-    """Raise `InputError` for a file of another layout, or none of records."""
-    version, application = (
-        connection.execute(f"pragma {name}").fetchone()[0] for name in ("user_version", "application_id")
+def foreign_records(path: Path) -> InputError:
+    """Return the error for a file of another layout, or none of records."""
+    return InputError(
+        f"{path}: not a file of records of this version of cgroup; use the version that made it, or another "
+        "folder"
     )
-    if (version, application) != (LAYOUT, _APPLICATION):
-        message = (
-            f"{path}: not a file of records of this version of cgroup; use the version that made it, or "
-            "another folder"
-        )
-        raise InputError(message)
-
-
-def is_empty(connection: sqlite3.Connection) -> bool:
-    """Tell whether there is nothing in a file."""
-    return connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
 
 
 def set_aside(path: Path) -> Path:
@@ -236,20 +227,7 @@ class Store:
 
     def __init__(self, path: Path) -> None:
         with report_failures(path):
-            self.connection = sqlite3.connect(path, isolation_level=None, timeout=30)
-            try:
-                with self.transaction() as connection:
-                    if is_empty(connection):
-                        for statement in SCHEMA.split(";\n"):
-                            connection.execute(statement)
-                        connection.execute(f"pragma application_id = {_APPLICATION}")
-                        connection.execute(f"pragma user_version = {LAYOUT}")
-                    check_layout(connection, path)
-                self.connection.execute("pragma journal_mode = wal")
-                self.connection.execute("pragma synchronous = normal")
-            except BaseException:
-                self.connection.close()
-                raise
+            self.connection = open_or_make(path, RECORDS_LAYOUT, foreign_records(path), seconds=30)
 
     def close(self) -> None:
         """Close the file."""

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from cgroup._runtime.sqlite import is_empty
 from cgroup.benchmark.problem import COMBINATIONS
 from cgroup.benchmark.results import floats_from_bytes, unpack, unpack_mask
-from cgroup.benchmark.store import RECORDS, Counts, check_layout, count_results, is_empty
+from cgroup.benchmark.store import RECORDS, RECORDS_LAYOUT, Counts, count_results, foreign_records
 from cgroup.benchmark.timing import fit_exponent
 from cgroup.datasets.generated_matches import GeneratedMatches, read_recipe
 from cgroup.errors import InputError
@@ -546,7 +547,7 @@ def _open_records(path: Path) -> Generator[sqlite3.Connection, None, None]:
         with closing(sqlite3.connect(address, uri=True, timeout=30)) as connection:
             if is_empty(connection):
                 raise _absent(path)
-            check_layout(connection, file)
+            RECORDS_LAYOUT.check(connection, foreign_records(file))
             yield connection
     except sqlite3.Error as error:
         message = (

@@ -65,10 +65,13 @@ def parse_text(content: str) -> GraphContent:
         nodes = np.unique(ends)
         poses = np.tile(np.eye(4), (len(nodes), 1, 1))
     ids, first = np.unique(nodes, return_index=True)
-    _refuse(lines, ~np.isin(np.arange(len(lines)), first), "its node is there twice; give each node one line")
-    unknown = ~np.isin(ends, ids)
+    again = np.isin(np.arange(len(lines)), first, invert=True)
+    _refuse(lines, again, "its node is there twice; give each node one line")
+    unknown = np.isin(ends, ids, invert=True)
     missing = ", ".join(map(str, ends[unknown][:1]))
-    _refuse(edge_lines, unknown.any(axis=1), f"there is no node {missing}; give its VERTEX_SE3:QUAT")
+    _refuse(
+        edge_lines, unknown[:, 0] | unknown[:, 1], f"there is no node {missing}; give its VERTEX_SE3:QUAT"
+    )
     _refuse(edge_lines, singular(information), "the information is not positive definite")
     edges = np.searchsorted(ids, ends)
     return GraphContent(poses[first], edges, measurements, information, trust_steps(edges), ids)

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 __all__ = ["PoseGraph"]
 
+_KINDS = {"numbers": np.float64, "whole numbers": np.int64, "truth values": np.bool_}
+
 
 @dataclass(frozen=True, eq=False)
 class PoseGraph:
@@ -108,27 +110,36 @@ class PoseGraph:
         poses = as_poses("poses", self.poses)
         measurements = as_poses("measurements", self.measurements)
         count, nodes = len(measurements), len(poses)
-        edges = _as_numbers("edges", self.edges, np.int64, (count, 2), "whole numbers, two for a measurement")
+        edges = self._numbers("edges", "whole numbers", (count, 2))
         if (outside := np.argwhere((edges < 0) | (edges >= nodes))).size:
             row, column = outside[0]
             raise InputError("edges", f"node {edges[row, column]} in row {row}", f"there are {nodes} poses")
-        information = _as_numbers("information", self.information, np.float64, (count, 6, 6), "numbers")
+        information = self._numbers("information", "numbers", (count, 6, 6))
         if (bad := np.flatnonzero(singular(information))).size:
             got = f"no symmetric positive definite matrix in row {bad[0]}"
             raise InputError("information", got, "give the inverse of a covariance")
-        probability = trust_steps(edges) if self.probability is None else self.probability
-        probability = _as_numbers("probability", probability, np.float64, (count,), "numbers")
+        probability = self._numbers("probability", "numbers", (count,), trust_steps(edges))
         if not ((probability >= 0) & (probability <= 1)).all():
             raise refusal("probability", self.probability, "give numbers between 0 and 1")
-        kept = np.ones(count, bool) if self.kept is None else self.kept
-        kept = _as_numbers("kept", kept, np.bool_, (count,), "truth values")
-        ids = np.arange(nodes) if self.ids is None else self.ids
-        ids = _as_numbers("ids", ids, np.int64, (nodes,), "whole numbers")
+        kept = self._numbers("kept", "truth values", (count,), np.ones(count, bool))
+        ids = self._numbers("ids", "whole numbers", (nodes,), np.arange(nodes))
         checked = poses, edges, measurements, information, probability, kept, ids
         for name, value in zip(self.__dataclass_fields__, checked, strict=True):
             own = np.array(value)
             own.flags.writeable = False
             object.__setattr__(self, name, own)
+
+    def _numbers(
+        self, name: str, what: str, shape: tuple[int, ...], usual: ArrayLike | None = None
+    ) -> NDArray[Any]:
+        """Return a field as an array of one shape; what is empty stands for one without rows."""
+        value, kind = getattr(self, name), _KINDS[what]
+        array = as_array(name, value if value is not None or usual is None else usual)
+        if array.size == 0:
+            array = np.empty((0, *shape[1:]), kind)
+        if array.shape != shape or not np.can_cast(array.dtype, kind, "same_kind"):
+            raise refusal(name, value, f"give ({','.join(map(str, shape))}) {what}")
+        return array.astype(kind, copy=False)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> PoseGraph:
@@ -340,13 +351,3 @@ class PoseGraph:
         """Return what the compiled core takes, with some of the edges."""
         edges, probability = self.edges[rows], self.probability[rows]
         return self.poses, edges, self.measurements[rows], self.information[rows], probability
-
-
-def _as_numbers(name: str, value: ArrayLike, kind: type, shape: tuple[int, ...], what: str) -> NDArray[Any]:
-    """Return an array of one shape; what is empty stands for one without rows."""
-    array = as_array(name, value)
-    if array.size == 0:
-        array = np.empty((0, *shape[1:]), kind)
-    if array.shape != shape or not np.can_cast(array.dtype, kind, "same_kind"):
-        raise refusal(name, value, f"give ({','.join(map(str, shape))}) {what}")
-    return array.astype(kind, copy=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import warnings
 from contextlib import closing, contextmanager, nullcontext
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from cgroup import __version__
@@ -21,21 +22,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
 
     from cgroup.registration import PreparedScan
-
-Task: TypeAlias = tuple[tuple[int, ...], tuple[Any, ...]]
-"""Rows of the scans that a function is called with, and its further arguments."""
+    from cgroup.scenes.kept_links import Task
 
 CallEach: TypeAlias = "Callable[[Callable[..., Any], Sequence[Task]], list[Any]]"
 """Calls a function with the scans and arguments of each task; returns results in the order of the tasks."""
 
 
 class _Job(NamedTuple):
-    """A function that is called with some of the tasks; `take` is told of each result as it is ready."""
+    """A function and tasks by number; `begin` is told of each, `take` of its result once that is there."""
 
     function: Callable[..., Any]
-    tasks: Sequence[Task]
-    numbers: Sequence[int]
-    begin: Callable[[int], None]
+    tasks: dict[int, Task]
+    begin: Callable[[int], Any]
     take: Callable[[int, Any], None]
 
 
@@ -63,43 +61,32 @@ def open_workers(
     """
     workers = count_workers(threads)
     file = nullcontext() if keep is None else closing(KeptLinks(as_path("keep", keep), scans))
-    on_threads = scheduler is None
-    with (
-        file as kept,
-        _use_threads(scans, workers) if on_threads else _use_cluster(scans, scheduler, workers) as run,
-    ):
+    on_threads = nullcontext(partial(_run_on_threads, scans, workers))
+    with file as kept, on_threads if scheduler is None else _use_cluster(scans, scheduler, workers) as run:
 
         def call(function: Callable[..., Any], tasks: Sequence[Task]) -> list[Any]:
-            keys = [] if kept is None else [kept.key(function, *task) for task in tasks]
-            results: dict[int, Any] = {} if kept is None else {**kept.find(keys)}
-
-            def begin_one(number: int) -> None:
-                begin(f"pair {number + 1} of {len(tasks)}")
+            results: dict[int, Any] = {} if kept is None else {**kept.find(function, tasks)}
 
             def take(number: int, result: object) -> None:
-                if kept is not None and (result is None or isinstance(result, Link)):
-                    kept.add(keys[number], result)
+                if kept is not None and isinstance(result, Link | None):
+                    kept.add(function, tasks[number], result)
                 results[number] = result
 
-            left = [number for number in range(len(tasks)) if number not in results]
-            run(_Job(function, tasks, left, begin_one, take))
+            left = {number: task for number, task in enumerate(tasks) if number not in results}
+            run(_Job(function, left, lambda number: begin(f"pair {number + 1} of {len(tasks)}"), take))
             return [results[number] for number in range(len(tasks))]
 
         yield call
 
 
-@contextmanager
-def _use_threads(scans: Sequence[PreparedScan], workers: int) -> Generator[_Run, None, None]:
-    def run(job: _Job) -> None:
-        def work(number: int, stop_with_the_others: Callable[[], None]) -> None:
-            stop_with_the_others()
-            job.begin(number)
-            rows, arguments = job.tasks[number]
-            job.take(number, job.function(*(scans[row] for row in rows), *arguments))
+def _run_on_threads(scans: Sequence[PreparedScan], workers: int, job: _Job) -> None:
+    def work(number: int, stop_with_the_others: Callable[[], None]) -> None:
+        stop_with_the_others()
+        job.begin(number)
+        rows, arguments = job.tasks[number]
+        job.take(number, job.function(*(scans[row] for row in rows), *arguments))
 
-        work_side_by_side(job.numbers, work, workers)
-
-    yield run
+    work_side_by_side(job.tasks, work, workers)
 
 
 # --- Dask ------------------------------------------------------------------------------------------
@@ -130,7 +117,7 @@ def _use_cluster(
             return client.submit(_call, called, *(send(row) for row in rows), pure=False)
 
         if_lost = "once it is there again, call again: with `keep`, finished pairs are not computed anew"
-        with closing(work_on_cluster(client, submit, job.numbers, if_lost)) as finished:
+        with closing(work_on_cluster(client, submit, job.tasks, if_lost)) as finished:
             for number, result in finished:
                 if isinstance(result, WorkersDiedError):
                     rows = " and ".join(str(row) for row in job.tasks[number][0])

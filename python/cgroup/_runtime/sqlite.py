@@ -1,0 +1,52 @@
+"""Files of SQLite that are made if need be, and told from those of something else."""
+
+from __future__ import annotations
+
+import sqlite3
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+class Layout(NamedTuple):
+    """What a file holds: its `application_id`, its `user_version`, and the statements that make it."""
+
+    application: int
+    version: int
+    schema: str
+
+    def check(self, connection: sqlite3.Connection, foreign: Exception) -> None:
+        """Raise `foreign` for a file of another layout."""
+        names = ("application_id", "user_version")
+        found = tuple(connection.execute(f"pragma {name}").fetchone()[0] for name in names)
+        if found != (self.application, self.version):
+            raise foreign
+
+
+def is_empty(connection: sqlite3.Connection) -> bool:
+    """Tell whether there is nothing in a file."""
+    return connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
+
+
+def open_or_make(path: Path, layout: Layout, foreign: Exception, seconds: float) -> sqlite3.Connection:
+    """Open a file that may be written to; raise `foreign` for one of something else, and leave it alone.
+
+    Any thread may use the connection, one at a time. Others are waited for `seconds` long.
+    """
+    connection = sqlite3.connect(path, isolation_level=None, timeout=seconds, check_same_thread=False)
+    try:
+        connection.execute("begin immediate")  # another process may make it, too
+        if is_empty(connection):
+            for statement in layout.schema.split(";\n"):
+                connection.execute(statement)
+            connection.execute(f"pragma application_id = {layout.application}")
+            connection.execute(f"pragma user_version = {layout.version}")
+        layout.check(connection, foreign)
+        connection.execute("commit")
+        connection.execute("pragma journal_mode = wal")
+        connection.execute("pragma synchronous = normal")
+    except BaseException:
+        connection.close()
+        raise
+    return connection
