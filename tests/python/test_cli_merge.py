@@ -162,7 +162,7 @@ def test_names_that_are_the_same_get_their_folder(calls: list[dict[str, Any]], c
 def test_no_output_replaces_a_scan(calls: list[dict[str, Any]], capsys: Capture) -> None:
     write_cloud("merged.ply", read_cloud("front.ply"))
     before = Path("merged.ply").read_bytes()
-    assert "merged.ply: is one of the scans" in fail(capsys, "merge", "merged.ply", *NAMES, "--out", ".")
+    assert "merged.ply: is one of the inputs" in fail(capsys, "merge", "merged.ply", *NAMES, "--out", ".")
     assert not calls  # before there is any work
     assert Path("merged.ply").read_bytes() == before
 

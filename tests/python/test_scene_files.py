@@ -153,7 +153,7 @@ def test_no_output_replaces_a_scan(tmp_path: Path) -> None:
     before = path.read_bytes()
     scene = known_scene(scans=(str(path), PAIR.source, PAIR.target, PAIR.source))
     for name in ("scan.ply", "other.ply"):
-        with pytest.raises(InputError, match="is one of the scans"):
+        with pytest.raises(InputError, match="is one of the inputs"):
             scene.write(tmp_path / name)
     assert path.read_bytes() == before
 

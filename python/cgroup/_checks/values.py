@@ -42,6 +42,14 @@ def as_count(name: str, value: object, least: int, remedy: str | None = None) ->
     return number
 
 
+def as_index(name: str, value: object, count: int, what: str) -> int:
+    """Return the number of one of so many, counted from 0."""
+    number = as_count(name, value, 0)
+    if number >= count:
+        raise InputError(name, str(number), f"give a number below {count}, the count of {what}")
+    return number
+
+
 def _whole(value: object) -> int | None:
     value = _unwrap(value)
     if isinstance(value, bool) or not isinstance(value, Integral):

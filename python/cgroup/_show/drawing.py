@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from cgroup.errors import InputError
 from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Generator, Mapping
 
     from cgroup._checks.array_types import BoolArray, FloatArray
 
@@ -58,8 +59,15 @@ def plot(
         is_placed=is_placed,
     )
     hook = "chart" if as_flag("interactive", interactive) else "figure"
-    try:
+    with naming_missing_library():
         return call_hook(hook, drawing)
+
+
+@contextmanager
+def naming_missing_library() -> Generator[None, None, None]:
+    """Say how to install what drawing needs, where it isn't there."""
+    try:
+        yield
     except ModuleNotFoundError as missing:
         message = f"drawing needs {missing.name}; pip install 'cgroup[scans]'"
         raise InputError(message) from missing

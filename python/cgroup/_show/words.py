@@ -13,6 +13,11 @@ def number(value: float) -> str:
     return f"{value:.{_FEWEST_DIGITS}g}"
 
 
+def counted(count: int, noun: str) -> str:
+    """Write "1 scan", "3 scans"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def told_apart(one: float, other: float) -> tuple[str, str]:
     """Write two numbers, which differ, in as many digits as show it."""
     digits = _FEWEST_DIGITS

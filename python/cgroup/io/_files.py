@@ -106,17 +106,22 @@ def keeping_inputs() -> Generator[None]:
         _inputs = before
 
 
-def check_outputs(paths: Iterable[Path]) -> None:
-    """See that no output would replace an input, before anything is written."""
-    inputs = _inputs or set()
+def check_outputs(paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
+    """See that no output would replace what was read, or is told, before anything is written."""
+    kept = {*(_inputs or ()), *map(_identify, inputs)} - {None}
     for path in paths:
-        try:
-            status = path.stat()
-        except (OSError, ValueError):
-            continue
-        if (status.st_dev, status.st_ino) in inputs:
+        if _identify(path) in kept:
             message = f"{path}: is one of the inputs, and would be replaced; write elsewhere"
             raise InputError(message)
+
+
+def _identify(path: str | os.PathLike[str]) -> tuple[int, int] | None:
+    """Return device and number of a file; None where there is none."""
+    try:
+        status = Path(path).stat()
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
 
 
 def written_path(path: str | os.PathLike[str], what: str, *suffixes: str) -> Path:

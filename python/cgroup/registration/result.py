@@ -16,6 +16,7 @@ from cgroup.rigid import apply
 from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
     from typing import Any
 
     from numpy.typing import ArrayLike
@@ -199,21 +200,7 @@ class Registration:
         True
         """
         clouds = as_cloud("source", source).transformed(self.T_target_source), as_cloud("target", target)
-        spacing = min(features.resolution(cloud.points, ignore_zero=True) for cloud in clouds)
-        normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
-        colors = [cloud.colors for cloud in clouds if cloud.colors is not None]
-        if len(colors) < len(clouds):
-            colors = [
-                np.full((len(cloud), 3), color, np.uint8)
-                for cloud, color in zip(clouds, SCAN_COLORS, strict=True)
-            ]
-        both = PointCloud(
-            np.concatenate([cloud.points for cloud in clouds]),
-            np.concatenate(normals) if len(normals) == len(clouds) else None,
-            colors=np.concatenate(colors),
-        )
-        voxels = features.voxel_downsample(both, spacing)
-        return PointCloud(voxels.points, voxels.normals, colors=voxels.colors)
+        return merge_clouds(clouds, SCAN_COLORS)
 
     def plot(
         self,
@@ -288,6 +275,28 @@ class Registration:
     def __repr__(self) -> str:
         answer = "ok" if self.ok else "not ok"
         return f"Registration({answer}, probability={self.probability:.3f}, fitness={self.fitness:.2f})"
+
+
+def merge_clouds(
+    clouds: Sequence[PointCloud], colors: Iterable[ArrayLike], voxel: float | None = None
+) -> PointCloud:
+    """Make one cloud of posed ones, each in a colour of its own where not all have colours.
+
+    It is thinned by a voxel, that of the finest point spacing where none is given.
+    """
+    if voxel is None:
+        voxel = min(features.resolution(cloud.points, ignore_zero=True) for cloud in clouds)
+    normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
+    own = [cloud.colors for cloud in clouds if cloud.colors is not None]
+    if len(own) < len(clouds):
+        own = [np.full((len(cloud), 3), color, np.uint8) for cloud, color in zip(clouds, colors, strict=True)]
+    every = PointCloud(
+        np.concatenate([cloud.points for cloud in clouds]),
+        np.concatenate(normals) if len(normals) == len(clouds) else None,
+        colors=np.concatenate(own),
+    )
+    voxels = features.voxel_downsample(every, voxel)
+    return PointCloud(voxels.points, voxels.normals, colors=voxels.colors)
 
 
 def registration_of(found: Found, judgement: Judgement, seconds: dict[str, float]) -> Registration:

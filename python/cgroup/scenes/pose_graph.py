@@ -11,7 +11,7 @@ import numpy as np
 from cgroup import _core
 from cgroup._checks.arrays import as_array
 from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_choice, as_count, as_flag, as_path, refusal
+from cgroup._checks.values import as_choice, as_flag, as_index, as_path, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
 from cgroup.io._files import load_text, naming, written_path
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 
@@ -130,11 +130,15 @@ class PoseGraph:
             object.__setattr__(self, name, own)
 
     def _numbers(
-        self, name: str, what: str, shape: tuple[int, ...], usual: ArrayLike | None = None
+        self,
+        name: str,
+        what: str,
+        shape: tuple[int, ...],
+        usual: Any = None,  # noqa: ANN401 - an array, or none
     ) -> NDArray[Any]:
         """Return a field as an array of one shape; what is empty stands for one without rows."""
         value, kind = getattr(self, name), _KINDS[what]
-        array = as_array(name, value if value is not None or usual is None else usual)
+        array = as_array(name, usual if value is None else value)
         if array.size == 0:
             array = np.empty((0, *shape[1:]), kind)
         if array.shape != shape or not np.can_cast(array.dtype, kind, "same_kind"):
@@ -317,9 +321,7 @@ class PoseGraph:
         >>> graph.covariance(1).diagonal()
         array([0.25, 0.25, 0.25, 0.25, 0.25, 0.25])
         """
-        node = as_count("i", i, 0)
-        if node >= len(self.poses):
-            raise InputError("i", node, f"give the number of a node, below {len(self.poses)}")
+        node = as_index("i", i, len(self.poses), "nodes")
         return _core.pose_covariances(self._arrays(self.kept), np.array([node]), run_options())[0]
 
     def components(self) -> list[IndexArray]:

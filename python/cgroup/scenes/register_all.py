@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import os
-import re
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cgroup._checks.arrays import as_direction, as_floats
+from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_items
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function, ignore_progress
 from cgroup._runtime.workers import count_workers, work_side_by_side
+from cgroup._show.words import counted
 from cgroup.errors import InputError
 from cgroup.registration.prepare import agree, as_given
 from cgroup.registration.register import as_pairs, as_viewpoints
 from cgroup.registration.scan import MAX_SIZE_RATIO, as_viewpoint
 from cgroup.registration.search import EFFORTS
-from cgroup.rigid import check_rigid
+from cgroup.rigid import as_poses
 from cgroup.scenes.building import Building
 from cgroup.scenes.workers import open_workers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Generator, Iterable, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -121,7 +122,6 @@ def register_all(
     [[0, 1, 2]]
     """
     as_choice("effort", effort, EFFORTS)
-    workers = count_workers(threads)
     begin = as_stage_function(progress)
     given = as_items("scans", scans, "give two clouds or more")
     if len(given) < 2:
@@ -129,29 +129,23 @@ def register_all(
     places = as_viewpoints(viewpoints, as_viewpoint(viewpoint, view_direction), len(given))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     wanted = None if pairs is None else as_pairs(pairs, len(given))
-    moved = None if odometry is None else _as_odometry(odometry, len(given))
+    moved = None if odometry is None else as_poses("odometry", odometry, len(given))
     called = _as_names(names, given)
     clock = StageClock(begin)
     clock.start("scans")
-    ready, notes = _prepare_each(given, places, called, voxel, threads, workers, begin)
-    rows = [row for row, scan in enumerate(ready) if scan is not None]
-    prepared = [scan for scan in ready if scan is not None]
-    if len(prepared) < 2:
-        raise InputError(
-            "scans", f"{len(prepared)} that can be worked with", f"give two or more; {'; '.join(notes)}"
-        )
-    within = {row: k for k, row in enumerate(rows)}
+    ready, notes = _prepare_each(given, places, called, voxel, threads, begin)
+    if len(ready) < 2:
+        got = f"{len(ready)} that can be worked with"
+        raise InputError("scans", got, f"give two or more; {'; '.join(notes)}")
+    rows, scans = list(ready), list(ready.values())
     if wanted is not None:
-        wanted = [
-            (within[one], within[other])
-            for one, other in wanted
-            if one in within and other in within and one != other
-        ]
-    with open_workers(prepared, threads, scheduler, keep, begin) as call:
-        building = Building(prepared, call, direction, effort, clock)
+        place = {row: number for number, row in enumerate(rows)}
+        usable = [pair for pair in wanted if pair[0] != pair[1] and {*pair} <= place.keys()]
+        wanted = [(place[one], place[other]) for one, other in usable]
+    with open_workers(scans, threads, scheduler, keep, begin) as call:
+        building = Building(scans, call, direction, effort, clock)
         building.register_pairs(wanted, None if moved is None else moved[rows])
-        scene = building.finish()
-    return _spread(scene, rows, given, called, tuple(notes), building)
+        return _finish(building, rows, given, called, notes)
 
 
 def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: ArrayLike | None) -> Scene:
@@ -159,14 +153,13 @@ def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: Arr
     if scene.made is None:
         raise InputError("scene", "one that was put together by hand", "make it by `register_all`")
     building, rows, notes = scene.made
-    name, row = f"scans[{len(scene.scans)}]", len(scene.scans)
+    given, row = [*scene.scans, scan], len(scene.scans)
+    name = f"scans[{row}]"
     shared = agree([as_given(name, building.scans[0])], None, None, None)._replace(threads=1)
     ready = shared.finish(as_given(name, scan, viewpoint, or_stored=True), ignore_progress)
+    names = [*scene.names, *_as_names(None, given)[row:]]
     with open_workers([*building.scans, ready], None) as call:
-        grown = building.grown(ready, call)
-        found = grown.finish()
-    names = [*scene.names, *_as_names(None, [*scene.scans, scan])[row:]]
-    return _spread(found, [*rows, row], [*scene.scans, scan], names, notes, grown)
+        return _finish(building.grown(ready, call), [*rows, row], given, names, notes)
 
 
 def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
@@ -182,104 +175,80 @@ def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
     return told
 
 
-def _as_odometry(odometry: ArrayLike, count: int) -> FloatArray:
-    poses = as_floats("odometry", odometry)
-    if poses.shape != (count, 4, 4):
-        raise InputError("odometry", f"shape {poses.shape}", f"give ({count},4,4), the pose of each scan")
-    return np.array([check_rigid(pose, f"odometry[{row}]") for row, pose in enumerate(poses)])
-
-
 def _prepare_each(
     given: Sequence[Any],
     places: Sequence[ArrayLike | None],
     names: Sequence[str],
     voxel: float | None,
     threads: int | None,
-    workers: int,
     begin: Callable[[str], Any],
-) -> tuple[list[PreparedScan | None], list[str]]:
-    """Make scans ready with one voxel; leave out those that can't be, and say why."""
-    notes: dict[int, str] = {}
-    clouds: list[Given | None] = [None] * len(given)
+) -> tuple[dict[int, PreparedScan], tuple[str, ...]]:
+    """Make scans ready with one voxel, by their rows; leave out those that can't be, and say why."""
+    clouds: dict[int, Given] = {}
+    ready: dict[int, PreparedScan] = {}
+    reasons: dict[int, str] = {}
+
+    @contextmanager
+    def leaving_out(row: int) -> Generator[None, None, None]:
+        try:
+            yield
+        except (InputError, OSError) as error:
+            reasons[row] = str(error).removeprefix(f"scans[{row}]: ").removeprefix(f"{names[row]}: ")
 
     def check(row: int, stop_with_the_others: Callable[[], None]) -> None:
         stop_with_the_others()
-        try:
+        with leaving_out(row):
             clouds[row] = as_given(f"scans[{row}]", given[row], places[row], or_stored=True)
-        except (InputError, OSError) as error:
-            notes[row] = f"{names[row]} is left out: {_cause(error, names[row])}"
 
+    def prepare(row: int, stop_with_the_others: Callable[[], None]) -> None:
+        begin(f"scan {row + 1} of {len(given)}")
+        with leaving_out(row):
+            ready[row] = shared.finish(clouds[row], lambda _: stop_with_the_others())
+
+    workers = count_workers(threads)
     work_side_by_side(range(len(given)), check, workers)
-    sizes = {row: cloud.whole.cloud.diagonal for row, cloud in enumerate(clouds) if cloud is not None}
-    usual = float(np.median(list(sizes.values()))) if sizes else 0.0
+    sizes = {row: clouds[row].whole.cloud.diagonal for row in sorted(clouds)}
+    usual = float(np.median([*sizes.values()])) if sizes else 0.0
     for row, size in sizes.items():
         if not usual / MAX_SIZE_RATIO**0.5 <= size <= usual * MAX_SIZE_RATIO**0.5:
-            notes[row] = (
-                f"{names[row]} is left out: {size:.3g} across where the others are {usual:.3g}; scale it to "
-                "their unit"
-            )
-            clouds[row] = None
-    usable = [cloud for cloud in clouds if cloud is not None]
-    ready: list[PreparedScan | None] = [None] * len(given)
+            reasons[row] = f"{size:.3g} across where the others are {usual:.3g}; scale it to their unit"
+    usable = [row for row in sizes if row not in reasons]
     if usable:
-        shared = agree(usable, voxel, None, threads)._replace(threads=1)
-
-        def prepare(row: int, stop_with_the_others: Callable[[], None]) -> None:
-            cloud = clouds[row]
-            if cloud is None:
-                return
-            begin(f"scan {row + 1} of {len(given)}")
-            try:
-                ready[row] = shared.finish(cloud, lambda _: stop_with_the_others())
-            except InputError as error:
-                notes[row] = f"{names[row]} is left out: {_cause(error, names[row])}"
-
-        work_side_by_side(range(len(given)), prepare, workers)
-    return ready, [notes[row] for row in sorted(notes)]
+        shared = agree([clouds[row] for row in usable], voxel, None, threads)._replace(threads=1)
+        work_side_by_side(usable, prepare, workers)
+    notes = tuple(f"{names[row]} is left out: {reasons[row]}" for row in sorted(reasons))
+    return {row: ready[row] for row in sorted(ready)}, notes
 
 
-def _cause(error: Exception, name: str) -> str:
-    """Say why a scan is left out, without its names, which stand before."""
-    message = re.sub(r"^scans\[\d+\]: ", "", str(error))
-    return message.removeprefix(f"{name}: ")
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-def _spread(
-    scene: Scene,
-    rows: list[int],
-    given: Sequence[Any],
-    names: list[str],
-    notes: tuple[str, ...],
-    building: Building,
+def _finish(
+    building: Building, rows: list[int], given: Sequence[Any], names: list[str], notes: tuple[str, ...]
 ) -> Scene:
     """Return the scene by the rows that were given, among which some were left out."""
-    count = len(given)
-    poses, covariance = np.full((count, 4, 4), np.nan), np.full((count, 6, 6), np.nan)
-    probability = np.full(count, np.nan)
-    poses[rows], covariance[rows], probability[rows] = scene.poses, scene.covariance, scene.probability
-    alone = sum(len(part) == 1 for part in scene.components)
-    found = [*notes]
-    if len(scene.components) > 1:
-        sizes = ", ".join(str(len(part)) for part in scene.components if len(part) > 1)
-        several = (
-            f"{_count(len(scene.components) - alone, 'scene')} of {sizes} scans"
-            if sizes
-            else "no two scans hang together"
-        )
-        found.append(several + (f", and {_count(alone, 'scan')} alone" if sizes and alone else ""))
+    scene = building.finish()
+
+    def spread(values: FloatArray) -> FloatArray:
+        every = np.full((len(given), *values.shape[1:]), np.nan)
+        every[rows] = values
+        return every
+
     return replace(
         scene,
-        poses=poses,
-        covariance=covariance,
-        probability=probability,
+        poses=spread(scene.poses),
+        probability=spread(scene.probability),
+        covariance=spread(scene.covariance),
         components=[[rows[k] for k in part] for part in scene.components],
         edges=[replace(edge, source=rows[edge.source], target=rows[edge.target]) for edge in scene.edges],
         names=names,
         scans=tuple(given),
-        notes=tuple(found),
+        notes=(*notes, *_say_components([len(part) for part in scene.components])),
         made=(building, rows, notes),
     )
+
+
+def _say_components(sizes: list[int]) -> list[str]:
+    several = [size for size in sizes if size > 1]
+    if len(sizes) < 2 or not several:
+        return ["no two scans hang together"] if len(sizes) > 1 else []
+    said = f"{counted(len(several), 'scene')} of {', '.join(map(str, several))} scans"
+    alone = len(sizes) - len(several)
+    return [f"{said}, and {counted(alone, 'scan')} alone" if alone else said]

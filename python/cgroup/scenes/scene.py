@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -9,19 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup._checks.hooks import call_hook
-from cgroup._checks.values import as_count, as_length
+from cgroup._checks.values import as_index, as_length
+from cgroup._show.drawing import naming_missing_library
 from cgroup._show.notebook import result_table
-from cgroup._show.words import number
-from cgroup.errors import InputError
+from cgroup._show.words import counted, number
 from cgroup.io import write_cloud, write_file
-from cgroup.io._files import written_path
+from cgroup.io._files import check_outputs, written_path
 from cgroup.registration.covariance import covariance_in
+from cgroup.registration.result import merge_clouds
 from cgroup.scenes.pose_graph import PoseGraph
-from cgroup.scenes.scene_files import POSE_FORMATS, cloud_of, merge, refuse_inputs, scan_colors
+from cgroup.scenes.scene_files import POSE_FORMATS, cloud_of, format_poses, scan_colors
 
 if TYPE_CHECKING:
-    import os
-
     from numpy.typing import ArrayLike
 
     from cgroup.features import Cloud
@@ -189,18 +189,17 @@ class Scene:
         return self._graph_of(sorted(row for rows in self.components for row in rows))
 
     def _graph_of(self, rows: list[int]) -> PoseGraph:
-        place = {row: node for node, row in enumerate(rows)}
-        edges = [edge for edge in self.edges if edge.source in place and edge.target in place]
-        information = [
-            np.linalg.inv(covariance_in("gtsam", edge.covariance, edge.T_target_source)) for edge in edges
-        ]
+        among = self._edges_among(rows)
+        edges = [edge for _, _, edge in among]
+        spreads = [covariance_in("gtsam", edge.covariance, edge.T_target_source) for edge in edges]
+        information = np.linalg.inv(np.reshape(spreads, (-1, 6, 6)))
         return PoseGraph(
             self.poses[rows],
-            np.array([(place[edge.target], place[edge.source]) for edge in edges], np.int64),
+            np.array([(target, source) for source, target, _ in among]),
             np.array([edge.T_target_source for edge in edges]),
-            np.array([(one + one.T) / 2 for one in information]),
+            (information + information.transpose(0, 2, 1)) / 2,
             np.array([edge.probability for edge in edges]),
-            np.array([edge.kept for edge in edges], bool),
+            np.array([edge.kept for edge in edges]),
             np.array(rows),
         )
 
@@ -242,17 +241,19 @@ class Scene:
         """
         rows = self._component(component)
         size = None if voxel is None else as_length("voxel", voxel)
-        return merge(self._posed(rows), scan_colors(len(self.scans))[rows], size)
+        return merge_clouds(self._posed(rows), scan_colors(len(self.scans))[rows], size)
 
     def _component(self, component: int) -> list[int]:
-        chosen = as_count("component", component, 0)
-        if chosen >= len(self.components):
-            remedy = f"give a number below {len(self.components)}, the count of components"
-            raise InputError("component", str(chosen), remedy)
-        return self.components[chosen]
+        return self.components[as_index("component", component, len(self.components), "components")]
 
     def _posed(self, rows: list[int]) -> list[PointCloud]:
         return [cloud_of(self.names[row], self.scans[row]).transformed(self.poses[row]) for row in rows]
+
+    def _edges_among(self, rows: list[int]) -> list[tuple[int, int, Edge]]:
+        """Return the edges between scans, behind the places of source and target among these."""
+        place = {row: node for node, row in enumerate(rows)}
+        inside = [edge for edge in self.edges if {edge.source, edge.target} <= place.keys()]
+        return [(place[edge.source], place[edge.target], edge) for edge in inside]
 
     def write(self, path: str | os.PathLike[str], *, component: int = 0) -> None:
         """Write poses, the pose graph, or the merged cloud of a component.
@@ -297,13 +298,13 @@ class Scene:
         """
         path = written_path(path, "scenes", *POSE_FORMATS, *_GRAPHS, *_CLOUDS)
         rows, suffix = self._component(component), path.suffix.lower()
-        refuse_inputs(path, self.scans)
+        check_outputs([path], (scan for scan in self.scans if isinstance(scan, str | os.PathLike)))
         if suffix in _CLOUDS:
             write_cloud(path, self.merged(component=component))
         elif suffix in _GRAPHS:
             self._graph_of(sorted(rows)).write(path)
         else:
-            write_file(path, POSE_FORMATS[suffix](self.poses[rows], np.array(rows)).encode())
+            write_file(path, format_poses(suffix, self.poses[rows], rows).encode())
 
     def plot(self, *, component: int = 0) -> Any:  # noqa: ANN401 - matplotlib's Figure
         """Draw the merged scans of a component, and the graph of their edges.
@@ -335,17 +336,11 @@ class Scene:
         >>> type(figure).__name__
         'Figure'
         """
-        try:
+        with naming_missing_library():
             from cgroup.plots.scans import scans_figure  # noqa: PLC0415 - needs matplotlib
-        except ModuleNotFoundError as missing:
-            message = f"drawing needs {missing.name}; pip install 'cgroup[scans]'"
-            raise InputError(message) from missing
         rows = self._component(component)
-        place = {row: node for node, row in enumerate(rows)}
         edges = [
-            (place[edge.source], place[edge.target], edge.residual, edge.kept)
-            for edge in self.edges
-            if edge.source in place and edge.target in place
+            (source, target, edge.residual, edge.kept) for source, target, edge in self._edges_among(rows)
         ]
         clouds = [cloud.points for cloud in self._posed(rows)]
         colors = scan_colors(len(self.scans))[rows] / 255
@@ -359,20 +354,17 @@ class Scene:
     def _repr_html_(self) -> str:
         several = [rows for rows in self.components if len(rows) > 1]
         alone = [self.names[rows[0]] for rows in self.components if len(rows) == 1]
-        kept = [edge for edge in self.edges if edge.kept]
+        kept = [edge.residual for edge in self.edges if edge.kept]
         placed = sum(map(len, several))
-        largest = max((edge.residual for edge in kept), default=None)
+        counts = f"{self.tried} tried; of the edges {len(kept)} kept, {len(self.edges) - len(kept)} dropped"
         rows = [
             *((f"component {k}", ", ".join(self.names[i] for i in one)) for k, one in enumerate(several)),
             ("alone", ", ".join(alone)),
-            (
-                "pairs",
-                f"{self.tried} tried; of the edges {len(kept)} kept, {len(self.edges) - len(kept)} dropped",
-            ),
-            ("residual", "" if largest is None else f"{number(largest)} standard deviations at most"),
+            ("pairs", counts),
+            ("residual", f"{number(max(kept))} standard deviations at most" if kept else ""),
             ("voxel", number(self.voxel)),
             *(("note", note) for note in self.notes),
             ("time", f"{sum(self.seconds.values()):.2f} s"),
         ]
-        title = f"Scene: {placed} of {len(self.scans)} scans in {len(several)} component"
-        return result_table(f"{title}{'' if len(several) == 1 else 's'}", placed / len(self.scans), rows)
+        title = f"Scene: {placed} of {len(self.scans)} scans in {counted(len(several), 'component')}"
+        return result_table(title, placed / len(self.scans), rows)

@@ -1,43 +1,43 @@
-"""Scenes as one cloud, and as files of poses."""
+"""The scans of a scene as clouds in colours of their own, and its poses as text."""
 
 from __future__ import annotations
 
 import colorsys
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup import features
 from cgroup._checks.arrays import in_double
-from cgroup.errors import InputError
+from cgroup.io._files import number_lines
 from cgroup.registration import PreparedScan
 from cgroup.scenes.graph_files import motion_lines
 from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from cgroup.types import AnyCloud, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, FloatArray
 
-_FIRST_COLORS = "#E69F00 #0072B2 #009E73 #CC79A7 #56B4E9 #D55E00 #B8AC1B #7A5195"
+_FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
 """As orange and blue of two scans, further colours that are told apart by every common kind of vision."""
 
 _GOLDEN = 0.618
 """Of a turn between the hues of one scan and the next: they never come near soon."""
 
+POSE_FORMATS = (".tum", ".kitti", ".log")
+
 
 def scan_colors(count: int) -> NDArray[np.uint8]:
     """Return red, green and blue of so many scans."""
-    colors = [tuple(bytes.fromhex(color[1:])) for color in _FIRST_COLORS.split()]
-    for number in range(len(colors), count):
-        light = (0.42, 0.58, 0.7)[number % 3]
-        parts = colorsys.hls_to_rgb(_GOLDEN * number % 1, light, 0.62)
-        colors.append((round(255 * parts[0]), round(255 * parts[1]), round(255 * parts[2])))
-    return np.array(colors[:count], np.uint8).reshape(-1, 3)
+    first = np.frombuffer(_FIRST_COLORS, np.uint8).reshape(-1, 3)
+    further = [
+        colorsys.hls_to_rgb(_GOLDEN * number % 1, (0.42, 0.58, 0.7)[number % 3], 0.62)
+        for number in range(len(first), count)
+    ]
+    bytes_of = np.rint(255 * np.reshape(further, (-1, 3)))
+    return np.concatenate([first, bytes_of]).astype(np.uint8)[:count]
 
 
 def cloud_of(name: str, scan: AnyCloud | PreparedScan) -> PointCloud:
@@ -47,57 +47,14 @@ def cloud_of(name: str, scan: AnyCloud | PreparedScan) -> PointCloud:
     return as_cloud(name, scan)
 
 
-def merge(clouds: Sequence[PointCloud], colors: NDArray[np.uint8], voxel: float | None) -> PointCloud:
-    """Make one cloud of posed ones, each with a colour of its own where not all have theirs."""
-    if voxel is None:
-        voxel = min(features.resolution(cloud.points, ignore_zero=True) for cloud in clouds)
-    normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
-    own = [cloud.colors for cloud in clouds if cloud.colors is not None]
-    if len(own) < len(clouds):
-        own = [np.broadcast_to(color, (len(cloud), 3)) for cloud, color in zip(clouds, colors, strict=True)]
-    every = PointCloud(
-        np.concatenate([cloud.points for cloud in clouds]),
-        np.concatenate(normals) if len(normals) == len(clouds) else None,
-        colors=np.concatenate(own),
-    )
-    voxels = features.voxel_downsample(every, voxel)
-    return PointCloud(voxels.points, voxels.normals, colors=voxels.colors)
-
-
-def _format_tum(poses: FloatArray, rows: IndexArray) -> str:
-    lines = zip(rows.tolist(), motion_lines(poses), strict=True)
-    return "# row of the scan, tx ty tz qx qy qz qw\n" + "".join(f"{row} {line}\n" for row, line in lines)
-
-
-def _format_kitti(poses: FloatArray, rows: IndexArray) -> str:  # noqa: ARG001 - it has no numbers
-    return "".join(f"{_numbers(pose[:3].ravel())}\n" for pose in poses)
-
-
-def _format_log(poses: FloatArray, rows: IndexArray) -> str:
-    blocks = [
-        [f"{row} {row} {row + 1}", *map(_numbers, pose)]
-        for row, pose in zip(rows.tolist(), poses, strict=True)
-    ]
-    return "".join(f"{line}\n" for block in blocks for line in block)
-
-
-def _numbers(values: FloatArray) -> str:
-    return " ".join(map(repr, values.tolist()))
-
-
-POSE_FORMATS: dict[str, Callable[[FloatArray, IndexArray], str]] = {
-    ".tum": _format_tum,
-    ".kitti": _format_kitti,
-    ".log": _format_log,
-}
-"""What writes poses and the rows of their scans, by suffix."""
-
-
-def refuse_inputs(path: Path, scans: Iterable[object]) -> None:
-    """Raise `InputError` where an output would replace a scan, by whatever name."""
-    for scan in scans:
-        if isinstance(scan, str | os.PathLike) and path.exists():
-            given = Path(scan)
-            if given.exists() and given.samefile(path):
-                message = f"{path}: is one of the scans, and would be replaced; write elsewhere"
-                raise InputError(message)
+def format_poses(suffix: str, poses: FloatArray, rows: Sequence[int]) -> str:
+    """Write poses of scans, and their rows, in one of the formats."""
+    if suffix == ".kitti":
+        lines = number_lines(poses[:, :3].reshape(-1, 12))
+    elif suffix == ".tum":
+        lines = ["# row of the scan, tx ty tz qx qy qz qw"]
+        lines += [f"{row} {line}" for row, line in zip(rows, motion_lines(poses), strict=True)]
+    else:
+        blocks = zip(rows, map(number_lines, poses), strict=True)
+        lines = [line for row, pose in blocks for line in (f"{row} {row} {row + 1}", *pose)]
+    return "".join(f"{line}\n" for line in lines)

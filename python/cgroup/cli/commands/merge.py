@@ -11,6 +11,7 @@ from typing import Any
 import typer
 
 from cgroup import io
+from cgroup._show.words import counted
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.options import Point, choice, option
@@ -25,7 +26,6 @@ from cgroup.registration import Effort
 from cgroup.registration.covariance import deviations_at
 from cgroup.rigid import apply
 from cgroup.scenes import Edge, Scene, register_all
-from cgroup.scenes.scene_files import refuse_inputs
 
 _SCANS = (
     Column("scan", is_text=True),
@@ -89,7 +89,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         print_line("")
     kept = sum(edge["kept"] for edge in edges)
     print_facts(
-        ("components", ", ".join(_say_size(len(rows)) for rows in done["components"])),
+        ("components", ", ".join(counted(len(rows), "scan") for rows in done["components"])),
         ("pairs", f"{done['tried']} tried; of the edges {kept} kept, {len(edges) - kept} dropped"),
         ("sd", "standard deviation of a scan's turn, and of the place of its middle"),
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
@@ -111,10 +111,6 @@ def _row_of(edge: Document, scans: Sequence[Document]) -> tuple[str, ...]:
 
 def _chance(value: float | None) -> str:
     return "" if value is None else f"{value:.3f}"
-
-
-def _say_size(count: int) -> str:
-    return "1 scan" if count == 1 else f"{count} scans"
 
 
 def _first_name(file: Path) -> str:
@@ -184,8 +180,7 @@ def merge_command(
     more: poses.tum, graph.g2o, merged.ply, scene.png; of a second one poses_2.tum and so on. What is finished
     stays in pairs.sqlite, and a run that was killed goes on from there.
     """
-    for file in _all_files(out, len(scans)):
-        refuse_inputs(file, scans)
+    check_outputs(_all_files(out, len(scans)), scans)
     with _folder_if_needed(out), show_stages() as begin:
         scene = register_all(
             scans,
@@ -222,7 +217,7 @@ def merge_command(
             if is_given(context, "viewpoint")
             else "; if each is one single scan, say where the scanner stood: --viewpoint"
         )
-        sizes = ", ".join(_say_size(len(rows)) for rows in scene.components[:5])
+        sizes = ", ".join(counted(len(rows), "scan") for rows in scene.components[:5])
         more = ", ..." if len(scene.components) > 5 else ""
         said["refusal"] = f"the scans make {len(scene.components)} components ({sizes}{more}), not one{hint}"
     return said
