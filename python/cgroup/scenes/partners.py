@@ -29,12 +29,9 @@ def describe_scans(scans: Sequence[PreparedScan]) -> FloatArray:
     """
     rng = default_rng(0)
     mixed = any(scan.by_frames for scan in scans)
-    drawn: list[FloatArray] = []
-    for scan in scans:
-        values = (scan.turned_by_frames if mixed else scan).described.descriptors
-        drawn.append(values[rng.permutation(len(values))[:_OF_EACH]].astype(np.float64))
-    share = max(_TRAINING // len(drawn), 50)
-    training = np.concatenate([values[:share] for values in drawn])
+    found = [(scan.turned_by_frames if mixed else scan).described.descriptors for scan in scans]
+    drawn = [values[rng.permutation(len(values))[:_OF_EACH]].astype(np.float64) for values in found]
+    training = np.concatenate([values[: max(_TRAINING // len(drawn), 50)] for values in drawn])
     mean, deviation = training.mean(axis=0), training.std(axis=0) + 1e-9
     _, sizes, axes = np.linalg.svd((training - mean) / deviation, full_matrices=False)
     axes = (axes[:_DIMENSIONS] / (sizes[:_DIMENSIONS, None] / np.sqrt(len(training)) + 1e-3)).T
@@ -48,63 +45,48 @@ def _fit_mixture(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArr
     means = values[rng.choice(len(values), count, replace=False)]
     variances, weights = np.ones_like(means), np.full(count, 1.0 / count)
     for _ in range(_ROUNDS):
-        shares = _share(values, weights, means, variances)
-        sums = shares.sum(axis=0) + 1e-9
-        means = shares.T @ values / sums[:, None]
-        variances = np.maximum(shares.T @ values**2 / sums[:, None] - means**2, _LEAST_VARIANCE)
-        weights = sums / sums.sum()
+        sums, first, second = _moments(values, weights, means, variances)
+        sums += 1e-9
+        means = first / sums
+        variances = np.maximum(second / sums - means**2, _LEAST_VARIANCE)
+        weights = sums[:, 0] / sums.sum()
     return weights, means, variances
 
 
-def _share(values: FloatArray, weights: FloatArray, means: FloatArray, variances: FloatArray) -> FloatArray:
-    """Share each value among the Gaussians, (n,K)."""
+def _moments(
+    values: FloatArray, weights: FloatArray, means: FloatArray, variances: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Share each value among the K Gaussians; sum up the shares, (K,1), the values, and their squares."""
     precision = 1.0 / variances
     squares = (
         values**2 @ precision.T - 2.0 * values @ (means * precision).T + (means**2 * precision).sum(axis=1)
     )
     logs = np.log(weights) - 0.5 * (squares + np.log(variances).sum(axis=1))
     shares = np.exp(logs - logs.max(axis=1, keepdims=True))
-    return shares / shares.sum(axis=1, keepdims=True)
+    shares /= shares.sum(axis=1, keepdims=True)
+    return shares.sum(axis=0)[:, None], shares.T @ values, shares.T @ values**2
 
 
 def _fisher_vector(
     values: FloatArray, weights: FloatArray, means: FloatArray, variances: FloatArray
 ) -> FloatArray:
-    shares = _share(values, weights, means, variances)
-    sums, first, second = shares.sum(axis=0)[:, None], shares.T @ values, shares.T @ values**2
-    deviations = np.sqrt(variances)
-    slopes = (first - sums * means) / deviations / np.sqrt(weights)[:, None]
-    curves = (second - 2 * means * first + sums * means**2) / variances - sums
-    both = np.concatenate([slopes.ravel(), (curves / np.sqrt(2 * weights)[:, None]).ravel()])
+    sums, first, second = _moments(values, weights, means, variances)
+    roots = np.sqrt(weights)[:, None]
+    slopes = (first - sums * means) / np.sqrt(variances) / roots
+    curves = ((second - 2 * means * first + sums * means**2) / variances - sums) / (np.sqrt(2) * roots)
+    both = np.concatenate([slopes.ravel(), curves.ravel()])
     vector = np.sign(both) * np.sqrt(np.abs(both))
     return vector / max(float(np.linalg.norm(vector)), 1e-300)
 
 
 def choose_partners(
-    similarity: FloatArray,
-    tried: Collection[tuple[int, int]],
-    labels: Sequence[int] | None,
-    each: int,
+    similarity: FloatArray, tried: Collection[tuple[int, int]], labels: Sequence[int] | None, each: int
 ) -> list[tuple[int, int]]:
-    """Choose the most similar partners of each scan that it was not tried with, and not linked with.
+    """Choose the partners of each scan that are most like it, as pairs (larger row, smaller row).
 
-    Parameters
-    ----------
-    similarity : (N,N) array of float64
-        Of the scans.
-    tried : collection of (int, int)
-        Pairs (larger row, smaller row) that are left out.
-    labels : sequence of int or None
-        Component of each scan: only partners in others are chosen; None for any partner.
-    each : int
-        Partners of each scan.
-
-    Returns
-    -------
-    list of (int, int)
-        Pairs, the most similar first.
+    Pairs that were tried are left out, and where components are told, those within one. The most similar pair
+    comes first.
     """
-    count = len(similarity)
     left = similarity.copy()
     np.fill_diagonal(left, -np.inf)
     for one, other in tried:
@@ -112,7 +94,7 @@ def choose_partners(
     if labels is not None:
         left[np.equal.outer(labels, labels)] = -np.inf
     chosen: set[tuple[int, int]] = set()
-    for row in range(count):
+    for row in range(len(left)):
         order = np.argsort(-left[row], kind="stable")[:each]
         chosen.update((max(row, k), min(row, k)) for k in order.tolist() if np.isfinite(left[row, k]))
     return sorted(chosen, key=lambda pair: (-left[pair], pair))

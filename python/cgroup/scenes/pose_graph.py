@@ -130,15 +130,11 @@ class PoseGraph:
             object.__setattr__(self, name, own)
 
     def _numbers(
-        self,
-        name: str,
-        what: str,
-        shape: tuple[int, ...],
-        usual: Any = None,  # noqa: ANN401 - an array, or none
+        self, name: str, what: str, shape: tuple[int, ...], usual: NDArray[Any] | None = None
     ) -> NDArray[Any]:
         """Return a field as an array of one shape; what is empty stands for one without rows."""
         value, kind = getattr(self, name), _KINDS[what]
-        array = as_array(name, usual if value is None else value)
+        array = usual if value is None and usual is not None else as_array(name, value)
         if array.size == 0:
             array = np.empty((0, *shape[1:]), kind)
         if array.shape != shape or not np.can_cast(array.dtype, kind, "same_kind"):

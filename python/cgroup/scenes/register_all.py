@@ -133,7 +133,7 @@ def register_all(
     called = _as_names(names, given)
     clock = StageClock(begin)
     clock.start("scans")
-    ready, notes = _prepare_each(given, places, called, voxel, threads, begin)
+    ready, notes = _prepare_each([*zip(called, given, places, strict=True)], voxel, threads, begin)
     if len(ready) < 2:
         got = f"{len(ready)} that can be worked with"
         raise InputError("scans", got, f"give two or more; {'; '.join(notes)}")
@@ -165,10 +165,8 @@ def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: Arr
 def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
     """Return what scans are called."""
     if names is None:
-        return [
-            Path(scan).name if isinstance(scan, str | os.PathLike) else f"scan {row}"
-            for row, scan in enumerate(given)
-        ]
+        is_path = [isinstance(scan, str | os.PathLike) for scan in given]
+        return [Path(scan).name if is_path[row] else f"scan {row}" for row, scan in enumerate(given)]
     told = [str(name) for name in as_items("names", names, "give one per scan")]
     if len(told) != len(given):
         raise InputError("names", f"{len(told)} for {len(given)} scans", "give one per scan")
@@ -176,14 +174,9 @@ def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
 
 
 def _prepare_each(
-    given: Sequence[Any],
-    places: Sequence[ArrayLike | None],
-    names: Sequence[str],
-    voxel: float | None,
-    threads: int | None,
-    begin: Callable[[str], Any],
+    named: list[tuple[str, Any, Any]], voxel: float | None, threads: int | None, begin: Callable[[str], Any]
 ) -> tuple[dict[int, PreparedScan], tuple[str, ...]]:
-    """Make scans ready with one voxel, by their rows; leave out those that can't be, and say why."""
+    """Make scans (name, cloud, viewpoint) ready with one voxel; say why those that can't be are left out."""
     clouds: dict[int, Given] = {}
     ready: dict[int, PreparedScan] = {}
     reasons: dict[int, str] = {}
@@ -193,20 +186,20 @@ def _prepare_each(
         try:
             yield
         except (InputError, OSError) as error:
-            reasons[row] = str(error).removeprefix(f"scans[{row}]: ").removeprefix(f"{names[row]}: ")
+            reasons[row] = str(error).removeprefix(f"scans[{row}]: ").removeprefix(f"{named[row][0]}: ")
 
     def check(row: int, stop_with_the_others: Callable[[], None]) -> None:
         stop_with_the_others()
         with leaving_out(row):
-            clouds[row] = as_given(f"scans[{row}]", given[row], places[row], or_stored=True)
+            clouds[row] = as_given(f"scans[{row}]", *named[row][1:], or_stored=True)
 
     def prepare(row: int, stop_with_the_others: Callable[[], None]) -> None:
-        begin(f"scan {row + 1} of {len(given)}")
+        begin(f"scan {row + 1} of {len(named)}")
         with leaving_out(row):
             ready[row] = shared.finish(clouds[row], lambda _: stop_with_the_others())
 
     workers = count_workers(threads)
-    work_side_by_side(range(len(given)), check, workers)
+    work_side_by_side(range(len(named)), check, workers)
     sizes = {row: clouds[row].whole.cloud.diagonal for row in sorted(clouds)}
     usual = float(np.median([*sizes.values()])) if sizes else 0.0
     for row, size in sizes.items():
@@ -216,7 +209,7 @@ def _prepare_each(
     if usable:
         shared = agree([clouds[row] for row in usable], voxel, None, threads)._replace(threads=1)
         work_side_by_side(usable, prepare, workers)
-    notes = tuple(f"{names[row]} is left out: {reasons[row]}" for row in sorted(reasons))
+    notes = tuple(f"{named[row][0]} is left out: {reasons[row]}" for row in sorted(reasons))
     return {row: ready[row] for row in sorted(ready)}, notes
 
 

@@ -52,12 +52,6 @@ def open_workers(
 
     `scheduler` is an address, a `distributed.Client`, or "local" for as many processes as there would be
     threads. `keep` is a file of finished links, which are not computed again. `begin` is told of each pair.
-
-    Raises
-    ------
-    InputError
-        If the cluster can't be reached, or the file not be used; later, if the scheduler is lost, or a pair
-        ends several workers.
     """
     workers = count_workers(threads)
     file = nullcontext() if keep is None else closing(KeptLinks(as_path("keep", keep), scans))
