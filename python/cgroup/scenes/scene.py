@@ -236,8 +236,6 @@ class Scene:
         >>> both = scene.merged()
         >>> len(pair.source) < len(both) < len(pair.source) + len(pair.target)
         True
-        >>> len(scene.merged(voxel=20.0)) < len(both)
-        True
         """
         rows = self._component(component)
         size = None if voxel is None else as_length("voxel", voxel)
@@ -283,18 +281,14 @@ class Scene:
         Examples
         --------
         >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.io import read_cloud, read_transforms
-        >>> from cgroup.scenes import PoseGraph, register_all
+        >>> from cgroup.io import read_transforms
+        >>> from cgroup.scenes import register_all
         >>> pair = standin_pair(pixels=60)
         >>> scene = register_all([pair.source, pair.target])
         >>> for name in ("poses.tum", "graph.g2o", "merged.ply"):
         ...     scene.write(name)
         >>> read_transforms("poses.tum").shape
         (2, 4, 4)
-        >>> len(PoseGraph.read("graph.g2o").edges)
-        1
-        >>> len(read_cloud("merged.ply")) == len(scene.merged())
-        True
         """
         path = written_path(path, "scenes", *POSE_FORMATS, *_GRAPHS, *_CLOUDS)
         rows, suffix = self._component(component), path.suffix.lower()
@@ -332,9 +326,8 @@ class Scene:
         >>> from cgroup.datasets import standin_pair
         >>> from cgroup.scenes import register_all
         >>> pair = standin_pair(pixels=60)
-        >>> figure = register_all([pair.source, pair.target]).plot()
-        >>> type(figure).__name__
-        'Figure'
+        >>> len(register_all([pair.source, pair.target]).plot().axes)
+        3
         """
         with naming_missing_library():
             from cgroup.plots.scans import scans_figure  # noqa: PLC0415 - needs matplotlib
