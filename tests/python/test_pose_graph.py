@@ -157,7 +157,7 @@ VERTEX = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n"
         (VERTEX + VERTEX, "line 2: its node is there twice"),
         (VERTEX + f"EDGE_SE3:QUAT 0 5 0 0 0 0 0 0 1 {UNIT}", "line 2: there is no node 5"),
         (VERTEX + f"EDGE_SE3:QUAT 0 0 0 0 0 0 0 0 1 {UNIT[:-1]}0", "line 2: the information is not positive"),
-        (VERTEX + "EDGE_SE2 0 1 0 0 0 1 0 0 1 0 1", "line 2: EDGE_SE2 is of a graph in the plane"),
+        (VERTEX + "EDGE_SE2 0 1 0 0 0 1 0 0 1 0 1", "line 2: EDGE_SE2 is not read; give poses in space"),
         (VERTEX + "WORD 3", "line 2: WORD is not read"),
         ("VERTEX_SE3:QUAT .5 0 0 0 0 0 0 1", "line 1: the number of a node is no whole number"),
     ],

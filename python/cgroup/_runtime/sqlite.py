@@ -9,6 +9,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+_SECONDS_OF_OTHERS = 60
+"""For which another process may be at work on a file."""
+
+
 class Layout(NamedTuple):
     """What a file holds: its `application_id`, its `user_version`, and the statements that make it."""
 
@@ -29,12 +33,14 @@ def is_empty(connection: sqlite3.Connection) -> bool:
     return connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
 
 
-def open_or_make(path: Path, layout: Layout, foreign: Exception, seconds: float) -> sqlite3.Connection:
+def open_or_make(path: Path, layout: Layout, foreign: Exception) -> sqlite3.Connection:
     """Open a file that may be written to; raise `foreign` for one of something else, and leave it alone.
 
-    Any thread may use the connection, one at a time. Others are waited for `seconds` long.
+    Any thread may use the connection, one at a time.
     """
-    connection = sqlite3.connect(path, isolation_level=None, timeout=seconds, check_same_thread=False)
+    connection = sqlite3.connect(
+        path, isolation_level=None, timeout=_SECONDS_OF_OTHERS, check_same_thread=False
+    )
     try:
         connection.execute("begin immediate")  # another process may make it, too
         if is_empty(connection):

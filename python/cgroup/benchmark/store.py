@@ -227,7 +227,7 @@ class Store:
 
     def __init__(self, path: Path) -> None:
         with report_failures(path):
-            self.connection = open_or_make(path, RECORDS_LAYOUT, foreign_records(path), seconds=30)
+            self.connection = open_or_make(path, RECORDS_LAYOUT, foreign_records(path))
 
     def close(self) -> None:
         """Close the file."""

@@ -54,10 +54,8 @@ def parse_text(content: str) -> GraphContent:
         if kind in rows:
             rows[kind].append([number, *_parse_numbers(number, kind, words)])
         elif kind != "FIX" and not kind.startswith("#"):
-            is_flat = kind.startswith(("VERTEX_SE2", "EDGE_SE2", "VERTEX2", "EDGE2"))
-            reason = "is of a graph in the plane" if is_flat else "is not read"
-            remedy = "give lines of VERTEX_SE3:QUAT and EDGE_SE3:QUAT, or VERTEX3 and EDGE3"
-            message = f"line {number}: {escape(cut(kind))} {reason}; {remedy}"
+            known = "poses in space, as VERTEX_SE3:QUAT and EDGE_SE3:QUAT, or VERTEX3 and EDGE3"
+            message = f"line {number}: {escape(cut(kind))} is not read; give {known}"
             raise InputError(message)
     lines, nodes, poses, _ = _arrays_of(rows, "VERTEX_SE3:QUAT", "VERTEX3")
     edge_lines, ends, measurements, information = _arrays_of(rows, "EDGE_SE3:QUAT", "EDGE3")

@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 _LAYOUT = Layout(0x63676C6B, 1, "create table links (key blob primary key, link text) without rowid")
 """Its `application_id` is "cglk"."""
 
-_SECONDS_OF_OTHERS = 60
-"""For which another process may be at work on the file."""
-
 Task: TypeAlias = tuple[tuple[int, ...], tuple[Any, ...]]
 """Rows of the scans that a function is called with, and its further arguments."""
 
@@ -46,7 +43,7 @@ class KeptLinks:
         self._lock = threading.Lock()
         foreign = _unusable(self._path, "not a file of finished pairs of this version of cgroup")
         with self._report_failures():
-            self._connection = open_or_make(path, _LAYOUT, foreign, _SECONDS_OF_OTHERS)
+            self._connection = open_or_make(path, _LAYOUT, foreign)
 
     def close(self) -> None:
         """Close the file."""
