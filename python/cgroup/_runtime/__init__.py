@@ -1,1 +1,1 @@
-"""Running computations: memory, progress, worker threads, interrupts, plug-ins."""
+"""Running computations: memory, progress, worker threads, interrupts, plug-ins, files of SQLite."""

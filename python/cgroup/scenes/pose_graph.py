@@ -102,31 +102,33 @@ class PoseGraph:
         poses = as_poses("poses", self.poses)
         measurements = as_poses("measurements", self.measurements)
         count, nodes = len(measurements), len(poses)
-        edges = self._numbers("edges", "whole numbers", (count, 2))
+        edges = self._numbers("edges", "whole numbers", count, 2)
         if (outside := np.argwhere((edges < 0) | (edges >= nodes))).size:
             row, column = outside[0]
             raise InputError("edges", f"node {edges[row, column]} in row {row}", f"there are {nodes} poses")
-        information = self._numbers("information", "numbers", (count, 6, 6))
+        information = self._numbers("information", "numbers", count, 6, 6)
         if (bad := np.flatnonzero(singular(information))).size:
             got = f"no symmetric positive definite matrix in row {bad[0]}"
             raise InputError("information", got, "give the inverse of a covariance")
-        probability = self._numbers("probability", "numbers", (count,), trust_steps(edges))
+        usual = {"probability": trust_steps(edges), "kept": np.ones(count, bool), "ids": np.arange(nodes)}
+        for name, value in usual.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
+        probability = self._numbers("probability", "numbers", count)
         if not ((probability >= 0) & (probability <= 1)).all():
             raise refusal("probability", self.probability, "give numbers between 0 and 1")
-        kept = self._numbers("kept", "truth values", (count,), np.ones(count, bool))
-        ids = self._numbers("ids", "whole numbers", (nodes,), np.arange(nodes))
+        kept = self._numbers("kept", "truth values", count)
+        ids = self._numbers("ids", "whole numbers", nodes)
         checked = poses, edges, measurements, information, probability, kept, ids
         for name, value in zip(self.__dataclass_fields__, checked, strict=True):
             own = np.array(value)
             own.flags.writeable = False
             object.__setattr__(self, name, own)
 
-    def _numbers(
-        self, name: str, what: str, shape: tuple[int, ...], usual: NDArray[Any] | None = None
-    ) -> NDArray[Any]:
+    def _numbers(self, name: str, what: str, *shape: int) -> NDArray[Any]:
         """Return a field as an array of one shape; what is empty stands for one without rows."""
         value, kind = getattr(self, name), _KINDS[what]
-        array = usual if value is None and usual is not None else as_array(name, value)
+        array = as_array(name, value)
         if array.size == 0:
             array = np.empty((0, *shape[1:]), kind)
         if array.shape != shape or not np.can_cast(array.dtype, kind, "same_kind"):
