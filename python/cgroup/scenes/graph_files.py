@@ -66,10 +66,8 @@ def parse_text(content: str) -> GraphContent:
     again = np.isin(np.arange(len(lines)), first, invert=True)
     _refuse(lines, again, "its node is there twice; give each node one line")
     unknown = np.isin(ends, ids, invert=True)
-    missing = ", ".join(map(str, ends[unknown][:1]))
-    _refuse(
-        edge_lines, unknown[:, 0] | unknown[:, 1], f"there is no node {missing}; give its VERTEX_SE3:QUAT"
-    )
+    missing = f"there is no node {', '.join(map(str, ends[unknown][:1]))}; give its VERTEX_SE3:QUAT"
+    _refuse(edge_lines, unknown[:, 0] | unknown[:, 1], missing)
     _refuse(edge_lines, singular(information), "the information is not positive definite")
     edges = np.searchsorted(ids, ends)
     return GraphContent(poses[first], edges, measurements, information, trust_steps(edges), ids)

@@ -193,7 +193,7 @@ class PoseGraph:
         """
         path = written_path(path, "pose graphs", ".g2o", ".json")
         form = format_json if path.suffix.lower() == ".json" else format_g2o
-        write_file(path, form(GraphContent(*self._arrays(self.kept), self.ids)).encode())
+        write_file(path, form(GraphContent._make((*self._arrays(self.kept), self.ids))).encode())
 
     def optimize(
         self,
@@ -328,9 +328,7 @@ class PoseGraph:
         parts = [np.flatnonzero(labels == label) for label in np.unique(labels)]
         return sorted(parts, key=len, reverse=True)
 
-    def _arrays(
-        self, rows: BoolArray | slice = slice(None)
-    ) -> tuple[FloatArray, IndexArray, FloatArray, FloatArray, FloatArray]:
+    def _arrays(self, rows: BoolArray | slice = slice(None)) -> tuple[Any, ...]:
         """Return what the compiled core takes, with some of the edges."""
         edges, probability = self.edges[rows], self.probability[rows]
         return self.poses, edges, self.measurements[rows], self.information[rows], probability

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup._checks.hooks import call_hook
-from cgroup._checks.values import as_index, as_length
+from cgroup._checks.values import as_index
 from cgroup._show.drawing import naming_missing_library
 from cgroup._show.notebook import result_table
 from cgroup._show.words import counted, number
@@ -238,8 +238,7 @@ class Scene:
         True
         """
         rows = self._component(component)
-        size = None if voxel is None else as_length("voxel", voxel)
-        return merge_clouds(self._posed(rows), scan_colors(len(self.scans))[rows], size)
+        return merge_clouds(self._posed(rows), scan_colors(len(self.scans))[rows], voxel)
 
     def _component(self, component: int) -> list[int]:
         return self.components[as_index("component", component, len(self.components), "components")]
