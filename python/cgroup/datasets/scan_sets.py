@@ -41,31 +41,40 @@ class ScanSet:
         Map each scan into the frame of its place.
     labels : list of str
         The place or object of each scan.
+    at_scanner : bool
+        Whether the scanner stood at the origin of each scan.
     """
 
     scans: list[FloatArray]
     truth: FloatArray
     labels: list[str]
+    at_scanner: bool = False
 
     def mirrored(self) -> ScanSet:
         """Reflect every place; its scans fit each other as before, and no scan of the place itself."""
         scans = [points @ _MIRROR[:3, :3] for points in self.scans]
-        return ScanSet(scans, _MIRROR @ self.truth @ _MIRROR, [f"{each}, mirrored" for each in self.labels])
+        labels = [f"{each}, mirrored" for each in self.labels]
+        return ScanSet(scans, _MIRROR @ self.truth @ _MIRROR, labels, self.at_scanner)
 
 
 def pool_sets(sets: Iterable[ScanSet], rng: np.random.Generator) -> ScanSet:
-    """Put sets into one bag: shuffled, each scan in a random frame about its middle."""
+    """Put sets into one bag: shuffled, each scan in a random frame about its scanner or else its middle."""
     parts = list(sets)
-    pool = [each for part in parts for each in zip(part.scans, part.truth, part.labels, strict=True)]
+    pool = [
+        (*each, part.at_scanner)
+        for part in parts
+        for each in zip(part.scans, part.truth, part.labels, strict=True)
+    ]
     scans: list[FloatArray] = []
     truth: list[FloatArray] = []
     labels: list[str] = []
     for row in rng.permutation(len(pool)):
-        points, pose, label = pool[row]
+        points, pose, label, at_scanner = pool[row]
         frame = np.eye(4)
         frame[:3, :3] = random_pose(rng)[:3, :3]
-        spread = points.std(axis=0).max()
-        frame[:3, 3] = spread * rng.normal(size=3) - frame[:3, :3] @ points.mean(axis=0)
+        if not at_scanner:
+            spread = points.std(axis=0).max()
+            frame[:3, 3] = spread * rng.normal(size=3) - frame[:3, :3] @ points.mean(axis=0)
         scans.append(apply(frame, points))
         truth.append(pose @ invert(frame))
         labels.append(label)
@@ -96,7 +105,8 @@ def read_folder(folder: Path) -> ScanSet:
         message = f"{path}: not a list of scans, each with `file` and `world_from_scan` ({error!r})"
         raise InputError(message) from error
     truth = np.array([check_rigid(pose, f"{path}: {file}") for file, pose in files])
-    return ScanSet([_read(folder / file) for file, _ in files], truth, [folder.name] * len(files))
+    scans = [_read(folder / file) for file, _ in files]
+    return ScanSet(scans, truth, [folder.name] * len(files), at_scanner=True)
 
 
 def read_stanford(folder: Path) -> ScanSet:
