@@ -42,8 +42,7 @@ class FineSurface:
     Raises
     ------
     InputError
-        For points that are not finite, or a spacing that is not positive or at which fewer than half of the
-        places have a plane.
+        For points that are not finite, or a spacing that is not positive or at which no place has a plane.
     OutOfMemoryError
         Where the system gives no memory for the computation.
 

@@ -21,8 +21,8 @@ const LEAST_POINTS: usize = 6;
 /// Variance of the points of a plane across its longer axis, as a share of that along it: less is one line of a scan, whose
 /// plane is open.
 const LEAST_WIDTH: f64 = 0.01;
-/// Share of the places that have a plane, below which these lie near the scanner, and tell little of turns.
-const LEAST_SHARE: f64 = 0.5;
+/// Share of the places that have a plane, below which the few may all lie in one corner.
+const LEAST_SHARE: f64 = 0.1;
 /// Places that planes are fitted at, and those of them that are kept.
 const PLANES: usize = 5_000;
 const SAMPLES: usize = 3_000;
