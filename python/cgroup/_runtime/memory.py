@@ -62,7 +62,7 @@ def reserve_linear_algebra() -> None:
             "space; allow the process more memory"
         )
         raise OutOfMemoryError(message) from error
-    _ = np.eye(64) @ np.eye(64)  # too large for code that does without
+    _ = np.eye(128) @ np.eye(128)  # too large for the kernels of AVX-512 that do without
 
 
 @contextmanager
