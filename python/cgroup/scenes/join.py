@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from cgroup.registration import PreparedScan
     from cgroup.registration.search import Effort
     from cgroup.scenes.decide import Decision
+    from cgroup.scenes.kept_links import Task
     from cgroup.scenes.links import Link
-    from cgroup.scenes.workers import Task
     from cgroup.types import FloatArray
 
 IN_A_UNION = 8
