@@ -334,8 +334,7 @@ def make_pipeline(label: str, name: str, options: Mapping[str, Any], *, refined:
     >>> make_pipeline("ours, quick", "cgroup", {"effort": "low"}).label
     'ours, quick'
     """
-    as_named("options", options, "give a dict of values by the name of the option")
-    return _make_timed("pipeline", Solver(label or name, name, _as_json(options), refined), options)
+    return _make_timed("pipeline", label, name, options, refined=refined)
 
 
 def make_scene_solver(label: str, name: str, options: Mapping[str, Any]) -> Solver:
@@ -367,14 +366,16 @@ def make_scene_solver(label: str, name: str, options: Mapping[str, Any]) -> Solv
     >>> make_scene_solver("ours, quick", "register-all", {"effort": "low"}).label
     'ours, quick'
     """
-    as_named("options", options, "give a dict of values by the name of the option")
-    return _make_timed("scene solver", Solver(label or name, name, _as_json(options)), options)
+    return _make_timed("scene solver", label, name, options)
 
 
-def _make_timed(kind: str, solver: Solver, options: Mapping[str, Any]) -> Solver:
+def _make_timed(
+    kind: str, label: str, name: str, options: Mapping[str, Any], *, refined: bool | None = None
+) -> Solver:
     """Return a solver if its function takes the options beside its input and a clock."""
-    known = list(inspect.signature(_find(kind, solver.name)).parameters)[2:]
-    return _make(kind, known, options, solver)
+    as_named("options", options, "give a dict of values by the name of the option")
+    known = list(inspect.signature(_find(kind, name)).parameters)[2:]
+    return _make(kind, known, options, Solver(label or name, name, _as_json(options), refined))
 
 
 def _make(kind: str, known: Collection[str], given: Iterable[str], solver: Solver) -> Solver:
