@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from cgroup.features import Cloud, Viewpoint, Voxels
     from cgroup.registration.scan import Normals
-    from cgroup.types import AnyCloud, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, FloatArray, IndexArray, RealArray
 
 VOXELS = 5000
 """Voxels that a cloud is thinned to, about."""
@@ -159,7 +159,7 @@ class PreparedScan:
     def __reduce__(self) -> tuple[Callable[..., PreparedScan], tuple[Any, ...]]:
         """Pickle what took long; surfaces are made anew."""
         parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, self.normals, self.described
-        return _assemble, (*parts, self.by_frames, self.threads)
+        return assemble, (*parts, self.by_frames, self.threads)
 
     def fine_surface(self, share: float) -> FineSurface | None:
         """Return the cloud in more detail, at a share of the voxel.
@@ -337,7 +337,7 @@ class PreparedScan:
         return f"PreparedScan(points={len(self.scan.cloud)}, voxels={len(self)}, voxel={self.voxel:.4g})"
 
 
-def _assemble(
+def assemble(
     scan: Scan,
     front: DenseFront,
     voxel: float,
@@ -527,12 +527,37 @@ class Preparation(NamedTuple):
         role: str = "",
     ) -> PreparedScan:
         """Make a scan ready; its normals are by frames, by the viewpoint, or those it has."""
-        voxel, front, threads = self
         eye = None if viewpoint is None else scan.viewpoint(viewpoint)
+        voxels = self.thin(scan, begin, with_normals=not by_frames and eye is None, role=role)
+        check_most_voxels(scan, self.voxel, len(voxels))
+        normals, frames, values = self.describe(scan, voxels, eye, begin, by_frames=by_frames, role=role)
+        begin(f"{role}surface")
+        described = described_voxels(voxels.points, frames, values, self.voxel, scan)
+        parts = scan, self.front, self.voxel, eye, voxels, normals, described
+        return assemble(*parts, by_frames, self.threads)
+
+    def thin(
+        self, scan: Scan, begin: Callable[[str], Any], *, with_normals: bool = False, role: str = ""
+    ) -> Voxels:
+        """Thin a scan to voxels, with the normals that it has if they are wanted."""
         begin(f"{role}voxels")
-        given = None if by_frames or eye is not None else scan.normals
-        voxels = features.voxel_downsample(scan.cloud, voxel, normals=given, threads=threads)
-        _check_voxels(scan, voxel, len(voxels))
+        given = scan.normals if with_normals else None
+        voxels = features.voxel_downsample(scan.cloud, self.voxel, normals=given, threads=self.threads)
+        _check_least_voxels(scan, self.voxel, len(voxels))
+        return voxels
+
+    def describe(
+        self,
+        scan: Scan,
+        voxels: Voxels,
+        eye: Viewpoint | None,
+        begin: Callable[[str], Any],
+        *,
+        by_frames: bool,
+        role: str = "",
+    ) -> tuple[FloatArray, FloatArray, RealArray]:
+        """Return normals, frames and FPFH of voxels: (M,3), (M,3,3), (M,33)."""
+        voxel, front, threads = self
         thinned = features.Cloud(voxels.points, name=scan.name)
         begin(f"{role}normals")
         normals = features.normals(
@@ -554,13 +579,16 @@ class Preparation(NamedTuple):
         values = features.fpfh(
             thinned, normals, radius=radius, max_neighbors=FEATURE_NEIGHBORS, threads=threads
         )
-        rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
-        center = in_double(scan.cloud.points).mean(axis=0)
-        described = DescribedCloud(
-            rows, voxels.points[rows], frames[rows], values[rows], UNIT * voxel, center
-        )
-        begin(f"{role}surface")
-        return _assemble(scan, front, voxel, eye, voxels, normals, described, by_frames, threads)
+        return normals, frames, values
+
+
+def described_voxels(
+    points: FloatArray, frames: FloatArray, values: RealArray, voxel: float, scan: Scan
+) -> DescribedCloud:
+    """Return the voxels that have descriptors."""
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
+    center = in_double(scan.cloud.points).mean(axis=0)
+    return DescribedCloud(rows, points[rows], frames[rows], values[rows], UNIT * voxel, center)
 
 
 def agree(
@@ -632,15 +660,24 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
     )
 
 
-def _check_voxels(scan: Scan, voxel: float, count: int) -> None:
-    """Refuse voxels that leave too little or too much of a cloud."""
-    points, voxels = len(scan.cloud), "1 voxel" if count == 1 else f"{count} voxels"
-    left = f"{points} points, {scan.cloud.diagonal:.4g} across, fill {voxels} of size {voxel:.4g}"
+def _check_least_voxels(scan: Scan, voxel: float, count: int) -> None:
+    """Refuse voxels that leave too little of a cloud."""
     if count < LEAST_VOXELS:
-        finer = "" if points < LEAST_VOXELS else ", a smaller `voxel`, or both clouds in the same unit"
-        raise InputError(scan.name, remedy=f"{left}; {LEAST_VOXELS} are needed: give more points{finer}")
+        finer = "" if len(scan.cloud) < LEAST_VOXELS else ", a smaller `voxel`, or both clouds in the same unit"
+        left = f"{_say_filled(scan, voxel, count)}; {LEAST_VOXELS} are needed"
+        raise InputError(scan.name, remedy=f"{left}: give more points{finer}")
+
+
+def check_most_voxels(scan: Scan, voxel: float, count: int) -> None:
+    """Refuse voxels that leave too much of a cloud."""
     if count > MOST_VOXELS:
-        raise InputError(scan.name, remedy=f"{left}; {MOST_VOXELS} are allowed: give a larger `voxel`")
+        left = f"{_say_filled(scan, voxel, count)}; {MOST_VOXELS} are allowed"
+        raise InputError(scan.name, remedy=f"{left}: give a larger `voxel`")
+
+
+def _say_filled(scan: Scan, voxel: float, count: int) -> str:
+    voxels = "1 voxel" if count == 1 else f"{count} voxels"
+    return f"{len(scan.cloud)} points, {scan.cloud.diagonal:.4g} across, fill {voxels} of size {voxel:.4g}"
 
 
 def _check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
