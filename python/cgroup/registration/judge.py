@@ -120,7 +120,7 @@ class Found:
             refined=refined,
             alternatives=np.linalg.inv(self.alternatives),
             places=np.linalg.inv(self.places),
-            matches=turn_matches(self.matches, self.target.described.centroid),
+            matches=turn_matches(self.matches, self.target.scan.centroid),
             source=self.target,
             target=self.source,
         )

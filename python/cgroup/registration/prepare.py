@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cgroup import features
-from cgroup._checks.arrays import in_double
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_instance, as_length
 from cgroup._runtime.memory import report_refused_memory
@@ -122,8 +121,6 @@ class PreparedScan:
     normals : (M,3) array of float64
         Of the voxels: outwards for a model, towards the viewpoint where those of both scans are known, else
         to the side of SHOT's z axis; NaN for none.
-    described : DescribedCloud
-        Frames and FPFH of the voxels that have them; `DescribedCloud.indices` are rows of `voxels`.
     surface : Surface
         What poses are judged on, of unit 0.4 voxel.
     by_frames : bool
@@ -148,18 +145,38 @@ class PreparedScan:
     viewpoint: Viewpoint | None
     voxels: Voxels
     normals: FloatArray
-    described: DescribedCloud
     surface: Surface
     by_frames: bool
     threads: int | None
+    _frames: FloatArray | None = None
     _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
     _cells: dict[float, IndexArray] = field(default_factory=dict)
     _thinned: dict[float, FloatArray] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Callable[..., PreparedScan], tuple[Any, ...]]:
         """Pickle what took long; surfaces are made anew."""
-        parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, self.normals, self.described
-        return assemble, (*parts, self.by_frames, self.threads)
+        parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, self.normals
+        return assemble, (*parts, vars(self).get("described"), self.by_frames, self.threads)
+
+    @cached_property
+    def described(self) -> DescribedCloud:
+        """Frames and FPFH of the voxels that have them; `DescribedCloud.indices` are rows of `voxels`.
+
+        Computed when they are first needed.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import prepare
+        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
+        >>> scan.described.descriptors.shape == (len(scan.described), 33)
+        True
+        """
+        shared = Preparation(self.voxel, self.front, self.threads)
+        thinned = features.Cloud(self.voxels.points, name=self.scan.name)
+        frames = shared.find_frames(thinned) if self._frames is None else self._frames
+        values = shared.describe_by_fpfh(thinned, self.normals)
+        return described_voxels(self.voxels.points, frames, values, self.voxel, self.scan)
 
     def fine_surface(self, share: float) -> FineSurface | None:
         """Return the cloud in more detail, at a share of the voxel.
@@ -344,11 +361,12 @@ def assemble(
     viewpoint: Viewpoint | None,
     voxels: Voxels,
     normals: FloatArray,
-    described: DescribedCloud,
+    described: DescribedCloud | None,
     by_frames: bool,  # noqa: FBT001 - pickle calls it by position
     threads: int | None,
+    frames: FloatArray | None = None,
 ) -> PreparedScan:
-    """Put a scan together with its surface."""
+    """Put a scan together with its surface, and with what is known of its descriptors."""
     surface = Surface(
         voxels.points,
         normals,
@@ -357,9 +375,10 @@ def assemble(
         oriented=not by_frames,
         threads=threads,
     )
-    return PreparedScan(
-        scan, front, voxel, viewpoint, voxels, normals, described, surface, by_frames, threads
-    )
+    made = PreparedScan(scan, front, voxel, viewpoint, voxels, normals, surface, by_frames, threads, frames)
+    if described is not None:
+        vars(made)["described"] = described
+    return made
 
 
 def fine_surfaces(
@@ -420,7 +439,8 @@ def prepare(
     Returns
     -------
     PreparedScan
-        Voxels, normals, frames, descriptors and surface, for `register`, `register_many` and `recognize`.
+        Voxels, normals and surface, for `register`, `register_many`, `recognize` and `refine`; descriptors
+        are computed when they are first needed.
 
     Raises
     ------
@@ -509,13 +529,23 @@ class Preparation(NamedTuple):
     threads: int | None
 
     def finish(
-        self, given: Given, begin: Callable[[str], Any], *, by_frames: bool | None = None
+        self,
+        given: Given,
+        begin: Callable[[str], Any],
+        *,
+        by_frames: bool | None = None,
+        with_descriptors: bool = True,
     ) -> PreparedScan:
         """Make a scan ready, unless it is; with normals by SHOT's frames where a partner needs them."""
-        turned = given.by_frames if by_frames is None else by_frames
+        turned, role = given.by_frames if by_frames is None else by_frames, f"{given.name} "
         if isinstance(given.scan, PreparedScan):
-            return given.scan.turned_by_frames if turned else given.scan
-        return self.prepare(given.scan, given.viewpoint, begin, by_frames=turned, role=f"{given.name} ")
+            ready = given.scan.turned_by_frames if turned else given.scan
+        else:
+            ready = self.prepare(given.scan, given.viewpoint, begin, by_frames=turned, role=role)
+        if with_descriptors and "described" not in vars(ready):
+            begin(f"{role}descriptors")
+            _ = ready.described
+        return ready
 
     def prepare(
         self,
@@ -530,11 +560,11 @@ class Preparation(NamedTuple):
         eye = None if viewpoint is None else scan.viewpoint(viewpoint)
         voxels = self.thin(scan, begin, with_normals=not by_frames and eye is None, role=role)
         check_most_voxels(scan, self.voxel, len(voxels))
-        normals, frames, values = self.describe(scan, voxels, eye, begin, by_frames=by_frames, role=role)
+        thinned = features.Cloud(voxels.points, name=scan.name)
+        normals, frames = self.orient(scan, voxels, thinned, eye, begin, by_frames=by_frames, role=role)
         begin(f"{role}surface")
-        described = described_voxels(voxels.points, frames, values, self.voxel, scan)
-        parts = scan, self.front, self.voxel, eye, voxels, normals, described
-        return assemble(*parts, by_frames, self.threads)
+        parts = scan, self.front, self.voxel, eye, voxels, normals, None
+        return assemble(*parts, by_frames, self.threads, frames)
 
     def thin(
         self, scan: Scan, begin: Callable[[str], Any], *, with_normals: bool = False, role: str = ""
@@ -557,29 +587,54 @@ class Preparation(NamedTuple):
         role: str = "",
     ) -> tuple[FloatArray, FloatArray, RealArray]:
         """Return normals, frames and FPFH of voxels: (M,3), (M,3,3), (M,33)."""
-        voxel, front, threads = self
         thinned = features.Cloud(voxels.points, name=scan.name)
+        normals, frames = self.orient(scan, voxels, thinned, eye, begin, by_frames=by_frames, role=role)
+        begin(f"{role}descriptors")
+        frames = self.find_frames(thinned) if frames is None else frames
+        return normals, frames, self.describe_by_fpfh(thinned, normals)
+
+    def orient(
+        self,
+        scan: Scan,
+        voxels: Voxels,
+        thinned: Cloud,
+        eye: Viewpoint | None,
+        begin: Callable[[str], Any],
+        *,
+        by_frames: bool,
+        role: str,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return normals (M,3) of voxels, and frames (M,3,3) where they tell the side."""
         begin(f"{role}normals")
         normals = features.normals(
             thinned,
-            radius=front.normal_radius * voxel,
+            radius=self.front.normal_radius * self.voxel,
             neighbors=NORMAL_NEIGHBORS,
             viewpoint=eye or features.ORIGIN,
-            threads=threads,
+            threads=self.threads,
         )
-        _check_normals(scan, voxel, normals)
-        begin(f"{role}frames")
-        radius = front.frame_radius * voxel
-        frames = features.shot_lrf(thinned, np.arange(len(voxels)), radius=radius, threads=threads)
-        if by_frames or voxels.normals is not None:
-            outwards = frames[:, 2] if voxels.normals is None else voxels.normals
+        _check_normals(scan, self.voxel, normals)
+        frames = None
+        outwards = voxels.normals
+        if outwards is None and by_frames:
+            begin(f"{role}frames")
+            frames = self.find_frames(thinned)
+            outwards = frames[:, 2]
+        if outwards is not None:
             normals *= _signs(normals, outwards)[:, None]
-        begin(f"{role}descriptors")
-        radius = front.support * voxel
-        values = features.fpfh(
-            thinned, normals, radius=radius, max_neighbors=FEATURE_NEIGHBORS, threads=threads
+        return normals, frames
+
+    def find_frames(self, thinned: Cloud) -> FloatArray:
+        """Return SHOT's frames of voxels, (M,3,3)."""
+        radius = self.front.frame_radius * self.voxel
+        return features.shot_lrf(thinned, np.arange(len(thinned)), radius=radius, threads=self.threads)
+
+    def describe_by_fpfh(self, thinned: Cloud, normals: FloatArray) -> RealArray:
+        """Return FPFH of voxels, (M,33)."""
+        radius = self.front.support * self.voxel
+        return features.fpfh(
+            thinned, normals, radius=radius, max_neighbors=FEATURE_NEIGHBORS, threads=self.threads
         )
-        return normals, frames, values
 
 
 def described_voxels(
@@ -587,8 +642,7 @@ def described_voxels(
 ) -> DescribedCloud:
     """Return the voxels that have descriptors."""
     rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
-    center = in_double(scan.cloud.points).mean(axis=0)
-    return DescribedCloud(rows, points[rows], frames[rows], values[rows], UNIT * voxel, center)
+    return DescribedCloud(rows, points[rows], frames[rows], values[rows], UNIT * voxel, scan.centroid)
 
 
 def agree(
@@ -663,7 +717,9 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
 def _check_least_voxels(scan: Scan, voxel: float, count: int) -> None:
     """Refuse voxels that leave too little of a cloud."""
     if count < LEAST_VOXELS:
-        finer = "" if len(scan.cloud) < LEAST_VOXELS else ", a smaller `voxel`, or both clouds in the same unit"
+        finer = (
+            "" if len(scan.cloud) < LEAST_VOXELS else ", a smaller `voxel`, or both clouds in the same unit"
+        )
         left = f"{_say_filled(scan, voxel, count)}; {LEAST_VOXELS} are needed"
         raise InputError(scan.name, remedy=f"{left}: give more points{finer}")
 

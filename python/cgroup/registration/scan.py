@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Viewpoint
-    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, RealArray
 
 Normals: TypeAlias = Literal["pca", "mesh", "given"]
 NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")
@@ -113,6 +114,8 @@ class Scan:
         Triangles as rows of the points.
     name : str
         What error messages call it.
+    given : (n,3) array of float32 or float64
+        The points before strays were set aside and gaps were filled in.
     strays : int
         Points that were set aside.
     rounding : float
@@ -126,9 +129,15 @@ class Scan:
     normals: FloatArray | None
     faces: IndexArray | None
     name: str
+    given: RealArray
     strays: int = 0
     rounding: float = 0.0
     stored_viewpoint: list[float] | None = None
+
+    @cached_property
+    def centroid(self) -> FloatArray:
+        """Mean of the points."""
+        return in_double(self.cloud.points).mean(axis=0)
 
     def has(self, normals: Normals) -> bool:
         """Whether the cloud has what such normals need."""
@@ -155,15 +164,13 @@ class Scan:
 
     def is_far(self, viewpoint: Viewpoint | None) -> bool:
         """Whether a viewpoint stands for a direction."""
-        center = in_double(self.cloud.points).mean(axis=0)
-        away = 0.0 if viewpoint is None else float(np.linalg.norm(np.array(viewpoint) - center))
+        away = 0.0 if viewpoint is None else float(np.linalg.norm(np.array(viewpoint) - self.centroid))
         return away > 0.9 * FAR_AWAY * self.cloud.diagonal
 
     def viewpoint(self, place: ArrayLike) -> Viewpoint:
         """Return the scanner's place, if it can be meant; far away where its direction is given."""
         if isinstance(place, ViewDirection):
-            center = in_double(self.cloud.points).mean(axis=0)
-            x, y, z = (center - FAR_AWAY * self.cloud.diagonal * np.array(place)).tolist()
+            x, y, z = (self.centroid - FAR_AWAY * self.cloud.diagonal * np.array(place)).tolist()
             return x, y, z
         name = viewpoint_name(self.name)
         x, y, z = as_place(name, place)
@@ -233,7 +240,7 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
     ready = cloud if isinstance(cloud, Cloud) else Cloud(points, name=name)
     if ready.diagonal == 0:
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
-    scan = Scan(ready, normals, faces, name, rounding=_find_rounding(ready))
+    scan = Scan(ready, normals, faces, name, ready.points, rounding=_find_rounding(ready))
     if not isinstance(cloud, PointCloud) or cloud.viewpoint is None:
         return scan
     place = as_place(f"{name}.viewpoint", cloud.viewpoint)
@@ -321,9 +328,9 @@ def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals, voxel: float 
         )
     if normals == "given":
         return as_scan(name, cloud)
-    return as_scan(
-        name, _sample_mesh(cloud, None if voxel is None else _MESH_SPACING * as_length("voxel", voxel))
-    )
+    spacing = None if voxel is None else _MESH_SPACING * as_length("voxel", voxel)
+    scan = as_scan(name, _sample_mesh(cloud, spacing))
+    return replace(scan, given=scan.given[: len(cloud.points)])
 
 
 def _sample_mesh(mesh: PointCloud, spacing: float | None) -> PointCloud:

@@ -214,7 +214,7 @@ class Search:
         """Weigh the best of the finalists against those that lie elsewhere."""
         ranked = sorted(finalists, key=lambda finalist: -finalist.value)
         poses = np.array([finalist.found.T_target_source for finalist in ranked])
-        rows = choose_apart(poses, source.described.centroid, source.voxel)[: 1 + RIVALS]
+        rows = choose_apart(poses, source.scan.centroid, source.voxel)[: 1 + RIVALS]
         rows.sort(key=lambda row: -weigh(ranked[row].case))
         cases = [ranked[row].case for row in rows]
         chance, shares = share_probability(cases[0], cases[1:])

@@ -56,7 +56,7 @@ class Building:
         self.scans, self._call, self._axis, self._clock = scans, call, axis, clock
         self._effort: Effort = effort
         self._voxel = scans[0].voxel
-        self._middles = np.array([scan.described.centroid for scan in scans])
+        self._middles = np.array([scan.scan.centroid for scan in scans])
         self._links: dict[tuple[int, int], Link] = {}
         self._chances: dict[tuple[int, int], float] = {}
         self._tried: set[tuple[int, int]] = set()
