@@ -17,6 +17,7 @@ from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
 from cgroup.registration.judge import is_accepted, judge
+from cgroup.registration.own import as_matches, as_own_descriptors
 from cgroup.registration.paper_front import PaperFront
 from cgroup.registration.prepare import DenseFront, agree, as_given
 from cgroup.registration.result import registration_of
@@ -25,7 +26,7 @@ from cgroup.registration.search import EFFORTS, Search
 from cgroup.rigid import apply, check_rigid
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from cgroup.registration.result import Registration
     from cgroup.registration.search import Effort
     from cgroup.registry import MethodName
-    from cgroup.types import AnyCloud
+    from cgroup.types import AnyCloud, Correspondences
 
 FRONTS = ("dense", "paper")
 
@@ -57,6 +58,8 @@ def register(
     axis: ArrayLike | None = None,
     effort: Effort = "normal",
     front: Literal["dense", "paper"] | DenseFront | PaperFront = "dense",
+    matches: Correspondences | tuple[ArrayLike, ArrayLike] | None = None,
+    descriptors: tuple[ArrayLike, ArrayLike] | None = None,
     method: MethodName | str | None = None,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
@@ -65,7 +68,8 @@ def register(
     """Place a source cloud on a target cloud, or say that no pose can be trusted.
 
     Both clouds are thinned to voxels, and matched by FPFH. Groups of matches propose poses; these are
-    verified on the two surfaces (`cgroup.verification`), the best is refined, and judged.
+    verified on the two surfaces (`cgroup.verification`), the best is refined, and judged. Of `front`,
+    `matches` and `descriptors` one can be given.
 
     Parameters
     ----------
@@ -91,6 +95,12 @@ def register(
         with the three nearest matches of each.
     front : {"dense", "paper"}, DenseFront or PaperFront
         Where matches come from: every voxel, or the keypoints of a detector, as `correspond` matches them.
+    matches : Correspondences or (i, j), optional
+        Matches of your own, such as a network's: positions, or (n,) rows of matched points of the two clouds
+        as they were given. They alone propose poses, also by their frames.
+    descriptors : (a, b), optional
+        Descriptors of your own, (N,D) of float for either cloud: one row for each point of the cloud as it
+        was given, NaN for none. The first described point of each voxel is matched by them.
     method : str, optional
         Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" unless given, "gtm" with the
         paper's front.
@@ -131,11 +141,17 @@ def register(
     clock = StageClock(as_stage_function(progress))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     dense, paper = _fronts_of(front)
+    own = {"matches": matches, "descriptors": descriptors, "front": None if front == "dense" else front}
+    _check_alone(own)
     chosen = check_method(("lc" if paper is None else "gtm") if method is None else method, options, register)
     search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
     both = as_viewpoint(viewpoint, view_direction)
     places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
     scans = _prepare_both((source, target), places, voxel, dense, search)
+    if matches is not None:
+        search = replace(search, matches=as_matches(matches, *scans))
+    elif descriptors is not None:
+        search = replace(search, descriptors=as_own_descriptors(descriptors, *scans))
     registration, judgement = _register(search, *scans)
     if registration is not None and judgement.ok:
         return registration
@@ -392,6 +408,13 @@ def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
         remedy = f"choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
         raise refusal("front", front, remedy)
     return None, None if front == "dense" else PaperFront()
+
+
+def _check_alone(given: Mapping[str, object]) -> None:
+    """Refuse two ways to propose poses."""
+    names = [name for name, value in given.items() if value is not None]
+    if len(names) > 1:
+        raise InputError(", ".join(names), remedy="give one of them: each says alone where poses come from")
 
 
 def as_pairs(pairs: Iterable[tuple[int, int]], scans: int) -> list[tuple[int, int]]:

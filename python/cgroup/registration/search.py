@@ -25,6 +25,7 @@ from cgroup.registration.judge import (
     weigh,
 )
 from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
+from cgroup.registration.own import describe_voxels
 from cgroup.registration.paper_front import correspond_by
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.rivals import propose_rivals
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from cgroup._runtime.progress import StageClock
     from cgroup.registration.paper_front import PaperFront
     from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import Correspondences, FloatArray
+    from cgroup.types import Correspondences, FloatArray, RealArray
     from cgroup.verification import Alignment, Verification
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
@@ -90,50 +91,67 @@ class Search:
     clock: StageClock
     front: PaperFront | None = None
     proposed: FloatArray | None = None
+    matches: Correspondences | None = None
+    descriptors: tuple[RealArray, RealArray] | None = None
 
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search for the pose, in the same way whichever of the two is the source."""
+        if self.matches is not None:
+            return self._refine(self._search_matches(source, target, self.matches))
         if _order(source) <= _order(target):
-            return self._refine(self._search(source, target, self.proposed))
-        proposed = None if self.proposed is None else np.array([invert(pose) for pose in self.proposed])
-        found = self._search(target, source, proposed)
+            return self._refine(self._search(source, target))
+        found = self._turned()._search(target, source)  # noqa: SLF001 - its own
         return self._refine(None if found is None else found.turned())
 
-    def _search(
-        self, source: PreparedScan, target: PreparedScan, proposed: FloatArray | None
-    ) -> Found | None:
+    def _turned(self) -> Search:
+        """Return the search for the inverse pose."""
+        proposed = None if self.proposed is None else np.array([invert(pose) for pose in self.proposed])
+        descriptors = None if self.descriptors is None else self.descriptors[::-1]
+        return replace(self, proposed=proposed, descriptors=descriptors)
+
+    def _search(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
         if self.front is not None:
-            return self._search_keypoints(source, target, self.front)
-        best = self._search_voxels(source, target, 1, proposed)
+            places = source.viewpoint or ORIGIN, target.viewpoint or ORIGIN
+            clouds = source.scan, target.scan
+            matches = correspond_by(self.front, *clouds, places, self.threads, self.clock.start)
+            return self._search_matches(source, target, matches)
+        best = self._search_voxels(source, target, 1)
         if self.effort == "high" and (best is None or not is_accepted(best.probability)):
             finer = source.resized(_FINER, self.clock.start), target.resized(_FINER, self.clock.start)
-            best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS, proposed))
+            best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
         return best
 
-    def _search_keypoints(
-        self, source: PreparedScan, target: PreparedScan, front: PaperFront
+    def _search_matches(
+        self, source: PreparedScan, target: PreparedScan, matches: Correspondences
     ) -> Found | None:
-        """Search among the poses of a group of the paper's matches."""
-        places = source.viewpoint or ORIGIN, target.viewpoint or ORIGIN
-        matches = correspond_by(front, source.scan, target.scan, places, self.threads, self.clock.start)
+        """Search among the poses of a group of matches that are not those of voxels."""
         poses = self._propose(matches)
-        self.clock.start("matching")
-        voxel_matches, is_mutual = match_both_ways(source.described, target.described, 1, self.threads)
-        mutual = take_matches(voxel_matches, is_mutual)
+        if self.matches is not None:
+            poses = np.concatenate([poses, frame_poses(matches)])
+        mutual = self._match_voxels(source, target)
         verified = self._verify(source, target, mutual, poses)
         return self._rank(source, target, matches, mutual, verified)
 
-    def _search_voxels(
-        self, source: PreparedScan, target: PreparedScan, k: int, proposed: FloatArray | None
-    ) -> Found | None:
+    def _match_voxels(self, source: PreparedScan, target: PreparedScan) -> Correspondences:
+        """Match voxels that are each other's nearest by FPFH: they speak for poses from elsewhere."""
+        self.clock.start("matching")
+        return take_matches(*match_both_ways(source.described, target.described, 1, self.threads))
+
+    def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
         """Search among the poses of matches of voxels, and those proposed from elsewhere."""
         self.clock.start("matching")
-        matches, is_mutual = match_both_ways(source.described, target.described, k, self.threads)
+        described = source.described, target.described
+        if self.descriptors is not None:
+            both = zip((source, target), self.descriptors, strict=True)
+            described = tuple(describe_voxels(scan, values) for scan, values in both)
+        matches, is_mutual = match_both_ways(*described, k, self.threads)
         mutual = take_matches(matches, is_mutual)
         poses = np.concatenate([self._propose(mutual), frame_poses(mutual)])
-        if proposed is not None:
-            poses = np.concatenate([proposed, poses])
+        if self.proposed is not None:
+            poses = np.concatenate([self.proposed, poses])
+        if self.descriptors is not None:
+            mutual = self._match_voxels(source, target)
         verified = self._verify(source, target, mutual, poses)
         best = self._rank(source, target, matches, mutual, verified)
         if self.effort == "low" or (best is not None and is_sure(best.probability)):
