@@ -55,6 +55,7 @@ if _TYPE_CHECKING:
     from cgroup._show.drawing import Drawing as _Drawing
     from cgroup.io import read_cloud as read_cloud
     from cgroup.io import write_cloud as write_cloud
+    from cgroup.registration import refine as refine
     from cgroup.registration import register as register
     from cgroup.scenes import Scene as _Scene
     from cgroup.scenes import register_all as register_all
@@ -94,6 +95,7 @@ _ROOMS = (
 )
 _FROM_ROOMS = {
     "read_cloud": "io",
+    "refine": "registration",
     "register": "registration",
     "register_all": "scenes",
     "write_cloud": "io",

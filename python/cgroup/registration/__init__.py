@@ -23,7 +23,7 @@ from cgroup.registration.paper_front import (
 )
 from cgroup.registration.prepare import DenseFront, PreparedScan, prepare
 from cgroup.registration.recognition.recognize import Recognized, find_instances, recognize
-from cgroup.registration.register import assess, register, register_many
+from cgroup.registration.register import assess, refine, register, register_many
 from cgroup.registration.result import Registration
 from cgroup.registration.scan import NORMALS, Normals
 from cgroup.registration.search import EFFORTS, Effort
@@ -53,6 +53,7 @@ __all__ = [
     "match_described",
     "prepare",
     "recognize",
+    "refine",
     "register",
     "register_many",
     "surface_normals",

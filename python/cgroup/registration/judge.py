@@ -329,10 +329,11 @@ def _explain(found: Found, open_motions: str) -> str:
             f"several places look the same: {count} poses share the probability, and the best has "
             f"{found.probability:.2f}"
         )
+    total = len(found.matches)
+    matched = f" and {found.grouping.size} of {total} matches together" if total else ""
     return (
         f"the best pose is right with a probability of {found.probability:.2f} only: it lays "
-        f"{100 * found.fitness:.0f} % of the source on the target and {found.grouping.size} of "
-        f"{len(found.matches)} matches together"
+        f"{100 * found.fitness:.0f} % of the source on the target{matched}"
     )
 
 

@@ -65,6 +65,15 @@ def _rows_of(name: str, value: Any, scan: PreparedScan) -> IndexArray:  # noqa: 
     return rows
 
 
+def match_nothing(source: PreparedScan) -> Correspondences:
+    """Return no match, for a pose that came from none."""
+    nothing = np.empty((0, 3))
+    unit = UNIT * source.voxel
+    return own_correspondences(
+        Fields(nothing, nothing, resolution=unit, source_centroid=source.scan.centroid)
+    )
+
+
 def as_own_descriptors(
     descriptors: object, source: PreparedScan, target: PreparedScan
 ) -> tuple[RealArray, RealArray]:

@@ -16,7 +16,9 @@ from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
+from cgroup.registration.confirm import confirm_pose
 from cgroup.registration.judge import is_accepted, judge
+from cgroup.registration.nearby import as_nearby
 from cgroup.registration.own import as_matches, as_own_descriptors
 from cgroup.registration.paper_front import PaperFront
 from cgroup.registration.prepare import DenseFront, agree, as_given
@@ -24,6 +26,7 @@ from cgroup.registration.result import registration_of
 from cgroup.registration.scan import as_viewpoint
 from cgroup.registration.search import EFFORTS, Search
 from cgroup.rigid import apply, check_rigid
+from cgroup.verification import verify
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -60,6 +63,9 @@ def register(
     front: Literal["dense", "paper"] | DenseFront | PaperFront = "dense",
     matches: Correspondences | tuple[ArrayLike, ArrayLike] | None = None,
     descriptors: tuple[ArrayLike, ArrayLike] | None = None,
+    initial: ArrayLike | None = None,
+    radius: float | None = None,
+    angle: float | None = None,
     method: MethodName | str | None = None,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
@@ -69,7 +75,7 @@ def register(
 
     Both clouds are thinned to voxels, and matched by FPFH. Groups of matches propose poses; these are
     verified on the two surfaces (`cgroup.verification`), the best is refined, and judged. Of `front`,
-    `matches` and `descriptors` one can be given.
+    `matches`, `descriptors` and `initial` one can be given.
 
     Parameters
     ----------
@@ -101,6 +107,14 @@ def register(
     descriptors : (a, b), optional
         Descriptors of your own, (N,D) of float for either cloud: one row for each point of the cloud as it
         was given, NaN for none. The first described point of each voxel is matched by them.
+    initial : (4,4) array_like of float, optional
+        Maps the source into the target's frame roughly, such as a prior of odometry. The pose is sought near
+        it, on the surfaces alone: nothing is matched.
+    radius : float, optional
+        How far `initial` may place the middle of the source from where it belongs, in the unit of the points;
+        a fifth of the source's diagonal unless given.
+    angle : float, optional
+        Degrees by which `initial` may be turned, 15 unless given.
     method : str, optional
         Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" unless given, "gtm" with the
         paper's front.
@@ -141,14 +155,22 @@ def register(
     clock = StageClock(as_stage_function(progress))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     dense, paper = _fronts_of(front)
-    own = {"matches": matches, "descriptors": descriptors, "front": None if front == "dense" else front}
-    _check_alone(own)
+    fronts = None if front == "dense" else front
+    _check_alone({"matches": matches, "descriptors": descriptors, "initial": initial, "front": fronts})
+    if initial is None and (radius, angle) != (None, None):
+        name = "angle" if radius is None else "radius"
+        raise InputError(name, remedy="says how far the pose may be from `initial`; give that too")
+    if initial is not None and (method is not None or options):
+        raise InputError("method", remedy="nothing is grouped where `initial` is given; leave it out")
     chosen = check_method(("lc" if paper is None else "gtm") if method is None else method, options, register)
     search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
     both = as_viewpoint(viewpoint, view_direction)
     places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
-    scans = _prepare_both((source, target), places, voxel, dense, search)
-    if matches is not None:
+    how = {"with_descriptors": initial is None}
+    scans = _prepare_both((source, target), places, voxel, dense, search.threads, clock, **how)
+    if initial is not None:
+        search = replace(search, nearby=as_nearby(initial, radius, angle, scans[0]))
+    elif matches is not None:
         search = replace(search, matches=as_matches(matches, *scans))
     elif descriptors is not None:
         search = replace(search, descriptors=as_own_descriptors(descriptors, *scans))
@@ -240,7 +262,7 @@ def assess(
     search = Search("lc", {}, direction, effort, as_threads(threads), clock, proposed=given[None])
     both = as_viewpoint(viewpoint, view_direction)
     places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
-    scans = _prepare_both((source, target), places, voxel, None, search)
+    scans = _prepare_both((source, target), places, voxel, None, search.threads, clock)
     found = search.run(*scans)
     if found is None:
         message = "no pose that keeps the axis, neither that given nor another"
@@ -260,6 +282,98 @@ def assess(
         notes = (judgement.reason, *notes)
     done = registration_of(found, judgement, clock.stop())
     return replace(done, T_target_source=given, notes=notes, alternatives=others)
+
+
+@report_refused_memory()
+@explain_wrong_calls
+def refine(
+    source: PreparedScan | Cloud | AnyCloud,
+    target: PreparedScan | Cloud | AnyCloud,
+    T_target_source: ArrayLike,
+    *,
+    voxel: float | None = None,
+    viewpoint: ArrayLike | None = None,
+    source_viewpoint: ArrayLike | None = None,
+    target_viewpoint: ArrayLike | None = None,
+    view_direction: ArrayLike | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> Registration:
+    """Refine a pose from elsewhere on the surfaces, and say how likely it is right by itself.
+
+    For a pose that is right to some three voxels; where it is known roughly only, give it to `register` as
+    `initial`. No other place is looked at, so that of two that look the same either is accepted: `assess`
+    seeks such rivals.
+
+    Parameters
+    ----------
+    source, target : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
+        As for `register`.
+    T_target_source : (4,4) array_like of float
+        Maps source points into the target's frame.
+    voxel : float, optional
+        Edge length of the voxels, as for `register`.
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, in the frame of each cloud, if each is one single scan; by default what the
+        file of each says, `PointCloud.viewpoint`.
+    source_viewpoint, target_viewpoint : (3,) array_like of float, optional
+        The same of one of them, where they differ.
+    view_direction : (3,) array_like of float, optional
+        Where the scanner looked, in the frame of each cloud, where its place is not known or its rays are
+        parallel.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    Registration
+        Of the refined pose, without matches; where it is refused, the reason stands first among the `notes`.
+
+    Raises
+    ------
+    NoConsensusError
+        If the pose lays nothing together.
+    InputError
+        If a cloud, the pose or an option can't be worked with; the message names it.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.registration import refine
+    >>> pair = standin_pair(pixels=60)
+    >>> rough = pair.T_target_source.copy()
+    >>> rough[0, 3] += 10  # by about two voxels
+    >>> done = refine(pair.source, pair.target, rough)
+    >>> (
+    ...     done.ok,
+    ...     bool(
+    ...         abs(done.T_target_source - pair.T_target_source).max()
+    ...         < 0.2 * done.voxel
+    ...     ),
+    ... )
+    (True, True)
+    """
+    clock, workers = StageClock(as_stage_function(progress)), as_threads(threads)
+    given = check_rigid(T_target_source, "T_target_source")
+    both = as_viewpoint(viewpoint, view_direction)
+    places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
+    how = {"with_descriptors": False}
+    scans = _prepare_both((source, target), places, voxel, None, workers, clock, **how)
+    clock.start("verification")
+    verified = verify(*(scan.surface for scan in scans), given, threads=workers)
+    clock.start("refinement")
+    found = confirm_pose(*scans, verified.T_target_source, workers)
+    if found is None:
+        message = "the pose lays nothing together; give one that is right to some three voxels"
+        raise NoConsensusError(message)
+    judgement = judge(found, *scans)
+    reason = (judgement.reason,) if judgement.reason else ()
+    done = registration_of(found, judgement, clock.stop())
+    return replace(done, notes=(*reason, *judgement.notes))
 
 
 @report_refused_memory()
@@ -377,17 +491,21 @@ def _prepare_both(
     viewpoints: Sequence[ArrayLike | None],
     voxel: float | None,
     front: DenseFront | None,
-    search: Search,
+    threads: int | None,
+    clock: StageClock,
+    *,
+    with_descriptors: bool = True,
 ) -> tuple[PreparedScan, PreparedScan]:
-    """Make source and target ready for a search."""
-    search.clock.start("voxel size")
+    """Make source and target ready."""
+    clock.start("voxel size")
     given = [
         as_given(name, cloud, place, or_stored=True)
         for name, cloud, place in zip(("source", "target"), clouds, viewpoints, strict=True)
     ]
-    shared = agree(given, voxel, front, search.threads)
+    shared = agree(given, voxel, front, threads)
     by_frames = any(cloud.by_frames for cloud in given)
-    source, target = (shared.finish(one, search.clock.start, by_frames=by_frames) for one in given)
+    how = {"by_frames": by_frames, "with_descriptors": with_descriptors}
+    source, target = (shared.finish(one, clock.start, **how) for one in given)
     return source, target
 
 

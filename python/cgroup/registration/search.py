@@ -25,7 +25,7 @@ from cgroup.registration.judge import (
     weigh,
 )
 from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
-from cgroup.registration.own import describe_voxels
+from cgroup.registration.own import describe_voxels, match_nothing
 from cgroup.registration.paper_front import correspond_by
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.rivals import propose_rivals
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cgroup._runtime.progress import StageClock
+    from cgroup.registration.nearby import Nearby
     from cgroup.registration.paper_front import PaperFront
     from cgroup.registration.prepare import PreparedScan
     from cgroup.types import Correspondences, FloatArray, RealArray
@@ -47,6 +48,9 @@ EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
 
 FINALISTS = 8
 """Verified poses that are refined on the fine surfaces."""
+
+NEARBY_FINALISTS = 3
+"""The same where the pose is known roughly."""
 
 RIVALS = 6
 """Poses elsewhere that the best one is weighed against, and that are sought on purpose."""
@@ -93,9 +97,12 @@ class Search:
     proposed: FloatArray | None = None
     matches: Correspondences | None = None
     descriptors: tuple[RealArray, RealArray] | None = None
+    nearby: Nearby | None = None
 
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search for the pose, in the same way whichever of the two is the source."""
+        if self.nearby is not None:
+            return self._refine(self._search_nearby(source, target, self.nearby))
         if self.matches is not None:
             return self._refine(self._search_matches(source, target, self.matches))
         if _order(source) <= _order(target):
@@ -133,6 +140,15 @@ class Search:
         verified = self._verify(source, target, mutual, poses)
         return self._rank(source, target, matches, mutual, verified)
 
+    def _search_nearby(self, source: PreparedScan, target: PreparedScan, nearby: Nearby) -> Found | None:
+        """Search among the poses near a rough one, on the surfaces alone."""
+        self.clock.start("verification")
+        poses = nearby.propose(source, target, self.threads)
+        verified = self._verify(source, target, None, poses)
+        aligned = self._align(source, target, verified, NEARBY_FINALISTS)
+        finalists = [finalist for finalist in aligned if len(finalist.found.residuals)]
+        return self._weigh(source, target, match_nothing(source), finalists) if finalists else None
+
     def _match_voxels(self, source: PreparedScan, target: PreparedScan) -> Correspondences:
         """Match voxels that are each other's nearest by FPFH: they speak for poses from elsewhere."""
         self.clock.start("matching")
@@ -168,21 +184,29 @@ class Search:
         return propose_poses(matches, self.method, self.threads, **self.options)
 
     def _verify(
-        self, source: PreparedScan, target: PreparedScan, mutual: Correspondences, poses: FloatArray
+        self, source: PreparedScan, target: PreparedScan, mutual: Correspondences | None, poses: FloatArray
     ) -> Verification | None:
-        """Verify the poses that keep the axis; None where no pose does, before or after."""
+        """Verify the poses that may be; None where no pose may, before or after."""
         self.clock.start("verification")
         surfaces = source.surface, target.surface
-        upright = keep_upright(poses, self.axis)
-        if len(upright) == 0:
+        allowed = self._keep_allowed(poses, source)
+        if len(allowed) == 0:
             return None
-        verified = verify(*surfaces, upright, matches=mutual, threads=self.threads)
-        upright = keep_upright(verified.poses, self.axis)
-        if len(upright) == 0:
+        verified = verify(*surfaces, allowed, matches=mutual, threads=self.threads)
+        allowed = self._keep_allowed(verified.poses, source)
+        if len(allowed) == 0:
             return None
-        if len(upright) == len(verified.poses):
+        if len(allowed) == len(verified.poses):
             return verified
-        return verify(*surfaces, upright, matches=mutual, threads=self.threads)
+        return verify(*surfaces, allowed, matches=mutual, threads=self.threads)
+
+    def _keep_allowed(self, poses: FloatArray, source: PreparedScan) -> FloatArray:
+        """Drop the poses that tilt the axis, or lie too far from a rough one."""
+        upright = keep_upright(poses, self.axis)
+        return upright if self.nearby is None else upright[self.nearby.holds(upright, source)]
+
+    def _is_allowed(self, pose: FloatArray, source: PreparedScan) -> bool:
+        return len(self._keep_allowed(pose[None], source)) == 1
 
     def _rank(
         self,
@@ -219,7 +243,7 @@ class Search:
             for found, score, support, value in zip(
                 aligned, verified.scores.tolist(), verified.evidence.tolist(), values.tolist(), strict=False
             )
-            if is_upright(found.T_target_source, self.axis)
+            if self._is_allowed(found.T_target_source, source)
         ]
 
     def _weigh(
@@ -261,7 +285,7 @@ class Search:
             return None
         surfaces = fine_surfaces(found.source, found.target)
         refined = align(*surfaces, found.refined.T_target_source, threads=self.threads)
-        if not is_upright(refined.T_target_source, self.axis):
+        if not self._is_allowed(refined.T_target_source, found.source):
             refined = found.refined
         pose = refined.T_target_source
         shares = [

@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
+from cgroup.registration.confirm import confirm_pose
 from cgroup.registration.covariance import covariance_of
-from cgroup.registration.evidence import gather
-from cgroup.registration.judge import (
-    Case,
-    bound_by_motions,
-    count_open_motions,
-    is_accepted,
-    lead_over_chance,
-    misfit,
-    share_probability,
-)
+from cgroup.registration.judge import is_accepted, share_probability
 from cgroup.registration.motions import adjoint
-from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.search import Search
-from cgroup.rigid import apply, invert
-from cgroup.verification import align, verify
+from cgroup.rigid import invert
 
 if TYPE_CHECKING:
     from cgroup.registration import PreparedScan
+    from cgroup.registration.judge import Found
     from cgroup.registration.search import Effort
     from cgroup.types import FloatArray
-    from cgroup.verification import Alignment
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,18 +90,21 @@ def link(
 
 def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
     """Refine a pose that others predict, and weigh it by itself; None where nothing is paired."""
-    source, target = _oriented_alike(source, target)
-    refined = _refine(source, target, pose)
-    if refined is None:
+    found = confirm_pose(*_oriented_alike(source, target), pose, 1)
+    if found is None:
         return None
-    return replace(_weigh(source, target, refined), covariance=covariance_of(refined, source, target))
+    return _link_of(found, covariance_of(found.refined, found.source, found.target))
 
 
 def weigh_pose(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
     """Do the same without the covariance, which takes longest."""
-    source, target = _oriented_alike(source, target)
-    refined = _refine(source, target, pose)
-    return None if refined is None else _weigh(source, target, refined)
+    found = confirm_pose(*_oriented_alike(source, target), pose, 1)
+    return None if found is None else _link_of(found, np.full((6, 6), np.nan))
+
+
+def _link_of(found: Found, covariance: FloatArray) -> Link:
+    chances = np.array([found.probability])
+    return Link(found.places, chances, covariance, found.fitness, found.target_fitness)
 
 
 def _oriented_alike(source: PreparedScan, target: PreparedScan) -> tuple[PreparedScan, PreparedScan]:
@@ -119,19 +112,3 @@ def _oriented_alike(source: PreparedScan, target: PreparedScan) -> tuple[Prepare
     if source.by_frames or target.by_frames:
         return source.turned_by_frames, target.turned_by_frames
     return source, target
-
-
-def _refine(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Alignment | None:
-    refined = align(*fine_surfaces(source, target), pose, threads=1)
-    return refined if len(refined.residuals) else None
-
-
-def _weigh(source: PreparedScan, target: PreparedScan, refined: Alignment) -> Link:
-    placed = refined.T_target_source
-    verified = verify(source.surface, target.surface, placed, threads=1)
-    case = Case(float(verified.scores[0]), 0, misfit(refined, source.voxel), gather(source, target, placed))
-    motions = count_open_motions(refined.information, apply(placed, source.voxels.points))
-    chance = bound_by_motions(float(1.0 / (1.0 + np.exp(-lead_over_chance(case)))), motions)
-    back = verify(target.surface, source.surface, invert(placed), threads=1)
-    unknown = np.full((6, 6), np.nan)
-    return Link(placed[None], np.array([chance]), unknown, verified.fitness, back.fitness)

@@ -1,0 +1,52 @@
+"""Refine one pose, and weigh it by itself: neither matches nor rivals are sought."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.registration.evidence import gather
+from cgroup.registration.judge import (
+    Case,
+    Found,
+    bound_by_motions,
+    count_open_motions,
+    misfit,
+    share_probability,
+)
+from cgroup.registration.own import match_nothing
+from cgroup.registration.prepare import fine_surfaces
+from cgroup.rigid import apply, invert
+from cgroup.verification import align, verify
+
+if TYPE_CHECKING:
+    from cgroup.registration.prepare import PreparedScan
+    from cgroup.types import FloatArray
+
+
+def confirm_pose(
+    source: PreparedScan, target: PreparedScan, pose: FloatArray, threads: int | None
+) -> Found | None:
+    """Refine a pose on the fine surfaces, and weigh it by itself; None where nothing is paired."""
+    refined = align(*fine_surfaces(source, target), pose, threads=threads)
+    if len(refined.residuals) == 0:
+        return None
+    placed = refined.T_target_source
+    verified = verify(source.surface, target.surface, placed, threads=threads)
+    back = verify(target.surface, source.surface, invert(placed), threads=threads)
+    case = Case(float(verified.scores[0]), 0, misfit(refined, source.voxel), gather(source, target, placed))
+    motions = count_open_motions(refined.information, apply(placed, source.voxels.points))
+    return Found(
+        refined,
+        np.empty((0, 4, 4)),
+        bound_by_motions(share_probability(case, [])[0], motions),
+        verified.fitness,
+        match_nothing(source),
+        source,
+        target,
+        motions=motions,
+        cases=(case,),
+        target_fitness=back.fitness,
+        places=placed[None],
+    )

@@ -1,0 +1,102 @@
+"""Starts near a rough pose, from a grid to the few that lie well on coarse surfaces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cgroup import features
+from cgroup._checks.values import as_length, refusal
+from cgroup.registration.motions import motion
+from cgroup.registration.prepare import UNIT
+from cgroup.rigid import apply, check_rigid
+from cgroup.verification import Surface, verify
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from cgroup.registration.prepare import PreparedScan
+    from cgroup.types import BoolArray, FloatArray
+
+ANGLE, RADIUS = 15.0, 0.2
+"""Degrees that a rough pose may be off by, and share of the source's diagonal, where nothing is told."""
+
+MOST_TURNED = 60.0
+"""Degrees beyond which a search everywhere is faster."""
+
+_COARSER, _OF_RADIUS = 3.0, 0.14  # coarse voxels, in voxels; at least that share of the radius
+_STEP, _TURN = 2.7, 15.0  # between starts: coarse voxels, degrees
+_NORMAL_RADIUS = 2.0
+_SLACK = 1.0  # voxels, and degrees
+
+
+def as_nearby(initial: ArrayLike, radius: float | None, angle: float | None, source: PreparedScan) -> Nearby:
+    """Check a rough pose, and how far the right one may be."""
+    pose = check_rigid(initial, "initial")
+    degrees = ANGLE if angle is None else as_length("angle", angle)
+    if degrees > MOST_TURNED:
+        raise refusal("angle", angle, f"give {MOST_TURNED:g} degrees at most, or no `initial`")
+    reach = RADIUS * source.scan.cloud.diagonal if radius is None else as_length("radius", radius)
+    return Nearby(pose, reach, degrees)
+
+
+class Nearby(NamedTuple):
+    """A rough pose, and how far from it the right one may be.
+
+    Attributes
+    ----------
+    pose : (4,4) array of float64
+        Source points into the target's frame.
+    radius : float
+        How far the middle of the source may be off.
+    angle : float
+        Degrees that it may be turned by.
+    """
+
+    pose: FloatArray
+    radius: float
+    angle: float
+
+    def holds(self, poses: FloatArray, scan: PreparedScan) -> BoolArray:
+        """Tell which poses are near enough, to a voxel and a degree."""
+        cosines = (np.einsum("nij,ij->n", poses[:, :3, :3], self.pose[:3, :3]) - 1) / 2
+        middle = scan.scan.centroid
+        away = np.linalg.norm((poses - self.pose)[:, :3] @ np.append(middle, 1.0), axis=1)
+        turned = cosines >= np.cos(np.radians(self.angle + _SLACK))
+        return turned & (away <= self.radius + _SLACK * scan.voxel)
+
+    def propose(self, source: PreparedScan, target: PreparedScan, threads: int | None) -> FloatArray:
+        """Propose poses, (m,4,4): the best shifts of each turn of a grid, on coarse surfaces."""
+        size = max(_COARSER * source.voxel, _OF_RADIUS * self.radius)
+        one, other = (_coarse_surface(scan, size, threads) for scan in (source, target))
+        shifts = _ball(self.radius, _STEP * size)
+        middle = apply(self.pose, source.scan.centroid[None])[0]
+        found: list[FloatArray] = []
+        for turn in _ball(np.radians(self.angle), np.radians(_TURN)):
+            starts = np.tile(motion(np.append(turn, np.zeros(3)), middle) @ self.pose, (len(shifts), 1, 1))
+            starts[:, :3, 3] += shifts
+            found.append(verify(one, other, starts, threads=threads).poses)
+        return np.concatenate(found)
+
+
+def _ball(radius: float, step: float) -> FloatArray:
+    """Points of a grid around the origin, (m,3), with none beyond a radius and its centre first."""
+    count = int(np.ceil(radius / step))
+    ticks = np.linspace(-radius, radius, 2 * count + 1)
+    grid = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    return grid[np.linalg.norm(grid, axis=1) <= radius * (1 + 1e-9)]
+
+
+def _coarse_surface(scan: PreparedScan, size: float, threads: int | None) -> Surface:
+    points = features.Cloud(features.voxel_downsample(scan.voxels.points, size, threads=threads).points)
+    normals = features.normals(
+        points,
+        radius=_NORMAL_RADIUS * size,
+        neighbors=30,
+        viewpoint=scan.viewpoint or features.ORIGIN,
+        threads=threads,
+    )
+    oriented = not scan.by_frames
+    unit = UNIT * size
+    return Surface(points, normals, unit=unit, viewpoint=scan.viewpoint, oriented=oriented, threads=threads)
