@@ -110,4 +110,6 @@ def describe_voxels(scan: PreparedScan, values: RealArray) -> DescribedCloud:
     rows, points = rows[first], points[first]
     middle, known = scan.scan.centroid, scan.described
     nearest = features.match(points - middle, known.points - middle, threads=scan.threads).target_indices
-    return DescribedCloud(rows, points, known.lrf[nearest], values[rows], UNIT * scan.voxel, middle)
+    return DescribedCloud(
+        rows, points, known.lrf[nearest], values[rows].astype(np.float32), UNIT * scan.voxel, middle
+    )

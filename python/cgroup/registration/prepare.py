@@ -34,11 +34,11 @@ from cgroup.verification.alignment import sample_points
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from cgroup.features import Cloud, Viewpoint, Voxels
     from cgroup.registration.scan import Normals
-    from cgroup.types import AnyCloud, FloatArray, IndexArray, RealArray
+    from cgroup.types import AnyCloud, FloatArray, IndexArray
 
 VOXELS = 5000
 """Voxels that a cloud is thinned to, about."""
@@ -602,7 +602,7 @@ class Preparation(NamedTuple):
         *,
         by_frames: bool,
         role: str = "",
-    ) -> tuple[FloatArray, FloatArray, RealArray]:
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
         """Return normals, frames and FPFH of voxels: (M,3), (M,3,3), (M,33)."""
         normals = self.fit_planes(scan, voxels, eye, begin, role)
         begin(f"{role}descriptors")
@@ -625,7 +625,7 @@ class Preparation(NamedTuple):
 
     def describe_planes(
         self, thinned: Cloud, normals: FloatArray, *, by_frames: bool
-    ) -> tuple[FloatArray, FloatArray, RealArray]:
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
         """Return normals, turned to the side of frames if told, frames and FPFH of voxels."""
         radius = self.front.frame_radius * self.voxel
         frames = features.shot_lrf(thinned, np.arange(len(thinned)), radius=radius, threads=self.threads)
@@ -639,7 +639,7 @@ class Preparation(NamedTuple):
 
 
 def described_voxels(
-    points: FloatArray, frames: FloatArray, values: RealArray, voxel: float, scan: Scan
+    points: FloatArray, frames: FloatArray, values: NDArray[np.float32], voxel: float, scan: Scan
 ) -> DescribedCloud:
     """Return the voxels that have descriptors."""
     rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))

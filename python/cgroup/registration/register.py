@@ -364,7 +364,7 @@ def refine(
     how = {"with_descriptors": False}
     scans = _prepare_both((source, target), places, voxel, None, workers, clock, **how)
     clock.start("verification")
-    verified = verify(*(scan.surface for scan in scans), given, threads=workers)
+    verified = verify(scans[0].surface, scans[1].surface, given, threads=workers)
     clock.start("refinement")
     found = confirm_pose(*scans, verified.T_target_source, workers)
     if found is None:

@@ -157,11 +157,10 @@ class Search:
     def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
         """Search among the poses of matches of voxels, and those proposed from elsewhere."""
         self.clock.start("matching")
-        described = source.described, target.described
+        one, other = source.described, target.described
         if self.descriptors is not None:
-            both = zip((source, target), self.descriptors, strict=True)
-            described = tuple(describe_voxels(scan, values) for scan, values in both)
-        matches, is_mutual = match_both_ways(*described, k, self.threads)
+            one, other = map(describe_voxels, (source, target), self.descriptors)
+        matches, is_mutual = match_both_ways(one, other, k, self.threads)
         mutual = take_matches(matches, is_mutual)
         poses = np.concatenate([self._propose(mutual), frame_poses(mutual)])
         if self.proposed is not None:
