@@ -144,6 +144,7 @@ def _registration() -> dict[str, dict[str, Any]]:
         "prepare": {"cloud": PAIR.source} | voxel,
         "register": pair | voxel,
         "assess": pair | voxel | {"T_target_source": PAIR.T_target_source},
+        "refine": pair | voxel | {"T_target_source": PAIR.T_target_source},
         "register_many": {"scans": [PAIR.source, PAIR.target]} | voxel,
         "recognize": {"models": {"a": PAIR.source}, "scene": scene} | voxel,
         "find_instances": {"model": PAIR.source, "scene": scene} | voxel,

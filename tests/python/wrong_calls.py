@@ -63,6 +63,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.registration.assess": [
         given(PAIR.source, PAIR.target, np.diag([1.0, -1, -1, 1]), axis=(0, 0, 1), effort="low", voxel=9.0),
     ],
+    "cgroup.registration.refine": [given(PAIR.source, PAIR.target, np.diag([1.0, -1, -1, 1]))],
     "cgroup.registration.Registration.plot": [
         lambda plot: plot(registration.register(PAIR.source, PAIR.target), correct=[True]),
     ],
