@@ -35,7 +35,7 @@ FRAGMENTS = {"benchmark"}
 SHOWN = [ROOT / "README.md", *sorted((DOCS / "start").glob("*.md"))]
 """All of their Python that prints, and their commands that a block of text follows, are shown with what they print."""
 
-OTHERS = {"gtsam", "open3d", "rclpy", "small_gicp", "torch"}
+OTHERS = {"gtsam", "kiss_matcher", "open3d", "rclpy", "small_gicp", "torch"}
 """What pages show cgroup together with, and the tests do without where it isn't installed."""
 
 SHELLS = {"", "sh", "bash", "console"}

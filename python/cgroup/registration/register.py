@@ -177,7 +177,12 @@ def register(
     registration, judgement = _register(search, *scans)
     if registration is not None and judgement.ok:
         return registration
-    error = NoConsensusError(f"no pose that can be trusted: {judgement.reason}")
+    reason = judgement.reason
+    if registration is None and search.nearby is not None:
+        _, reach, degrees = search.nearby
+        near = f"none fits within {reach:.4g} and {degrees:g} degrees of `initial`"
+        reason = f"{near}; give a larger `radius` or `angle`, or no `initial`"
+    error = NoConsensusError(f"no pose that can be trusted: {reason}")
     error.registration = registration
     raise error
 
