@@ -175,9 +175,9 @@ class PreparedScan:
 
     @property
     def described(self) -> DescribedCloud:
-        """Frames and FPFH of the voxels that have them; `DescribedCloud.indices` are rows of `voxels`.
+        """Frames and FPFH of the voxels that have them, computed when first needed.
 
-        Computed when they are first needed.
+        `DescribedCloud.indices` are rows of `voxels`.
 
         Examples
         --------

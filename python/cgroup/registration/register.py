@@ -304,7 +304,7 @@ def refine(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Registration:
-    """Refine a pose from elsewhere on the surfaces, and say how likely it is right by itself.
+    """Refine a pose from elsewhere on the surfaces, and judge it by itself.
 
     For a pose that is right to some three voxels; where it is known roughly only, give it to `register` as
     `initial`. No other place is looked at, so that of two that look the same either is accepted: `assess`
