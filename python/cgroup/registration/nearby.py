@@ -8,6 +8,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup._checks.values import as_length, refusal
+from cgroup.errors import InputError
 from cgroup.registration.motions import motion
 from cgroup.registration.prepare import UNIT
 from cgroup.rigid import apply, check_rigid
@@ -31,14 +32,20 @@ _NORMAL_RADIUS = 2.0
 _SLACK = 1.0  # voxels, and degrees
 
 
-def as_nearby(initial: ArrayLike, radius: float | None, angle: float | None, source: PreparedScan) -> Nearby:
-    """Check a rough pose, and how far the right one may be."""
-    pose = check_rigid(initial, "initial")
-    degrees = ANGLE if angle is None else as_length("angle", angle)
+def as_nearby(initial: ArrayLike | None, radius: float | None, angle: float | None) -> Nearby | None:
+    """Check a rough pose, if there is one, and how far the right one may be."""
+    told = {"radius": radius, "angle": angle}
+    given = {name: as_length(name, value) for name, value in told.items() if value is not None}
+    if initial is None:
+        for name, value in given.items():
+            raise InputError(
+                name, f"{value:g}, but no `initial`", "it says how far the pose may be from that"
+            )
+        return None
+    degrees = given.get("angle", ANGLE)
     if degrees > MOST_TURNED:
         raise refusal("angle", angle, f"give {MOST_TURNED:g} degrees at most, or no `initial`")
-    reach = RADIUS * source.scan.cloud.diagonal if radius is None else as_length("radius", radius)
-    return Nearby(pose, reach, degrees)
+    return Nearby(check_rigid(initial, "initial"), degrees, given.get("radius", 0.0))
 
 
 class Nearby(NamedTuple):
@@ -48,15 +55,19 @@ class Nearby(NamedTuple):
     ----------
     pose : (4,4) array of float64
         Source points into the target's frame.
-    radius : float
-        How far the middle of the source may be off.
     angle : float
         Degrees that it may be turned by.
+    radius : float
+        How far the middle of the source may be off; 0 until `around` a source where that wasn't told.
     """
 
     pose: FloatArray
-    radius: float
     angle: float
+    radius: float
+
+    def around(self, source: PreparedScan) -> Nearby:
+        """Return the same with a radius that suits the source, unless one was told."""
+        return self._replace(radius=self.radius or RADIUS * source.scan.cloud.diagonal)
 
     def holds(self, poses: FloatArray, scan: PreparedScan) -> BoolArray:
         """Tell which poses are near enough, to a voxel and a degree."""

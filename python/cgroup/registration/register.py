@@ -157,9 +157,7 @@ def register(
     dense, paper = _fronts_of(front)
     fronts = None if front == "dense" else front
     _check_alone({"matches": matches, "descriptors": descriptors, "initial": initial, "front": fronts})
-    if initial is None and (radius, angle) != (None, None):
-        name = "angle" if radius is None else "radius"
-        raise InputError(name, remedy="says how far the pose may be from `initial`; give that too")
+    nearby = as_nearby(initial, radius, angle)
     if initial is not None and (method is not None or options):
         raise InputError("method", remedy="nothing is grouped where `initial` is given; leave it out")
     chosen = check_method(("lc" if paper is None else "gtm") if method is None else method, options, register)
@@ -168,8 +166,8 @@ def register(
     places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
     how = {"with_descriptors": initial is None}
     scans = _prepare_both((source, target), places, voxel, dense, search.threads, clock, **how)
-    if initial is not None:
-        search = replace(search, nearby=as_nearby(initial, radius, angle, scans[0]))
+    if nearby is not None:
+        search = replace(search, nearby=nearby.around(scans[0]))
     elif matches is not None:
         search = replace(search, matches=as_matches(matches, *scans))
     elif descriptors is not None:
@@ -179,7 +177,7 @@ def register(
         return registration
     reason = judgement.reason
     if registration is None and search.nearby is not None:
-        _, reach, degrees = search.nearby
+        _, degrees, reach = search.nearby
         near = f"none fits within {reach:.4g} and {degrees:g} degrees of `initial`"
         reason = f"{near}; give a larger `radius` or `angle`, or no `initial`"
     error = NoConsensusError(f"no pose that can be trusted: {reason}")
