@@ -103,12 +103,14 @@ def _descriptors_of(name: str, value: Any, scan: PreparedScan) -> RealArray:  # 
 
 def describe_voxels(scan: PreparedScan, values: RealArray) -> DescribedCloud:
     """Return the first described point of each voxel, with the frame of the voxel next to it."""
-    rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+    known, kept = scan.described, scan.scan.cloud.points
+    inside = (scan.scan.given >= kept.min(axis=0)) & (scan.scan.given <= kept.max(axis=0))  # no strays
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1) & inside.all(axis=1))
     points = in_double(scan.scan.given[rows])
     voxels = features.voxel_downsample(points, scan.voxel, threads=scan.threads).indices
     first = np.unique(voxels, return_index=True)[1]
     rows, points = rows[first], points[first]
-    middle, known = scan.scan.centroid, scan.described
+    middle = scan.scan.centroid
     nearest = features.match(points - middle, known.points - middle, threads=scan.threads).target_indices
     return DescribedCloud(
         rows, points, known.lrf[nearest], values[rows].astype(np.float32), UNIT * scan.voxel, middle
