@@ -118,6 +118,9 @@ class PreparedScan:
         Where the scanner stood, if that is known.
     voxels : Voxels
         The cloud thinned out.
+    normals : (M,3) array of float64
+        Of the voxels: outwards for a model, towards the viewpoint where those of both scans are known, else
+        to the side of SHOT's z axis; NaN for none.
     surface : Surface
         What poses are judged on, of unit 0.4 voxel.
     by_frames : bool
@@ -141,39 +144,21 @@ class PreparedScan:
     voxel: float
     viewpoint: Viewpoint | None
     voxels: Voxels
+    normals: FloatArray
     surface: Surface
     by_frames: bool
     threads: int | None
-    _planes: FloatArray
+    _frames: FloatArray | None = None
     _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
     _cells: dict[float, IndexArray] = field(default_factory=dict)
     _thinned: dict[float, FloatArray] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Callable[..., PreparedScan], tuple[Any, ...]]:
         """Pickle what took long; surfaces are made anew."""
-        known = vars(self).get("_description")
-        normals, described = (self._planes, None) if known is None else known
-        parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, normals, described
-        return assemble, (*parts, self.by_frames, self.threads)
+        parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, self.normals
+        return assemble, (*parts, vars(self).get("described"), self.by_frames, self.threads)
 
-    @property
-    def normals(self) -> FloatArray:
-        """Normals of the voxels, (M,3) array of float64; NaN for none.
-
-        Outwards for a model, towards the viewpoint where those of both scans are known, else to the side of
-        SHOT's z axis.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-        >>> scan.normals.shape == scan.voxels.points.shape
-        True
-        """
-        return self._description[0]
-
-    @property
+    @cached_property
     def described(self) -> DescribedCloud:
         """Frames and FPFH of the voxels that have them, computed when first needed.
 
@@ -187,15 +172,11 @@ class PreparedScan:
         >>> scan.described.descriptors.shape == (len(scan.described), 33)
         True
         """
-        return self._description[1]
-
-    @cached_property
-    def _description(self) -> tuple[FloatArray, DescribedCloud]:
         shared = Preparation(self.voxel, self.front, self.threads)
-        points = self.voxels.points
-        thinned = features.Cloud(points, name=self.scan.name)
-        normals, frames, values = shared.describe_planes(thinned, self._planes, by_frames=self.by_frames)
-        return normals, described_voxels(points, frames, values, self.voxel, self.scan)
+        thinned = features.Cloud(self.voxels.points, name=self.scan.name)
+        frames = shared.find_frames(thinned) if self._frames is None else self._frames
+        values = shared.describe_by_fpfh(thinned, self.normals)
+        return described_voxels(self.voxels.points, frames, values, self.voxel, self.scan)
 
     def fine_surface(self, share: float) -> FineSurface | None:
         """Return the cloud in more detail, at a share of the voxel.
@@ -383,8 +364,9 @@ def assemble(
     described: DescribedCloud | None,
     by_frames: bool,  # noqa: FBT001 - pickle calls it by position
     threads: int | None,
+    frames: FloatArray | None = None,
 ) -> PreparedScan:
-    """Put a scan together with its surface; normals may be to either side where it is not described yet."""
+    """Put a scan together with its surface, and with what is known of its descriptors."""
     surface = Surface(
         voxels.points,
         normals,
@@ -393,9 +375,9 @@ def assemble(
         oriented=not by_frames,
         threads=threads,
     )
-    made = PreparedScan(scan, front, voxel, viewpoint, voxels, surface, by_frames, threads, normals)
+    made = PreparedScan(scan, front, voxel, viewpoint, voxels, normals, surface, by_frames, threads, frames)
     if described is not None:
-        vars(made)["_description"] = normals, described
+        vars(made)["described"] = described
     return made
 
 
@@ -560,7 +542,7 @@ class Preparation(NamedTuple):
             ready = given.scan.turned_by_frames if turned else given.scan
         else:
             ready = self.prepare(given.scan, given.viewpoint, begin, by_frames=turned, role=role)
-        if with_descriptors and "_description" not in vars(ready):
+        if with_descriptors and "described" not in vars(ready):
             begin(f"{role}descriptors")
             _ = ready.described
         return ready
@@ -578,10 +560,11 @@ class Preparation(NamedTuple):
         eye = None if viewpoint is None else scan.viewpoint(viewpoint)
         voxels = self.thin(scan, begin, with_normals=not by_frames and eye is None, role=role)
         check_most_voxels(scan, self.voxel, len(voxels))
-        normals = self.fit_planes(scan, voxels, eye, begin, role)
+        thinned = features.Cloud(voxels.points, name=scan.name)
+        normals, frames = self.orient(scan, voxels, thinned, eye, begin, by_frames=by_frames, role=role)
         begin(f"{role}surface")
         parts = scan, self.front, self.voxel, eye, voxels, normals, None
-        return assemble(*parts, by_frames, self.threads)
+        return assemble(*parts, by_frames, self.threads, frames)
 
     def thin(
         self, scan: Scan, begin: Callable[[str], Any], *, with_normals: bool = False, role: str = ""
@@ -604,38 +587,54 @@ class Preparation(NamedTuple):
         role: str = "",
     ) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
         """Return normals, frames and FPFH of voxels: (M,3), (M,3,3), (M,33)."""
-        normals = self.fit_planes(scan, voxels, eye, begin, role)
+        thinned = features.Cloud(voxels.points, name=scan.name)
+        normals, frames = self.orient(scan, voxels, thinned, eye, begin, by_frames=by_frames, role=role)
         begin(f"{role}descriptors")
-        return self.describe_planes(features.Cloud(voxels.points), normals, by_frames=by_frames)
+        frames = self.find_frames(thinned) if frames is None else frames
+        return normals, frames, self.describe_by_fpfh(thinned, normals)
 
-    def fit_planes(
-        self, scan: Scan, voxels: Voxels, eye: Viewpoint | None, begin: Callable[[str], Any], role: str
-    ) -> FloatArray:
-        """Return normals of voxels, (M,3), towards the viewpoint, or to the side of those that they have."""
+    def orient(
+        self,
+        scan: Scan,
+        voxels: Voxels,
+        thinned: Cloud,
+        eye: Viewpoint | None,
+        begin: Callable[[str], Any],
+        *,
+        by_frames: bool,
+        role: str,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return normals (M,3) of voxels, and frames (M,3,3) where they tell the side."""
         begin(f"{role}normals")
         normals = features.normals(
-            features.Cloud(voxels.points, name=scan.name),
+            thinned,
             radius=self.front.normal_radius * self.voxel,
             neighbors=NORMAL_NEIGHBORS,
             viewpoint=eye or features.ORIGIN,
             threads=self.threads,
         )
         _check_normals(scan, self.voxel, normals)
-        return normals if voxels.normals is None else normals * _signs(normals, voxels.normals)[:, None]
+        frames = None
+        outwards = voxels.normals
+        if outwards is None and by_frames:
+            begin(f"{role}frames")
+            frames = self.find_frames(thinned)
+            outwards = frames[:, 2]
+        if outwards is not None:
+            normals *= _signs(normals, outwards)[:, None]
+        return normals, frames
 
-    def describe_planes(
-        self, thinned: Cloud, normals: FloatArray, *, by_frames: bool
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
-        """Return normals, turned to the side of frames if told, frames and FPFH of voxels."""
+    def find_frames(self, thinned: Cloud) -> FloatArray:
+        """Return SHOT's frames of voxels, (M,3,3)."""
         radius = self.front.frame_radius * self.voxel
-        frames = features.shot_lrf(thinned, np.arange(len(thinned)), radius=radius, threads=self.threads)
-        if by_frames:
-            normals = normals * _signs(normals, frames[:, 2])[:, None]
+        return features.shot_lrf(thinned, np.arange(len(thinned)), radius=radius, threads=self.threads)
+
+    def describe_by_fpfh(self, thinned: Cloud, normals: FloatArray) -> NDArray[np.float32]:
+        """Return FPFH of voxels, (M,33)."""
         radius = self.front.support * self.voxel
-        values = features.fpfh(
+        return features.fpfh(
             thinned, normals, radius=radius, max_neighbors=FEATURE_NEIGHBORS, threads=self.threads
         )
-        return normals, frames, values
 
 
 def described_voxels(
