@@ -559,7 +559,7 @@ class Preparation(NamedTuple):
         """Make a scan ready; its normals are by frames, by the viewpoint, or those it has."""
         eye = None if viewpoint is None else scan.viewpoint(viewpoint)
         voxels = self.thin(scan, begin, with_normals=not by_frames and eye is None, role=role)
-        check_most_voxels(scan, self.voxel, len(voxels))
+        _check_most_voxels(scan, self.voxel, len(voxels))
         thinned = features.Cloud(voxels.points, name=scan.name)
         normals, frames = self.orient(scan, voxels, thinned, eye, begin, by_frames=by_frames, role=role)
         begin(f"{role}surface")
@@ -724,7 +724,7 @@ def _check_least_voxels(scan: Scan, voxel: float, count: int) -> None:
         raise InputError(scan.name, remedy=f"{left}: give more points{finer}")
 
 
-def check_most_voxels(scan: Scan, voxel: float, count: int) -> None:
+def _check_most_voxels(scan: Scan, voxel: float, count: int) -> None:
     """Refuse voxels that leave too much of a cloud."""
     if count > MOST_VOXELS:
         left = f"{_say_filled(scan, voxel, count)}; {MOST_VOXELS} are allowed"

@@ -102,13 +102,13 @@ class Search:
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search for the pose, in the same way whichever of the two is the source."""
         if self.nearby is not None:
-            return self._refine(self._search_nearby(source, target, self.nearby))
+            return self.finish(self._search_nearby(source, target, self.nearby))
         if self.matches is not None:
-            return self._refine(self._search_matches(source, target, self.matches))
+            return self.finish(self._search_matches(source, target, self.matches))
         if _order(source) <= _order(target):
-            return self._refine(self._search(source, target))
+            return self.finish(self._search(source, target))
         found = self._turned()._search(target, source)  # noqa: SLF001 - its own
-        return self._refine(None if found is None else found.turned())
+        return self.finish(None if found is None else found.turned())
 
     def _turned(self) -> Search:
         """Return the search for the inverse pose."""
@@ -278,7 +278,7 @@ class Search:
             places=poses[rows],
         )
 
-    def _refine(self, found: Found | None) -> Found | None:
+    def finish(self, found: Found | None) -> Found | None:
         """Refine the best pose once more, with all samples of the fine surfaces, and measure the overlap."""
         if found is None:
             return None

@@ -1,7 +1,9 @@
-"""Many scans: their poses in one scene, and pose graphs."""
+"""Many scans: their poses in one scene, scans in maps, and pose graphs."""
 
+from cgroup.scenes.locate import locate
+from cgroup.scenes.maps import PreparedMap, prepare_map
 from cgroup.scenes.pose_graph import PoseGraph
 from cgroup.scenes.register_all import register_all
 from cgroup.scenes.scene import Edge, Scene
 
-__all__ = ["Edge", "PoseGraph", "Scene", "register_all"]
+__all__ = ["Edge", "PoseGraph", "PreparedMap", "Scene", "locate", "prepare_map", "register_all"]

@@ -1,0 +1,317 @@
+"""Locate a scan in a map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import islice
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.random import default_rng
+
+from cgroup import features
+from cgroup._checks.arrays import as_direction, as_place
+from cgroup._checks.calls import explain_wrong_calls
+from cgroup._checks.run_options import as_threads
+from cgroup._checks.values import as_choice, as_instance, as_length
+from cgroup._runtime.memory import report_refused_memory
+from cgroup._runtime.progress import StageClock, as_stage_function
+from cgroup._runtime.workers import count_workers, work_side_by_side
+from cgroup.errors import InputError
+from cgroup.registration.judge import (
+    AS_GOOD,
+    Case,
+    Found,
+    bound_by_motions,
+    choose_apart,
+    is_accepted,
+    is_sure,
+    judge,
+    share_probability,
+    weigh,
+)
+from cgroup.registration.prepare import DenseFront, Preparation, PreparedScan, as_given
+from cgroup.registration.result import registration_of
+from cgroup.registration.scan import as_viewpoint
+from cgroup.registration.search import EFFORTS, RIVALS, Search
+from cgroup.rigid import apply
+from cgroup.scenes.maps import CELL, Level, PreparedMap
+from cgroup.scenes.plan_view import find_layers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.features import Cloud
+    from cgroup.registration import Registration
+    from cgroup.registration.search import Effort
+    from cgroup.types import AnyCloud, FloatArray, IndexArray
+
+VOXELS = 1200
+"""Voxels that a scan is thinned to, about."""
+
+COMPARED = 400
+"""Descriptors of a scan that places are compared by."""
+
+WHOLE = 10_000
+"""Voxels of a map up to which a scan is registered to the whole of it."""
+
+FIRST, FROM_ABOVE, ALIKE = 2, 4, 8
+"""Places a scan is registered to at a time, and that are chosen at most: from above, by descriptors."""
+
+LEVELS = 2
+"""Voxels that a scan is located at: the one that suits it, and the next finer one where that accepts none."""
+
+_WITHIN = 0.9  # share of a scan's voxels within its radius
+_FURTHER, _APART, _ALIKE = 1.5, 0.5, 0.7  # radii of a scan around a place, between places, compared
+
+
+@report_refused_memory()
+@explain_wrong_calls
+def locate(
+    scan: Cloud | AnyCloud,
+    place: PreparedMap,
+    *,
+    viewpoint: ArrayLike | None = None,
+    view_direction: ArrayLike | None = None,
+    axis: ArrayLike | None = None,
+    near: ArrayLike | None = None,
+    radius: float | None = None,
+    effort: Effort = "normal",
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> list[Registration]:
+    """Find where in a map a scan was taken.
+
+    Places of the map are chosen where walls and floors fit the scan's as seen from above, and where
+    descriptors are like the scan's. The scan is registered to each; one posterior is shared among all.
+
+    Parameters
+    ----------
+    scan : PointCloud, Cloud, path or (N,3) array_like of float
+        Whole cloud, in the unit of the map.
+    place : PreparedMap
+        Made by `prepare_map`.
+    viewpoint : (3,) array_like of float, optional
+        Where the scanner stood, in the frame of the scan, if it is one single scan. By default what its file
+        says, `PointCloud.viewpoint`.
+    view_direction : (3,) array_like of float, optional
+        Where the scanner looked, where its place is not known or its rays are parallel.
+    axis : (3,) array_like of float, optional
+        A direction that scan and map share, such as that of gravity; a pose may tilt it by 10 degrees.
+    near : (3,) array_like of float, optional
+        Where the origin of the scan's frame lies in the map, about.
+    radius : float, optional
+        How far from there it may lie; by default the scan's own radius.
+    effort : {"low", "normal", "high"}
+        How long to search in each place.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    list of Registration
+        The best first, and then the places that share the probability with it: where the map repeats there
+        are some, and none is `ok`. Empty where no pose can even be guessed.
+
+    Raises
+    ------
+    InputError
+        If the scan, the map or an option can't be worked with; the message names it.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.scenes import locate, prepare_map
+    >>> pair = standin_pair()
+    >>> place = prepare_map(pair.target)
+    >>> [found.ok for found in locate(pair.source, place)]
+    [True]
+    """
+    as_instance("place", place, PreparedMap)
+    as_choice("effort", effort, EFFORTS)
+    direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
+    around = _around(near, radius)
+    clock = StageClock(as_stage_function(progress))
+    given = as_given("scan", scan, as_viewpoint(viewpoint, view_direction), or_stored=True)
+    search = Search("lc", {}, direction, effort, 1, clock)
+    clock.start("voxels")
+    size = features.choose_voxel(given.whole.cloud, voxels=VOXELS, threads=threads)
+    level: Level | None = place.level_for(size)
+    best: list[Found] = []
+    for _ in range(LEVELS):
+        if level is None or (best and is_accepted(best[0].probability)):
+            break
+        shared = Preparation(level.voxel, DenseFront(), as_threads(threads))
+        source = shared.finish(given, clock.start, by_frames=True)
+        found = _Locating(source, level, search, around).run()
+        if found and (not best or found[0].probability > best[0].probability):
+            best = found
+        level = place.finer_than(level)
+    return [_registration_of(found, search) for found in best]
+
+
+class _Around(NamedTuple):
+    """Where the origin of a scan lies in the map: within a radius, that of the scan if none is given."""
+
+    middle: FloatArray
+    radius: float | None
+
+
+def _around(near: ArrayLike | None, radius: float | None) -> _Around | None:
+    """Check where to look."""
+    if near is None:
+        if radius is not None:
+            raise InputError("radius", f"{radius}, but no place", "give `near`, too")
+        return None
+    return _Around(np.array(as_place("near", near)), None if radius is None else as_length("radius", radius))
+
+
+class _Place(NamedTuple):
+    """Cells of a map, and poses there that are worth a look."""
+
+    cells: IndexArray
+    proposed: FloatArray | None
+
+
+class _Candidate(NamedTuple):
+    """A pose that a search in one place of the map has found, and what speaks for it."""
+
+    pose: FloatArray
+    case: Case
+    found: Found
+
+
+class _Locating:
+    """A scan that is being located in a map."""
+
+    def __init__(self, source: PreparedScan, level: Level, search: Search, around: _Around | None) -> None:
+        self._source, self._level, self._search = source, level, search
+        points = source.voxels.points
+        away = np.linalg.norm(points - source.described.centroid, axis=1)
+        self._radius = float(np.quantile(away, _WITHIN))
+        self._candidates: list[_Candidate] = []
+        self._origins = around
+        self._cells = np.arange(len(level.cells))
+        if around is not None:
+            radius = self._radius if around.radius is None else around.radius
+            self._origins = around._replace(radius=radius)
+            reach = float(np.quantile(np.linalg.norm(points, axis=1), _WITHIN))
+            self._cells = level.around(around.middle, radius + reach + CELL * level.voxel)
+
+    def run(self) -> list[Found]:
+        """Register the scan to the places most like it, until its pose is sure."""
+        self._search.clock.start("places")
+        places = self._places()
+        workers = count_workers(self._source.threads)
+        done: list[Found] = []
+        while some := list(islice(places, FIRST)):
+            self._search.clock.start("registration")
+            for found in work_side_by_side(some, self._register, workers):
+                if found is not None:
+                    poses = [found.refined.T_target_source, *found.places[1:]]
+                    self._candidates += [
+                        _Candidate(pose, case, found)
+                        for pose, case in zip(poses, found.cases, strict=True)
+                        if self._may_be(pose)
+                    ]
+            done = self._weigh()
+            if done and is_sure(done[0].probability):
+                break
+            self._search.clock.start("places")
+        return done
+
+    def _places(self) -> Iterator[_Place]:
+        """Yield where the map may show what the scan shows."""
+        if len(self._cells) == 0:
+            return
+        if self._level.count(self._cells) <= WHOLE:
+            yield _Place(self._cells, None)
+            return
+        yield from self._places_from_above()
+        yield from self._places_alike()
+
+    def _places_from_above(self) -> Iterator[_Place]:
+        """Places where walls and floors of the scan fit those of the map, as seen from above."""
+        axis, source = self._search.axis, self._source
+        plan = self._level.plan(axis)
+        layers = find_layers(source.voxels.points, source.normals, axis)
+        if plan is None or layers is None:
+            return
+        proposed = plan.propose(layers, FROM_ABOVE, source.threads)
+        middle = source.described.centroid[None]
+        for poses in proposed:
+            yield _Place(self._cells_around(apply(poses[0], middle)[0]), poses)
+
+    def _places_alike(self) -> Iterator[_Place]:
+        """Places whose descriptors are like the scan's, apart from each other."""
+        described = self._source.described
+        rows = default_rng(0).permutation(len(described))
+        away = np.linalg.norm(described.points[rows] - described.centroid, axis=1)
+        some = rows[away <= self._radius][:COMPARED]
+        unlike = self._level.compare(described.descriptors[some], _ALIKE * self._radius)
+        left = np.full_like(unlike, np.inf)
+        left[self._cells] = unlike[self._cells]
+        for _ in range(ALIKE):
+            if not np.isfinite(left).any():
+                return
+            middle = self._level.cells[int(np.argmin(left))]
+            left[self._level.around(middle, _APART * self._radius)] = np.inf
+            yield _Place(self._cells_around(middle), None)
+
+    def _cells_around(self, middle: FloatArray) -> IndexArray:
+        return self._level.around(middle, _FURTHER * self._radius)
+
+    def _register(self, place: _Place, stop_with_the_others: Callable[[], None]) -> Found | None:
+        stop_with_the_others()
+        clock = StageClock(lambda _: stop_with_the_others())
+        search = replace(self._search, clock=clock, proposed=place.proposed)
+        return search.run(self._source, self._level.crop(place.cells, 1))
+
+    def _may_be(self, pose: FloatArray) -> bool:
+        """Whether a pose puts the scan's origin where it may be."""
+        wanted = self._origins
+        if wanted is None or wanted.radius is None:
+            return True
+        return float(np.linalg.norm(pose[:3, 3] - wanted.middle)) <= wanted.radius
+
+    def _weigh(self) -> list[Found]:
+        """Share the probability among the poses of all places; the best one comes first."""
+        ranked = sorted(self._candidates, key=lambda candidate: -weigh(candidate.case))
+        if not ranked:
+            return []
+        poses = np.array([candidate.pose for candidate in ranked])
+        rows = choose_apart(poses, self._source.described.centroid, self._source.voxel)[: 1 + RIVALS]
+        best, *rivals = (ranked[row] for row in rows)
+        chance, shares = share_probability(best.case, [rival.case for rival in rivals])
+        chance = bound_by_motions(chance, best.found.motions)
+        several = is_accepted(chance * (1.0 + float(shares.sum())))
+        alike = [
+            (rival, share)
+            for rival, share in zip(rivals, shares.tolist(), strict=True)
+            if several and share >= AS_GOOD
+        ]
+        places = [(best, chance), *((rival, chance * min(share, 1.0)) for rival, share in alike)]
+        return [
+            replace(
+                one.found,
+                refined=replace(one.found.refined, T_target_source=one.pose),
+                probability=probability,
+                alternatives=np.array([other.pose for other, _ in places if other is not one]).reshape(
+                    -1, 4, 4
+                ),
+            )
+            for one, probability in places
+        ]
+
+
+def _registration_of(found: Found, search: Search) -> Registration:
+    finished = search.finish(found)
+    assert finished is not None  # noqa: S101 - nor was what it is made of
+    judgement = judge(finished, finished.source, finished.target, search.axis)
+    return registration_of(finished, judgement, search.clock.stop())

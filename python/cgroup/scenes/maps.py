@@ -1,0 +1,397 @@
+"""Large maps, described once, to locate scans in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cgroup import features
+from cgroup._checks.arrays import in_double
+from cgroup._checks.calls import explain_wrong_calls
+from cgroup._checks.values import as_length
+from cgroup._runtime.memory import report_refused_memory
+from cgroup._runtime.progress import as_stage_function, ignore_progress
+from cgroup.features import Cloud, Voxels
+from cgroup.registration import DenseFront
+from cgroup.registration.prepare import Preparation, assemble, described_voxels
+from cgroup.registration.scan import Scan, as_scan, without_strays
+from cgroup.scenes.map_files import load_arrays, save_arrays
+from cgroup.scenes.plan_view import PlanView, find_layers
+from cgroup.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from cgroup.registration import PreparedScan
+    from cgroup.types import AnyCloud, FloatArray, IndexArray, RealArray
+
+CELL = 8.0
+"""Edge length of the cells of a map, in voxels."""
+
+_STEP = 2**0.5  # from the voxel of one level to the next
+_SPACINGS = 4.0  # of the map's points in the finest voxel
+_COARSEST = 2000  # voxels of a map from which no coarser level is made
+_BETWEEN_POINTS = 1 / 3  # voxels, as the fine surface needs them
+_AT_ONCE = 50_000  # voxels that are compared at a time
+_PARTS = 4  # of a cell, that radii are rounded to
+_NOT_DESCRIBED = 1e9  # squared length in place of that of a descriptor
+_ARRAYS = "points", "voxels", "normals", "frames", "descriptors", "cells", "voxel_ends", "point_ends"
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """A map at one voxel. Rows of voxels and points are ordered by their cell.
+
+    Attributes
+    ----------
+    voxel : float
+        Edge length of the voxels.
+    points : (N,3) array of float64
+        The map, a point in each third of a voxel.
+    voxels, normals, frames : (M,3), (M,3), (M,3,3) array of float64
+        Of the voxels; normals to the side of the frames' z axis.
+    descriptors : (M,34) array of float32
+        FPFH, and its squared length.
+    cells : (C,3) array of float64
+        Middles of the cells that are not empty.
+    voxel_ends, point_ends : (C,) array of int64
+        Rows where those of each cell end.
+    """
+
+    voxel: float
+    points: FloatArray
+    voxels: FloatArray
+    normals: FloatArray
+    frames: FloatArray
+    descriptors: NDArray[np.float32]
+    cells: FloatArray
+    voxel_ends: IndexArray
+    point_ends: IndexArray
+    _plans: dict[tuple[float, ...] | None, PlanView | None] = field(default_factory=dict, init=False)
+    _neighbors: dict[float, IndexArray] = field(default_factory=dict, init=False)
+
+    def plan(self, axis: FloatArray | None) -> PlanView | None:
+        """Return the map as seen from above, made once for each axis; None without walls or floors."""
+        key = None if axis is None else tuple(axis.tolist())
+        if key not in self._plans:
+            layers = find_layers(self.voxels, self.normals, axis)
+            self._plans[key] = None if layers is None else PlanView(layers, self.voxel)
+        return self._plans[key]
+
+    def around(self, middle: FloatArray, radius: float) -> IndexArray:
+        """Return the cells whose middles lie within a radius of a place."""
+        return np.flatnonzero(((self.cells - middle) ** 2).sum(axis=1) <= radius**2)
+
+    def count(self, cells: IndexArray) -> int:
+        """Count the voxels in some cells."""
+        return int(np.diff(self.voxel_ends, prepend=0)[cells].sum())
+
+    def crop(self, cells: IndexArray, threads: int | None) -> PreparedScan:
+        """Return what lies in some cells as a scan."""
+        rows, points = _rows_of(cells, self.voxel_ends), _rows_of(cells, self.point_ends)
+        cloud = Cloud(self.points[points], name="place")
+        scan = Scan(cloud, None, None, "place", cloud.points)
+        voxels = Voxels(self.voxels[rows], None, np.empty(0, np.int64))
+        values = np.where(self.descriptors[rows, -1:] < _NOT_DESCRIBED, self.descriptors[rows, :-1], np.nan)
+        described = described_voxels(voxels.points, self.frames[rows], values, self.voxel, scan)
+        parts = scan, DenseFront(), self.voxel, None, voxels, self.normals[rows], described
+        return assemble(*parts, True, threads)  # noqa: FBT003 - pickle calls it by position
+
+    def compare(self, descriptors: NDArray[np.float32], radius: float) -> FloatArray:
+        """Return how little some descriptors are like those within a radius of each cell, (C,).
+
+        The mean over the descriptors of their distance to the nearest one there, as a multiple of the median
+        over all cells, and 1 at most (after O. Boiman, E. Shechtman and M. Irani, *In defense of
+        nearest-neighbor based image classification*, CVPR 2008).
+        """
+        wanted = np.concatenate([-2 * descriptors, np.ones((len(descriptors), 1), np.float32)], axis=1).T
+        nearest = np.empty((len(self.cells), len(descriptors)), np.float32)
+        starts = np.concatenate([[0], self.voxel_ends])
+        for first, last in _batches(self.voxel_ends, _AT_ONCE):
+            squares = self.descriptors[starts[first] : starts[last]] @ wanted
+            for cell in range(first, last):  # np.minimum.reduceat takes ten times as long
+                some = squares[starts[cell] - starts[first] : starts[cell + 1] - starts[first]]
+                some.min(axis=0, out=nearest[cell])
+        nearest += (descriptors**2).sum(axis=1)
+        np.sqrt(np.maximum(nearest, 0, out=nearest), out=nearest)
+        beside, found = self._beside(radius), np.empty_like(nearest)
+        size = max(_AT_ONCE // beside.shape[1], 1)
+        for first in range(0, len(beside), size):
+            found[first : first + size] = nearest[beside[first : first + size]].min(axis=1)
+        found /= np.maximum(np.median(found, axis=0), 1e-6)
+        return np.minimum(found, 1.0).mean(axis=1)
+
+    def _beside(self, radius: float) -> IndexArray:
+        """Return the cells within a radius of each cell, (C,k); the cell itself in place of an empty one."""
+        steps = round(_PARTS * radius / (CELL * self.voxel)) / _PARTS
+        if steps not in self._neighbors:
+            reach = np.arange(-int(steps), int(steps) + 1)
+            offsets = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), axis=-1).reshape(-1, 3)
+            offsets = offsets[(offsets**2).sum(axis=1) <= steps**2]
+            places: IndexArray = np.rint(self.cells / (CELL * self.voxel) - 0.5).astype(np.int64)
+            places -= places.min(axis=0) - int(steps)
+            shape = places.max(axis=0) + int(steps) + 1
+            numbers = np.asarray(np.ravel_multi_index(tuple(places.T), shape))
+            wanted = np.ravel_multi_index(tuple(np.moveaxis(places[:, None] + offsets, 2, 0)), shape)
+            rows = np.minimum(np.searchsorted(numbers, wanted), len(self.cells) - 1)
+            own = np.arange(len(self.cells))[:, None]
+            self._neighbors[steps] = np.where(np.take(numbers, rows) == wanted, rows, own)
+        return self._neighbors[steps]
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedMap:
+    """A map made ready by `prepare_map`, for scans to be located in it by `locate`.
+
+    It is described at voxels of several sizes, each the square root of 2 times as large as the one before: a
+    scan is located at the one that suits it. It can be pickled; `save` writes it to a folder.
+
+    Attributes
+    ----------
+    points : (N,3) array of float
+        The whole cloud.
+    levels : list of Level
+        The map at each voxel, the finest first.
+    threads : int or None
+        Threads to compute on.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.scenes import prepare_map
+    >>> prepare_map(standin_pair().target)
+    PreparedMap(points=18613, voxels=1866, voxel=3.29)
+    """
+
+    points: RealArray
+    levels: list[Level]
+    threads: int | None = None
+
+    def level_for(self, voxel: float) -> Level:
+        """Return the map at the voxel nearest to one wanted."""
+        return min(self.levels, key=lambda level: abs(np.log(level.voxel / voxel)))
+
+    def finer_than(self, level: Level) -> Level | None:
+        """Return the map at the next smaller voxel, if there is one."""
+        row = self.levels.index(level)
+        return self.levels[row - 1] if row else None
+
+    def add(self, cloud: Cloud | AnyCloud) -> PreparedMap:
+        """Return the map with another cloud; it takes as long as preparing both.
+
+        Parameters
+        ----------
+        cloud : PointCloud, Cloud, path or (N,3) array_like of float
+            In the frame of the map.
+
+        Returns
+        -------
+        PreparedMap
+            A new one.
+
+        Raises
+        ------
+        InputError
+            If the cloud can't be worked with.
+        OutOfMemoryError
+            Where the system gives no memory for the computation.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.scenes import prepare_map
+        >>> pair = standin_pair()
+        >>> placed = pair.source.transformed(pair.T_target_source)
+        >>> place = prepare_map(pair.target)
+        >>> len(place.add(placed).points) == len(pair.source) + len(pair.target)
+        True
+        """
+        points = np.concatenate([self.points, as_scan("cloud", cloud).cloud.points])
+        voxel = self.levels[0].voxel if len(self.levels) == 1 else None
+        return prepare_map(points, voxel=voxel, threads=self.threads)
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write the map to a new folder, which `PreparedMap.load` opens without reading it whole.
+
+        Parameters
+        ----------
+        folder : path
+            That is not there yet; it gets ``map.json``, and arrays in NumPy's format.
+
+        Raises
+        ------
+        InputError
+            If something is there already, or can't be written.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.scenes import PreparedMap, prepare_map
+        >>> prepare_map(standin_pair().target).save("map")
+        >>> PreparedMap.load("map")
+        PreparedMap(points=18613, voxels=1866, voxel=3.29)
+        """
+        arrays = {"points": self.points}
+        for row, level in enumerate(self.levels):
+            arrays |= {f"{row}-{name}": getattr(level, name) for name in _ARRAYS}
+        save_arrays(Path(folder), {"voxels": [level.voxel for level in self.levels]}, arrays)
+
+    @staticmethod
+    def load(folder: str | os.PathLike[str], *, threads: int | None = None) -> PreparedMap:
+        """Open a map that `save` has written; what is not needed stays on disk.
+
+        Parameters
+        ----------
+        folder : path
+            Made by `save`.
+        threads : int, optional
+            Threads to compute on, None for all cores.
+
+        Returns
+        -------
+        PreparedMap
+            Whose arrays are read from their files where they are needed.
+
+        Raises
+        ------
+        InputError
+            If it is no such folder.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.scenes import PreparedMap, locate, prepare_map
+        >>> pair = standin_pair()
+        >>> prepare_map(pair.target).save("place")
+        >>> locate(pair.source, PreparedMap.load("place"))[0].ok
+        True
+        """
+        facts, arrays = load_arrays(Path(folder))
+        levels = [
+            Level(float(voxel), *(arrays[f"{row}-{name}"] for name in _ARRAYS))
+            for row, voxel in enumerate(facts["voxels"])
+        ]
+        return PreparedMap(arrays["points"], levels, threads)
+
+    def __repr__(self) -> str:
+        finest = self.levels[0]
+        return (
+            f"PreparedMap(points={len(self.points)}, voxels={len(finest.voxels)}, voxel={finest.voxel:.4g})"
+        )
+
+
+@report_refused_memory()
+@explain_wrong_calls
+def prepare_map(
+    cloud: Cloud | AnyCloud | Scene,
+    *,
+    voxel: float | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], Any] | None = None,
+) -> PreparedMap:
+    """Make a map ready for any number of scans to be located in it.
+
+    Memory grows with the voxels, by some 0.5 kB for each of the finest level, and with the points.
+
+    Parameters
+    ----------
+    cloud : PointCloud, Cloud, path, (N,3) array_like of float or Scene
+        Of one frame; the largest component of a scene.
+    voxel : float, optional
+        Edge length of the voxels, in the unit of the points. By default the map is described at voxels from
+        four times the spacing of its points upwards, so that scans of any size can be located.
+    threads : int, optional
+        Threads to compute on, None for all cores.
+    progress : callable, optional
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    PreparedMap
+        For `locate`.
+
+    Raises
+    ------
+    InputError
+        If the cloud is not finite, or too small, or the voxel leaves too little of it.
+    OutOfMemoryError
+        Where the system gives no memory for the computation.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.scenes import locate, prepare_map
+    >>> pair = standin_pair()
+    >>> place = prepare_map(pair.target)
+    >>> best = locate(pair.source, place)[0]
+    >>> (
+    ...     best.ok,
+    ...     bool(abs(best.T_target_source - pair.T_target_source).max() < best.voxel),
+    ... )
+    (True, True)
+    """
+    begin = as_stage_function(progress)
+    begin("points")
+    given = without_strays(as_scan("cloud", cloud.merged() if isinstance(cloud, Scene) else cloud)).cloud
+    if voxel is not None:
+        size = as_length("voxel", voxel)
+        return PreparedMap(given.points, [_describe(given, size, threads, begin)], threads)
+    size = _SPACINGS * features.resolution(given, ignore_zero=True, threads=threads)
+    levels = [_describe(given, size, threads, begin)]
+    while len(levels[-1].voxels) > _COARSEST:
+        size *= _STEP
+        levels.append(_describe(given, size, threads, begin))
+    return PreparedMap(given.points, levels, threads)
+
+
+def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[str], Any]) -> Level:
+    """Describe a map at one voxel."""
+    begin(f"voxels of {voxel:.4g}")
+    thinned = features.voxel_downsample(cloud, _BETWEEN_POINTS * voxel, threads=threads)
+    scan = as_scan("cloud", thinned.points)
+    shared = Preparation(voxel, DenseFront(), threads)
+    voxels = shared.thin(scan, ignore_progress)
+    normals, frames, values = shared.describe(scan, voxels, None, ignore_progress, by_frames=True)
+    numbers, cells = _number_cells(voxels.points, CELL * voxel)
+    order = np.argsort(numbers, kind="stable")
+    numbers_of_points = numbers[voxels.indices]
+    points = in_double(thinned.points)[np.argsort(numbers_of_points, kind="stable")]
+    ends = [np.bincount(each, minlength=len(cells)).cumsum() for each in (numbers, numbers_of_points)]
+    descriptors = np.concatenate([values, (values**2).sum(axis=1, keepdims=True)], axis=1, dtype=np.float32)
+    is_described = np.isfinite(descriptors).all(axis=1) & values.any(axis=1)
+    descriptors[~is_described] = [*[0.0] * values.shape[1], _NOT_DESCRIBED]
+    return Level(
+        voxel, points, voxels.points[order], normals[order], frames[order], descriptors[order], cells, *ends
+    )
+
+
+def _number_cells(points: FloatArray, size: float) -> tuple[IndexArray, FloatArray]:
+    """Return the number of the cell that each point is in, and the cells' middles."""
+    places = np.floor(points / size)
+    least = places.min(axis=0)
+    shape = tuple((places.max(axis=0) - least + 1).astype(np.int64).tolist())
+    numbers = np.ravel_multi_index(tuple((places - least).astype(np.int64).T), shape)
+    cells, numbers = np.unique(numbers, return_inverse=True)
+    return numbers, (np.stack(np.unravel_index(cells, shape), axis=1) + least + 0.5) * size
+
+
+def _batches(ends: IndexArray, size: int) -> Iterator[tuple[int, int]]:
+    """Split rows into runs of whole cells, of about a size: first cell and that after the last."""
+    first = 0
+    while first < len(ends):
+        done = ends[first - 1] if first else 0
+        last = max(int(np.searchsorted(ends, done + size, side="right")), first + 1)
+        yield first, last
+        first = last
+
+
+def _rows_of(cells: IndexArray, ends: IndexArray) -> IndexArray:
+    """Return the rows of some cells, cell by cell."""
+    starts = np.concatenate([[0], ends])
+    return np.concatenate([np.arange(int(starts[cell]), int(ends[cell])) for cell in cells])
