@@ -66,6 +66,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.scenes": {
         "Many scans": "register_all Scene Edge",
+        "A scan in a map": "prepare_map PreparedMap locate",
         "Pose graphs": "PoseGraph",
     },
     "cgroup.verification": {

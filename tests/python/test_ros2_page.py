@@ -17,7 +17,7 @@ pytest.importorskip("scipy", reason="the node turns matrices into quaternions wi
 from scipy.spatial.transform import Rotation
 
 PAGE = Path(__file__).parents[2] / "docs/howto/ros2.md"
-PARAMETERS = {"voxel": 4.0}
+PARAMETERS: dict[str, str] = {}
 
 
 class Node:

@@ -17,13 +17,14 @@ from placed_scenes import known_scene
 import cgroup
 from cgroup import datasets, registration, types
 from cgroup.benchmark import config, pipelines, solver
-from cgroup.scenes import PoseGraph
+from cgroup.scenes import PoseGraph, prepare_map
 
 CLOUD = types.PointCloud(np.eye(3))
 SCENE = known_scene()
 STONES = datasets.open_dataset("standin-full")
 PROBLEM = datasets.make_problem(np.random.default_rng(0), 12)
 PAIR = datasets.standin_pair(pixels=60)
+PLACE = prepare_map(PAIR.target)
 UNRELATED = datasets.mirror(PAIR)
 BARE = cgroup.Correspondences(PROBLEM.source, PROBLEM.target)
 NOWHERE = Path("nowhere")
@@ -75,6 +76,11 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     ],
     "cgroup.registration.PreparedScan.resized": [given(registration.prepare(PAIR.source, voxel=6.0), 100)],
     "cgroup.scenes.register_all": [given([CLOUD])],
+    "cgroup.scenes.prepare_map": [given(CLOUD, voxel=-1)],
+    "cgroup.scenes.locate": [given(CLOUD, CLOUD)],
+    "cgroup.scenes.PreparedMap.add": [given(PLACE, np.zeros((3, 3)))],
+    "cgroup.scenes.PreparedMap.save": [given(PLACE, Path(__file__).parent)],
+    "cgroup.scenes.PreparedMap.load": [given(Path(__file__).parent)],
     "cgroup.scenes.Scene.add": [given(SCENE, CLOUD)],
     "cgroup.scenes.Scene.merged": [given(SCENE, component=2), given(SCENE, voxel=-1)],
     "cgroup.scenes.Scene.plot": [given(SCENE, component=2)],

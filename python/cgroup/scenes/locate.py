@@ -63,6 +63,7 @@ FIRST, FROM_ABOVE, ALIKE = 2, 4, 8
 LEVELS = 2
 """Voxels that a scan is located at: the one that suits it, and the next finer one where that accepts none."""
 
+_BEFORE_CHOICE, _SLACK = 50, 2.0  # places from above if only some are wanted; voxels they may lie off
 _WITHIN = 0.9  # share of a scan's voxels within its radius
 _FURTHER, _APART, _ALIKE = 1.5, 0.5, 0.7  # radii of a scan around a place, between places, compared
 
@@ -142,18 +143,23 @@ def locate(
     search = Search("lc", {}, direction, effort, 1, clock)
     clock.start("voxels")
     size = features.choose_voxel(given.whole.cloud, voxels=VOXELS, threads=threads)
-    level: Level | None = place.level_for(size)
     best: list[Found] = []
-    for _ in range(LEVELS):
-        if level is None or (best and is_accepted(best[0].probability)):
-            break
+    for level in _levels_for(place, size):
         shared = Preparation(level.voxel, DenseFront(), as_threads(threads))
         source = shared.finish(given, clock.start, by_frames=True)
         found = _Locating(source, level, search, around).run()
         if found and (not best or found[0].probability > best[0].probability):
             best = found
-        level = place.finer_than(level)
+        if best and is_accepted(best[0].probability):
+            break
     return [_registration_of(found, search) for found in best]
+
+
+def _levels_for(place: PreparedMap, voxel: float) -> list[Level]:
+    """Return the map at the voxel nearest to one wanted, and at the next finer one."""
+    ratios = [abs(np.log(level.voxel / voxel)) for level in place.levels]
+    row = int(np.argmin(ratios))
+    return place.levels[max(row - LEVELS + 1, 0) : row + 1][::-1]
 
 
 class _Around(NamedTuple):
@@ -230,23 +236,25 @@ class _Locating:
         """Yield where the map may show what the scan shows."""
         if len(self._cells) == 0:
             return
+        seen = self._poses_from_above()
         if self._level.count(self._cells) <= WHOLE:
-            yield _Place(self._cells, None)
+            yield _Place(self._cells, np.concatenate(seen) if seen else None)
             return
-        yield from self._places_from_above()
+        middle = self._source.described.centroid[None]
+        for poses in seen:
+            yield _Place(self._cells_around(apply(poses[0], middle)[0]), poses)
         yield from self._places_alike()
 
-    def _places_from_above(self) -> Iterator[_Place]:
-        """Places where walls and floors of the scan fit those of the map, as seen from above."""
+    def _poses_from_above(self) -> list[FloatArray]:
+        """Return poses at which walls and floors of the scan fit those of the map, as seen from above."""
         axis, source = self._search.axis, self._source
         plan = self._level.plan(axis)
         layers = find_layers(source.voxels.points, source.normals, axis)
         if plan is None or layers is None:
-            return
-        proposed = plan.propose(layers, FROM_ABOVE, source.threads)
-        middle = source.described.centroid[None]
-        for poses in proposed:
-            yield _Place(self._cells_around(apply(poses[0], middle)[0]), poses)
+            return []
+        most = FROM_ABOVE if self._origins is None else _BEFORE_CHOICE
+        seen = plan.propose(layers, most, source.threads)
+        return [poses for poses in seen if any(map(self._may_be, poses))][:FROM_ABOVE]
 
     def _places_alike(self) -> Iterator[_Place]:
         """Places whose descriptors are like the scan's, apart from each other."""
@@ -278,7 +286,8 @@ class _Locating:
         wanted = self._origins
         if wanted is None or wanted.radius is None:
             return True
-        return float(np.linalg.norm(pose[:3, 3] - wanted.middle)) <= wanted.radius
+        away = float(np.linalg.norm(pose[:3, 3] - wanted.middle))
+        return away <= wanted.radius + _SLACK * self._source.voxel
 
     def _weigh(self) -> list[Found]:
         """Share the probability among the poses of all places; the best one comes first."""

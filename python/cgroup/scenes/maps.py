@@ -166,21 +166,12 @@ class PreparedMap:
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.scenes import prepare_map
     >>> prepare_map(standin_pair().target)
-    PreparedMap(points=18613, voxels=1866, voxel=3.29)
+    PreparedMap(points=18340, voxels=2125, voxel=2.131)
     """
 
     points: RealArray
     levels: list[Level]
     threads: int | None = None
-
-    def level_for(self, voxel: float) -> Level:
-        """Return the map at the voxel nearest to one wanted."""
-        return min(self.levels, key=lambda level: abs(np.log(level.voxel / voxel)))
-
-    def finer_than(self, level: Level) -> Level | None:
-        """Return the map at the next smaller voxel, if there is one."""
-        row = self.levels.index(level)
-        return self.levels[row - 1] if row else None
 
     def add(self, cloud: Cloud | AnyCloud) -> PreparedMap:
         """Return the map with another cloud; it takes as long as preparing both.
@@ -217,7 +208,7 @@ class PreparedMap:
         return prepare_map(points, voxel=voxel, threads=self.threads)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write the map to a new folder, which `PreparedMap.load` opens without reading it whole.
+        """Write the map to a new folder, for `PreparedMap.load`.
 
         Parameters
         ----------
@@ -235,7 +226,7 @@ class PreparedMap:
         >>> from cgroup.scenes import PreparedMap, prepare_map
         >>> prepare_map(standin_pair().target).save("map")
         >>> PreparedMap.load("map")
-        PreparedMap(points=18613, voxels=1866, voxel=3.29)
+        PreparedMap(points=18340, voxels=2125, voxel=2.131)
         """
         arrays = {"points": self.points}
         for row, level in enumerate(self.levels):
