@@ -5,6 +5,7 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
+use std::hint::black_box;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -15,7 +16,7 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
 use crate::selection::top_k::largest_in_order;
-use crate::simd::{self, Kernel, Lanes, SINGLES};
+use crate::simd::{self, Aligned, Kernel, Lanes, SINGLES};
 
 /// Columns that are searched together for pairs that f32 can't decide.
 const STRIP: usize = 256;
@@ -365,7 +366,12 @@ impl Kernel for CountInside<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Found {
-        let [row0, row1, row2, row3] = self.rows;
+        // The same number for all, which the compiler then keeps once.
+        let minus_square = self.rows[0].minus_square;
+        let [row0, row1, row2, row3] = self.rows.map(
+            #[inline(always)]
+            |row| RowTerms { minus_square, ..row },
+        );
         let rows = [
             RowLanes::new(lanes, row0),
             RowLanes::new(lanes, row1),
@@ -397,9 +403,11 @@ impl Kernel for CountInside<'_> {
         }
         let mut found = Found { inside: [0; ROWS], unsure };
         for (total, inside) in found.inside.iter_mut().zip(inside) {
-            let mut counts = [0; SINGLES];
-            lanes.store_counts(inside, &mut counts);
-            *total = counts.iter().sum();
+            let mut counts = Aligned([0; SINGLES]);
+            lanes.store_counts(inside, &mut counts.0);
+            // Hidden from the compiler, which has to put it on the stack, and so aligns that: else what the registers
+            // don't hold may lie across two cache lines, depending on who calls.
+            *total = black_box(&counts).0.iter().sum();
         }
         found
     }

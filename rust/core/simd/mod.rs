@@ -15,3 +15,8 @@ pub mod sums;
 pub use dispatch::run_on_each;
 pub use dispatch::{Kernel, run};
 pub use lanes::{DOUBLES, Lanes, SINGLES};
+
+/// A value that begins with a cache line, so that no group of numbers in it lies across two.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub struct Aligned<T>(pub T);
