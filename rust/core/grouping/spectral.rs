@@ -135,7 +135,7 @@ impl Spectral {
             let eigenpair = principal_eigenvector(&remaining, self.eigensolver, execution)?;
             // Without any affinity left the vector is uniform, and the lowest index is next.
             let chosen = alive[by_support(&eigenpair.vector, 1)?[0]];
-            accepted.accept(chosen, &conflicts.with(chosen)?);
+            accepted.accept(chosen, conflicts.with(chosen)?);
             alive.retain(|&i| accepted.leaves_open(i));
             execution.report(total - alive.len(), total)?;
         }
@@ -184,7 +184,7 @@ fn accept_greedily(
         if !accepted.leaves_open(i) {
             continue;
         }
-        accepted.accept(i, &conflicts.with(i)?);
+        accepted.accept(i, conflicts.with(i)?);
         execution.report(rank + 1, order.len())?;
     }
     Ok(())
@@ -208,11 +208,13 @@ impl Accepted {
         })
     }
 
-    fn accept(&mut self, chosen: usize, conflicting: &[bool]) {
+    fn accept(&mut self, chosen: usize, mut conflicting: Vec<bool>) {
         self.mask[chosen] = true;
-        for i in (0..conflicting.len()).filter(|&i| conflicting[i] && i != chosen) {
-            self.excluded_by[i].get_or_insert(chosen);
-            self.conflicts[i] += 1;
+        conflicting[chosen] = false;
+        let others = self.excluded_by.iter_mut().zip(&mut self.conflicts);
+        for ((excluded_by, conflicts), conflict) in others.zip(conflicting) {
+            *excluded_by = excluded_by.or(conflict.then_some(chosen));
+            *conflicts += usize::from(conflict);
         }
     }
 

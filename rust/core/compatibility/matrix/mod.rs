@@ -20,6 +20,7 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
+use crate::simd::Aligned;
 
 /// Most correspondences whose scores are kept in f64.
 pub const DOUBLE_LIMIT: usize = 1024;
@@ -193,8 +194,8 @@ fn fill_rows<T: Coordinate>(
 /// Writes a part rounded to 16 bits, its rows interleaved.
 fn fill_levels(positions: &PairPositions<f32>, score: PairScore) -> impl Fn(&Part, &mut [u16]) + Sync + '_ {
     move |part, entries| {
-        let mut scores = [0.0; TILE];
-        let scores = &mut scores[..part.columns.len()];
+        let mut scores = Aligned([0.0; TILE]);
+        let scores = &mut scores.0[..part.columns.len()];
         for (row, i) in part.rows.clone().enumerate() {
             positions.fill_part(score, i, part.columns.start, scores);
             interleave(scores, row, entries);

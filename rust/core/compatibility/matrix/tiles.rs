@@ -11,7 +11,7 @@ use super::products::{Entry, ROW_GROUP};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
-use crate::simd::SINGLES;
+use crate::simd::{Aligned, SINGLES};
 
 /// Bands that the rows are cut into: enough for many threads, few enough that their sums are cheap to add.
 const BANDS: usize = 64;
@@ -100,12 +100,14 @@ impl Cut {
             return Ok(None);
         }
         let fill_band = |(band, rows): (usize, Range<usize>)| {
-            let mut entries = memory::filled(T::default(), self.band_entries(&rows))?;
-            for Tile { offset, columns, .. } in self.tiles(band, &rows) {
-                for (group, entries) in
-                    groups(&rows).zip(entries[offset..].chunks_exact_mut(ROW_GROUP * columns.len()))
-                {
-                    fill(&Part { rows: group, columns: columns.clone() }, entries);
+            let mut entries = memory::with_capacity(self.band_entries(&rows))?;
+            // Copied from the cache; zeros to be written over would go through memory once more.
+            let mut of_group = Aligned([T::default(); ROW_GROUP * TILE]);
+            for Tile { columns, .. } in self.tiles(band, &rows) {
+                let of_group = &mut of_group.0[..ROW_GROUP * columns.len()];
+                for group in groups(&rows) {
+                    fill(&Part { rows: group, columns: columns.clone() }, of_group);
+                    entries.extend_from_slice(of_group);
                 }
                 execution.check()?;
             }
@@ -155,19 +157,19 @@ impl Cut {
             let columns = &tile.columns;
             for first in rows.clone().step_by(SHORT_SUM) {
                 let part = first..(first + SHORT_SUM).min(rows.end);
-                let mut below = [T::Number::default(); TILE];
+                let mut below = Aligned([T::Number::default(); TILE]);
                 for group in groups(&part) {
                     let entries = matrix.group(&tile, &group, &mut buffer);
                     let own_x = &x[group.clone()];
                     // 0 for rows that are left over to a whole group.
                     let weights = std::array::from_fn(|row| own_x.get(row).copied().unwrap_or_default());
-                    let products = T::add_products(entries, &x[columns.clone()], weights, &mut below);
+                    let products = T::add_products(entries, &x[columns.clone()], weights, &mut below.0);
                     let own = &mut own[group.start - rows.start..group.end - rows.start];
                     own.iter_mut().zip(products).for_each(|(entry, product)| *entry += product);
                 }
                 if columns.start >= square_end {
                     let mirrored = &mut mirrored[columns.start - square_end..columns.end - square_end];
-                    mirrored.iter_mut().zip(below).for_each(|(entry, sum)| *entry += sum.into());
+                    mirrored.iter_mut().zip(below.0).for_each(|(entry, sum)| *entry += sum.into());
                 }
             }
         }
