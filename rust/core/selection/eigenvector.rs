@@ -20,6 +20,9 @@ const CONVERGED: f64 = 1e-9;
 /// about what their rounding makes.
 const ROUGHLY_CONVERGED: f64 = 3e-7;
 
+/// Greatest error that rounded entries may make in an exact product, as a share of [`CONVERGED`].
+const SHARE_OF_ROUNDING: f64 = 0.1;
+
 /// Smaller changes that don't fall to half may be due to rounding as well.
 const DOUBTFUL: f64 = 1e-5;
 
@@ -90,7 +93,7 @@ fn power_iteration(
     let shift = SHIFT * dot(&start, &product); // a share of the mean row sum
     let (mut vector, mut product) = (start, product);
     let mut previous_change = f64::INFINITY;
-    let (mut steps, mut exact) = (0, false);
+    let (mut steps, mut exact): (usize, Option<Exact>) = (0, None);
     loop {
         steps += 1;
         let value = dot(&vector, &product);
@@ -108,17 +111,52 @@ fn power_iteration(
         let remaining = if known { change * ratio / (1.0 - ratio) } else { change };
         let share = change.clamp(CONVERGED, 1.0).log10() / CONVERGED.log10();
         execution.report((share * PERCENT as f64) as usize, PERCENT)?;
-        if (exact && remaining < CONVERGED) || steps == MAX_STEPS {
+        if (exact.is_some() && remaining < CONVERGED) || steps == MAX_STEPS {
             return Ok(Eigenpair { vector, value, steps });
         }
-        let refine = !exact && (change < ROUGHLY_CONVERGED || (change < DOUBTFUL && ratio > 0.5));
+        let refine = exact.is_none() && (change < ROUGHLY_CONVERGED || (change < DOUBTFUL && ratio > 0.5));
         previous_change = if refine { f64::INFINITY } else { change };
-        exact |= refine;
-        product = if exact {
-            matrix.multiply(&vector, execution)?
-        } else {
-            matrix.multiply_rounded(&vector, execution)?
+        product = match &mut exact {
+            Some(exact) => exact.multiply(matrix, &vector, value, execution)?,
+            None if refine => exact.insert(Exact::of(matrix, &vector, execution)?).product()?,
+            None => matrix.multiply_rounded(&vector, execution)?,
         };
+    }
+}
+
+/// A vector and its exact product with the matrix, from which those of vectors nearby differ by little: so that the
+/// entries that are kept tell the difference.
+struct Exact {
+    vector: Vec<f64>,
+    product: Vec<f64>,
+}
+
+impl Exact {
+    fn of(matrix: &PairMatrix, vector: &[f64], execution: &Execution) -> Result<Self> {
+        Ok(Self { vector: memory::copied(vector)?, product: matrix.multiply(vector, execution)? })
+    }
+
+    fn product(&self) -> Result<Vec<f64>> {
+        memory::copied(&self.product)
+    }
+
+    /// The product of a vector of eigenvalue about `value`, and from then on of those near it.
+    fn multiply(
+        &mut self,
+        matrix: &PairMatrix,
+        vector: &[f64],
+        value: f64,
+        execution: &Execution,
+    ) -> Result<Vec<f64>> {
+        let step = memory::collect(vector.iter().zip(&self.vector).map(|(new, old)| new - old))?;
+        let error = matrix.rounding() * step.iter().map(|entry| entry.abs()).sum::<f64>();
+        if error > SHARE_OF_ROUNDING * CONVERGED * value * vector.iter().copied().fold(0.0, f64::max) {
+            *self = Self::of(matrix, vector, execution)?;
+            return self.product();
+        }
+        let mut product = matrix.multiply_rounded(&step, execution)?;
+        product.iter_mut().zip(&self.product).for_each(|(sum, exact)| *sum += exact);
+        Ok(product)
     }
 }
 
@@ -145,7 +183,7 @@ fn safe_scale(entries: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compatibility::matrix::PairScore;
+    use crate::compatibility::matrix::{DOUBLE_LIMIT, PairScore};
     use crate::points::Points;
 
     #[test]
@@ -164,6 +202,31 @@ mod tests {
             let product = matrix.multiply(&pair.vector, &execution)?;
             for (left, entry) in product.iter().zip(&pair.vector) {
                 assert!((left - pair.value * entry).abs() < 1e-7, "{solver:?}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn vectors_found_by_rounded_entries_satisfy_the_equation_of_exact_ones() -> Result<()> {
+        let row = |i: usize, k: f64| {
+            let t = i as f64;
+            [(t * k).sin() * 5.0, (t * 0.7).cos() * 4.0, (t * 2.1).sin() * 3.0]
+        };
+        let rows = |k: f64| (0..DOUBLE_LIMIT + 400).map(|i| row(i, k)).collect::<Vec<_>>();
+        let (source, target) =
+            (Points::from_rows("source", &rows(1.3))?, Points::from_rows("target", &rows(1.9))?);
+        let execution = Execution::default();
+        for score in
+            [PairScore::DistanceRatio, PairScore::DistanceRatioFrom(0.6), PairScore::DistanceRatioFrom(0.99)]
+        {
+            let matrix = PairMatrix::new(&source, &target, score, None, &execution)?;
+            let pair = principal_eigenvector(&matrix, Eigensolver::Power, &execution)?;
+            let product = matrix.multiply(&pair.vector, &execution)?;
+            let greatest = pair.vector.iter().copied().fold(0.0, f64::max);
+            for (left, entry) in product.iter().zip(&pair.vector) {
+                let error = (left - pair.value * entry).abs();
+                assert!(error < 2.0 * CONVERGED * pair.value * greatest, "{score:?}: {error}");
             }
         }
         Ok(())
