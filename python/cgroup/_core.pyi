@@ -78,6 +78,7 @@ __all__ = [
     "match_descriptors",
     "mesh_normals",
     "nearest",
+    "nearest_rows",
     "normals",
     "optimize_poses",
     "parse_cloud",
@@ -233,6 +234,7 @@ def plane_distances(
     source: FineSurface, target: FineSurface, pose: FloatArray, run_options: RunOptions
 ) -> FloatArray: ...
 def nearest(points: RealArray, others: RealArray, run_options: RunOptions, radius: float) -> FloatArray: ...
+def nearest_rows(points: RealArray, rows: IndexArray, run_options: RunOptions, count: int) -> IndexArray: ...
 def within(points: RealArray, others: RealArray, run_options: RunOptions, radius: float) -> BoolArray: ...
 def optimize_poses(
     graph: _Graph, run_options: RunOptions, chordal: bool, robust: bool

@@ -38,7 +38,7 @@ mod _core {
     #[pymodule_export]
     use super::pose_graph::{optimize_poses, pose_covariances, squared_errors};
     #[pymodule_export]
-    use super::proximity::{nearest, within};
+    use super::proximity::{nearest, nearest_rows, within};
     #[pymodule_export]
     use super::verification::{FineSurface, Surface, align, places, plane_distances, score_poses, verify};
 

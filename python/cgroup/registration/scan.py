@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cgroup import features
+from cgroup import _core, features
 from cgroup._checks.arrays import (
     as_direction,
     as_faces,
@@ -18,6 +18,7 @@ from cgroup._checks.arrays import (
     real_normals,
     real_points,
 )
+from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features import Cloud
@@ -62,7 +63,7 @@ _LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud
 _DIRECTIONS, _FEW = 1000, 8  # looked at, of which one in so many first
-_NEARBY, _LAYERS_APART = 5, 3.0  # nearest directions of each, voxels
+_NEARBY, _LAYERS_APART = 4, 3.0  # nearest directions of each, voxels
 _MOST_POINTS = 20_000_000
 _USUAL_POINTS = 40_000
 _MESH_SPACING = 0.5  # voxels between points on a large face
@@ -204,18 +205,14 @@ def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
     some = np.arange(0, len(rays), len(rays) // _DIRECTIONS + 1)
     apart = _LAYERS_APART * voxel
     # Most scans have none: then a few directions suffice.
-    few = _lie_apart(rays, depths, some[::_FEW], apart)
+    few = _lie_apart(rays, depths, some[::_FEW].copy(), apart)
     return bool(few.any()) and float(_lie_apart(rays, depths, some, apart).mean()) > MOST_LAYERED
 
 
 def _lie_apart(rays: FloatArray, depths: FloatArray, some: IndexArray, least: float) -> BoolArray:
     """Whether some points lie deeper or less deep, by so much, than all those nearest in direction."""
-    found = features.match(rays[some], rays, k=_NEARBY)
-    apart = np.abs(depths[found.target_indices] - depths[some[found.source_indices]])
-    apart[found.target_indices == some[found.source_indices]] = np.inf
-    nearest = np.full(len(some), np.inf)
-    np.minimum.at(nearest, found.source_indices, apart)
-    return nearest > least
+    near = _core.nearest_rows(rays, some, run_options(), _NEARBY)
+    return np.abs(depths[near] - depths[some, None]).min(axis=1, initial=np.inf) > least
 
 
 def as_point_cloud(name: str, cloud: Cloud | AnyCloud) -> Cloud | AnyCloud:

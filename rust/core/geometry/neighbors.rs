@@ -7,7 +7,7 @@ use std::collections::BinaryHeap;
 
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
@@ -124,6 +124,28 @@ impl NearestNeighbors {
             Ok(())
         })?;
         memory::collect(self.position.iter().map(|&position| sorted[position as usize]))
+    }
+
+    /// Indices of the `count` nearest other points of some points of the cloud, one after the other; of each so many as
+    /// there are others, if these are fewer.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidInput`] for a row beyond the cloud; [`crate::Error::Interrupted`],
+    /// [`crate::Error::OutOfMemory`].
+    pub fn of_rows(&self, rows: &[usize], count: usize, execution: &Execution) -> Result<Vec<u32>> {
+        if let Some(row) = rows.iter().find(|&&row| row >= self.len()) {
+            return Err(Error::invalid("rows", row, format!("the cloud has {} points", self.len())));
+        }
+        let count = count.min(self.len().saturating_sub(1));
+        let mut nearest = memory::filled(0, count * rows.len())?;
+        let tasks = nearest.par_chunks_mut(count.max(1)).zip(rows).with_min_len(QUERIES_PER_TASK / 16);
+        tasks.try_for_each_init(Vec::new, |found, (indices, &row)| {
+            execution.check()?;
+            self.search(row as u32, count, found)?;
+            indices.iter_mut().zip(found).for_each(|(index, neighbor)| *index = neighbor.index);
+            Ok(())
+        })?;
+        Ok(nearest)
     }
 
     /// The points nearest to point `own`, itself left out.
@@ -299,6 +321,20 @@ mod tests {
             lowest,
         )?;
         assert!(all.into_iter().all(|is_lowest| is_lowest));
+        Ok(())
+    }
+
+    #[test]
+    fn some_points_have_the_neighbours_they_have_among_all() -> Result<()> {
+        let (points, execution) = (Points::from_rows("points", &scattered(300))?, Execution::default());
+        let neighbors = NearestNeighbors::new(&points, &execution)?;
+        let rows = [7, 299, 7, 0];
+        let expected = rows.map(|row| brute_force(&points, row, 5));
+        let indices: Vec<u32> = expected.concat().iter().map(|neighbor| neighbor.index).collect();
+        assert_eq!(neighbors.of_rows(&rows, 5, &execution)?, indices);
+        assert_eq!(neighbors.of_rows(&rows, 900, &execution)?.len(), 4 * 299);
+        assert!(neighbors.of_rows(&rows, 0, &execution)?.is_empty());
+        assert!(neighbors.of_rows(&[300], 5, &execution).is_err());
         Ok(())
     }
 
