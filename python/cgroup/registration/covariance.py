@@ -56,7 +56,7 @@ def covariance_of(found: Alignment, source: PreparedScan, target: PreparedScan) 
     deviation = found.rmse if len(found.residuals) else voxel
     noise = (deviation**2 + (LEAST_DEVIATION * voxel) ** 2) * (1 / INDEPENDENT + ALIKE / max(weight, 1.0))
     displaced = DISPLACED * voxel * np.concatenate([motions, -motions])
-    starts = np.array([motion(vector, middle) @ pose for vector in displaced])
+    starts = motion(displaced, middle) @ pose
     back = align_each(*fine_surfaces(source, target), starts, SAMPLES, source.threads)
     inverse = invert(pose)
     left = np.array([vector_of(one.T_target_source @ inverse, middle) for one in back])

@@ -15,21 +15,23 @@ _SLIGHT = 0.1
 """Part of a motion that is left out of its description, beside the other part."""
 
 
-def cross(vector: FloatArray) -> FloatArray:
-    """Matrix of the cross product with a vector."""
-    x, y, z = vector
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+def cross(vectors: FloatArray) -> FloatArray:
+    """Matrices (...,3,3) of the cross products with vectors (...,3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    none = np.zeros_like(x)
+    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*vectors.shape, 3)
 
 
-def motion(vector: FloatArray, point: FloatArray) -> FloatArray:
-    """Transform of a motion (rotation vector, translation of the point)."""
-    angle = float(np.linalg.norm(vector[:3]))
-    turn = cross(vector[:3])
-    transform = np.eye(4)
+def motion(vectors: FloatArray, point: FloatArray) -> FloatArray:
+    """Return transforms (...,4,4) of motions (...,6), a rotation vector and the translation of the point."""
+    angles = np.linalg.norm(vectors[..., :3], axis=-1)[..., None, None]
+    turns = cross(vectors[..., :3])
+    transforms = np.tile(np.eye(4), (*vectors.shape[:-1], 1, 1))
     # sin(a) / a and (1 - cos(a)) / a^2, with limits at 0
-    transform[:3, :3] += np.sinc(angle / np.pi) * turn + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * (turn @ turn)
-    transform[:3, 3] = point + vector[3:] - transform[:3, :3] @ point
-    return transform
+    first, second = np.sinc(angles / np.pi), np.sinc(angles / (2 * np.pi)) ** 2 / 2
+    transforms[..., :3, :3] += first * turns + second * (turns @ turns)
+    transforms[..., :3, 3] = point + vectors[..., 3:] - transforms[..., :3, :3] @ point
+    return transforms
 
 
 def vector_of(transform: FloatArray, point: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import default_rng  # NumPy loads it late, and there may be no memory for it by then
 
 from cgroup.evaluation import within
-from cgroup.rigid import apply
+from cgroup.rigid import apply, cross_products
 
 if TYPE_CHECKING:
     from cgroup.types import FloatArray, IndexArray
@@ -67,11 +67,14 @@ def _fit_plane(points: FloatArray, voxel: float, rng: np.random.Generator) -> In
     starts = voters[rng.integers(len(voters), size=_HYPOTHESES)]
     others = voters[rng.integers(len(voters), size=(_HYPOTHESES, _TRIED))]
     near = ((others - starts[:, None]) ** 2).sum(axis=2) < (_REACH * voxel) ** 2
-    pick = np.argsort(~near, axis=1, kind="stable")[:, :2]  # near ones first
-    second, third = (others[np.arange(_HYPOTHESES), pick[:, k]] for k in (0, 1))
-    normals = np.cross(second - starts, third - starts)
+    enough, rows, sides = near.sum(axis=1) >= 2, np.arange(_HYPOTHESES), []
+    for _ in range(2):
+        first = near.argmax(axis=1)
+        sides.append(others[rows, first] - starts)
+        near[rows, first] = False
+    normals = cross_products(*sides)
     sizes = np.linalg.norm(normals, axis=1)
-    wide = (sizes > (3 * voxel) ** 2) & (near.sum(axis=1) >= 2)
+    wide = (sizes > (3 * voxel) ** 2) & enough
     if not wide.any():
         return np.empty(0, dtype=np.int64)
     normals, starts = normals[wide] / sizes[wide, None], starts[wide]
@@ -84,7 +87,8 @@ def _fit_plane(points: FloatArray, voxel: float, rng: np.random.Generator) -> In
 def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Fit the least-squares plane: normal and centre."""
     center = points.mean(axis=0)
-    return np.linalg.eigh(np.cov((points - center).T))[1][:, 0], center
+    offsets = points - center
+    return np.linalg.eigh(offsets.T @ offsets)[1][:, 0], center
 
 
 def number_cells(points: FloatArray, planes: Planes, voxels: FloatArray, voxel: float) -> IndexArray:
@@ -93,19 +97,25 @@ def number_cells(points: FloatArray, planes: Planes, voxels: FloatArray, voxel: 
     for label, (normal, center) in enumerate(zip(planes.normals, planes.centers, strict=True)):
         rows = np.flatnonzero(np.abs((points - center) @ normal) < _EDGE * voxel)
         by_a_plane[rows] |= within(points[rows], voxels[planes.labels == label], 2 * _EDGE * voxel)
-    cells = np.unique(np.floor(points / (_CELL * voxel)), axis=0, return_inverse=True)[1].reshape(-1)
-    return np.where(by_a_plane, -1, cells)
+    corners = np.floor(points / (_CELL * voxel)).astype(np.int64)
+    corners -= corners.min(axis=0)
+    numbers = np.ravel_multi_index(tuple(corners.T), tuple(corners.max(axis=0) + 1))
+    return np.where(by_a_plane, -1, np.unique(numbers, return_inverse=True)[1])
 
 
 def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: float) -> int:
     """Count the planes that a pose lays on planes: each normal and offset once."""
     counted: list[tuple[FloatArray, float]] = []
     for normal, members in zip(source.normals @ pose[:3, :3].T, source.members, strict=True):
+        alike = np.flatnonzero(np.abs(target.normals @ normal) > _ALIKE)
+        if len(alike) == 0:
+            continue
         moved = apply(pose, members)
-        for row in np.flatnonzero(np.abs(target.normals @ normal) > _ALIKE):
+        normals = target.normals[alike]
+        heights = moved @ normals.T - (normals * target.centers[alike]).sum(axis=1)
+        near = np.abs(heights) <= _OFFSET * voxel
+        for row in alike[2 * near.sum(axis=0) > len(moved)]:  # most of its points lie on the other
             other, center = target.normals[row], target.centers[row]
-            if np.median(np.abs((moved - center) @ other)) > _OFFSET * voxel:
-                continue
             apart = _squared_distances(moved - center, target.members[row] - center).min(axis=1)
             if np.count_nonzero(apart < (_BESIDE * voxel) ** 2) < _SHARED * len(moved):
                 continue

@@ -33,18 +33,11 @@ def propose_rivals(
     directions = np.linalg.eigh(information[3:, 3:])[1][:, :_DIRECTIONS].T
     resisted = resistance(information, points)
     weakest = np.concatenate([np.pad(directions, ((0, 0), (3, 0))), resisted.motions[:1]])
-    slid = [
-        motion(sign * slide * vector, resisted.middle) @ pose
-        for vector, slide, sign in itertools.product(weakest, slides, (-1.0, 1.0))
-    ]
+    slid = [sign * slide * vector for vector, slide, sign in itertools.product(weakest, slides, (-1.0, 1.0))]
     normals = target.normals[np.isfinite(target.normals).all(axis=1)]
     axes = np.linalg.eigh(normals.T @ normals)[1].T
     local = points @ axes.T
     middles = (points.mean(axis=0), axes.T @ (np.quantile(local, [0.02, 0.98], axis=0).mean(axis=0)))
-    turned = [
-        motion(np.concatenate([np.radians(degrees) * axis, np.zeros(3)]), middle) @ pose
-        for axis in axes
-        for degrees in _QUARTERS
-        for middle in middles
-    ]
-    return np.concatenate([slid, turned])
+    turned = np.pad([np.radians(degrees) * axis for axis in axes for degrees in _QUARTERS], ((0, 0), (0, 3)))
+    turns = np.stack([motion(turned, middle) for middle in middles], axis=1).reshape(-1, 4, 4)
+    return np.concatenate([motion(np.array(slid), resisted.middle), turns]) @ pose

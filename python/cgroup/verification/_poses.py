@@ -8,7 +8,7 @@ import numpy as np
 
 from cgroup._checks.arrays import as_floats
 from cgroup.errors import InputError
-from cgroup.rigid import RIGID_TOLERANCE
+from cgroup.rigid import RIGID_TOLERANCE, cross_products
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -30,7 +30,7 @@ def as_poses(value: ArrayLike, name: str = "poses") -> FloatArray:
             np.abs(squares - np.eye(3)).max(axis=(1, 2)) <= RIGID_TOLERANCE
         )
         # No determinant by LAPACK, which ends the process where it gets no working memory.
-        side = np.einsum("ij,ij->i", np.cross(rotations[:, 0], rotations[:, 1]), rotations[:, 2])
+        side = (cross_products(rotations[:, 0], rotations[:, 1]) * rotations[:, 2]).sum(axis=1)
         right &= (np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1) <= 1e-9) & (side > 0)
     if not right.all():
         raise InputError(

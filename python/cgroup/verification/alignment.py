@@ -216,4 +216,4 @@ def plane_distances(
 ) -> FloatArray:
     """Distance of the target's nearest point from each sample's own plane; NaN for none within 3 spacings."""
     surfaces = source._core, target._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
-    return _core.plane_distances(*surfaces, as_pose(pose), run_options(threads))
+    return _core.plane_distances(*surfaces, pose[None], run_options(threads))
