@@ -46,6 +46,30 @@ pub struct Ball {
     ranked: Vec<(u64, u32)>,
 }
 
+/// The point nearest to a place.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Nearest {
+    place: Point3<f64>,
+    point: Option<Point3<f64>>,
+    /// Distance from the place within which no other point lies.
+    clear: f64,
+}
+
+impl Nearest {
+    /// Vector from the place to the point.
+    pub fn offset(&self) -> Option<Vector3<f64>> {
+        self.point.map(|point| point - self.place)
+    }
+
+    /// What is nearest to another place, if that is certain without a search; a point beyond `reach` may be missing.
+    pub fn seen_from(&self, place: &Point3<f64>, reach: f64) -> Option<Self> {
+        let clear = self.clear - (place - self.place).norm();
+        let is_nearest = |point: &Point3<f64>| (point - place).norm() < clear;
+        let point = self.point.filter(is_nearest);
+        (point.is_some() || reach <= clear).then_some(Self { place: *place, point, clear })
+    }
+}
+
 impl Ball {
     /// Number of points found.
     pub fn len(&self) -> usize {
@@ -205,24 +229,26 @@ impl BallSearch {
         if ball.len > self.most { self.keep_nearest(ball) } else { Ok(()) }
     }
 
-    /// The vector from a place to the nearest point, if that is nearer than the radius; ties to the first in grid order.
-    pub fn nearest(&self, center: &Point3<f64>) -> Option<Vector3<f64>> {
-        let center = [center.x, center.y, center.z];
+    /// The point nearest to a place, if that is nearer than the radius; ties to the first in grid order.
+    pub fn nearest(&self, center: &Point3<f64>) -> Nearest {
+        let place = [center.x, center.y, center.z];
         let mut radius = self.radius.min(FIRST_SHARE * self.made_for);
         loop {
-            let (mut least, mut found) = (radius * radius, None);
-            self.grid.visit_runs(center, radius, |start, end| {
+            let (mut least, mut second, mut found) = (radius * radius, radius * radius, None);
+            self.grid.visit_runs(place, radius, |start, end| {
                 for point in &self.grid.points[start..end] {
-                    let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
+                    let offset = [point[0] - place[0], point[1] - place[1], point[2] - place[2]];
                     let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
                     if square < least {
-                        (least, found) = (square, Some(Vector3::from(offset)));
+                        (least, second, found) = (square, least, Some(Point3::from(*point)));
+                    } else if square < second {
+                        second = square;
                     }
                 }
                 None::<()>
             });
             if found.is_some() || radius >= self.radius {
-                return found;
+                return Nearest { place: *center, point: found, clear: second.sqrt() };
             }
             radius = self.radius.min(2.0 * radius);
         }
@@ -425,7 +451,7 @@ mod tests {
                 search.within(&place, &mut ball)?;
                 let squares = ball.squared_distances().iter().enumerate();
                 let expected = squares.min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| ball.vector(i));
-                assert_eq!(search.nearest(&place), expected);
+                assert_eq!(search.nearest(&place).offset(), expected);
                 counts[usize::from(expected.is_some())] += 1;
             }
         }
@@ -438,6 +464,28 @@ mod tests {
         check(&[[1.0, 2.0, 3.0]; 20], 0.5)?;
         check(&[[1.0, 2.0, 3.0]], 0.5)?;
         check(&[], 0.5)
+    }
+
+    #[test]
+    fn the_nearest_point_is_known_from_places_near_by() -> Result<()> {
+        let points = Points::from_rows("points", &scattered(300, 1.0))?;
+        let search = BallSearch::new(&points, 0.5)?;
+        let (mut certain, mut uncertain) = (0, 0);
+        for (i, shift) in scattered(600, 1.2).into_iter().enumerate() {
+            let from = Point3::from(shift);
+            let place = from + Vector3::from(shift).yzx() * (i % 30) as f64 * 0.01;
+            let reach = 0.01 * (i % 50) as f64;
+            let Some(seen) = search.nearest(&from).seen_from(&place, reach) else {
+                uncertain += 1;
+                continue;
+            };
+            let within = |offset: &Vector3<f64>| offset.norm() < reach;
+            assert_eq!(seen.offset().filter(within), search.nearest(&place).offset().filter(within));
+            certain += 1;
+        }
+        assert!(certain > 100 && uncertain > 100, "{certain}, {uncertain}");
+        assert!(Nearest::default().seen_from(&Point3::origin(), 0.1).is_none());
+        Ok(())
     }
 
     #[test]

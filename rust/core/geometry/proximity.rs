@@ -78,7 +78,7 @@ pub fn nearest_offsets(
     let search = BallSearch::new(&others, radius)?;
     found.par_iter_mut().zip(points).with_min_len(QUERIES_PER_TASK).try_for_each(|(found, point)| {
         execution.check()?;
-        if let Some(offset) = search.nearest(&Point3::from(Point3::from(*point) - others.center())) {
+        if let Some(offset) = search.nearest(&Point3::from(Point3::from(*point) - others.center())).offset() {
             *found = offset.into();
         }
         Ok(())

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::execution::Execution;
+use crate::geometry::ball_search::Nearest;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::verification::fine_surface::{FineSurface, REACH, Sample};
@@ -70,11 +71,12 @@ pub fn align(
     let a = target.spacing();
     let radius = source.radius().max(target.radius()) / a;
     let mut pose = between(source, target, pose);
+    let mut known = Known::new(source, target)?;
     for step in 0..FIRST_STEPS + LAST_STEPS {
         let share = (step as f64 / FIRST_STEPS as f64).min(1.0);
         let reach = REACH + (LAST_REACH - REACH) * share;
         let most = if step < FIRST_STEPS { samples.min(FIRST_SAMPLES) } else { samples };
-        let pairs = pair(source, target, &pose, reach, most, execution)?;
+        let pairs = known.pair(source, target, &pose, reach, most, execution)?;
         let Some(motion) = solve(&equations(&pairs, reach)?) else { break };
         let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
         pose = followed_by(&pose, turn, shift * a);
@@ -83,7 +85,7 @@ pub fn align(
         }
     }
     pose.rotation = nearest_rotation(&pose);
-    let pairs = pair(source, target, &pose, REACH, samples, execution)?;
+    let pairs = known.pair(source, target, &pose, REACH, samples, execution)?;
     let sums = equations(&pairs, LAST_REACH)?;
     Ok(Alignment {
         pose: in_data(source, target, &pose),
@@ -106,12 +108,12 @@ pub fn plane_distances(
     execution: &Execution,
 ) -> Result<Vec<f64>> {
     check_spacings(source, target)?;
-    let (pose, search) = (between(source, target, pose), target.search(REACH));
+    let (pose, search) = (between(source, target, pose), target.search());
     let distances = source.samples(usize::MAX).par_iter().map(|sample| {
         execution.check()?;
         let normal = pose.rotation * sample.normal;
         let nearest = search.nearest(&pose.apply(&sample.point));
-        Ok(nearest.map_or(f64::NAN, |offset| offset.dot(&normal).abs()))
+        Ok(nearest.offset().map_or(f64::NAN, |offset| offset.dot(&normal).abs()))
     });
     memory::par_try_collect(distances)
 }
@@ -150,51 +152,87 @@ fn nearest_rotation(pose: &Rigid) -> nalgebra::Matrix3<f64> {
     UnitQuaternion::new_normalize(quaternion).to_rotation_matrix().into_inner()
 }
 
-/// Samples of both surfaces with a point of the other within `reach` spacings.
-fn pair(
-    source: &FineSurface,
-    target: &FineSurface,
-    pose: &Rigid,
+/// What was nearest to the samples of either surface when it was last searched for: a pose that moves little leaves most of
+/// it so.
+struct Known {
+    to_source: Vec<Nearest>,
+    to_target: Vec<Nearest>,
+}
+
+impl Known {
+    fn new(source: &FineSurface, target: &FineSurface) -> Result<Self> {
+        let nothing =
+            |surface: &FineSurface| memory::filled(Nearest::default(), surface.samples(usize::MAX).len());
+        Ok(Self { to_source: nothing(source)?, to_target: nothing(target)? })
+    }
+
+    /// Samples of both surfaces with a point of the other within `reach` spacings.
+    fn pair(
+        &mut self,
+        source: &FineSurface,
+        target: &FineSurface,
+        pose: &Rigid,
+        reach: f64,
+        samples: usize,
+        execution: &Execution,
+    ) -> Result<Vec<Pair>> {
+        let inverse = pose.rotation.transpose();
+        let unit = target.spacing();
+        let forward = |(sample, known): (&Sample, &mut Nearest)| {
+            let place = pose.apply(&sample.point);
+            let near = place + nearest(known, &place, target, reach)?;
+            as_pair(sample, (place, near, pose.rotation * sample.normal), unit, reach)
+        };
+        let backward = |(sample, known): (&Sample, &mut Nearest)| {
+            let place = Point3::from(inverse * (sample.point.coords - pose.translation));
+            let near = place + nearest(known, &place, source, reach)?;
+            as_pair(sample, (pose.apply(&near), sample.point, sample.normal), unit, reach)
+        };
+        let moved = source.samples(samples).par_iter().zip(&mut self.to_source).map(|sample| {
+            execution.check()?;
+            Ok(forward(sample))
+        });
+        let still = target.samples(samples).par_iter().zip(&mut self.to_target).map(|sample| {
+            execution.check()?;
+            Ok(backward(sample))
+        });
+        let pairs = memory::par_try_collect(moved.chain(still))?;
+        memory::collect(pairs.into_iter().flatten())
+    }
+}
+
+/// Vector to the point of a surface that is nearest to a place, if one is within `reach` spacings or so; what is known is
+/// brought up to date.
+fn nearest(
+    known: &mut Nearest,
+    place: &Point3<f64>,
+    surface: &FineSurface,
     reach: f64,
-    samples: usize,
-    execution: &Execution,
-) -> Result<Vec<Pair>> {
-    let inverse = pose.rotation.transpose();
-    let (in_source, in_target) = (source.search(reach), target.search(reach));
-    let forward = |sample: &Sample| {
-        let place = pose.apply(&sample.point);
-        let near = place + in_target.nearest(&place)?;
-        Some((place, near, pose.rotation * sample.normal))
-    };
-    let backward = |sample: &Sample| {
-        let place = Point3::from(inverse * (sample.point.coords - pose.translation));
-        let near = place + in_source.nearest(&place)?;
-        Some((pose.apply(&near), sample.point, sample.normal))
-    };
-    let unit = target.spacing();
-    let as_pair = |sample: &Sample, (moved, fixed, normal): (Point3<f64>, Point3<f64>, Vector3<f64>)| {
-        let offset = (moved - fixed) / unit;
-        let squared_distance = offset.norm_squared();
-        let residual = offset.dot(&normal);
-        let place = moved.coords / unit;
-        (squared_distance < reach * reach).then_some(Pair {
-            place,
-            normal,
-            residual,
-            squared_distance,
-            deviation: sample.deviation,
-        })
-    };
-    let moved = source.samples(samples).par_iter().map(|sample| {
-        execution.check()?;
-        Ok(forward(sample).and_then(|found| as_pair(sample, found)))
+) -> Option<Vector3<f64>> {
+    let seen = known.seen_from(place, reach * surface.spacing());
+    let found = seen.unwrap_or_else(|| {
+        *known = surface.search().nearest(place);
+        *known
     });
-    let still = target.samples(samples).par_iter().map(|sample| {
-        execution.check()?;
-        Ok(backward(sample).and_then(|found| as_pair(sample, found)))
-    });
-    let pairs = memory::par_try_collect(moved.chain(still))?;
-    memory::collect(pairs.into_iter().flatten())
+    found.offset()
+}
+
+/// A sample with the place that it moves to, the one that it is to lie on, and the normal there; none beyond `reach`.
+fn as_pair(
+    sample: &Sample,
+    (moved, fixed, normal): (Point3<f64>, Point3<f64>, Vector3<f64>),
+    unit: f64,
+    reach: f64,
+) -> Option<Pair> {
+    let offset = (moved - fixed) / unit;
+    let squared_distance = offset.norm_squared();
+    (squared_distance < reach * reach).then_some(Pair {
+        place: moved.coords / unit,
+        normal,
+        residual: offset.dot(&normal),
+        squared_distance,
+        deviation: sample.deviation,
+    })
 }
 
 /// The normal equations of one step: `A x = b` with x a rotation vector and a translation.

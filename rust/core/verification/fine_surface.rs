@@ -98,9 +98,9 @@ impl FineSurface {
         self.radius
     }
 
-    /// A search for points within some spacings, [`REACH`] at most.
-    pub(super) fn search(&self, reach: f64) -> BallSearch {
-        self.search.narrowed(reach.min(REACH) * self.spacing)
+    /// A search for points within [`REACH`] spacings.
+    pub(super) fn search(&self) -> &BallSearch {
+        &self.search
     }
 }
 
@@ -177,11 +177,10 @@ mod tests {
     fn the_nearest_point_is_found_up_to_the_reach() -> Result<()> {
         let surface = surface(&raster(), 1.0)?;
         let place = surface.points.get(37) + Vector3::new(0.3, -0.2, REACH - 0.1);
-        let search = surface.search(REACH);
-        let found = place + search.nearest(&place).unwrap_or_default();
+        let nearest = |place: &Point3<f64>| surface.search().nearest(place).offset();
+        let found = place + nearest(&place).unwrap_or_default();
         assert!((found - surface.points.get(37)).amax() < 1e-12);
-        assert_eq!(search.nearest(&(place + Vector3::z() * 0.1)), None);
-        assert_eq!(surface.search(1.5).nearest(&place), None);
+        assert_eq!(nearest(&(place + Vector3::z() * 0.1)), None);
         Ok(())
     }
 
