@@ -28,9 +28,29 @@ const TOTAL: f32 = 100.0;
 const MAX_WEIGHT: f64 = 1e20;
 /// Points that one task takes.
 const POINTS_PER_TASK: usize = 64;
+/// Bytes that neighbourhoods may take up at the most to be kept from one search for both of their uses.
+const MOST_KEPT: usize = 64 << 20;
 
 /// A descriptor.
 pub type Row = [f32; LENGTH];
+
+/// A point's simple histogram, and its neighbours where they are kept.
+#[derive(Debug, Clone)]
+struct Simple {
+    histogram: Row,
+    shares: Vec<Share>,
+}
+
+impl Simple {
+    const NONE: Self = Self { histogram: [0.0; LENGTH], shares: Vec::new() };
+}
+
+/// What a neighbour counts in the sum of histograms.
+#[derive(Debug, Clone, Copy)]
+struct Share {
+    position: u32,
+    weight: f32,
+}
 
 /// Which library's numbers are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,7 +111,9 @@ struct Surface<'a> {
 
 impl Surface<'_> {
     fn describe_all(&self, execution: &Execution) -> Result<Vec<Row>> {
-        let simple = self.simple_histograms(|_| true, execution)?;
+        let most = self.fpfh.max_neighbors.unwrap_or(usize::MAX).min(self.points.len());
+        let keeps = most.saturating_mul(self.points.len()) <= MOST_KEPT / size_of::<Share>();
+        let simple = self.simple_histograms(|_| true, keeps, execution)?;
         // In the order of the search, so that a task's points share what is in the cache.
         let weigh = |ball: &mut Ball, position| self.weigh(&simple, position, ball);
         let rows = map(self.points.len(), [0.0; LENGTH], execution, weigh)?;
@@ -113,27 +135,32 @@ impl Surface<'_> {
             Ok(())
         })?;
         let simple =
-            self.simple_histograms(|position| is_near[position].load(Ordering::Relaxed), execution)?;
+            self.simple_histograms(|position| is_near[position].load(Ordering::Relaxed), false, execution)?;
         map(keypoints.len(), [0.0; LENGTH], execution, |ball, row| {
             self.weigh(&simple, position_of[keypoints[row]], ball)
         })
     }
 
-    /// Simple histograms of the points that are needed, zero for others, in the order of the search.
+    /// Simple histograms of the points that are needed, zero for others, in the order of the search; with their neighbours,
+    /// if it `keeps` them.
     fn simple_histograms(
         &self,
         is_needed: impl Fn(usize) -> bool + Sync,
+        keeps: bool,
         execution: &Execution,
-    ) -> Result<Vec<Row>> {
-        map(self.points.len(), [0.0; LENGTH], execution, |ball, position| {
-            let is_described = is_needed(position) && !is_missing(&self.normals[position]);
-            if is_described { self.simple_histogram(position, ball) } else { Ok([0.0; LENGTH]) }
+    ) -> Result<Vec<Simple>> {
+        map(self.points.len(), Simple::NONE, execution, |ball, position| {
+            if !is_needed(position) || is_missing(&self.normals[position]) {
+                return Ok(Simple::NONE);
+            }
+            self.neighbors(position, ball)?;
+            let shares = if keeps { self.shares(ball)? } else { Vec::new() };
+            Ok(Simple { histogram: self.simple_histogram(position, ball), shares })
         })
     }
 
     /// Shares of a point's pairs with its neighbours.
-    fn simple_histogram(&self, position: usize, ball: &mut Ball) -> Result<Row> {
-        self.neighbors(position, ball)?;
+    fn simple_histogram(&self, position: usize, ball: &Ball) -> Row {
         let mut counts = Counts::default();
         pair_angles::count(position as u32, ball, &self.normals, &mut counts);
         if self.fpfh.convention == Convention::Open3d {
@@ -144,31 +171,45 @@ impl Surface<'_> {
         row.iter_mut()
             .zip(counts.bins.as_flattened())
             .for_each(|(value, &count)| *value = count as f32 * share);
-        Ok(row)
+        row
+    }
+
+    /// What the points of a ball count, apart from those in its centre: the inverse of their squared distance.
+    fn shares(&self, ball: &Ball) -> Result<Vec<Share>> {
+        let unit = self.search.radius() * self.search.radius();
+        let near = ball.squared_distances().iter().zip(ball.positions());
+        memory::collect(
+            near.filter(|&(&square, _)| square > 0.0).map(|(&square, &position)| Share {
+                position,
+                weight: (unit / square).min(MAX_WEIGHT) as f32,
+            }),
+        )
     }
 
     /// Sums up the neighbours' histograms, each weighted by the inverse of its squared distance.
-    fn weigh(&self, simple: &[Row], position: usize, ball: &mut Ball) -> Result<Row> {
+    fn weigh(&self, simple: &[Simple], position: usize, ball: &mut Ball) -> Result<Row> {
         if is_missing(&self.normals[position]) {
             return Ok([f32::NAN; LENGTH]);
         }
-        self.neighbors(position, ball)?;
-        let unit = self.search.radius() * self.search.radius();
-        let near = ball.squared_distances().iter().zip(ball.positions());
+        let (kept, mut found) = (&simple[position].shares, Vec::new());
+        if kept.is_empty() {
+            self.neighbors(position, ball)?;
+            found = self.shares(ball)?;
+        }
+        let shares = if kept.is_empty() { &found } else { kept };
         let mut row = [0.0; LENGTH];
         simd::run(
             #[inline(always)]
             || {
-                for (&square, &neighbor) in near.clone().filter(|&(&square, _)| square > 0.0) {
-                    let weight = (unit / square).min(MAX_WEIGHT) as f32;
-                    let values = &simple[neighbor as usize];
+                for share in shares {
+                    let values = &simple[share.position as usize].histogram;
                     for (sum, value) in row.iter_mut().zip(values) {
-                        *sum += weight * value;
+                        *sum += share.weight * value;
                     }
                 }
             },
         );
-        self.scale(&mut row, &simple[position]);
+        self.scale(&mut row, &simple[position].histogram);
         Ok(row)
     }
 
