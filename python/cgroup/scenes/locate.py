@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import islice
+from functools import partial
+from itertools import count, islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -59,9 +60,6 @@ WHOLE = 10_000
 
 FIRST, FROM_ABOVE, ALIKE = 2, 4, 8
 """Places a scan is registered to at a time, and that are chosen at most: from above, by descriptors."""
-
-LEVELS = 2
-"""Voxels that a scan is located at: the one that suits it, and the next finer one where that accepts none."""
 
 _BEFORE_CHOICE, _SLACK = 50, 2.0  # places from above if only some are wanted; voxels they may lie off
 _WITHIN = 0.9  # share of a scan's voxels within its radius
@@ -143,23 +141,25 @@ def locate(
     search = Search("lc", {}, direction, effort, 1, clock)
     clock.start("voxels")
     size = features.choose_voxel(given.whole.cloud, voxels=VOXELS, threads=threads)
-    best: list[Found] = []
-    for level in _levels_for(place, size):
+    fitting, finer = _levels_for(place, size)
+
+    def look(level: Level) -> _Locating:
         shared = Preparation(level.voxel, DenseFront(), as_threads(threads))
-        source = shared.finish(given, clock.start, by_frames=True)
-        found = _Locating(source, level, search, around).run()
+        return _Locating(shared.finish(given, clock.start, by_frames=True), level, search, around)
+
+    locating = look(fitting)
+    best = locating.run("low")
+    if not best or not is_accepted(best[0].probability):
+        found = (locating if finer is fitting else look(finer)).run(effort)
         if found and (not best or found[0].probability > best[0].probability):
             best = found
-        if best and is_accepted(best[0].probability):
-            break
     return [_registration_of(found, search) for found in best]
 
 
-def _levels_for(place: PreparedMap, voxel: float) -> list[Level]:
-    """Return the map at the voxel nearest to one wanted, and at the next finer one."""
-    ratios = [abs(np.log(level.voxel / voxel)) for level in place.levels]
-    row = int(np.argmin(ratios))
-    return place.levels[max(row - LEVELS + 1, 0) : row + 1][::-1]
+def _levels_for(place: PreparedMap, voxel: float) -> tuple[Level, Level]:
+    """Return the map at the voxel nearest to one wanted, and at the next finer one, if there is one."""
+    row = int(np.argmin([abs(np.log(level.voxel / voxel)) for level in place.levels]))
+    return place.levels[row], place.levels[max(row - 1, 0)]
 
 
 class _Around(NamedTuple):
@@ -202,6 +202,8 @@ class _Locating:
         away = np.linalg.norm(points - source.described.centroid, axis=1)
         self._radius = float(np.quantile(away, _WITHIN))
         self._candidates: list[_Candidate] = []
+        self._chosen: list[_Place] = []
+        self._choosing = self._places()
         self._origins = around
         self._cells = np.arange(len(level.cells))
         if around is not None:
@@ -210,15 +212,18 @@ class _Locating:
             reach = float(np.quantile(np.linalg.norm(points, axis=1), _WITHIN))
             self._cells = level.around(around.middle, radius + reach + CELL * level.voxel)
 
-    def run(self) -> list[Found]:
+    def run(self, effort: Effort) -> list[Found]:
         """Register the scan to the places most like it, until its pose is sure."""
-        self._search.clock.start("places")
-        places = self._places()
-        workers = count_workers(self._source.threads)
+        search, workers = replace(self._search, effort=effort), count_workers(self._source.threads)
         done: list[Found] = []
-        while some := list(islice(places, FIRST)):
-            self._search.clock.start("registration")
-            for found in work_side_by_side(some, self._register, workers):
+        for tried in count(0, FIRST):
+            search.clock.start("places")
+            self._chosen += islice(self._choosing, max(tried + FIRST - len(self._chosen), 0))
+            some = self._chosen[tried : tried + FIRST]
+            if not some:
+                break
+            search.clock.start("registration")
+            for found in work_side_by_side(some, partial(self._register, search), workers):
                 if found is not None:
                     poses = [found.refined.T_target_source, *found.places[1:]]
                     self._candidates += [
@@ -229,7 +234,6 @@ class _Locating:
             done = self._weigh()
             if done and is_sure(done[0].probability):
                 break
-            self._search.clock.start("places")
         return done
 
     def _places(self) -> Iterator[_Place]:
@@ -275,10 +279,12 @@ class _Locating:
     def _cells_around(self, middle: FloatArray) -> IndexArray:
         return self._level.around(middle, _FURTHER * self._radius)
 
-    def _register(self, place: _Place, stop_with_the_others: Callable[[], None]) -> Found | None:
+    def _register(
+        self, search: Search, place: _Place, stop_with_the_others: Callable[[], None]
+    ) -> Found | None:
         stop_with_the_others()
         clock = StageClock(lambda _: stop_with_the_others())
-        search = replace(self._search, clock=clock, proposed=place.proposed)
+        search = replace(search, clock=clock, proposed=place.proposed)
         return search.run(self._source, self._level.crop(place.cells, 1))
 
     def _may_be(self, pose: FloatArray) -> bool:

@@ -22,7 +22,7 @@ _LEAST_FLAT, _LEAST_WALLS = 0.15, 30  # share of flat voxels, and number of wall
 _TURNS, _PARTS = 72, 3  # turns that are tried, and parts of them when it is looked at closely
 _COARSE = 2  # voxels of a coarse cell
 _OPEN, _BESIDE = 0.7, 0.5  # weight of open floor; what a cell next to a wall counts
-_CLOSELY = 500  # placements that are looked at closely
+_CLOSELY = 300  # placements that are looked at closely
 _ROUNDS = 5  # of finding the direction that most normals have
 _MARGIN = 2  # cells between a map and the border
 _APART, _TURNED = 3.0, np.radians(17.0)  # voxels or angle between places
@@ -80,6 +80,10 @@ class _Outline(NamedTuple):
 
     walls: FloatArray
     floor: FloatArray
+
+    def reach(self, size: float) -> int:
+        """Return how far it reaches, in cells."""
+        return int(np.linalg.norm(np.concatenate(self), axis=1).max() / size) + 1
 
     def stamp(self, part: int, size: float) -> list[tuple[IndexArray, float]]:
         """Return the cells of open floor and then of walls, (n,2), once turned, and what each counts."""
@@ -145,8 +149,8 @@ class PlanView:
         """Correlate walls and floor with the map on coarse cells, at all turns."""
         height, width = (size // _COARSE for size in self._walls.shape)
         coarse = self._walls.reshape(height, _COARSE, width, _COARSE).max(axis=(1, 3))
-        reach = np.linalg.norm(np.concatenate(outline), axis=1).max() / (_COARSE * self.voxel)
-        shape = tuple(_fast_size(size + int(reach) + 2) for size in coarse.shape)
+        reach = outline.reach(_COARSE * self.voxel)
+        shape = tuple(_fast_size(size + reach + 1) for size in coarse.shape)
         spectrum = np.fft.rfft2(coarse, shape)
         most = min(_CLOSELY, coarse.size)
 
@@ -175,23 +179,20 @@ class PlanView:
             for part in (-1, 0, 1):
                 turned = (number * _PARTS + part) % (_TURNS * _PARTS)
                 by_part.setdefault(turned, []).append((row * _COARSE, column * _COARSE))
+        border = outline.reach(self.voxel) + 2
+        padded = np.pad(self._walls, border)
+        flat, width = padded.ravel(), padded.shape[1]
         scored: list[tuple[float, float, FloatArray]] = []
         for part, cells in by_part.items():
             places = (np.array(cells)[:, None] + shifts).reshape(-1, 2)
+            first = (places + border) @ (width, 1)
             scores = np.zeros(len(places))
             for some, weight in outline.stamp(part, self.voxel):
-                scores += weight * self._at(places[:, None] + some).sum(axis=1)
+                scores += weight * flat[first[:, None] + some @ (width, 1)].sum(axis=1)
             positions = self._corner + (places + 0.5) * self.voxel
             scored += zip(scores.tolist(), [_angle(part)] * len(places), positions, strict=True)
         scored.sort(key=lambda one: -one[0])
         return [(angle, place) for _, angle, place in scored]
-
-    def _at(self, cells: IndexArray) -> FloatArray:
-        """Return what lies at cells, 0 beyond the map."""
-        last = np.array(self._walls.shape) - 1
-        inside = ((cells >= 0) & (cells <= last)).all(axis=-1)
-        rows, columns = np.moveaxis(np.clip(cells, 0, last), -1, 0)
-        return np.where(inside, self._walls[rows, columns], 0.0)
 
     def _poses_at(
         self, angle: float, place: FloatArray, middle: FloatArray, scan_turn: FloatArray
