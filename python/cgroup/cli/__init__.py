@@ -10,7 +10,17 @@ try:
     import typer
 
     from cgroup.cli.command import examples, make_app
-    from cgroup.cli.commands import benchmark, compare, features, group, merge, recognize, register, results
+    from cgroup.cli.commands import (
+        benchmark,
+        compare,
+        features,
+        group,
+        locate,
+        merge,
+        recognize,
+        register,
+        results,
+    )
     from cgroup.cli.failures import TRACEBACK, explain, print_failure
     from cgroup.cli.show.terminal import print_line
     from cgroup.cli.streams import guarded_output, write_error
@@ -30,6 +40,7 @@ app = make_app(
         "cgroup demo",
         "cgroup register source.ply target.ply",
         "cgroup merge scans/*.ply --out scene",
+        "cgroup locate scan.ply --map building.ply",
         "cgroup compare source.ply target.ply --truth pose.txt",
         "cgroup group matches.txt --method lc --resolution 0.02",
         "cgroup COMMAND --help",
@@ -38,7 +49,7 @@ app = make_app(
     ),
     add_completion=True,
 )
-for commands in (register, merge, recognize, compare, group, features):
+for commands in (register, merge, locate, recognize, compare, group, features):
     app.add_typer(commands.app)
 app.add_typer(results.app, name="results")
 app.add_typer(benchmark.app, name="benchmark")

@@ -16,8 +16,8 @@ from cgroup.errors import CgroupError, InputError, NoConsensusError
 _SET_BY = {"source_viewpoint": "viewpoint", "target_viewpoint": "viewpoint"}
 """Options that a more general one sets, where it is given alone."""
 
-_IN_FILES = {"PointCloud": "file", "Correspondences": "a file"}
-"""Objects of the library that the command line reads from files."""
+_IN_FILES = {"PointCloud": "file", "Correspondences": "a file", "PreparedMap.save": "--save-map"}
+"""Objects of the library that the command line has in files."""
 
 
 @contextmanager
@@ -38,6 +38,7 @@ def reword(error: CgroupError, context: Any) -> CgroupError:
         if general in options and is_given(context, general) and not is_given(context, name):
             options[name] = options[general]
     options["T_target_source"] = options.get("truth", "pose")
+    options["cloud"] = options.get("map", "cloud")
     return in_options(error, options)
 
 

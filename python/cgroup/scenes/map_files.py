@@ -21,11 +21,17 @@ if TYPE_CHECKING:
 _FACTS = "map.json"
 
 
-def save_arrays(folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays to a new folder: all of them, or none."""
+def check_new(folder: Path) -> Path:
+    """Refuse a folder that is there already."""
     if folder.exists():
         message = f"{folder}: is there already; give the name of a new folder"
         raise InputError(message)
+    return folder
+
+
+def save_arrays(folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays to a new folder: all of them, or none."""
+    check_new(folder)
     try:
         with tempfile.TemporaryDirectory(dir=folder.absolute().parent) as beside:
             for name, array in arrays.items():

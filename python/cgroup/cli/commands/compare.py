@@ -11,7 +11,7 @@ from cgroup import io
 from cgroup._checks.values import refusal
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
-from cgroup.cli.commands.register import PairFiles, print_placement, registration_results
+from cgroup.cli.commands.register import PairFiles, placement_facts, registration_results
 from cgroup.cli.inputs import describe_pair, read_both
 from cgroup.cli.options import option
 from cgroup.cli.pose_files import name_of_pair
@@ -96,7 +96,7 @@ def print_comparison(document: Document, *, wide: bool) -> None:
     if "registration" in results:
         print_line("")
         print_line("Registered by cgroup register, which looks at the surfaces too:")
-        print_placement(results["registration"], document["inputs"][0]["centroid"])
+        print_facts(*placement_facts(results["registration"], document["inputs"][0]["centroid"]))
     print_files(document)
 
 

@@ -111,7 +111,7 @@ def print_registration(document: Document, *, verbose: bool = False) -> None:
     """Print a registration from its document."""
     done, files = document["results"], [Path(file) for file in document["files"]]
     print_clouds(document["inputs"])
-    print_placement(done, document["inputs"][0]["centroid"])
+    print_facts(*placement_facts(done, document["inputs"][0]["centroid"]))
     if verbose:
         times = (f"{name} {1e3 * seconds:.0f} ms" for name, seconds in done["seconds"].items())
         print_facts(
@@ -124,8 +124,8 @@ def print_registration(document: Document, *, verbose: bool = False) -> None:
         _print_files(files)
 
 
-def print_placement(done: Document, middle: Sequence[float]) -> None:
-    """Print where the source was placed, whose middle is given, and how sure and precise that is."""
+def placement_facts(done: Document, middle: Sequence[float]) -> list[tuple[str, str]]:
+    """Say where the source was placed, whose middle is given, and how sure and precise that is."""
     pose, center = np.array(done["T_target_source"]), np.array([middle])
     angle, way = rotation_error(pose, np.eye(4)), float(np.linalg.norm(apply(pose, center) - center))
     turned = f"turned by {angle:.3g} degrees about the axis {say_direction(axis_of(pose))}"
@@ -135,7 +135,7 @@ def print_placement(done: Document, middle: Sequence[float]) -> None:
     shares = [f"{100 * done[name]:.0f} %" for name in ("fitness", "target_fitness")]
     deviations = f"{done['deviation_deg']:.2g} degrees, and {show_length(done['deviation'], 2)} at the middle"
     caveat = "one standard deviation, of noise and shape alone: a scan that is bent adds to it"
-    print_facts(
+    return [
         ("pose", f"{turned}, {moved}"),
         ("probability", f"{chance} that the pose is right"),
         ("overlap", f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source"),
@@ -143,7 +143,7 @@ def print_placement(done: Document, middle: Sequence[float]) -> None:
         ("known to", f"{deviations} ({caveat})"),
         *([("truth", _say_truth(done))] if "truth" in done else []),
         *(("note", note) for note in done["notes"]),
-    )
+    ]
 
 
 def _say_truth(done: Document) -> str:
@@ -321,10 +321,10 @@ def assess_command(
         )
     if not done.ok:
         message = f"the pose can't be trusted: {done.notes[0]}"
-        raise _refused(message, registration_results(done, clouds))
+        raise _refused(message, registration_results(done))
     return {
         "inputs": describe_pair((source, target), clouds),
-        "results": registration_results(done, clouds),
+        "results": registration_results(done),
         "files": [],
     }
 
@@ -406,8 +406,10 @@ class PairFiles:
         remove_files(self._all)
 
 
-def registration_results(done: Registration, clouds: Clouds, true_pose: FloatArray | None = None) -> Document:
-    """List what a document says of a registration."""
+def registration_results(
+    done: Registration, clouds: Clouds | None = None, true_pose: FloatArray | None = None
+) -> Document:
+    """List what a document says of a registration; the clouds are needed with a true pose."""
     seconds: dict[str, float] = {}  # by stage, source and target together
     for name, value in done.seconds.items():
         stage = name.removeprefix("source ").removeprefix("target ")
@@ -432,7 +434,7 @@ def registration_results(done: Registration, clouds: Clouds, true_pose: FloatArr
         "notes": done.notes,
         "seconds": seconds,
     }
-    if true_pose is not None:
+    if clouds is not None and true_pose is not None:
         results["truth"] = _judge(done, clouds, true_pose)
     return results
 

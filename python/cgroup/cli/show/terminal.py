@@ -66,9 +66,9 @@ def print_facts(*facts: tuple[str, str]) -> None:
         print_prose(f"{name:<{_NAMES_WIDTH - 1}} {text}", " " * _NAMES_WIDTH)
 
 
-def print_pose(pose: Iterable[Sequence[float]]) -> None:
+def print_pose(pose: Iterable[Sequence[float]], source: str = "source", target: str = "target") -> None:
     """Print a transform, row by row."""
-    print_line("pose of the source in the target's frame")
+    print_line(f"pose of the {source} in the {target}'s frame")
     for row in pose:
         print_line("  " + " ".join(f"{number:12.6g}" for number in row))
 

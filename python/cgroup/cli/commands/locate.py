@@ -1,0 +1,150 @@
+"""``cgroup locate``: find where in a map a scan was taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cgroup.cli import options
+from cgroup.cli.command import command, make_app
+from cgroup.cli.commands.register import placement_facts, registration_results
+from cgroup.cli.inputs import describe_cloud, read_cloud
+from cgroup.cli.options import Point, choice, option
+from cgroup.cli.pose_files import name_frames, name_of_pair, refuse_others, write_pose
+from cgroup.cli.show.json import Document
+from cgroup.cli.show.tables import Column, print_table, show_length
+from cgroup.cli.show.terminal import print_clouds, print_facts, print_line, print_pose, show_stages
+from cgroup.errors import InputError
+from cgroup.io._files import check_outputs
+from cgroup.io._results import check_folder, make_folder, remove_files
+from cgroup.registration import Effort, Registration
+from cgroup.scenes import PreparedMap, locate, prepare_map
+from cgroup.scenes.map_files import check_new
+
+_PLACES = (Column("place"), Column("probability"), Column("x"), Column("y"), Column("z"))
+
+app = make_app()
+
+
+def _print_places(document: Document, *, wide: bool) -> None:
+    """Print where a scan was located, from the document."""
+    done, places = document["results"], document["results"]["places"]
+    print_clouds(document["inputs"])
+    levels = ", ".join(f"{level['voxels']} of {level['voxel']:.4g}" for level in done["levels"])
+    print_facts(("voxels", f"{levels} (in the files' unit, as all lengths)"))
+    if places:
+        overlap = f"{100 * places[0]['fitness']:.0f} % of the scan lies on the map"
+        facts = placement_facts(places[0], document["inputs"][0]["centroid"])
+        print_facts(
+            ("places", "1" if len(places) == 1 else f"{len(places)} share the probability"),
+            *((name, overlap if name == "overlap" else text) for name, text in facts),
+            ("time", f"{sum(places[0]['seconds'].values()):.2f} s"),
+        )
+    if done["ok"]:
+        print_pose(places[0]["T_target_source"], "scan", "map")
+    if len(places) > 1:
+        print_line("where the origin of the scan's frame lies in the map")
+        origins = [[show_length(row[3]) for row in place["T_target_source"][:3]] for place in places]
+        chances = [f"{place['probability']:.3f}" for place in places]
+        rows = [(str(row + 1), chances[row], *origin) for row, origin in enumerate(origins)]
+        print_table(_PLACES, rows, wide=wide)
+    for file in document["files"]:
+        print_line(f"wrote {file}")
+
+
+def _check_new(name: str | None) -> Path | None:
+    return None if name is None else check_folder(check_new(Path(name)))
+
+
+@command(
+    app,
+    "locate",
+    "cgroup locate scan.ply --map building.ply",
+    "",
+    "# prepare a large map once, and keep it for the next scans",
+    "cgroup locate scan1.ply --map city.laz --save-map city",
+    "cgroup locate scan2.ply --map city --near 310 -42 0 --radius 20 --json",
+    show=_print_places,
+)
+def locate_command(
+    scan: Path = options.argument("SCAN", f"Cloud to be located: {options.FORMATS}."),
+    *,
+    map: Path = option(..., "MAP", "Cloud, or a folder of --save-map.", options.CLOUDS),  # noqa: A002
+    voxel: float | None = option(None, "LENGTH", "Edge length of its voxels.", options.CLOUDS, "several"),
+    viewpoint: Point | None = option(
+        None, "X Y Z", "Where the scanner stood, if the scan is a single one: tells far more.", options.CLOUDS
+    ),
+    view_direction: Point | None = option(
+        None, "X Y Z", "Where the scanner looked, where its place isn't known.", options.CLOUDS
+    ),
+    axis: Point | None = option(None, "X Y Z", "Direction that both share: gravity's.", options.CLOUDS),
+    near: Point | None = option(
+        None, "X Y Z", "Where the origin of the scan's frame lies in the map, about.", options.SEARCH
+    ),
+    radius: float | None = option(None, "LENGTH", "How far from there.", options.SEARCH, "the scan's radius"),
+    effort: Effort = choice("normal", Effort, "How long to search in each place.", options.SEARCH),
+    out: Path = options.OUT,
+    save_map: Path | None = option(
+        None, "FOLDER", "Keep the prepared map here.", options.OUTPUT, parser=str, callback=_check_new
+    ),
+) -> Document:
+    """Find where in a map a scan was taken, or say that no place can be trusted (exit status 3).
+
+    Writes the pose, SCAN_in_MAP.txt. Places that share the probability, as where the map repeats, are listed.
+    """
+    pose, frames = out / f"{name_of_pair(scan, map, 'in')}.txt", name_frames(scan, map)
+    check_outputs([pose], [scan, map])
+    refuse_others([pose], frames)
+    with show_stages() as begin:
+        cloud = read_cloud(scan, begin)
+        place, described = _open_map(map, voxel, save_map, begin)
+        view: dict[str, Any] = {"viewpoint": viewpoint, "view_direction": view_direction, "axis": axis}
+        found = locate(cloud, place, **view, near=near, radius=radius, effort=effort, progress=begin)
+    is_found = bool(found) and found[0].ok
+    if is_found:
+        write_pose(make_folder(out) / pose.name, found[0].T_target_source, frames)
+    else:
+        remove_files([pose])
+    said: Document = {
+        "inputs": [describe_cloud("scan", scan, cloud), described],
+        "results": {
+            "ok": is_found,
+            "levels": [{"voxel": level.voxel, "voxels": len(level.voxels)} for level in place.levels],
+            "places": [registration_results(one) for one in found],
+        },
+        "files": [*([pose] if is_found else []), *([save_map] if save_map else [])],
+    }
+    if not is_found:
+        is_viewed = not (viewpoint is view_direction is cloud.viewpoint is None)
+        said["refusal"] = _reason(found, is_near=near is not None, is_viewed=is_viewed)
+    return said
+
+
+def _open_map(file: Path, voxel: float | None, kept: Path | None, begin: Any) -> tuple[PreparedMap, Document]:
+    """Open a map that was kept, or prepare a cloud; return what a document says of it too."""
+    if file.is_dir():
+        for name, value in (("voxel", voxel), ("save_map", kept)):
+            if value is not None:
+                raise InputError(name, remedy="for a map that is a cloud, and this one is a folder")
+        place = PreparedMap.load(file)
+        unread = {"points": len(place.points), "dropped": None, "centroid": None}
+        return place, {"role": "map", "file": file, **unread}
+    cloud = read_cloud(file, begin)
+    place = prepare_map(cloud, voxel=voxel, progress=begin)
+    if kept is not None:
+        make_folder(kept.absolute().parent)
+        place.save(kept)
+    return place, describe_cloud("map", file, cloud)
+
+
+def _reason(found: list[Registration], *, is_near: bool, is_viewed: bool) -> str:
+    """Say why no place can be trusted, and what else could be given."""
+    if not found:
+        return "no place could be guessed" + ("; give a larger --radius" if is_near else "")
+    chance = f"right with a probability of {found[0].probability:.2f}"
+    if len(found) > 1:
+        hint = "" if is_near else "; if its place is known roughly, give --near"
+        return f"{len(found)} places look the same, and the best is {chance}{hint}"
+    hint = "" if is_viewed else "; if it is one single scan, say where the scanner stood: --viewpoint"
+    laid = f"it lays {100 * found[0].fitness:.0f} % of the scan on the map"
+    return f"the best place is {chance} only: {laid}{hint}"
