@@ -106,6 +106,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("register", "FILE", "GOOD"),
     ("compare", "GOOD", "GOOD", "--truth", "FILE"),
     ("recognize", "FILE", "GOOD"),
+    ("locate", "GOOD", "--map", "FILE"),
     ("benchmark", "run", "FILE", "--out", "OUT"),
     ("benchmark", "status", "FILE", "--out", "OUT"),
 )

@@ -121,6 +121,34 @@ def test_register_says_in_words_what_became_of_the_source(
     assert {"voxel", "matches", "time"} < set(facts_of(succeed(capsys, "register", *pair, "--verbose")))
 
 
+def test_register_by_matches_of_a_file(
+    pair: tuple[Path, Path], tmp_path: Path, folder: Path, capsys: Capture
+) -> None:
+    rng, truth = np.random.default_rng(0), read_transform(folder / "truth.txt")
+    points = rng.permutation(read_cloud(pair[0]).points)[:300]
+    matched = points @ truth[:3, :3].T + truth[:3, 3]
+    matched[100:] = rng.permutation(matched[100:])
+    write_correspondences("own.npz", Correspondences(points, matched))
+    said = json.loads(succeed(capsys, "register", *pair, "--matches", "own.npz", "--method", "gtm", "--json"))
+    assert (said["options"]["matches"], said["results"]["matches"]) == ("own.npz", 300)
+    assert 100 <= said["results"]["selected"] < 200
+    assert rotation_error(read_transform("out/source_on_target.txt"), truth) < 1
+    own = tmp_path / "out" / "source_on_target.npz"
+    before = own.read_bytes()
+    assert "is one of the inputs" in fail(capsys, "register", *pair, "--matches", own)
+    assert own.read_bytes() == before
+
+
+def test_register_near_a_rough_pose(pair: tuple[Path, Path], folder: Path, capsys: Capture) -> None:
+    line = ("register", *pair, "--initial", folder / "near.txt", "--truth", folder / "truth.txt", "--json")
+    done = json.loads(succeed(capsys, *line, "--radius", 30, "--angle", 5))["results"]
+    assert done["truth"]["right"]
+    assert done["matches"] == 0
+    status, _, err = run(capsys, *line, "--radius", 2, "--angle", 1)
+    assert status == 3
+    assert "give a larger --radius or --angle, or no --initial" in err
+
+
 @pytest.mark.parametrize(
     ("name", "verdict"), [("truth", "right: "), ("near", "wrong: "), ("inverse", ""), ("far", "")]
 )
@@ -384,6 +412,32 @@ WRONG = [
     ("register {source} {target} --keypoints many", "keypoints"),
     ("register {source} {target} --out {source}", "can't be made a folder"),
     ("register {source} {target} --out=", "--out: got an empty name; give a folder; . is the current one"),
+    ("register {source} {target} --matches missing.npz", "missing.npz: no such file"),
+    ("register {source} {target} --matches {source}", "source.ply: is a cloud, not matches"),
+    (
+        "register {source} {target} --matches {folder}/matches.npz --front paper",
+        "--matches, --front: give one",
+    ),
+    (
+        "register {source} {target} --matches {folder}/matches.npz --support 4",
+        "--matches, --support: give one",
+    ),
+    ("register {source} {target} --initial missing.txt", "missing.txt: no such file"),
+    ("register {source} {target} --initial {folder}/scaled.txt", "scaled.txt: "),
+    (
+        "register {source} {target} --initial {folder}/truth.txt --matches {folder}/matches.npz",
+        "--matches, --initial: give one",
+    ),
+    (
+        "register {source} {target} --initial {folder}/truth.txt --method gtm",
+        "nothing is grouped where --initial is given",
+    ),
+    (
+        "register {source} {target} --initial {folder}/truth.txt --angle 90",
+        "give 60 degrees at most, or no --initial",
+    ),
+    ("register {source} {target} --radius 5", "--radius: got 5, but no --initial"),
+    ("register {source} {target} --angle 5", "--angle: got 5, but no --initial"),
     ("register {source}", "Missing argument"),
     ("register {source} {target} --frobnicate", "frobnicate"),
     ("compare {source} {target}", "--truth"),

@@ -135,6 +135,7 @@ WRITING = (
     "describe {}",
     "register {} {}",
     "merge {} {}",
+    "locate {} --map {}",
     "compare {} {} --truth {}",
     "recognize {} --scene {}",
     "group {}",

@@ -42,6 +42,7 @@ BASES = {
     "register": "register {source} {target}",
     "compare": "compare {source} {target} --truth {truth}",
     "recognize": "recognize {source} --scene {target}",
+    "locate": "locate {source} --map {target}",
     "detect": "detect {source}",
     "describe": "describe {source}",
     "group": "group {matches}",
@@ -103,6 +104,8 @@ def list_lines() -> Iterator[str]:
         yield f"recognize {{{cloud}}} --scene {{target}}"
         yield f"recognize {{source}} --scene {{{cloud}}}"
         yield f"recognize {{{cloud}}} --scene {{target}} --viewpoint 0 0 0"
+        yield f"locate {{{cloud}}} --map {{target}}"
+        yield f"locate {{source}} --map {{{cloud}}}"
         yield f"detect {{{cloud}}}"
         yield f"describe {{{cloud}}} --normals mesh"
     for method in METHODS:

@@ -13,8 +13,8 @@ from typing import Any
 
 from cgroup.errors import CgroupError, InputError, NoConsensusError
 
-_SET_BY = {"source_viewpoint": "viewpoint", "target_viewpoint": "viewpoint"}
-"""Options that a more general one sets, where it is given alone."""
+_SET_BY = {"source_viewpoint": "viewpoint", "target_viewpoint": "viewpoint", "front": "support"}
+"""Options that another one sets, where it is given alone."""
 
 _IN_FILES = {"PointCloud": "file", "Correspondences": "a file", "PreparedMap.save": "--save-map"}
 """Objects of the library that the command line has in files."""
@@ -34,9 +34,9 @@ def reword(error: CgroupError, context: Any) -> CgroupError:
     options = {
         param.name: param.opts[0] for param in context.command.params if param.param_type_name == "option"
     }
-    for name, general in _SET_BY.items():
-        if general in options and is_given(context, general) and not is_given(context, name):
-            options[name] = options[general]
+    for name, other in _SET_BY.items():
+        if other in options and is_given(context, other) and not is_given(context, name):
+            options[name] = options[other]
     options["T_target_source"] = options.get("truth", "pose")
     options["cloud"] = options.get("map", "cloud")
     return in_options(error, options)

@@ -182,6 +182,9 @@ def _print_files(files: Sequence[Path]) -> None:
     "# two LiDAR scans, each from its own origin, in metres",
     "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
     "",
+    "# near a pose that is known roughly: to 5 m, and 10 degrees",
+    "cgroup register a.pcd b.pcd --initial odometry.txt --radius 5 --angle 10",
+    "",
     "# how far from a pose that is known to be true",
     "cgroup register a.ply b.ply --truth pose.txt",
     "",
@@ -221,6 +224,28 @@ def register_command(
     support: float = option(
         DenseFront.support, "VOXELS", "Radius that FPFH describes, in voxels.", options.SEARCH
     ),
+    matches: Path | None = option(
+        None,
+        "FILE",
+        "Matches of your own, such as a network's, which alone propose poses: x y z x' y' z', or NPZ.",
+        options.SEARCH,
+    ),
+    initial: Path | None = option(
+        None,
+        "POSE",
+        "File of a rough pose, such as odometry's; the right one is sought near it.",
+        options.SEARCH,
+    ),
+    radius: float | None = option(
+        None,
+        "LENGTH",
+        "How far --initial may place the middle of the source from where it belongs.",
+        options.SEARCH,
+        "a fifth of the source's diagonal",
+    ),
+    angle: float | None = option(
+        None, "DEGREES", "How far --initial may be turned, 60 at most.", options.SEARCH, "15"
+    ),
     truth: Path | None = option(
         None, "POSE", "File of the true pose, to say how far the one found is from it.", "Truth"
     ),
@@ -244,7 +269,8 @@ def register_command(
     if method is not None:
         method = check_method(method)
     _refuse_options_of_the_other_front(context, front)
-    true_pose = None if truth is None else io.read_transform(truth)
+    true_pose, rough = (None if file is None else io.read_transform(file) for file in (truth, initial))
+    own = None if matches is None else io.read_correspondences(matches)
     clouds = read_both(source, target)
     writer = PairFiles(out, source, target)
     try:
@@ -258,7 +284,11 @@ def register_command(
                 view_direction=view_direction,
                 axis=axis,
                 effort=effort,
-                front=PaperFront(**front_end) if front == "paper" else DenseFront(support=support),
+                front=_front(context, front, support, front_end),
+                matches=own,
+                initial=rough,
+                radius=radius,
+                angle=angle,
                 method=method,
                 progress=begin,
             )
@@ -333,6 +363,15 @@ def _refused(message: str, guess: Document) -> RefusedPoseError:
     error = RefusedPoseError(message)
     error.guess = guess
     return error
+
+
+def _front(
+    context: typer.Context, front: Front, support: float, front_end: dict[str, Any]
+) -> Literal["dense"] | DenseFront | PaperFront:
+    """Return where matches come from; what is given in its place allows for none but "dense"."""
+    if front == "paper":
+        return PaperFront(**front_end)
+    return DenseFront(support=support) if is_given(context, "support") else "dense"
 
 
 def _refuse_options_of_the_other_front(context: typer.Context, front: Front) -> None:
