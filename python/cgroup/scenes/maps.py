@@ -86,7 +86,8 @@ class Level:
 
     def around(self, middle: FloatArray, radius: float) -> IndexArray:
         """Return the cells whose middles lie within a radius of a place."""
-        return np.flatnonzero(((self.cells - middle) ** 2).sum(axis=1) <= radius**2)
+        with np.errstate(over="ignore"):
+            return np.flatnonzero(((self.cells - middle) ** 2).sum(axis=1) <= np.square(radius))
 
     def count(self, cells: IndexArray) -> int:
         """Count the voxels in some cells."""
