@@ -135,7 +135,7 @@ def locate(
     as_instance("place", place, PreparedMap)
     as_choice("effort", effort, EFFORTS)
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
-    around = _around(near, radius)
+    around = as_around(near, radius)
     clock = StageClock(as_stage_function(progress))
     given = as_given("scan", scan, as_viewpoint(viewpoint, view_direction), or_stored=True)
     search = Search("lc", {}, direction, effort, 1, clock)
@@ -169,7 +169,7 @@ class _Around(NamedTuple):
     radius: float | None
 
 
-def _around(near: ArrayLike | None, radius: float | None) -> _Around | None:
+def as_around(near: ArrayLike | None, radius: float | None) -> _Around | None:
     """Check where to look."""
     if near is None:
         if radius is not None:

@@ -19,6 +19,7 @@ from cgroup.io._files import check_outputs
 from cgroup.io._results import check_folder, make_folder, remove_files
 from cgroup.registration import Effort, Registration
 from cgroup.scenes import PreparedMap, locate, prepare_map
+from cgroup.scenes.locate import as_around
 from cgroup.scenes.map_files import check_new
 
 _PLACES = (Column("place"), Column("probability"), Column("x"), Column("y"), Column("z"))
@@ -95,16 +96,15 @@ def locate_command(
     pose, frames = out / f"{name_of_pair(scan, map, 'in')}.txt", name_frames(scan, map)
     check_outputs([pose], [scan, map])
     refuse_others([pose], frames)
+    as_around(near, radius)  # preparing a map may take long
     with show_stages() as begin:
         cloud = read_cloud(scan, begin)
         place, described = _open_map(map, voxel, save_map, begin)
         view: dict[str, Any] = {"viewpoint": viewpoint, "view_direction": view_direction, "axis": axis}
         found = locate(cloud, place, **view, near=near, radius=radius, effort=effort, progress=begin)
-    is_found = bool(found) and found[0].ok
-    if is_found:
+    remove_files([pose])
+    if is_found := bool(found) and found[0].ok:
         write_pose(make_folder(out) / pose.name, found[0].T_target_source, frames)
-    else:
-        remove_files([pose])
     said: Document = {
         "inputs": [describe_cloud("scan", scan, cloud), described],
         "results": {
