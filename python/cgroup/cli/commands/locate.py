@@ -78,7 +78,7 @@ def locate_command(
     view_direction: Point | None = option(
         None, "X Y Z", "Where the scanner looked, where its place isn't known.", options.CLOUDS
     ),
-    axis: Point | None = option(None, "X Y Z", "Direction that both share: gravity's.", options.CLOUDS),
+    axis: Point | None = option(None, "X Y Z", "Direction that both share, as gravity's.", options.CLOUDS),
     near: Point | None = option(
         None, "X Y Z", "Where the origin of the scan's frame lies in the map, about.", options.SEARCH
     ),
