@@ -170,6 +170,12 @@ def test_wrong_options_are_refused(options: dict, message: str) -> None:
         locate(**{"scan": scan_from(EYES[0]), "place": place()} | options)
 
 
+@pytest.mark.parametrize("voxel", [300.0, 1e6])
+def test_a_voxel_that_leaves_nothing_of_a_map_is_refused(voxel: float) -> None:
+    with pytest.raises(InputError, match="voxel: got .*, which leaves .* give a smaller one"):
+        prepare_map(points_on(town()), voxel=voxel)
+
+
 def test_descriptors_are_compared_with_those_around_each_cell() -> None:
     level = place().levels[1]
     wanted = level.descriptors[:200:20, :-1]

@@ -14,9 +14,10 @@ from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_length
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
+from cgroup.errors import InputError
 from cgroup.features import Cloud, Voxels
 from cgroup.registration import DenseFront
-from cgroup.registration.prepare import Preparation, assemble, described_voxels
+from cgroup.registration.prepare import LEAST_VOXELS, Preparation, assemble, described_voxels
 from cgroup.registration.scan import Scan, as_scan, without_strays
 from cgroup.scenes.map_files import load_arrays, save_arrays
 from cgroup.scenes.plan_view import PlanView, find_layers
@@ -346,6 +347,9 @@ def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[
     """Describe a map at one voxel."""
     begin(f"voxels of {voxel:.4g}")
     thinned = features.voxel_downsample(cloud, _BETWEEN_POINTS * voxel, threads=threads)
+    if len(thinned) < LEAST_VOXELS:
+        left = f"{voxel:.4g}, which leaves {len(thinned)} points of a map that is {cloud.diagonal:.4g} across"
+        raise InputError("voxel", left, "give a smaller one, or a map of more points")
     scan = as_scan("cloud", thinned.points)
     shared = Preparation(voxel, DenseFront(), threads)
     voxels = shared.thin(scan, ignore_progress)
