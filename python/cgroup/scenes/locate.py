@@ -52,14 +52,17 @@ if TYPE_CHECKING:
 VOXELS = 1200
 """Voxels that a scan is thinned to, about."""
 
-COMPARED = 400
-"""Descriptors of a scan that places are compared by."""
+COMPARED, COMPARISONS = (100, 400), 10**8
+"""Descriptors of a scan that places are compared by, and about how many comparisons with those of a map."""
 
 WHOLE = 10_000
 """Voxels of a map up to which a scan is registered to the whole of it."""
 
 FIRST, FROM_ABOVE, ALIKE = 2, 4, 8
 """Places a scan is registered to at a time, and that are chosen at most: from above, by descriptors."""
+
+ENOUGH = 4
+"""Places from which an accepted pose suffices; before, it has to be sure, as others may look the same."""
 
 _BEFORE_CHOICE, _SLACK = 50, 2.0  # places from above if only some are wanted; voxels they may lie off
 _WITHIN = 0.9  # share of a scan's voxels within its radius
@@ -232,7 +235,8 @@ class _Locating:
                         if self._may_be(pose)
                     ]
             done = self._weigh()
-            if done and is_sure(done[0].probability):
+            enough = is_accepted if tried + FIRST >= ENOUGH else is_sure
+            if done and enough(done[0].probability):
                 break
         return done
 
@@ -265,7 +269,8 @@ class _Locating:
         described = self._source.described
         rows = default_rng(0).permutation(len(described))
         away = np.linalg.norm(described.points[rows] - described.centroid, axis=1)
-        some = rows[away <= self._radius][:COMPARED]
+        most = int(np.clip(COMPARISONS / len(self._level.voxels), *COMPARED))
+        some = rows[away <= self._radius][:most]
         unlike = self._level.compare(described.descriptors[some], _ALIKE * self._radius)
         left = np.full_like(unlike, np.inf)
         left[self._cells] = unlike[self._cells]
