@@ -7,11 +7,11 @@ The coefficients were fitted on generated worlds and half of the pairs of real s
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._runtime.cached import cached_property
 from cgroup.registration.matching import turn_matches
 from cgroup.registration.motions import adjoint, resistance, say_motion
 from cgroup.registration.prepare import UNIT

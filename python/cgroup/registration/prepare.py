@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from cgroup import features
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_instance, as_length
+from cgroup._runtime.cached import cached_property
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError

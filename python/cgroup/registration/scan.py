@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -20,6 +19,7 @@ from cgroup._checks.arrays import (
 )
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_length
+from cgroup._runtime.cached import cached_property
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.types import PointCloud, find_cloud

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
+from cgroup._runtime.cached import cached_property
 from cgroup.features import ORIGIN
 from cgroup.registration.evidence import gather
 from cgroup.registration.judge import (

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cgroup._runtime.cached import cached_property
 from cgroup._runtime.workers import count_workers, work_side_by_side
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._runtime.cached import cached_property
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.rigid import invert
 from cgroup.verification import Place, align, places
