@@ -75,8 +75,8 @@ def find_rings(rays: FloatArray) -> Rings | None:
     ranges = np.linalg.norm(rays, axis=1)
     directions = rays / np.maximum(ranges, np.finfo(float).tiny)[:, None]
     axis = _axis_of(directions[:: len(rays) // _DIRECTIONS + 1], directions)
-    upwards = np.arcsin(np.clip(directions @ axis, -1, 1))
-    ordered = np.sort(upwards[:: len(rays) // _ENOUGH + 1])
+    sines = np.clip(directions @ axis, -1, 1)
+    ordered = np.sort(np.arcsin(sines[:: len(rays) // _ENOUGH + 1]))
     gaps = np.diff(ordered)
     largest = np.sort(gaps)[::-1][: _MOST_RINGS + 1]
     if len(largest) <= _LEAST_RINGS:
@@ -87,6 +87,7 @@ def find_rings(rays: FloatArray) -> Rings | None:
     if falls.max() < _APART or largest[count - 1] < _APART * spacing:
         return None
     between = np.flatnonzero(gaps >= largest[count - 1])
+    upwards = np.arcsin(sines)
     labels = np.searchsorted((ordered[between] + ordered[between + 1]) / 2, upwards)
     aside = np.linalg.svd(axis[None])[2][1:]  # two directions at right angles to the axis
     around = np.arctan2(*(directions @ aside.T).T)
