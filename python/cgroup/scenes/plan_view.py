@@ -87,9 +87,9 @@ class _Outline(NamedTuple):
 
     def stamp(self, part: int, size: float) -> list[tuple[IndexArray, float]]:
         """Return the cells of open floor and then of walls, (n,2), once turned, and what each counts."""
-        turned = _turn(_angle(part))
+        turned, reach = _turn(_angle(part)), self.reach(size)
         floor, walls = (
-            np.unique(np.floor(each @ turned.T / size + 0.5).astype(np.int64), axis=0)
+            _different(np.floor(each @ turned.T / size + 0.5).astype(np.int64), reach)
             for each in (self.floor, self.walls)
         )
         return [(floor, -_OPEN / max(len(floor), 1)), (walls, 1.0 / len(walls))]
@@ -134,16 +134,15 @@ class PlanView:
         middle[2] = np.median(scan.floors[:, 2])
         lowest = np.abs(scan.floors[:, 2] - middle[2]) < 2 * self.voxel
         outline = _Outline((scan.walls - middle)[:, :2], (scan.floors - middle)[lowest, :2])
-        chosen: list[tuple[float, FloatArray]] = []
-        for angle, place in self._look_closely(outline, self._place_roughly(outline, threads)):
-            if all(
-                np.linalg.norm(place - other) > _APART * self.voxel or _between(angle, one) > _TURNED
-                for one, other in chosen
-            ):
-                chosen.append((angle, place))
-            if len(chosen) == most:
-                break
-        return [self._poses_at(angle, place, middle, scan.turn) for angle, place in chosen]
+        angles, places = self._look_closely(outline, self._place_roughly(outline, threads))
+        left = np.ones(len(angles), dtype=bool)
+        found: list[FloatArray] = []
+        while left.any() and len(found) < most:
+            first = int(np.argmax(left))
+            found.append(self._poses_at(angles[first], places[first], middle, scan.turn))
+            beside = np.abs((angles - angles[first] + np.pi) % (2 * np.pi) - np.pi) <= _TURNED
+            left &= ~beside | (np.linalg.norm(places - places[first], axis=1) > _APART * self.voxel)
+        return found
 
     def _place_roughly(self, outline: _Outline, threads: int | None) -> list[_Rough]:
         """Correlate walls and floor with the map on coarse cells, at all turns."""
@@ -170,8 +169,8 @@ class PlanView:
         found = work_side_by_side(range(_TURNS), correlate, count_workers(threads))
         return sorted((one for some in found for one in some), reverse=True)[:_CLOSELY]
 
-    def _look_closely(self, outline: _Outline, rough: list[_Rough]) -> list[tuple[float, FloatArray]]:
-        """Score placements around rough ones on fine cells; return angle and place, the best first."""
+    def _look_closely(self, outline: _Outline, rough: list[_Rough]) -> tuple[FloatArray, FloatArray]:
+        """Score placements around rough ones on fine cells; return angles and places, the best first."""
         steps = np.arange(-1, _COARSE + 1)
         shifts = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
         by_part: dict[int, list[tuple[int, int]]] = {}
@@ -182,17 +181,19 @@ class PlanView:
         border = outline.reach(self.voxel) + 2
         padded = np.pad(self._walls, border)
         flat, width = padded.ravel(), padded.shape[1]
-        scored: list[tuple[float, float, FloatArray]] = []
-        for part, cells in by_part.items():
-            places = (np.array(cells)[:, None] + shifts).reshape(-1, 2)
-            first = (places + border) @ (width, 1)
-            scores = np.zeros(len(places))
-            for some, weight in outline.stamp(part, self.voxel):
-                scores += weight * flat[first[:, None] + some @ (width, 1)].sum(axis=1)
-            positions = self._corner + (places + 0.5) * self.voxel
-            scored += zip(scores.tolist(), [_angle(part)] * len(places), positions, strict=True)
-        scored.sort(key=lambda one: -one[0])
-        return [(angle, place) for _, angle, place in scored]
+        cells = [(np.array(some)[:, None] + shifts).reshape(-1, 2) for some in by_part.values()]
+        scores: list[FloatArray] = []
+        for part, some in zip(by_part, cells, strict=True):
+            first = ((some + border) @ (width, 1))[:, None]
+            stamps = outline.stamp(part, self.voxel)
+            scores.append(
+                np.sum(
+                    [weight * flat[first + each @ (width, 1)].sum(axis=1) for each, weight in stamps], axis=0
+                )
+            )
+        order = np.argsort(-np.concatenate(scores), kind="stable")
+        angles = np.repeat([_angle(part) for part in by_part], [len(some) for some in cells])
+        return angles[order], self._corner + (np.concatenate(cells)[order] + 0.5) * self.voxel
 
     def _poses_at(
         self, angle: float, place: FloatArray, middle: FloatArray, scan_turn: FloatArray
@@ -224,8 +225,10 @@ def _angle(part: int) -> float:
     return 2 * np.pi * part / (_TURNS * _PARTS)
 
 
-def _between(one: float, other: float) -> float:
-    return abs((one - other + np.pi) % (2 * np.pi) - np.pi)
+def _different(cells: IndexArray, reach: int) -> IndexArray:
+    """Return each cell once, of cells (n,2) no farther than so from the origin."""
+    width = 2 * reach + 1
+    return np.stack(np.divmod(np.unique((cells + reach) @ (width, 1)), width), axis=1) - reach
 
 
 def _fast_size(least: int) -> int:
