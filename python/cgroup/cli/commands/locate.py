@@ -73,7 +73,7 @@ def locate_command(
     map: Path = option(..., "MAP", "Cloud, or a folder of --save-map.", options.CLOUDS),  # noqa: A002
     voxel: float | None = option(None, "LENGTH", "Edge length of its voxels.", options.CLOUDS, "several"),
     viewpoint: Point | None = option(
-        None, "X Y Z", "Where the scanner stood, if the scan is a single one: tells far more.", options.CLOUDS
+        None, "X Y Z", "Where the scanner stood, if the scan is a single one.", options.CLOUDS
     ),
     view_direction: Point | None = option(
         None, "X Y Z", "Where the scanner looked, where its place isn't known.", options.CLOUDS
