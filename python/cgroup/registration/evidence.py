@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cgroup.registration.planes import count_agreeing
-from cgroup.registration.prepare import FINE, fine_surfaces
+from cgroup.registration.prepare import fine_surfaces
 from cgroup.rigid import invert
 from cgroup.verification import Place, places
 from cgroup.verification.alignment import plane_distances
@@ -42,14 +42,6 @@ class Evidence(NamedTuple):
     cells: float
     planes: int
     crossed: float
-
-
-def prepare_evidence(scan: PreparedScan) -> None:
-    """Make ready what a scan by itself tells of any pose: its planes, cells and layers."""
-    finest = scan.fine_surface(FINE[0])
-    if finest is not None:
-        scan.cells(finest)
-    _ = scan.planes, scan.shows_layers
 
 
 def gather(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Evidence:

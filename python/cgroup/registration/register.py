@@ -17,7 +17,6 @@ from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
 from cgroup.registration.confirm import confirm_pose
-from cgroup.registration.evidence import prepare_evidence
 from cgroup.registration.judge import is_accepted, judge
 from cgroup.registration.nearby import as_nearby
 from cgroup.registration.own import as_matches, as_own_descriptors
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
 
     from cgroup.features import Cloud
     from cgroup.registration.judge import Judgement
-    from cgroup.registration.prepare import Given, PreparedScan
+    from cgroup.registration.prepare import PreparedScan
     from cgroup.registration.result import Registration
     from cgroup.registration.search import Effort
     from cgroup.registry import MethodName
@@ -122,7 +121,7 @@ def register(
     threads : int, optional
         Threads to compute on, None for all cores.
     progress : callable, optional
-        Called with the name of each stage as it begins, also by other threads.
+        Called with the name of each stage as it begins.
     **options
         Options of the grouping method.
 
@@ -232,7 +231,7 @@ def assess(
     threads : int, optional
         Threads to compute on, None for all cores.
     progress : callable, optional
-        Called with the name of each stage as it begins, also by other threads.
+        Called with the name of each stage as it begins.
 
     Returns
     -------
@@ -328,7 +327,7 @@ def refine(
     threads : int, optional
         Threads to compute on, None for all cores.
     progress : callable, optional
-        Called with the name of each stage as it begins, also by other threads.
+        Called with the name of each stage as it begins.
 
     Returns
     -------
@@ -495,31 +494,16 @@ def _prepare_both(
     *,
     with_descriptors: bool = True,
 ) -> tuple[PreparedScan, PreparedScan]:
-    """Make source and target ready, side by side: much of it is work for one thread."""
+    """Make source and target ready."""
     clock.start("voxel size")
-    roles, workers = ("source", "target"), min(count_workers(threads), 2)
-
-    def check(row: int, _: Callable[[], None]) -> Given:
-        return as_given(roles[row], clouds[row], viewpoints[row], or_stored=True)
-
-    given = work_side_by_side(range(2), check, workers)
+    given = [
+        as_given(name, cloud, place, or_stored=True)
+        for name, cloud, place in zip(("source", "target"), clouds, viewpoints, strict=True)
+    ]
     shared = agree(given, voxel, front, threads)
     by_frames = any(cloud.by_frames for cloud in given)
     how = {"by_frames": by_frames, "with_descriptors": with_descriptors}
-
-    def make_ready(row: int, stop_with_the_other: Callable[[], None]) -> PreparedScan:
-        def begin(stage: str) -> None:
-            stop_with_the_other()
-            clock.start(stage, row)
-
-        ready = shared.finish(given[row], begin, **how)
-        begin(f"{roles[row]} planes")
-        prepare_evidence(ready)
-        clock.end(row)
-        return ready
-
-    clock.end(0)
-    source, target = work_side_by_side(range(2), make_ready, workers)
+    source, target = (shared.finish(one, clock.start, **how) for one in given)
     return source, target
 
 

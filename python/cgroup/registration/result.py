@@ -65,7 +65,7 @@ class Registration:
     notes : tuple of str
         What a user should know of the pose: sentences.
     seconds : dict of str to float
-        Wall time of each stage, in order; stages of source and target that run side by side share it.
+        Wall time of each stage, in order.
 
     Examples
     --------

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cgroup._runtime.cached import cached_property
-from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.features import ORIGIN
 from cgroup.registration.evidence import gather
 from cgroup.registration.judge import (
@@ -257,7 +256,6 @@ class Search:
         ranked = sorted(finalists, key=lambda finalist: -finalist.value)
         poses = np.array([finalist.found.T_target_source for finalist in ranked])
         rows = choose_apart(poses, source.scan.centroid, source.voxel)[: 1 + RIVALS]
-        work_side_by_side(rows, lambda row, _: ranked[row].case, count_workers(self.threads))
         rows.sort(key=lambda row: -weigh(ranked[row].case))
         cases = [ranked[row].case for row in rows]
         chance, shares = share_probability(cases[0], cases[1:])
