@@ -141,6 +141,8 @@ def test_a_map_grows() -> None:
     left = houses[:, 0] < SIDE / 2
     half = prepare_map(houses[left], voxel=place().levels[1].voxel)
     whole = half.add(houses[~left])
+    assert [level.voxel for level in whole.levels] == [place().levels[1].voxel]  # as was asked for
+    assert len(prepare_map(houses[left][::40]).add(houses).levels) > 1
     assert locate(scan_from(EYES[1]), whole)[0].ok
     assert not any(
         np.linalg.norm(found.T_target_source[:3, 3]) > 1e4 for found in locate(scan_from(EYES[1]), half)

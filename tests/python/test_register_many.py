@@ -1,11 +1,14 @@
 """Many pairs at once: the same answers as one by one, each scan made ready once, stopped as one."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cgroup import InputError, NoConsensusError
+from cgroup._runtime.cached import cached_property
 from cgroup.datasets import standin_pair
 from cgroup.registration import prepare, register, register_many
 from cgroup.rigid import rotation_error
@@ -97,3 +100,19 @@ except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
     assert interrupt(program, after="computing").endswith("interrupted\n")
+
+
+def test_properties_of_two_objects_are_computed_at_the_same_time() -> None:
+    both = threading.Barrier(2)
+
+    class Slow:
+        @cached_property
+        def value(self) -> int:
+            return both.wait(timeout=30)
+
+    with ThreadPoolExecutor(2) as pool:
+        objects = Slow(), Slow()
+        assert sorted(pool.map(lambda one: one.value, objects)) == [0, 1]
+    assert sorted(vars(one)["value"] for one in objects) == [0, 1]
+    assert sorted(one.value for one in objects) == [0, 1]
+    assert isinstance(Slow.value, cached_property)

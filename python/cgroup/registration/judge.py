@@ -290,6 +290,14 @@ def share_probability(best: Case, rivals: Sequence[Case]) -> tuple[float, FloatA
     return float(1.0 / (1.0 + none + shares.sum())), shares
 
 
+def are_alternatives(probability: float, shares: FloatArray) -> BoolArray:
+    """Tell the rivals that count as alternatives to the best pose: those nearly as good.
+
+    Where none of the places is likely, they are no alternatives to each other.
+    """
+    return (shares >= AS_GOOD) & is_accepted(probability * (1.0 + float(shares.sum())))
+
+
 def bound_by_motions(probability: float, motions: int) -> float:
     """Bound the probability of a pose that leaves motions open: along each lie poses as good."""
     return probability if motions <= MOST_OPEN_MOTIONS else min(probability, 1.0 / (1 + motions))

@@ -176,7 +176,9 @@ class PreparedScan:
         thinned = features.Cloud(self.voxels.points, name=self.scan.name)
         frames = shared.find_frames(thinned) if self._frames is None else self._frames
         values = shared.describe_by_fpfh(thinned, self.normals)
-        return described_voxels(self.voxels.points, frames, values, self.voxel, self.scan)
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
+        unit, points = UNIT * self.voxel, self.voxels.points[rows]
+        return DescribedCloud(rows, points, frames[rows], values[rows], unit, self.scan.centroid)
 
     def fine_surface(self, share: float) -> FineSurface | None:
         """Return the cloud in more detail, at a share of the voxel.
@@ -635,14 +637,6 @@ class Preparation(NamedTuple):
         return features.fpfh(
             thinned, normals, radius=radius, max_neighbors=FEATURE_NEIGHBORS, threads=self.threads
         )
-
-
-def described_voxels(
-    points: FloatArray, frames: FloatArray, values: NDArray[np.float32], voxel: float, scan: Scan
-) -> DescribedCloud:
-    """Return the voxels that have descriptors."""
-    rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
-    return DescribedCloud(rows, points[rows], frames[rows], values[rows], UNIT * voxel, scan.centroid)
 
 
 def agree(

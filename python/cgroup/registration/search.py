@@ -11,9 +11,9 @@ from cgroup._runtime.cached import cached_property
 from cgroup.features import ORIGIN
 from cgroup.registration.evidence import gather
 from cgroup.registration.judge import (
-    AS_GOOD,
     Case,
     Found,
+    are_alternatives,
     bound_by_motions,
     choose_apart,
     count_open_motions,
@@ -262,12 +262,9 @@ class Search:
         best = ranked[rows[0]].found
         motions = count_open_motions(best.information, apply(best.T_target_source, source.voxels.points))
         chance = bound_by_motions(chance, motions)
-        # Where none of the places is likely, they are no alternatives to each other.
-        several = is_accepted(chance * (1.0 + float(shares.sum())))
-        alike = [row for row, share in zip(rows[1:], shares, strict=True) if several and share >= AS_GOOD]
         return Found(
             best,
-            poses[alike],
+            poses[rows[1:]][are_alternatives(chance, shares)],
             chance,
             0.0,
             matches,

@@ -20,9 +20,9 @@ from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.registration.judge import (
-    AS_GOOD,
     Case,
     Found,
+    are_alternatives,
     bound_by_motions,
     choose_apart,
     is_accepted,
@@ -202,7 +202,7 @@ class _Locating:
     def __init__(self, source: PreparedScan, level: Level, search: Search, around: _Around | None) -> None:
         self._source, self._level, self._search = source, level, search
         points = source.voxels.points
-        away = np.linalg.norm(points - source.described.centroid, axis=1)
+        away = np.linalg.norm(points - source.scan.centroid, axis=1)
         self._radius = float(np.quantile(away, _WITHIN))
         self._candidates: list[_Candidate] = []
         self._chosen: list[_Place] = []
@@ -248,7 +248,7 @@ class _Locating:
         if self._level.count(self._cells) <= WHOLE:
             yield _Place(self._cells, np.concatenate(seen) if seen else None)
             return
-        middle = self._source.described.centroid[None]
+        middle = self._source.scan.centroid[None]
         for poses in seen:
             yield _Place(self._cells_around(apply(poses[0], middle)[0]), poses)
         yield from self._places_alike()
@@ -306,17 +306,12 @@ class _Locating:
         if not ranked:
             return []
         poses = np.array([candidate.pose for candidate in ranked])
-        rows = choose_apart(poses, self._source.described.centroid, self._source.voxel)[: 1 + RIVALS]
+        rows = choose_apart(poses, self._source.scan.centroid, self._source.voxel)[: 1 + RIVALS]
         best, *rivals = (ranked[row] for row in rows)
         chance, shares = share_probability(best.case, [rival.case for rival in rivals])
         chance = bound_by_motions(chance, best.found.motions)
-        several = is_accepted(chance * (1.0 + float(shares.sum())))
-        alike = [
-            (rival, share)
-            for rival, share in zip(rivals, shares.tolist(), strict=True)
-            if several and share >= AS_GOOD
-        ]
-        places = [(best, chance), *((rival, chance * min(share, 1.0)) for rival, share in alike)]
+        alike = np.flatnonzero(are_alternatives(chance, shares)).tolist()
+        places = [(best, chance), *((rivals[row], chance * min(float(shares[row]), 1.0)) for row in alike)]
         return [
             replace(
                 one.found,

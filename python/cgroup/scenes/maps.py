@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +16,9 @@ from cgroup._checks.values import as_length
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
-from cgroup.features import Cloud, Voxels
+from cgroup.features import Cloud, DescribedCloud, Voxels
 from cgroup.registration import DenseFront
-from cgroup.registration.prepare import LEAST_VOXELS, Preparation, assemble, described_voxels
+from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assemble
 from cgroup.registration.scan import Scan, as_scan, without_strays
 from cgroup.scenes.map_files import load_arrays, save_arrays
 from cgroup.scenes.plan_view import PlanView, find_layers
@@ -100,8 +101,11 @@ class Level:
         cloud = Cloud(self.points[points], name="place")
         scan = Scan(cloud, None, None, "place", cloud.points)
         voxels = Voxels(self.voxels[rows], None, np.empty(0, np.int64))
-        values = np.where(self.descriptors[rows, -1:] < _NOT_DESCRIBED, self.descriptors[rows, :-1], np.nan)
-        described = described_voxels(voxels.points, self.frames[rows], values, self.voxel, scan)
+        known = np.flatnonzero(self.descriptors[rows, -1] < _NOT_DESCRIBED)
+        frames, values = self.frames[rows[known]], self.descriptors[rows[known], :-1]
+        described = DescribedCloud(
+            known, voxels.points[known], frames, values, UNIT * self.voxel, scan.centroid
+        )
         parts = scan, DenseFront(), self.voxel, None, voxels, self.normals[rows], described
         return assemble(*parts, True, threads)  # noqa: FBT003 - pickle calls it by position
 
@@ -160,6 +164,8 @@ class PreparedMap:
         The whole cloud.
     levels : list of Level
         The map at each voxel, the finest first.
+    voxel : float or None
+        The one voxel that was asked for, if one was.
     threads : int or None
         Threads to compute on.
 
@@ -173,6 +179,7 @@ class PreparedMap:
 
     points: RealArray
     levels: list[Level]
+    voxel: float | None = None
     threads: int | None = None
 
     def add(self, cloud: Cloud | AnyCloud) -> PreparedMap:
@@ -206,8 +213,7 @@ class PreparedMap:
         True
         """
         points = np.concatenate([self.points, as_scan("cloud", cloud).cloud.points])
-        voxel = self.levels[0].voxel if len(self.levels) == 1 else None
-        return prepare_map(points, voxel=voxel, threads=self.threads)
+        return prepare_map(points, voxel=self.voxel, threads=self.threads)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Write the map to a new folder, for `PreparedMap.load`.
@@ -233,7 +239,8 @@ class PreparedMap:
         arrays = {"points": self.points}
         for row, level in enumerate(self.levels):
             arrays |= {f"{row}-{name}": getattr(level, name) for name in _ARRAYS}
-        save_arrays(Path(folder), {"voxels": [level.voxel for level in self.levels]}, arrays)
+        facts = {"voxel": self.voxel, "voxels": [level.voxel for level in self.levels]}
+        save_arrays(Path(folder), facts, arrays)
 
     @staticmethod
     def load(folder: str | os.PathLike[str], *, threads: int | None = None) -> PreparedMap:
@@ -270,7 +277,7 @@ class PreparedMap:
             Level(float(voxel), *(arrays[f"{row}-{name}"] for name in _ARRAYS))
             for row, voxel in enumerate(facts["voxels"])
         ]
-        return PreparedMap(arrays["points"], levels, threads)
+        return PreparedMap(arrays["points"], levels, facts["voxel"], threads)
 
     def __repr__(self) -> str:
         finest = self.levels[0]
@@ -334,13 +341,14 @@ def prepare_map(
     given = without_strays(as_scan("cloud", cloud.merged() if isinstance(cloud, Scene) else cloud)).cloud
     if voxel is not None:
         size = as_length("voxel", voxel)
-        return PreparedMap(given.points, [_describe(given, size, threads, begin)], threads)
+        return PreparedMap(given.points, [_describe(given, size, threads, begin)], size, threads)
     size = _SPACINGS * features.resolution(given, ignore_zero=True, threads=threads)
     levels = [_describe(given, size, threads, begin)]
-    while len(levels[-1].voxels) > _COARSEST:
-        size *= _STEP
-        levels.append(_describe(given, size, threads, begin))
-    return PreparedMap(given.points, levels, threads)
+    with suppress(InputError):  # of voxels too coarse for planes
+        while len(levels[-1].voxels) > _COARSEST:
+            size *= _STEP
+            levels.append(_describe(given, size, threads, begin))
+    return PreparedMap(given.points, levels, threads=threads)
 
 
 def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[str], Any]) -> Level:

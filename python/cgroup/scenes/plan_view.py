@@ -80,10 +80,11 @@ class _Outline(NamedTuple):
 
     walls: FloatArray
     floor: FloatArray
+    radius: float
 
     def reach(self, size: float) -> int:
         """Return how far it reaches, in cells."""
-        return int(np.linalg.norm(np.concatenate(self), axis=1).max() / size) + 1
+        return int(self.radius / size) + 1
 
     def stamp(self, part: int, size: float) -> list[tuple[IndexArray, float]]:
         """Return the cells of open floor and then of walls, (n,2), once turned, and what each counts."""
@@ -133,7 +134,9 @@ class PlanView:
         middle = np.concatenate([scan.walls, scan.floors]).mean(axis=0)
         middle[2] = np.median(scan.floors[:, 2])
         lowest = np.abs(scan.floors[:, 2] - middle[2]) < 2 * self.voxel
-        outline = _Outline((scan.walls - middle)[:, :2], (scan.floors - middle)[lowest, :2])
+        parts = (scan.walls - middle)[:, :2], (scan.floors - middle)[lowest, :2]
+        radius = float(np.linalg.norm(np.concatenate(parts), axis=1).max())
+        outline = _Outline(*parts, radius)
         angles, places = self._look_closely(outline, self._place_roughly(outline, threads))
         left = np.ones(len(angles), dtype=bool)
         found: list[FloatArray] = []
