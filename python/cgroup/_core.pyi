@@ -67,6 +67,7 @@ __all__ = [
     "Surface",
     "__version__",
     "align",
+    "best_placements",
     "choose_voxel",
     "describe_methods",
     "drop_isolated",
@@ -233,6 +234,16 @@ def align(
 def plane_distances(
     source: FineSurface, target: FineSurface, pose: FloatArray, run_options: RunOptions
 ) -> FloatArray: ...
+def best_placements(
+    grid: NDArray[np.uint8],
+    walls: FloatArray,
+    floor: FloatArray,
+    turns: FloatArray,
+    windows: IndexArray,
+    run_options: RunOptions,
+    floor_weight: float,
+    most: int,
+) -> IndexArray: ...
 def nearest(points: RealArray, others: RealArray, run_options: RunOptions, radius: float) -> FloatArray: ...
 def nearest_rows(points: RealArray, rows: IndexArray, run_options: RunOptions, count: int) -> IndexArray: ...
 def within(points: RealArray, others: RealArray, run_options: RunOptions, radius: float) -> BoolArray: ...

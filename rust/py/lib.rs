@@ -11,6 +11,7 @@ mod features;
 mod grouping;
 mod heap;
 mod options;
+mod placements;
 mod pose_graph;
 mod proximity;
 mod run;
@@ -35,6 +36,8 @@ mod _core {
     use super::grouping::{group, rigid_fit};
     #[pymodule_export]
     use super::options::describe_methods;
+    #[pymodule_export]
+    use super::placements::best_placements;
     #[pymodule_export]
     use super::pose_graph::{optimize_poses, pose_covariances, squared_errors};
     #[pymodule_export]

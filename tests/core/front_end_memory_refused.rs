@@ -19,6 +19,7 @@ use cgroup::features::toldi_lrf::toldi_frames;
 use cgroup::features::voxels::{choose_voxel, count_voxels, voxel_downsample};
 use cgroup::frames::IntoFrames;
 use cgroup::geometry::nearest_sets::NearestSets;
+use cgroup::geometry::placements::{MapGrid, Outline, Window, best_placements};
 use cgroup::geometry::proximity::{any_within, nearest_offsets};
 use cgroup::geometry::rigid::{Rigid, fit_group, fit_rows};
 use cgroup::verification::{
@@ -103,6 +104,13 @@ fn points_and_clouds() -> Result<()> {
     refuse("a fit of rows", || fit_rows(points, points, scene.keypoints.iter().copied()))?;
     refuse("proximity", || any_within(&scene.rows, &scene.rows[..900], RADIUS, &scene.execution))?;
     refuse("the nearest", || nearest_offsets(&scene.rows, &scene.rows[..900], RADIUS, &scene.execution))?;
+    let (map, walls) = ([1; 600], [[1.5, 2.5], [3.5, -1.5]]);
+    let outline = Outline { walls: &walls, floor: &walls, floor_weight: 0.7 };
+    let windows = [Window { turn: 0, rows: 0..20, columns: 0..30 }];
+    refuse("placements", || {
+        let map = MapGrid { cells: &map, width: 30 };
+        best_placements(map, outline, &[[1.0, 0.0]], &windows, 9, &scene.execution)
+    })?;
     let keep = vec![true; points.len()];
     refuse("nearest sets", || {
         NearestSets::new(points, &scene.execution)?

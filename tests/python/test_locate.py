@@ -204,7 +204,7 @@ def test_the_best_place_from_above_is_that_of_the_scan() -> None:
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     near = [part[np.linalg.norm(part[:, :2] - part[:, :2].mean(axis=0), axis=1) < 35] for part in layers[1:]]
     cut = layers._replace(turn=turn @ layers.turn, walls=near[0] @ turn.T, floors=near[1] @ turn.T)
-    (poses, *_) = PlanView(layers, level.voxel).propose(cut, 3, 2)
+    poses = next(PlanView(layers, level.voxel).propose(cut, None, 2))
     assert rotation_error(poses[0], np.eye(4)) < 3
     assert np.linalg.norm(poses[0][:2, 3]) < 3 * level.voxel
 

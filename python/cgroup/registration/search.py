@@ -34,13 +34,13 @@ from cgroup.verification import align, verify
 from cgroup.verification.alignment import align_each
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from cgroup._runtime.progress import StageClock
     from cgroup.registration.nearby import Nearby
     from cgroup.registration.paper_front import PaperFront
     from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import Correspondences, FloatArray, RealArray
+    from cgroup.types import BoolArray, Correspondences, FloatArray, RealArray
     from cgroup.verification import Alignment, Verification
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
@@ -98,6 +98,7 @@ class Search:
     matches: Correspondences | None = None
     descriptors: tuple[RealArray, RealArray] | None = None
     nearby: Nearby | None = None
+    allows: Callable[[FloatArray], BoolArray] | None = None
 
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search for the pose, in the same way whichever of the two is the source."""
@@ -112,9 +113,11 @@ class Search:
 
     def _turned(self) -> Search:
         """Return the search for the inverse pose."""
-        proposed = None if self.proposed is None else np.array([invert(pose) for pose in self.proposed])
+        proposed = None if self.proposed is None else np.linalg.inv(self.proposed)
         descriptors = None if self.descriptors is None else self.descriptors[::-1]
-        return replace(self, proposed=proposed, descriptors=descriptors)
+        allows = self.allows
+        turned = None if allows is None else lambda poses: allows(np.linalg.inv(poses))
+        return replace(self, proposed=proposed, descriptors=descriptors, allows=turned)
 
     def _search(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
@@ -200,9 +203,11 @@ class Search:
         return verify(*surfaces, allowed, matches=mutual, threads=self.threads)
 
     def _keep_allowed(self, poses: FloatArray, source: PreparedScan) -> FloatArray:
-        """Drop the poses that tilt the axis, or lie too far from a rough one."""
-        upright = keep_upright(poses, self.axis)
-        return upright if self.nearby is None else upright[self.nearby.holds(upright, source)]
+        """Drop the poses that tilt the axis, lie too far from a rough one, or are not allowed."""
+        kept = keep_upright(poses, self.axis)
+        if self.allows is not None:
+            kept = kept[self.allows(kept)]
+        return kept if self.nearby is None else kept[self.nearby.holds(kept, source)]
 
     def _is_allowed(self, pose: FloatArray, source: PreparedScan) -> bool:
         return len(self._keep_allowed(pose[None], source)) == 1

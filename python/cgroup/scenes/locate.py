@@ -37,7 +37,7 @@ from cgroup.registration.scan import as_viewpoint
 from cgroup.registration.search import EFFORTS, RIVALS, Search
 from cgroup.rigid import apply
 from cgroup.scenes.maps import CELL, Level, PreparedMap
-from cgroup.scenes.plan_view import find_layers
+from cgroup.scenes.plan_view import Disk, find_layers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from cgroup.features import Cloud
     from cgroup.registration import Registration
     from cgroup.registration.search import Effort
-    from cgroup.types import AnyCloud, FloatArray, IndexArray
+    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 VOXELS = 1200
 """Voxels that a scan is thinned to, about."""
@@ -64,7 +64,7 @@ FIRST, FROM_ABOVE, ALIKE = 2, 4, 8
 ENOUGH = 4
 """Places from which an accepted pose suffices; before, it has to be sure, as others may look the same."""
 
-_BEFORE_CHOICE, _SLACK = 50, 2.0  # places from above if only some are wanted; voxels they may lie off
+_SLACK = 2.0  # voxels that the origin may lie beyond its radius
 _WITHIN = 0.9  # share of a scan's voxels within its radius
 _FURTHER, _APART, _ALIKE = 1.5, 0.5, 0.7  # radii of a scan around a place, between places, compared
 
@@ -138,7 +138,7 @@ def locate(
     as_instance("place", place, PreparedMap)
     as_choice("effort", effort, EFFORTS)
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
-    around = as_around(near, radius)
+    around = as_disk(near, radius)
     clock = StageClock(as_stage_function(progress))
     given = as_given("scan", scan, as_viewpoint(viewpoint, view_direction), or_stored=True)
     search = Search("lc", {}, direction, effort, 1, clock)
@@ -165,20 +165,14 @@ def _levels_for(place: PreparedMap, voxel: float) -> tuple[Level, Level]:
     return place.levels[row], place.levels[max(row - 1, 0)]
 
 
-class _Around(NamedTuple):
-    """Where the origin of a scan lies in the map: within a radius, that of the scan if none is given."""
-
-    middle: FloatArray
-    radius: float | None
-
-
-def as_around(near: ArrayLike | None, radius: float | None) -> _Around | None:
-    """Check where to look."""
+def as_disk(near: ArrayLike | None, radius: float | None) -> Disk | None:
+    """Check where to look; the radius is NaN where none is told."""
     if near is None:
         if radius is not None:
             raise InputError("radius", f"{radius}, but no place", "give `near`, too")
         return None
-    return _Around(np.array(as_place("near", near)), None if radius is None else as_length("radius", radius))
+    told = np.nan if radius is None else as_length("radius", radius)
+    return Disk(np.array(as_place("near", near)), told)
 
 
 class _Place(NamedTuple):
@@ -199,7 +193,7 @@ class _Candidate(NamedTuple):
 class _Locating:
     """A scan that is being located in a map."""
 
-    def __init__(self, source: PreparedScan, level: Level, search: Search, around: _Around | None) -> None:
+    def __init__(self, source: PreparedScan, level: Level, search: Search, around: Disk | None) -> None:
         self._source, self._level, self._search = source, level, search
         points = source.voxels.points
         away = np.linalg.norm(points - source.scan.centroid, axis=1)
@@ -210,7 +204,7 @@ class _Locating:
         self._origins = around
         self._cells = np.arange(len(level.cells))
         if around is not None:
-            radius = self._radius if around.radius is None else around.radius
+            radius = self._radius if np.isnan(around.radius) else around.radius
             self._origins = around._replace(radius=radius)
             reach = float(np.quantile(np.linalg.norm(points, axis=1), _WITHIN))
             self._cells = level.around(around.middle, radius + reach + CELL * level.voxel)
@@ -226,13 +220,13 @@ class _Locating:
             if not some:
                 break
             search.clock.start("registration")
+            each = max(workers // len(some), 1)
+            search = replace(search, threads=each)
             for found in work_side_by_side(some, partial(self._register, search), workers):
                 if found is not None:
                     poses = [found.refined.T_target_source, *found.places[1:]]
                     self._candidates += [
-                        _Candidate(pose, case, found)
-                        for pose, case in zip(poses, found.cases, strict=True)
-                        if self._may_be(pose)
+                        _Candidate(pose, case, found) for pose, case in zip(poses, found.cases, strict=True)
                     ]
             done = self._weigh()
             enough = is_accepted if tried + FIRST >= ENOUGH else is_sure
@@ -260,9 +254,8 @@ class _Locating:
         layers = find_layers(source.voxels.points, source.normals, axis)
         if plan is None or layers is None:
             return []
-        most = FROM_ABOVE if self._origins is None else _BEFORE_CHOICE
-        seen = plan.propose(layers, most, source.threads)
-        return [poses for poses in seen if any(map(self._may_be, poses))][:FROM_ABOVE]
+        seen = plan.propose(layers, self._origins, source.threads)
+        return list(islice((poses for poses in seen if self._may_be(poses).any()), FROM_ABOVE))
 
     def _places_alike(self) -> Iterator[_Place]:
         """Places whose descriptors are like the scan's, apart from each other."""
@@ -289,15 +282,16 @@ class _Locating:
     ) -> Found | None:
         stop_with_the_others()
         clock = StageClock(lambda _: stop_with_the_others())
-        search = replace(search, clock=clock, proposed=place.proposed)
-        return search.run(self._source, self._level.crop(place.cells, 1))
+        allows = None if self._origins is None else self._may_be
+        search = replace(search, clock=clock, proposed=place.proposed, allows=allows)
+        return search.run(self._source, self._level.crop(place.cells, search.threads))
 
-    def _may_be(self, pose: FloatArray) -> bool:
-        """Whether a pose puts the scan's origin where it may be."""
+    def _may_be(self, poses: FloatArray) -> BoolArray:
+        """Which poses put the scan's origin where it may be."""
         wanted = self._origins
-        if wanted is None or wanted.radius is None:
-            return True
-        away = float(np.linalg.norm(pose[:3, 3] - wanted.middle))
+        if wanted is None:
+            return np.ones(len(poses), dtype=bool)
+        away = np.linalg.norm(poses[:, :3, 3] - wanted.middle, axis=1)
         return away <= wanted.radius + _SLACK * self._source.voxel
 
     def _weigh(self) -> list[Found]:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from cgroup import _core
+from cgroup._checks.run_options import run_options
 from cgroup._runtime.cached import cached_property
-from cgroup._runtime.workers import count_workers, work_side_by_side
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -21,7 +22,7 @@ _FLAT, _STEEP = 0.9, 0.3  # cosines of normals with the axis: of floors from, of
 _LEAST_FLAT, _LEAST_WALLS = 0.15, 30  # share of flat voxels, and number of wall voxels, that a plan needs
 _TURNS, _PARTS = 72, 3  # turns that are tried, and parts of them when it is looked at closely
 _COARSE = 2  # voxels of a coarse cell
-_OPEN, _BESIDE = 0.7, 0.5  # weight of open floor; what a cell next to a wall counts
+_OPEN = 0.7  # weight of open floor
 _CLOSELY = 300  # placements that are looked at closely
 _ROUNDS = 5  # of finding the direction that most normals have
 _MARGIN = 2  # cells between a map and the border
@@ -75,34 +76,19 @@ def _upright(up: FloatArray) -> FloatArray:
     return turn
 
 
+class Disk(NamedTuple):
+    """Where the origin of a scan may lie in a map: within a radius of a place."""
+
+    middle: FloatArray
+    radius: float
+
+
 class _Outline(NamedTuple):
-    """Walls and lowest floor of a scan about its middle, from above, (n,2) each."""
+    """Walls and lowest floor of a scan about its middle, from above, (n,2) each, and the middle, (3,)."""
 
     walls: FloatArray
     floor: FloatArray
-    radius: float
-
-    def reach(self, size: float) -> int:
-        """Return how far it reaches, in cells."""
-        return int(self.radius / size) + 1
-
-    def stamp(self, part: int, size: float) -> list[tuple[IndexArray, float]]:
-        """Return the cells of open floor and then of walls, (n,2), once turned, and what each counts."""
-        turned, reach = _turn(_angle(part)), self.reach(size)
-        floor, walls = (
-            _different(np.floor(each @ turned.T / size + 0.5).astype(np.int64), reach)
-            for each in (self.floor, self.walls)
-        )
-        return [(floor, -_OPEN / max(len(floor), 1)), (walls, 1.0 / len(walls))]
-
-
-class _Rough(NamedTuple):
-    """A placement on coarse cells: its score, turn, and the cell of the scan's middle."""
-
-    score: float
-    number: int
-    row: int
-    column: int
+    middle: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,85 +104,83 @@ class PlanView:
         return both.min(axis=0) - _MARGIN * self.voxel
 
     @cached_property
-    def _walls(self) -> NDArray[np.float32]:
-        """1 at walls, 0.5 beside them; both sizes are multiples of a coarse cell."""
+    def _walls(self) -> NDArray[np.uint8]:
+        """2 at walls, 1 beside them; both sizes are multiples of a coarse cell."""
         cells = np.floor((self.layers.walls[:, :2] - self._corner) / self.voxel).astype(np.int64)
         least = (cells.max(axis=0) + 1 + _MARGIN).tolist()
-        grid = np.zeros([-(-size // _COARSE) * _COARSE for size in least], np.float32)
-        grid[tuple(cells.T)] = 1.0
+        grid = np.zeros([-(-size // _COARSE) * _COARSE for size in least], np.uint8)
+        grid[tuple(cells.T)] = 1
         near = grid.copy()
         for axis in (0, 1):
             near = np.maximum(near, np.maximum(np.roll(near, 1, axis), np.roll(near, -1, axis)))
-        return np.maximum(grid, _BESIDE * near)
+        return grid + near
 
-    def propose(self, scan: Layers, most: int, threads: int | None) -> list[FloatArray]:
+    def propose(self, scan: Layers, within: Disk | None, threads: int | None) -> Iterator[FloatArray]:
         """Propose poses of a scan, the best place first: for each (h,4,4), one for each floor there."""
         middle = np.concatenate([scan.walls, scan.floors]).mean(axis=0)
         middle[2] = np.median(scan.floors[:, 2])
         lowest = np.abs(scan.floors[:, 2] - middle[2]) < 2 * self.voxel
         parts = (scan.walls - middle)[:, :2], (scan.floors - middle)[lowest, :2]
-        radius = float(np.linalg.norm(np.concatenate(parts), axis=1).max())
-        outline = _Outline(*parts, radius)
-        angles, places = self._look_closely(outline, self._place_roughly(outline, threads))
+        outline = _Outline(*parts, middle)
+        angles, places = self._look_closely(outline, self._place_roughly(outline, within, threads), threads)
         left = np.ones(len(angles), dtype=bool)
-        found: list[FloatArray] = []
-        while left.any() and len(found) < most:
+        while left.any():
             first = int(np.argmax(left))
-            found.append(self._poses_at(angles[first], places[first], middle, scan.turn))
+            yield self._poses_at(angles[first], places[first], middle, scan.turn)
             beside = np.abs((angles - angles[first] + np.pi) % (2 * np.pi) - np.pi) <= _TURNED
             left &= ~beside | (np.linalg.norm(places - places[first], axis=1) > _APART * self.voxel)
-        return found
 
-    def _place_roughly(self, outline: _Outline, threads: int | None) -> list[_Rough]:
-        """Correlate walls and floor with the map on coarse cells, at all turns."""
-        height, width = (size // _COARSE for size in self._walls.shape)
+    def _place_roughly(self, outline: _Outline, within: Disk | None, threads: int | None) -> IndexArray:
+        """Place walls and floor on coarse cells at all turns; return turns, rows and columns, (n,3)."""
+        turns, size = np.arange(0, _TURNS * _PARTS, _PARTS), _COARSE * self.voxel
+        height, width = (count // _COARSE for count in self._walls.shape)
         coarse = self._walls.reshape(height, _COARSE, width, _COARSE).max(axis=(1, 3))
-        reach = outline.reach(_COARSE * self.voxel)
-        shape = tuple(_fast_size(size + reach + 1) for size in coarse.shape)
-        spectrum = np.fft.rfft2(coarse, shape)
-        most = min(_CLOSELY, coarse.size)
+        first, last = np.zeros((len(turns), 2)), np.tile([height, width], (len(turns), 1))
+        if within is not None:
+            turned = np.array([_turn(angle) @ outline.middle[:2] for angle in _angle(turns)])
+            places = (self.layers.turn @ within.middle)[:2] + turned - self._corner
+            first = np.floor((places - within.radius) / size).clip(0, last)
+            last = np.ceil((places + within.radius) / size).clip(0, last)
+        windows = np.column_stack([np.arange(len(turns)), first[:, 0], last[:, 0], first[:, 1], last[:, 1]])
+        found = self._place(coarse, size, outline, turns, windows, _CLOSELY, threads)
+        return found * (_PARTS, _COARSE, _COARSE)
 
-        def correlate(number: int, stop_with_the_others: Callable[[], None]) -> list[_Rough]:
-            stop_with_the_others()
-            kernel = np.zeros(shape, np.float32)
-            for cells, weight in outline.stamp(number * _PARTS, _COARSE * self.voxel):
-                kernel[tuple(cells.T)] = weight  # negative cells lie beyond the far end
-            scores = np.fft.irfft2(spectrum * np.conj(np.fft.rfft2(kernel)), shape)[:height, :width]
-            best = np.argpartition(scores.ravel(), -most)[-most:]
-            places = np.stack(np.unravel_index(best, scores.shape), axis=1).tolist()
-            return [
-                _Rough(score, number, *place)
-                for score, place in zip(scores.ravel()[best].tolist(), places, strict=True)
-            ]
-
-        found = work_side_by_side(range(_TURNS), correlate, count_workers(threads))
-        return sorted((one for some in found for one in some), reverse=True)[:_CLOSELY]
-
-    def _look_closely(self, outline: _Outline, rough: list[_Rough]) -> tuple[FloatArray, FloatArray]:
+    def _look_closely(
+        self, outline: _Outline, rough: IndexArray, threads: int | None
+    ) -> tuple[FloatArray, FloatArray]:
         """Score placements around rough ones on fine cells; return angles and places, the best first."""
-        steps = np.arange(-1, _COARSE + 1)
-        shifts = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-        by_part: dict[int, list[tuple[int, int]]] = {}
-        for _, number, row, column in rough:
-            for part in (-1, 0, 1):
-                turned = (number * _PARTS + part) % (_TURNS * _PARTS)
-                by_part.setdefault(turned, []).append((row * _COARSE, column * _COARSE))
-        border = outline.reach(self.voxel) + 2
-        padded = np.pad(self._walls, border)
-        flat, width = padded.ravel(), padded.shape[1]
-        cells = [(np.array(some)[:, None] + shifts).reshape(-1, 2) for some in by_part.values()]
-        scores: list[FloatArray] = []
-        for part, some in zip(by_part, cells, strict=True):
-            first = ((some + border) @ (width, 1))[:, None]
-            stamps = outline.stamp(part, self.voxel)
-            scores.append(
-                np.sum(
-                    [weight * flat[first + each @ (width, 1)].sum(axis=1) for each, weight in stamps], axis=0
-                )
-            )
-        order = np.argsort(-np.concatenate(scores), kind="stable")
-        angles = np.repeat([_angle(part) for part in by_part], [len(some) for some in cells])
-        return angles[order], self._corner + (np.concatenate(cells)[order] + 0.5) * self.voxel
+        near = (rough + np.array([[[-1, 0, 0]], [[0, 0, 0]], [[1, 0, 0]]])).reshape(-1, 3)
+        turns, numbers = np.unique(near[:, 0] % (_TURNS * _PARTS), return_inverse=True)
+        sides = [
+            (near[:, [k]] + np.array([-1, _COARSE + 1])).clip(0, self._walls.shape[k - 1]) for k in (1, 2)
+        ]
+        windows = np.column_stack([numbers, *sides])
+        most = len(windows) * (_COARSE + 2) ** 2
+        found = self._place(self._walls, self.voxel, outline, turns, windows, most, threads)
+        return _angle(turns[found[:, 0]]), self._corner + (found[:, 1:] + 0.5) * self.voxel
+
+    @staticmethod
+    def _place(
+        grid: NDArray[np.uint8],
+        size: float,
+        outline: _Outline,
+        turns: IndexArray,
+        windows: NDArray[Any],
+        most: int,
+        threads: int | None,
+    ) -> IndexArray:
+        """Return the best placements in windows, the best first: number of the turn, row, column, (n,3)."""
+        angles = _angle(turns)
+        return _core.best_placements(
+            grid,
+            outline.walls / size,
+            outline.floor / size,
+            np.column_stack([np.cos(angles), np.sin(angles)]),
+            windows.astype(np.int64),
+            run_options(threads),
+            _OPEN,
+            most,
+        )
 
     def _poses_at(
         self, angle: float, place: FloatArray, middle: FloatArray, scan_turn: FloatArray
@@ -224,24 +208,5 @@ def _turn(angle: float) -> FloatArray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _angle(part: int) -> float:
+def _angle(part: IndexArray) -> FloatArray:
     return 2 * np.pi * part / (_TURNS * _PARTS)
-
-
-def _different(cells: IndexArray, reach: int) -> IndexArray:
-    """Return each cell once, of cells (n,2) no farther than so from the origin."""
-    width = 2 * reach + 1
-    return np.stack(np.divmod(np.unique((cells + reach) @ (width, 1)), width), axis=1) - reach
-
-
-def _fast_size(least: int) -> int:
-    """Return a size of no prime factors but 2, 3 and 5."""
-    size = least
-    while True:
-        left = size
-        for factor in (2, 3, 5):
-            while left % factor == 0:
-                left //= factor
-        if left == 1:
-            return size
-        size += 1

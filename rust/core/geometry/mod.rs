@@ -1,10 +1,11 @@
-//! Rigid motions, neighbour search, point-cloud resolution.
+//! Rigid motions, neighbour search, point-cloud resolution, placements seen from above.
 
 pub(crate) mod angle;
 pub mod ball_search;
 mod grid;
 pub mod nearest_sets;
 pub mod neighbors;
+pub mod placements;
 pub mod proximity;
 pub mod resolution;
 pub mod rigid;

@@ -19,7 +19,7 @@ from cgroup.io._files import check_outputs
 from cgroup.io._results import check_folder, make_folder, remove_files
 from cgroup.registration import Effort, Registration
 from cgroup.scenes import PreparedMap, locate, prepare_map
-from cgroup.scenes.locate import as_around
+from cgroup.scenes.locate import as_disk
 from cgroup.scenes.map_files import check_new
 
 _PLACES = (Column("place"), Column("probability"), Column("x"), Column("y"), Column("z"))
@@ -96,7 +96,7 @@ def locate_command(
     pose, frames = out / f"{name_of_pair(scan, map, 'in')}.txt", name_frames(scan, map)
     check_outputs([pose], [scan, map])
     refuse_others([pose], frames)
-    as_around(near, radius)  # preparing a map may take long
+    as_disk(near, radius)  # preparing a map may take long
     with show_stages() as begin:
         cloud = read_cloud(scan, begin)
         place, described = _open_map(map, voxel, save_map, begin)
